@@ -125,6 +125,7 @@ class Judge {
     std::optional<Refusal> refusal = read(response_or_token);
     if (!refusal) refusal = check_expectation();
     if (!refusal) refusal = find_signer();
+    if (!refusal && !expectation_.judge_strangers) refusal = check_for_stranger();
     if (!refusal) refusal = check_signature();
     if (!refusal) refusal = check_path();
     if (refusal) {
@@ -141,8 +142,17 @@ class Judge {
   std::optional<Refusal> read(ByteView response_or_token);
   std::optional<Refusal> check_expectation() const;
   std::optional<Refusal> find_signer();
+  std::optional<Refusal> check_for_stranger();
   std::optional<Refusal> check_signature();
   std::optional<Refusal> check_path();
+  /// A path to a trusted certificate, or why there is none; found once.
+  const CertificatePath& path();
+  [[nodiscard]] bool nobody_is_trusted() const {
+    return trust_.outside.certificates.empty() && trust_.own.certificates.empty();
+  }
+  [[nodiscard]] std::string no_trust_words() const {
+    return "no trusted root certificate was given, so nobody vouches for " + out_.signer_subject;
+  }
 
   const Expectation& expectation_;
   const TokenVerifierAccess::State& trust_;
@@ -153,6 +163,8 @@ class Judge {
   OwnedCertificates enclosed_;  // the token's own certificates
   X509* signer_ = nullptr;      // one of enclosed_ or trust_
   std::optional<crypto::HashAlgorithm> signature_hash_;
+  std::optional<CertificatePath> path_;
+  bool path_is_own_ = false;  // it ends at the recorder's own authority
   TokenJudgement out_;
 };
 
@@ -316,36 +328,48 @@ std::optional<Refusal> Judge::check_signature() {
   return {};
 }
 
-std::optional<Refusal> Judge::check_path() {
+const CertificatePath& Judge::path() {
+  if (path_) return *path_;
   const BorrowedCertificates helpers(sk_X509_new_null());
   const auto add = [&](X509* certificate) { sk_X509_push(helpers.get(), certificate); };
   for (const auto& certificate : trust_.untrusted) add(certificate.get());
   for (int i = 0; i < sk_X509_num(enclosed_.get()); ++i) add(sk_X509_value(enclosed_.get(), i));
-
-  if (auto refusal = check_signer_certificate(signer_, out_.info->gen_time)) return refusal;
-  if (trust_.outside.certificates.empty() && trust_.own.certificates.empty()) {
-    return Refusal{TokenCode::kNoTrust,
-                   "no trusted root certificate was given, so nobody vouches for " + out_.signer_subject};
-  }
   const auto path_to = [&](const Anchors& anchors) {
     return validate_path(anchors.store.get(), anchors.certificates, signer_, helpers.get(),
                          out_.info->gen_time);
   };
   // A path to the recorder's own authority counts first, so that no other path can hide it.
-  CertificatePath path = path_to(trust_.own);
-  bool own = !path.refusal;
-  if (!own && !trust_.outside.certificates.empty()) {
+  path_ = path_to(trust_.own);
+  path_is_own_ = !path_->refusal;
+  if (!path_is_own_ && !trust_.outside.certificates.empty()) {
     CertificatePath outside = path_to(trust_.outside);
     // Of two refusals the one that knew the issuer says more.
-    const bool said_more = path.refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
+    const bool said_more = path_->refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
                            outside.refusal->code == TokenCode::kIssuerUnknown;
-    if (!said_more) path = std::move(outside);
+    if (!said_more) path_ = std::move(outside);
   }
+  return *path_;
+}
+
+std::optional<Refusal> Judge::check_for_stranger() {
+  if (check_signer_certificate(signer_, out_.info->gen_time)) return {};  // told in its place
+  std::optional<Refusal> refusal =
+      nobody_is_trusted() ? Refusal{TokenCode::kNoTrust, no_trust_words()} : path().refusal;
+  if (!refusal || verdict_of(refusal->code) != TokenVerdict::kCouldNotCheck) return {};
+  refusal->explanation += "; whether its signature holds was not looked at";
+  return refusal;
+}
+
+std::optional<Refusal> Judge::check_path() {
+  if (auto refusal = check_signer_certificate(signer_, out_.info->gen_time)) return refusal;
+  if (nobody_is_trusted()) return Refusal{TokenCode::kNoTrust, no_trust_words()};
+  const CertificatePath& path = this->path();
   if (path.refusal) return path.refusal;
-  own = own || out_.info->policy == kEmbeddedPolicy ||
-        std::any_of(path.certificates.begin(), path.certificates.end(), [&](const Certificate& certificate) {
-          return is_own_authority(certificate.get(), trust_.own.certificates);
-        });
+  const bool own =
+      path_is_own_ || out_.info->policy == kEmbeddedPolicy ||
+      std::any_of(path.certificates.begin(), path.certificates.end(), [&](const Certificate& certificate) {
+        return is_own_authority(certificate.get(), trust_.own.certificates);
+      });
   out_.authority = own ? TimeAuthority::kOwn : TimeAuthority::kOutside;
   out_.root_subject = subject_of(path.certificates.back().get());
   out_.signatures = signatures_on(*signature_hash_, path.certificates);

@@ -83,6 +83,10 @@ struct Expectation {
   /// 3161 has no such rule.
   std::optional<Bytes> nonce;
   std::optional<std::string> policy;
+  /// False: the signature of a token from which no path leads to a trusted root is not looked at, so that it
+  /// is kIssuerUnknown or kNoTrust whether it holds or not. For whoever judges thousands: nobody vouches for
+  /// such a signature, and its key is chosen by whoever wants the judging to take long.
+  bool judge_strangers = true;
 };
 
 /// Each refusal has its own code; `code_name` gives the stable text ("token-imprint-differs").

@@ -79,7 +79,10 @@ void add_cases_command(Command& program) {
                "makes the catalogue anew from the archive's folders, which are the truth");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
-  command.explain("The verdict is what 'kiroku verify' last said, and when; nothing is judged here.");
+  command.explain(
+      "The verdict is what 'kiroku verify' last said by the keys, roots and log of this home alone, and "
+      "when; "
+      "nothing is judged here.");
   command.example("kiroku cases", "lists the home's cases");
   command.example("kiroku cases --json | jq -r '.cases[0].folder'", "prints the newest case's folder");
   command.on_run([request] { return run(*request); });

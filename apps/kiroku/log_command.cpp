@@ -10,12 +10,14 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/witness_judgement.h"
+#include "apps/verify/judging.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
 #include "archive/verify/report_json.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "base/utc_time.h"
 
 namespace kiroku::apps {
 namespace {
@@ -26,6 +28,7 @@ struct Request {
   std::optional<std::string> home;
   std::vector<std::string> against;
   std::optional<std::string> witnesses;
+  std::optional<std::string> policy;
   bool verify = false, json = false;
 };
 
@@ -69,6 +72,11 @@ std::vector<archive::OutsideNote> notes_for_witnesses(const Home& home,
   return notes;
 }
 
+bool counts_now(const evidence::Policy& algorithms) {
+  const UtcTime now = utc_now();
+  return algorithms.hash("sha256").holds_at(now) && algorithms.signature({"ed25519", 0, ""}).holds_at(now);
+}
+
 int verify(const Home& home, const Request& request) {
   std::optional<crypto::WitnessPolicy> policy;
   if (request.witnesses) {
@@ -80,6 +88,11 @@ int verify(const Home& home, const Request& request) {
   options.devices = {home.device()};
   options.trust = &trust;
   for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
+  std::optional<evidence::Policy> algorithms;
+  if (request.policy) {
+    algorithms = read_policy(*request.policy);
+    options.policy = &*algorithms;
+  }
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
@@ -87,6 +100,12 @@ int verify(const Home& home, const Request& request) {
   if (policy)
     witnesses =
         judge_log_witnesses(home.log_folder(), home.device(), *policy, notes_for_witnesses(home, options));
+  // Cosignatures are by Ed25519 over roots of SHA-256, as the log's own signatures are.
+  if (witnesses && algorithms && !counts_now(*algorithms)) {
+    witnesses->witnessed.quorum = false;
+    witnesses->unused.emplace_back(
+        "cosignatures prove nothing any more: Ed25519 or SHA-256 ended by the policy of algorithms");
+  }
   progress.clear();
   if (request.json) {
     ordered_json object = archive::report_json(report);
@@ -117,6 +136,8 @@ void add_log_command(Command& program) {
       "--witnesses", "FILE", request->witnesses,
       "with --verify: a policy of witnesses; says who cosigned the log, as 'kiroku witness ask' left it "
       "or in notes of --against");
+  command.option("--policy", "FILE", request->policy,
+                 "with --verify: TOML file that says until when algorithms count", "no algorithm ends");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -143,14 +164,18 @@ void add_log_command(Command& program) {
       "With --witnesses, exit status 3 where the log is whole and the policy's quorum of witnesses has not "
       "cosigned "
       "it. Only cosignatures over entries that are here count.");
-  command.on_run([request] {
-    const Home home = Home::open(request->home);
-    if (!request->verify && !request->against.empty())
-      throw UsageError("--against compares the log with a note: give --verify, too");
-    if (!request->verify && request->witnesses)
-      throw UsageError("--witnesses judges who cosigned the log: give --verify, too");
-    return request->verify ? verify(home, *request) : list(home, request->json);
-  });
+      "With --policy, a log whose signatures or hash ended is unproven: no evidence record covers a log, so "
+      "anybody can have written it since.");
+      command.on_run([request] {
+        const Home home = Home::open(request->home);
+        if (!request->verify && !request->against.empty())
+          throw UsageError("--against compares the log with a note: give --verify, too");
+        if (!request->verify && request->witnesses)
+          throw UsageError("--witnesses judges who cosigned the log: give --verify, too");
+        if (!request->verify && request->policy)
+          throw UsageError("--policy says by what the log is judged: give --verify, too");
+        return request->verify ? verify(home, *request) : list(home, request->json);
+      });
 }
 
 }  // namespace kiroku::apps

@@ -56,6 +56,12 @@ PlanSeal parse_plan_seal(std::string_view text, const std::string& name_for_erro
 
 SealedFile hashed(const std::string& role, const std::string& name, const std::filesystem::path& path) {
   constexpr std::size_t kPiece = std::size_t{1} << 20;
+  // A pipe or a device may give no end of bytes, or none at all; whoever wrote a seal chose its names.
+  std::error_code unknown;
+  if (std::filesystem::exists(path, unknown) && !std::filesystem::is_regular_file(path, unknown) &&
+      !std::filesystem::is_directory(path, unknown)) {
+    throw Error("cannot read " + path.string() + ": it is a pipe, a socket or a device and no file");
+  }
   std::ifstream in(path, std::ios::binary);
   if (!in || std::filesystem::is_directory(path)) {
     const int error_number = std::filesystem::is_directory(path) ? EISDIR : errno;

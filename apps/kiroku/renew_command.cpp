@@ -4,18 +4,19 @@
 
 #include <nlohmann/json.hpp>
 
-#include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/verify/judging.h"
 #include "archive/format/case_layout.h"
 #include "archive/upkeep/evidence_renewal.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "base/json_or_null.h"
 #include "recorder/record_stamper.h"
+#include "viewer/http/disk_room.h"
 
 namespace kiroku::apps {
 namespace {
@@ -28,7 +29,7 @@ using What = EvidenceRenewal::What;
 struct Request {
   std::vector<std::string> cases;
   std::optional<std::string> policy, home;
-  bool dry_run = false, json = false;
+  bool dry_run = false, take_in = false, json = false;
 };
 
 std::vector<fs::path> all_cases(const Home& home) {
@@ -70,8 +71,7 @@ evidence::Policy policy_of(const Home& home, const Configuration& configuration,
   } else {
     return evidence::Policy::without_ends();
   }
-  const Bytes text = read_small_file(file, "the policy of algorithms");
-  return evidence::Policy::parse(text_of(text), file.string());
+  return read_policy(file);
 }
 
 bool is_renewed(What what) {
@@ -106,6 +106,12 @@ void print_text(const std::vector<EvidenceRenewal>& results, bool dry_run) {
     if (each.before && (is_renewed(each.what) || each.what == What::kNothingDue)) {
       next = next ? std::min(*next, *each.before) : each.before;
     }
+    if (each.later_entries > 0) {
+      std::cout << printable(each.case_id) << ": " << each.later_entries
+                << (each.later_entries == 1 ? " entry" : " entries")
+                << " came after what its record covers, which says nothing of them: 'kiroku renew --take-in' "
+                   "brings them in\n";
+    }
     if (each.what == What::kNothingDue) {
       ++nothing_due;
       continue;
@@ -133,6 +139,7 @@ ordered_json result_json(const std::vector<EvidenceRenewal>& results, bool dry_r
                      {"what", archive::name_of(each.what)},
                      {"reason", each.text},
                      {"renew_before", or_null(each.before)},
+                     {"later_entries", each.later_entries},
                      {"unread", each.unread}});
   }
   return {{"dry_run", dry_run}, {"cases", std::move(cases)}};
@@ -156,6 +163,7 @@ int run(const Request& request) {
   options.trust = &trust;
   options.policy = policy_of(home, configuration, request);
   options.dry_run = request.dry_run;
+  options.take_in = request.take_in;
   const std::vector<fs::path> cases =
       request.cases.empty() ? all_cases(home) : named_cases(home, request.cases);
 
@@ -166,7 +174,13 @@ int run(const Request& request) {
     lock = archive::EvidenceLock::take(archive::real_file_system(), home.archive());
     authorities.emplace(home, configuration, std::vector<std::string>{});
     queue = open_stamping_queue(home);
-    options.stamp = recorder::record_stamper(authorities->named(), &trust, queue.get());
+    // A record is small, and one that waits half a year too long is lost: so only what is due asks for room,
+    // and what finds none waits.
+    options.stamp = [&home, ask = recorder::record_stamper(authorities->named(), &trust, queue.get())](
+                        crypto::HashAlgorithm algorithm, ByteView imprint) {
+      viewer::require_disk_room(home.archive(), 0, "free some, then renew again");
+      return ask(algorithm, imprint);
+    };
   }
   const std::vector<EvidenceRenewal> results =
       archive::renew_evidence(archive::real_file_system(), cases, options);
@@ -189,6 +203,8 @@ void add_renew_command(Command& program) {
                  "TOML file that says until when algorithms count; instead of [evidence] of kiroku.toml");
   command.flag("--dry-run", request->dry_run,
                "says what would be done and why; asks no authority, writes nothing, reads no recording");
+  command.flag("--take-in", request->take_in,
+               "also renews records that do not cover the newest entries of their case, and covers them");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -201,6 +217,10 @@ void add_renew_command(Command& program) {
       "A case that is still being recorded is left alone. One that is tampered with, or whose data cannot "
       "all be read, is named with these files, and nothing is renewed for it. A record that does not hold "
       "stays as it is. The others are renewed all the same.");
+  command.explain(
+      "What is added to a case behind its record, as an erasure or a late token, is outside it: a new "
+      "time-stamp takes nothing in. It is counted here and in the report. --take-in reads all data of such "
+      "cases again and covers it, too.");
   command.explain(
       "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
       "unusable files, 3 something still waits for an authority. With --dry-run 3 also says that something "

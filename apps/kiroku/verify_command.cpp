@@ -20,10 +20,11 @@ VerifyDefaults defaults_of(const std::optional<Home>& home, const std::filesyste
 }
 
 void remember(const std::optional<Home>& home, const std::filesystem::path& case_folder,
-              const archive::VerificationReport& report, bool decrypted) {
+              const archive::VerificationReport& report, const HowVerified& how) {
   if (!home || !home->holds(case_folder)) return;
-  if (decrypted) log_access(home, case_folder, "verified with an identity");
+  if (how.decrypted) log_access(home, case_folder, "verified with an identity");
   if (archive::is_excerpt(case_folder)) return;  // the catalogue lists cases
+  if (!how.by_defaults) return;  // it tells verdicts by what this home trusts, and not by what somebody named
   try {
     const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
     const auto catalogue = archive::Catalogue::open(home->catalogue_file());
@@ -50,7 +51,7 @@ VerifyExtras verify_extras(const std::shared_ptr<std::optional<std::string>>& as
   extras.defaults = [home](const std::filesystem::path& folder) { return defaults_of(home(), folder); };
   extras.inspect = media::decoding_inspector();
   extras.verified = [home](const std::filesystem::path& folder, const archive::VerificationReport& report,
-                           bool decrypted) { remember(home(), folder, report, decrypted); };
+                           const HowVerified& how) { remember(home(), folder, report, how); };
   return extras;
 }
 

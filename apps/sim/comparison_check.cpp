@@ -72,7 +72,7 @@ std::vector<Check> check_outputs(const compare::Provenance& made, const fs::path
       const bool same = hashed(output.role, output.name, folder / name).sha256 == output.sha256;
       checks.push_back({output.role, same ? Answer::kHolds : Answer::kDiffers,
                         name.string() + (same ? " is as it was made" : " was changed since")});
-    } catch (const IoError& error) {
+    } catch (const Error& error) {
       checks.push_back({output.role, Answer::kUnknown, error.what()});
     }
   }

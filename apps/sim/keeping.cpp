@@ -9,6 +9,7 @@
 #include "archive/storage/file_stamps.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
+#include "viewer/http/disk_room.h"
 
 namespace kiroku::apps {
 namespace {
@@ -60,6 +61,7 @@ Keeping::Keeping(const Home& home, const archive::CaseReader& recording, const s
     throw UsageError("the case has a comparison '" + name +
                      "' already: give this one another --name, or replace that one with --force");
   }
+  viewer::require_disk_room(home.folder(), 0, "remove comparisons that nobody needs");
   recipients_ = compare::recipients_in_common(recording.opening(), stream);
   make_private_folder(home.comparisons_folder());
   make_private_folder(place_.folder);

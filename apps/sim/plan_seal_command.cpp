@@ -18,6 +18,7 @@
 #include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "viewer/http/disk_room.h"
 #include "viewer/kept/log_of_case.h"
 
 namespace kiroku::apps {
@@ -50,6 +51,7 @@ int seal(const Request& request) {
                      "plan, give that another name");
   }
   const Home home = Home::open(request.home);
+  viewer::require_disk_room(home.archive(), 0, "free some, then seal the plan again");
   const Configuration configuration = home.configuration();
   const auto plan = read_plan_and_tell(request.file, request.json);
   if (!plan) return kRefused;

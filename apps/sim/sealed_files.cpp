@@ -32,20 +32,28 @@ std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files, cons
       } else {
         checks.push_back({"files", Answer::kDiffers, file.name + " is not what was sealed"});
       }
-    } catch (const IoError& error) {
+    } catch (const Error& error) {
       checks.push_back({"files", Answer::kUnknown, error.what()});
     }
   }
   if (checks.empty())
     checks.push_back({"files", Answer::kHolds, "all " + std::to_string(same) + " are as they were sealed"});
-  // A picture added to a volume changes what is planned on, too.
+  // A picture added to a volume changes what is planned on, too. What is no file was told above.
+  std::error_code unknown;
+  if (!fs::is_regular_file(folder / files.front().name, unknown)) return checks;
   try {
     for (const sim::PlanFile& file : sim::files_of_plan(folder / files.front().name)) {
       if (std::ranges::find(files, file.name, &SealedFile::name) == files.end())
         checks.push_back({"files", Answer::kDiffers, file.name + " was not there when the plan was sealed"});
     }
-  } catch (const Error&) {
-    // Told above: the plan or what it names is not as it was.
+  } catch (const Error& error) {
+    // Where something above is not as it was, that says why. Elsewhere these files are no plan.
+    const bool all_hold =
+        std::ranges::all_of(checks, [](const Check& check) { return check.answer == Answer::kHolds; });
+    if (all_hold)
+      checks.push_back(
+          {"files", Answer::kUnknown,
+           std::string("whether they are all that the plan is made of cannot be told: ") + error.what()});
   }
   return checks;
 }

@@ -28,6 +28,7 @@
 #include "trainer/exclusion/simulated_trainee.h"
 #include "trainer/report/score_json.h"
 #include "trainer/results/training_database.h"
+#include "viewer/http/disk_room.h"
 
 namespace kiroku::apps {
 namespace {
@@ -130,7 +131,10 @@ int run(const Request& request) {
   }
   if (request.home && !request.seal) throw UsageError("--home says where --seal makes a case: add --seal");
   std::optional<Home> home;
-  if (request.seal) home = Home::open(request.home);
+  if (request.seal) {
+    home = Home::open(request.home);
+    viewer::require_disk_room(home->archive(), 0, "free some, then begin again");
+  }
   const UtcTime began = utc_now();
   std::vector<std::string> files{"score.json", "forces.csv", "hand.txt", kAttemptFilm};
   if (home) files.emplace_back(kAttemptVitals);

@@ -109,8 +109,12 @@ class PageSealer : public viewer::AttemptSealer {
   PageSealer(const Home& home, std::uint64_t left)
       : home_(home), own_(home.folder() / "training-files"), left_(left) {}
 
-  std::unique_ptr<viewer::AttemptFiles> keep(std::int64_t attempt) override {
+  void require_room() override {
     viewer::require_disk_room(home_.folder(), 0, "free some, then begin again", left_);
+  }
+
+  std::unique_ptr<viewer::AttemptFiles> keep(std::int64_t attempt) override {
+    require_room();
     return std::make_unique<KeptFiles>(own_.path() / std::to_string(attempt));
   }
 

@@ -21,6 +21,11 @@ unsigned parse_threads(const std::optional<std::string>& text) {
 
 }  // namespace
 
+evidence::Policy read_policy(const std::filesystem::path& file) {
+  const Bytes text = read_small_file(file, "the policy of algorithms");
+  return evidence::Policy::parse(text_of(text), file.string());
+}
+
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras) {
   const bool home = bool(extras.defaults);
   command.option("--device", "FILE", request.devices,
@@ -60,10 +65,7 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
     }
   }
   for (const std::string& note : request.against) against_.push_back(load_outside_note(note));
-  if (request.policy) {
-    const Bytes text = read_small_file(*request.policy, "the policy of algorithms");
-    policy_ = evidence::Policy::parse(text_of(text), *request.policy);
-  }
+  if (request.policy) policy_ = read_policy(*request.policy);
   threads_ = parse_threads(request.threads);
 }
 
@@ -101,7 +103,10 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   judged.device_trusted =
       std::any_of(options.devices.begin(), options.devices.end(),
                   [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
-  if (extras_.verified && !request_.as_log) extras_.verified(folder, judged.report, !identities_.empty());
+  if (extras_.verified && !request_.as_log) {
+    extras_.verified(folder, judged.report,
+                     {.decrypted = !identities_.empty(), .by_defaults = request_.names_nothing()});
+  }
   return judged;
 }
 

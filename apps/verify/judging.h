@@ -16,9 +16,18 @@ struct JudgingRequest {
   std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
   std::optional<std::string> log, threads, evidence, policy;
   bool as_log = false;  // the folder is an appliance log
+  /// Nothing by which another verdict can come out than by the defaults.
+  [[nodiscard]] bool names_nothing() const {
+    return devices.empty() && trust.empty() && own_authority.empty() && untrusted.empty() &&
+           against.empty() && !log && !evidence && !policy;
+  }
 };
 /// `request` must live until the program has run.
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras);
+
+/// Throws kiroku::Error where the file cannot be read, kiroku::UsageError with its line where it is no
+/// policy.
+evidence::Policy read_policy(const std::filesystem::path& file);
 
 struct Judged {
   archive::VerificationReport report;

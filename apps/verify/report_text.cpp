@@ -59,7 +59,9 @@ std::string time_words(const VerificationReport& report) {
     case TimeProof::kNone:
       break;
   }
-  return "not proved: no time-stamp that could be checked";
+  return has(report, "algorithm-ended")
+             ? "not proved: by the policy, an algorithm of its time-stamps counts no more"
+             : "not proved: no time-stamp that could be checked";
 }
 
 /// UTC, and this machine's zone beside it where that is another.
@@ -174,13 +176,15 @@ std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_
   std::string text = excerpt ? std::string("checkpoint")
                              : (all ? "all " : "the first " + std::to_string(evidence.entries) + " of ") +
                                    count(entries, "entry", "entries");
-  text += " and " + count(evidence.files, "file", "files") + " proved since " +
-          format_utc_for_people(*evidence.since) + " by ";
+  // What no outside clock stands behind is said by the recorder, and proved to nobody.
+  text += " and " + count(evidence.files, "file", "files") +
+          (evidence.outside ? " proved since " : " there by the recorder's own word at ") +
+          format_utc_for_people(*evidence.since) + (evidence.outside ? " by " : ": ");
   text += evidence.time_stamps == 1
               ? "one time-stamp"
               : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
                     format_utc_for_people(*evidence.newest);
-  if (!evidence.outside) text += ", self-issued: nobody but the recorder says so";
+  if (!evidence.outside) text += ", self-issued: no outside clock stands behind it";
   if (evidence.ends) text += "; to be renewed before " + format_utc_for_people(*evidence.ends);
   return text;
 }

@@ -22,14 +22,20 @@ struct VerifyDefaults {
 };
 
 /// What a program with a home and decoders adds; every member may be empty.
+/// How a case was verified, for whoever remembers verdicts.
+struct HowVerified {
+  bool decrypted = false;    // an identity was used
+  bool by_defaults = false;  // by `defaults` alone: nobody named keys, roots, a log, a record or a policy
+};
+
 struct VerifyExtras {
   /// Folder of a case that was named by its identifier.
   std::function<std::filesystem::path(const std::string& named)> find_case;
   std::function<VerifyDefaults(const std::filesystem::path& case_folder)> defaults;
   archive::SegmentInspector inspect;
-  /// Called after each verification; `decrypted` when an identity was used.
+  /// Called after each verification.
   std::function<void(const std::filesystem::path& case_folder, const archive::VerificationReport& report,
-                     bool decrypted)>
+                     const HowVerified& how)>
       verified;
 };
 

@@ -35,6 +35,10 @@ inline constexpr std::size_t kMaximumExcerptBytes = 4U << 20U;
 inline constexpr std::size_t kMaximumNoteBytes = 1U << 17U;
 /// Longer files are no tokens; those in the world have 1 to 15 kB.
 inline constexpr std::size_t kMaximumTokenBytes = 1U << 20U;
+/// Tokens that do not hold under the trusted roots and whose signatures are verified all the same. Of further
+/// ones only those are from which a path leads to a trusted root: a stranger's key may be as slow as they
+/// like.
+inline constexpr std::uint64_t kMostJudgedStrangers = 64;
 /// Folders in folders that are entered: segments/<stream>/<file>.
 inline constexpr int kMaximumFolderDepth = 3;
 /// So a path has at most three names, of at most 255 bytes on every file system.

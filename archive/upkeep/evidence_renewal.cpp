@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <map>
+#include <utility>
 
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
@@ -55,7 +56,7 @@ class EvidenceRenewer {
 
   std::vector<EvidenceRenewal> run(const std::vector<fs::path>& cases) {
     for (const fs::path& folder : cases) {
-      results_.push_back({folder.filename().string(), What::kRefused, {}, {}, {}});
+      results_.emplace_back().case_id = folder.filename().string();
       guard(results_.back(), [&] { look_at(folder); });
       if (held_ >= options_.most_bytes) stamp_data();
     }
@@ -111,19 +112,30 @@ class EvidenceRenewer {
     result.before = work.end = due.before;
     result.text = due.reason;
     if (due.what == evidence::Due::What::kNothing) {
-      require_note(opened, *parse.record, work.file);
+      const std::uint64_t newest = require_note(opened, *parse.record, work.file);
+      result.later_entries = count_later(opened, *parse.record, newest);
+      if (options_.take_in && result.later_entries > 0) {
+        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        return;
+      }
       result.what = What::kNothingDue;
       result.text = due.before ? "to be renewed before " + format_utc(*due.before) : "no end is known";
     } else if (due.what == evidence::Due::What::kTimeStampRenewal) {
-      result.what = What::kTimeStampRenewed;
       CaseData data = read_case_data(opened);
+      result.later_entries = count_later(opened, data, *parse.record);
+      if (options_.take_in && result.later_entries > 0) {
+        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        return;
+      }
+      result.what = What::kTimeStampRenewed;
       std::erase_if(data.files, [](const NamedFile& named) { return named.stated.has_value(); });
       judge(opened, data, *parse.record, work.file);
       work.newest = evidence::newest_of(*parse.record);
       stamped_.push_back(std::move(work));
     } else if (due.what == evidence::Due::What::kHashTreeRenewal) {
       result.what = What::kHashTreeRenewed;
-      hash_anew(opened, std::move(*parse.record), alone, std::move(work));
+      require_new_hash(alone.data_hash_end);
+      hash_anew(opened, std::move(*parse.record), std::move(work));
       held_ += 2 * bytes->size();
     } else {
       refuse_record(work.file, due.reason);
@@ -144,9 +156,18 @@ class EvidenceRenewer {
     begun_.push_back(std::move(work));
   }
 
-  void hash_anew(const CaseFolder& folder, EvidenceRecord record, const evidence::RecordJudgement& alone,
-                 EvidenceWork work) {
-    require_new_hash(alone.data_hash_end);
+  /// Entries behind the record, of which nothing is due: by the same hash or another one.
+  void take_in(const CaseFolder& folder, EvidenceRecord record, EvidenceWork work, std::size_t bytes) {
+    EvidenceRenewal& result = results_.back();
+    const std::uint64_t later = std::exchange(result.later_entries, 0);
+    result.what = What::kHashTreeRenewed;
+    result.text = std::to_string(later) + (later == 1 ? " entry" : " entries") + " came after what it covers";
+    require_new_hash({});
+    hash_anew(folder, std::move(record), std::move(work));
+    held_ += 2 * bytes;
+  }
+
+  void hash_anew(const CaseFolder& folder, EvidenceRecord record, EvidenceWork work) {
     if (options_.dry_run) return;
     const CaseData data = read_case_data(folder);
     require_sound(folder);
@@ -207,12 +228,16 @@ class EvidenceRenewer {
     if (open != nullptr) throw StillOpen(open->text);
   }
 
-  /// Throws where the record does not hold a note of its case: then it is another's.
-  void require_note(const CaseFolder& folder, const EvidenceRecord& record, const fs::path& file) const {
+  /// Throws where the record does not hold a note of its case: then it is another's. Returns the size of the
+  /// newest note.
+  std::uint64_t require_note(const CaseFolder& folder, const EvidenceRecord& record,
+                             const fs::path& file) const {
     std::optional<std::uint64_t> smallest;
+    std::uint64_t newest = 0;
     for (const std::string& name : files_.names_in(folder.path() / kCheckpointsFolder)) {
       const auto size = size_of_note_name(name);
       if (size && *size > 0 && (!smallest || *size < *smallest)) smallest = size;
+      newest = std::max(newest, size.value_or(0));
     }
     const evidence::ArchiveTimeStamp& first = record.chains.front().front();
     const auto algorithm = evidence::hash_of_chain(record.chains.front());
@@ -223,6 +248,24 @@ class EvidenceRenewer {
     if (std::ranges::find(first.reduced_tree.front(), hash) == first.reduced_tree.front().end()) {
       refuse_record(file, "it does not cover " + note_path(*smallest) + " of this case: it is another's");
     }
+    return newest;
+  }
+
+  /// How many entries lie behind all that the record covers. A first chain that holds the newest note covers
+  /// all that was signed when it began, and is the usual case: no ledger is read for it.
+  static std::uint64_t count_later(const CaseFolder& folder, const EvidenceRecord& record,
+                                   std::uint64_t newest) {
+    const evidence::HashList& list = record.chains.front().front().reduced_tree.front();
+    const Bytes hash = hash_named_file(folder, {note_path(newest), newest - 1, {}},
+                                       *evidence::hash_of_chain(record.chains.front()));
+    if (std::ranges::find(list, hash) != list.end()) return 0;
+    return count_later(folder, read_case_data(folder), record);
+  }
+  /// Of those that a checkpoint covers: what nobody signed is no record's.
+  static std::uint64_t count_later(const CaseFolder& folder, const CaseData& data,
+                                   const EvidenceRecord& record) {
+    const std::uint64_t is_signed = data.note_sizes.empty() ? 0 : data.note_sizes.back();
+    return is_signed - std::min(is_signed, covered_lines(folder, data, record));
   }
 
   /// Of all data of the case as it is now, with the beginnings of its ledger that older chains cover. The

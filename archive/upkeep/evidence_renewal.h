@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -23,6 +24,9 @@ struct EvidenceRenewalOptions {
   std::function<UtcTime()> now = utc_now;
   evidence::Stamp stamp;  // throws kiroku::Error where no authority answers
   bool dry_run = false;   // says what is due; asks nobody, and reads no recording
+  /// Renews the hash tree of records whose case has entries behind what they cover, also where nothing is
+  /// due: with the policy's new hash, which may be the old one. Nothing else takes such entries in.
+  bool take_in = false;
   /// Hash values and records that are held at once, about. What is beyond that gets a token of its own.
   std::size_t most_bytes = 256U << 20U;
 };
@@ -39,8 +43,11 @@ struct EvidenceRenewal {
   };
   std::string case_id;
   What what = What::kRefused;
-  std::string text;                 // a phrase: what was due, or why nothing was done
-  std::optional<UtcTime> before;    // when the record must be renewed; nothing where no end is known
+  std::string text;               // a phrase: what was due, or why nothing was done
+  std::optional<UtcTime> before;  // when the record must be renewed; nothing where no end is known
+  /// Entries of the case behind what its record covers, as an erasure or a late token: the record says
+  /// nothing of them. 0 where something else is done or told.
+  std::uint64_t later_entries = 0;
   std::vector<std::string> unread;  // files that could not be read, or are not as the ledger states
 };
 /// "begun", "time-stamp-renewed", … "refused".
@@ -60,8 +67,9 @@ class EvidenceLock {
 
 /// Does what is due for these cases (folders of one archive); the answers are in their order. A case is
 /// refused that is tampered with, or has data that cannot be read; and one whose record does not hold. What
-/// is due is told by a record alone, which is compared with one note of its case. A time-stamp renewal
-/// compares it with ledger and notes, and reads no recording. The others read all data.
+/// is due is told by a record alone, which is compared with one note of its case, and with the ledger where
+/// it does not hold the newest note. A time-stamp renewal compares it with ledger and notes, and reads no
+/// recording. The others read all data.
 ///
 /// Every token is judged with its record before that is written; a record is replaced durably. One that rests
 /// on outside authorities alone is never renewed by the recorder's own.

@@ -121,6 +121,13 @@ std::optional<Bytes> read_evidence_file(const FileReading& files, const std::fil
   return bytes;
 }
 
+std::uint64_t covered_lines(const CaseFolder& folder, const CaseData& data,
+                            const evidence::EvidenceRecord& record) {
+  RememberedHashes hashes(folder, data);
+  const std::vector<std::uint64_t> covered = find_covered_lines(hashes, record);
+  return covered.empty() ? 0 : covered.back();
+}
+
 CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
                                  const evidence::EvidenceRecord& record,
                                  const evidence::JudgingRules& rules) {
@@ -160,9 +167,11 @@ CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
 
 namespace {
 
-/// What a case rests on by itself, and when the first of it ended by the policy; nothing while all counts.
+/// What a case rests on by itself (without the device: what its time-stamps rest on), and when the first of
+/// it ended by the policy; nothing while all counts.
 std::optional<std::pair<std::string, UtcTime>> what_ended(
-    const evidence::Policy& policy, const std::vector<timestamp::SignatureUse>& signatures, UtcTime now) {
+    const evidence::Policy& policy, const std::vector<timestamp::SignatureUse>& signatures, UtcTime now,
+    bool with_device = true) {
   std::optional<std::pair<std::string, UtcTime>> first;
   const auto judge = [&](const std::string& words, const evidence::Term& term) {
     if (term.holds_at(now)) return;
@@ -170,7 +179,7 @@ std::optional<std::pair<std::string, UtcTime>> what_ended(
     if (!first || end < first->second) first = {words, end};
   };
   judge("sha256", policy.hash("sha256"));
-  judge("ed25519", policy.signature({"ed25519", 0, {}}));
+  if (with_device) judge("ed25519", policy.signature({"ed25519", 0, {}}));
   for (const timestamp::SignatureUse& use : signatures) judge(evidence::words_of(use), policy.signature(use));
   return first;
 }
@@ -229,13 +238,16 @@ const evidence::Policy& policy_of(const VerifyOptions& options) {
 }
 
 using Ending = std::pair<std::string, UtcTime>;
+/// "ed25519, on which this case rests, ended at … by the policy '…'".
+std::string words_of_end(const Ending& ended, const evidence::Policy& policy, const std::string& of_what) {
+  return ended.first + ", on which " + of_what + ", " +
+         (ended.second == UtcTime() ? "is not listed by the policy '"
+                                    : "ended at " + format_utc(ended.second) + " by the policy '") +
+         policy.name() + "'";
+}
 void report_ended(const Ending& ended, const evidence::Policy& policy, const std::string& of_what,
                   const std::string& why_it_matters, FindingList& findings) {
-  findings.add("algorithm-ended", {},
-               ended.first + ", on which " + of_what + ", " +
-                   (ended.second == UtcTime() ? "is not listed by the policy '"
-                                              : "ended at " + format_utc(ended.second) + " by the policy '") +
-                   policy.name() + "', and " + why_it_matters);
+  findings.add("algorithm-ended", {}, words_of_end(ended, policy, of_what) + ", and " + why_it_matters);
 }
 
 /// The record that lies beside the case, or was given, judged by `judge`; nothing where there is none.
@@ -271,22 +283,40 @@ std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, cons
   return report;
 }
 
-/// Of a record that holds: " since … by a chain of three time-stamps, the newest of …".
-std::string since_words(const EvidenceReport& report) {
-  return " since " + format_utc(*report.since) + " by a chain of " + std::to_string(report.time_stamps) +
-         (report.time_stamps == 1 ? " time-stamp"
-                                  : " time-stamps, the newest of " + format_utc(*report.newest)) +
-         (report.outside ? ""
-                         : "; the recorder's own authority is among them, so these times are self-issued");
+/// Of a record that holds: "proves all 42 entries and 17 files since … by a chain of 3 time-stamps, …". What
+/// rests on the recorder's own authority proves nothing to anybody else, and is not called so.
+std::string words_of_holding(const EvidenceReport& report, const std::string& what) {
+  const std::string chain =
+      "a chain of " + std::to_string(report.time_stamps) +
+      (report.time_stamps == 1 ? " time-stamp" : " time-stamps, the newest of " + format_utc(*report.newest));
+  const std::string since = format_utc(*report.since);
+  return report.outside
+             ? "proves " + what + " since " + since + " by " + chain
+             : "says, by the recorder's own word, that " + what + " were there at " + since + ": " + chain +
+                   "; the recorder's own authority is among them, so these times are self-issued, "
+                   "and no outside clock stands behind them";
 }
 
 void report_holding(const EvidenceReport& report, std::uint64_t entries, FindingList& findings) {
+  const std::string covered = report.entries < entries ? "the first " + std::to_string(report.entries) +
+                                                             " of " + std::to_string(entries) + " entries"
+                                                       : "all " + std::to_string(entries) + " entries";
   findings.add("evidence-holds", {report.file},
-               "the evidence record " + report.file + " proves " +
-                   (report.entries < entries ? "the first " + std::to_string(report.entries) + " of " +
-                                                   std::to_string(entries) + " entries"
-                                             : "all " + std::to_string(entries) + " entries") +
-                   " and " + std::to_string(report.files) + " files" + since_words(report));
+               "the evidence record " + report.file + " " +
+                   words_of_holding(report, covered + " and " + std::to_string(report.files) + " files"));
+}
+
+/// Once an algorithm of the time-stamps ended, anybody can have made them since: they say the time of the
+/// first `kept` entries alone, whose proof the record carries on.
+void withhold_time(std::uint64_t kept, VerificationReport& report) {
+  report.outside_entries = std::min(report.outside_entries, kept);
+  if (kept == 0) {
+    report.time = TimeProof::kNone;
+  } else if (report.time == TimeProof::kExternal) {
+    report.time = TimeProof::kExternalInPart;
+  }
+  std::erase_if(report.brackets, [&](const Bracket& bracket) { return bracket.first_entry >= kept; });
+  for (Bracket& bracket : report.brackets) bracket.last_entry = std::min(bracket.last_entry, kept - 1);
 }
 
 /// `of_what`: "case" or "excerpt".
@@ -311,8 +341,8 @@ void report_not_holding(const EvidenceReport& report, const std::string& of_what
 
 }  // namespace
 
-std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
-                                                  const VerifyOptions& options, FindingList& findings) {
+void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const VerifyOptions& options,
+                         FindingList& findings, VerificationReport& out) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
   const std::optional<EvidenceReport> report =
@@ -340,8 +370,10 @@ std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, cons
       report_ended(*ended, policy, "its entries from " + std::to_string(kept) + " on rest",
                    "the evidence record covers none of them before: they can have been made since", findings);
     }
+    const bool of_time = what_ended(policy, verified.signatures, now, false).has_value();
+    if (of_time && kept < verified.entries) withhold_time(kept, out);
   }
-  return report;
+  out.evidence = report;
 }
 
 CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
@@ -384,9 +416,8 @@ CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData&
   return out;
 }
 
-std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified,
-                                                     const ExcerptData& data, const VerifyOptions& options,
-                                                     FindingList& findings) {
+void check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified, const ExcerptData& data,
+                            const VerifyOptions& options, FindingList& findings, VerificationReport& out) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
   const std::optional<EvidenceReport> report =
@@ -397,9 +428,10 @@ std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, c
   const bool holds = report && report->holds;
   if (holds) {
     findings.add("evidence-holds", {report->file},
-                 "the evidence record " + report->file + " proves the checkpoint over " +
-                     std::to_string(report->entries) + " entries and " + std::to_string(report->files) +
-                     " files of this excerpt" + since_words(*report));
+                 "the evidence record " + report->file + " " +
+                     words_of_holding(*report, "the checkpoint over " + std::to_string(report->entries) +
+                                                   " entries and " + std::to_string(report->files) +
+                                                   " files of this excerpt"));
   } else if (report) {
     report_not_holding(*report, "excerpt", options, findings);
   }
@@ -416,9 +448,10 @@ std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, c
               : "no evidence record of outside authorities holds that began before: verify the whole "
                 "case with its record",
           findings);
+      if (what_ended(policy, verified.signatures, now, false)) withhold_time(0, out);
     }
   }
-  return report;
+  out.evidence = report;
 }
 
 void check_without_evidence(const std::string& what, const VerifyOptions& options,
@@ -432,6 +465,27 @@ void check_without_evidence(const std::string& what, const VerifyOptions& option
   if (const auto ended = what_ended(policy, signatures, options.now.value_or(utc_now()))) {
     report_ended(*ended, policy, what + " rests",
                  "no evidence record covers " + what + ": verify the whole case with its record", findings);
+  }
+}
+
+void take_log_findings(FindingList& of_log, const VerifyOptions& options, FindingList& findings) {
+  const evidence::Policy& policy = policy_of(options);
+  const auto ended = what_ended(policy, {}, options.now.value_or(utc_now()));
+  if (!options.log || !ended) {
+    findings.take_from(of_log, {});
+    return;
+  }
+  const std::string rests = words_of_end(*ended, policy, "the appliance log rests") +
+                            ", and no evidence record covers a log: anybody can have written it since";
+  const Place log{"log/" + std::string(kLedgerFile)};
+  const std::vector<Finding> found = of_log.take();
+  const auto gravest = std::ranges::max_element(found, {}, &Finding::severity);
+  if (gravest == found.end() || gravest->severity == Severity::kNote) {
+    findings.add("log-algorithm-ended", log, rests + "; that it knows the same of this case proves nothing");
+  } else {
+    findings.add(
+        "log-doubted", log,
+        rests + "; so what it says against this case is neither proven nor refuted: " + gravest->text);
   }
 }
 

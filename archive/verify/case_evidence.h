@@ -37,6 +37,11 @@ struct CaseEvidence {
 CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
                                  const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules);
 
+/// How many of the ledger's first lines some chain of the record covers, whether it holds or not; 0: of none.
+/// Reads the ledger alone. Throws kiroku::Error where it cannot be read or has changed.
+std::uint64_t covered_lines(const CaseFolder& folder, const CaseData& data,
+                            const evidence::EvidenceRecord& record);
+
 /// A case as it was verified, as far as its record is judged by it.
 struct VerifiedCase {
   std::string case_id;
@@ -45,15 +50,21 @@ struct VerifiedCase {
   std::vector<timestamp::SignatureUse> signatures;  // on which its valid tokens rest
   std::vector<StampedToken> tokens, outside;  // its valid ones, and those of outside authorities among them
 };
-/// Judges the record of a case that was verified and not found tampered with; adds what it finds. Nothing
-/// where there is no record.
-std::optional<EvidenceReport> check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
-                                                  const VerifyOptions& options, FindingList& findings);
+/// Judges the record of a case that was verified and not found tampered with; adds what it finds. Sets
+/// `evidence` of the report, which is nothing where there is no record, and takes back what the report says
+/// of time where by the policy an algorithm of the time-stamps ended and no record carries their proof on.
+void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const VerifyOptions& options,
+                         FindingList& findings, VerificationReport& report);
 
 /// Of what has no evidence record, as a log: adds what the policy says of it, and that a record that was
 /// given was not judged. `what`: "an appliance log".
 void check_without_evidence(const std::string& what, const VerifyOptions& options,
                             const std::vector<timestamp::SignatureUse>& signatures, FindingList& findings);
+
+/// Adds what comparing a case or an excerpt with an appliance log found, all of it in `of_log`. No record
+/// covers a log: once SHA-256 or Ed25519 ended by the policy, anybody can have written it since. That it
+/// agrees proves nothing then, and what speaks against the case is told as a doubt.
+void take_log_findings(FindingList& of_log, const VerifyOptions& options, FindingList& findings);
 
 /// What an excerpt shows of what a record covers.
 struct ExcerptData {
@@ -66,8 +77,7 @@ CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData&
                                     const evidence::EvidenceRecord& record,
                                     const evidence::JudgingRules& rules);
 /// As check_case_evidence(), of an excerpt.
-std::optional<EvidenceReport> check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified,
-                                                     const ExcerptData& data, const VerifyOptions& options,
-                                                     FindingList& findings);
+void check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified, const ExcerptData& data,
+                            const VerifyOptions& options, FindingList& findings, VerificationReport& report);
 
 }  // namespace kiroku::archive

@@ -142,7 +142,7 @@ class ExcerptVerification {
       if (number == document_.first_entry) {
         lines_begin_ns_ = rules_.last_mono_ns();
         log = walk_log();
-        comparison.emplace(log ? &*log : nullptr, rules_.opening(), findings_);
+        comparison.emplace(log ? &*log : nullptr, rules_.opening(), by_log_);
         comparison->check_opening(open_hash);
       }
       ++number;
@@ -188,10 +188,10 @@ class ExcerptVerification {
     const CaseFolder folder = CaseFolder::open(*options_.log);
     FindingList of_log;
     OutsideNotes outside(options_of_log_, of_log);
-    LogWalk walk(folder, options_, of_log, rules_.opening()->case_id, rules_.opening()->appliance_log_size);
+    LogWalk walk(folder, options_, of_log, rules_.opening());
     walk.compare_with(outside);
     LogContents contents = walk.run();
-    findings_.take_from(of_log, "log");
+    by_log_.take_from(of_log, "log");
     if (contents.gave_up) {
       return std::nullopt;
     }
@@ -346,11 +346,12 @@ class ExcerptVerification {
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
+    take_log_findings(by_log_, options_, findings_);
     if (findings_.worst() != Severity::kTampered) {
       const TokenRules& tokens = rules_.tokens();
-      report.evidence = check_excerpt_evidence(
+      check_excerpt_evidence(
           folder_, {report.case_id, lines_, {}, tokens.signatures(), tokens.valid(), tokens.outside()},
-          shown_data(), options_, findings_);
+          shown_data(), options_, findings_, report);
     }
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
@@ -408,7 +409,7 @@ class ExcerptVerification {
   const CaseFolder& folder_;
   const VerifyOptions& options_;
   ExcerptDocument document_;
-  FindingList findings_;
+  FindingList findings_, by_log_;
   std::vector<ListedFile> listing_;
   std::set<std::string> present_;
   std::set<std::string> selected_files_;

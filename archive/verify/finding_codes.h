@@ -244,6 +244,21 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "no checkpoint covers the log, or several of its newest entries: nobody signed them"},
     {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},
     {"log-case-open", Severity::kNote, "the log knows no end of a case"},
+    {"log-case-erased", Severity::kNote,
+     "the log says that the whole case was erased, and here it is: a copy that was kept, or an erasure that "
+     "did "
+     "not come about"},
+    {"log-of-another-device", Severity::kUnproven,
+     "the log was another device's when it says that the case was opened: whether the case's own device has "
+     "it in "
+     "its log was not checked"},
+    {"log-algorithm-ended", Severity::kNote,
+     "by the policy given, an algorithm on which the appliance log rests counts no more: that it knows the "
+     "same "
+     "of the case proves nothing"},
+    {"log-doubted", Severity::kUnproven,
+     "the appliance log speaks against the case, and by the policy given an algorithm on which the log rests "
+     "counts no more: anybody can have written it since"},
     // -- checkpoints kept outside (--against)
     {"outside-note-rolled-back", Severity::kTampered,
      "a note kept outside was signed of more entries than there are: the end was removed"},

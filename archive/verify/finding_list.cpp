@@ -53,7 +53,7 @@ void FindingList::add_locked(std::size_t code, Place place, std::string text) {
 void FindingList::take_from(FindingList& other, const std::string& folder) {
   const std::scoped_lock lock(mutex_, other.mutex_);
   for (Kept& each : other.kept_) {
-    each.place.file.insert(0, folder + "/");
+    if (!folder.empty()) each.place.file.insert(0, folder + "/");
     add_locked(each.code, std::move(each.place), std::move(each.text));
   }
   for (std::size_t code = 0; code < counts_.size(); ++code) {

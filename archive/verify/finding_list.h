@@ -31,7 +31,7 @@ class FindingList {
   /// Texts and file names that are too long are cut. Of each code the first is kept in any case; one that is
   /// only counted stands in a "more-findings".
   void add(CodeName code, Place place, std::string text);
-  /// Findings of another list, their files below `folder`, and what it only counted.
+  /// Findings of another list, their files below `folder` (empty: as they are), and what it only counted.
   void take_from(FindingList& other, const std::string& folder);
   /// The gravest so far, kept also of those that were only counted.
   [[nodiscard]] Severity worst() const;

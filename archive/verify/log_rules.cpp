@@ -32,12 +32,13 @@ Place in_log(std::uint64_t number) { return {"log/" + std::string(kLedgerFile), 
 }  // namespace
 
 LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
-                 std::string case_id, std::uint64_t head)
+                 const std::optional<OpenEntry>& of_case)
     : folder_(&folder),
       options_(&options),
       findings_(&findings),
-      case_id_(std::move(case_id)),
-      head_(head),
+      case_id_(of_case ? of_case->case_id : std::string()),
+      case_device_(of_case ? of_case->device : std::string()),
+      head_(of_case ? of_case->appliance_log_size : 0),
       listing_(folder.list()),
       checkpoints_(folder, options, findings, note_sizes(listing_)) {}
 
@@ -152,6 +153,9 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
     known.final_token = closed_now_->final_token;
   }
   known.vouched = known.vouched || has_its_own;
+  if (!known.further.empty() && known.further.back().entry == number) {
+    known.further.back().vouched = has_its_own;
+  }
   if (!has_its_own) {
     contents_.doubted.insert(number);
   }
@@ -229,40 +233,43 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
     }
   }
   contents_.begins = contents_.begins.value_or(entry.at.utc);
-  std::visit(Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
-                        [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
-                        [&](const CaseOpenedEntry& opened) {
-                          LoggedCase* known = logged(opened.case_id);
-                          if (known != nullptr) {
-                            told_now_ = opened.case_id;
-                          }
-                          if (known != nullptr && !known->opened) {
-                            known->opened = number;
-                            known->opening_line = opened.sha256;
-                          }
-                        },
-                        [&](const CaseCheckpointEntry& checkpoint) {
-                          note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
-                          if (contents_.cases.contains(checkpoint.case_id)) {
-                            told_now_ = checkpoint.case_id;
-                          }
-                        },
-                        [&](const CaseClosedEntry& closed) {
-                          const KnownRoot root{closed.size, closed.root, number};
-                          note_root(closed.case_id, root);
-                          if (logged(closed.case_id) != nullptr) {
-                            told_now_ = closed.case_id;
-                            closed_now_ = closed;
-                          }
-                        },
-                        [&](const CaseErasedEntry& erased) {
-                          // Of one stream's segments only: the rest of the case must still be there.
-                          if (!erased.stream && logged(erased.case_id) != nullptr) {
-                            erased_now_ = erased.case_id;
-                          }
-                        },
-                        [](const auto&) {}},
-             entry.body);
+  std::visit(
+      Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
+                 [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
+                 [&](const CaseOpenedEntry& opened) {
+                   LoggedCase* known = logged(opened.case_id);
+                   if (known != nullptr) {
+                     told_now_ = opened.case_id;
+                   }
+                   if (known != nullptr && !known->opened) {
+                     known->opened = number;
+                     known->opening_line = opened.sha256;
+                   } else if (known != nullptr && case_id_.empty() && known->opening_line != opened.sha256) {
+                     known->further.push_back({number, opened.sha256});
+                   }
+                 },
+                 [&](const CaseCheckpointEntry& checkpoint) {
+                   note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
+                   if (contents_.cases.contains(checkpoint.case_id)) {
+                     told_now_ = checkpoint.case_id;
+                   }
+                 },
+                 [&](const CaseClosedEntry& closed) {
+                   const KnownRoot root{closed.size, closed.root, number};
+                   note_root(closed.case_id, root);
+                   if (logged(closed.case_id) != nullptr) {
+                     told_now_ = closed.case_id;
+                     closed_now_ = closed;
+                   }
+                 },
+                 [&](const CaseErasedEntry& erased) {
+                   // Of one stream's segments only: the rest of the case must still be there.
+                   if (!erased.stream && logged(erased.case_id) != nullptr) {
+                     erased_now_ = erased.case_id;
+                   }
+                 },
+                 [](const auto&) {}},
+      entry.body);
 }
 
 void LogWalk::set_device(const std::string& device, std::uint64_t number) {
@@ -320,8 +327,19 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   } else {
     known_ = &found->second;
     roots_ = known_->roots;
+    if (known_->erased) {
+      findings_->add("log-case-erased", {"log/" + std::string(kLedgerFile)},
+                     "the appliance log says that the whole case " + case_id_ +
+                         " was erased: what is verified is a copy that was kept");
+    }
     std::stable_sort(roots_.begin(), roots_.end(),
                      [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
+  }
+  // Whoever holds the keys of two devices can have the one's log tell of the other's case.
+  if (known_ != nullptr && !log->opened_by_case_device) {
+    findings_->add("log-of-another-device", in_log(*known_->opened),
+                   "the appliance log was another device's when it says that the case was opened, and " +
+                       opening->device + " signed the case: whether its own log knows it was not checked");
   }
   if (log->root_at_head != opening->appliance_log_root) {
     findings_->add("log-head-differs", in_ledger(0),

@@ -29,10 +29,19 @@ struct KnownRoot {
   std::uint64_t entry = 0;
 };
 
+/// Another case that the log says was opened under an identifier that it knows already. No recorder does
+/// that.
+struct FurtherOpening {
+  std::uint64_t entry = 0;
+  crypto::Sha256Digest opening_line{};
+  bool vouched = false;  // signed before another entry followed
+};
+
 /// What a log says of one case.
 struct LoggedCase {
   std::optional<std::uint64_t> opened;  // entry of case-opened
   crypto::Sha256Digest opening_line{};  // SHA-256 of entry 0 of the case
+  std::vector<FurtherOpening> further;  // with other first lines; where all cases are kept
   std::vector<KnownRoot> roots;         // of case-checkpoint and case-closed
   std::optional<KnownRoot> closed;
   std::optional<crypto::Sha256Digest> final_token;
@@ -53,6 +62,8 @@ struct LogContents {
   std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
   std::uint64_t entries = 0, checkpoints = 0;
   std::string device;
+  /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
+  bool opened_by_case_device = false;
   std::optional<UtcTime> begins;
   bool gave_up = false;  // so many lines are no entries that the rest was not read: nothing follows from it
 };
@@ -60,11 +71,11 @@ struct LogContents {
 /// Walks a log once. Findings name files relative to the log's folder.
 class LogWalk {
  public:
-  /// With a `case_id` only that case is kept, with its roots, and the log's own root at size `head`: for
-  /// verifying that case. Without one all cases are, and no roots. Everything referred to must outlive the
+  /// For verifying the case that begins so: only what concerns it is kept, and the log's own root at the size
+  /// that it states. Without one all cases are kept, and no roots. Everything referred to must outlive the
   /// object.
-  LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings, std::string case_id,
-          std::uint64_t head);
+  LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
+          const std::optional<OpenEntry>& of_case);
   /// Notes to compare the log with, before run().
   void compare_with(OutsideNotes& notes) { outside_ = &notes; }
 
@@ -91,7 +102,7 @@ class LogWalk {
   const CaseFolder* folder_;
   const VerifyOptions* options_;
   FindingList* findings_;
-  std::string case_id_;
+  std::string case_id_, case_device_;
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
   std::vector<ListedFile> listing_;

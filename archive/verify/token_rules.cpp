@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/limits.h"
 #include "archive/verify/file_checker.h"
 #include "base/error.h"
 
@@ -133,8 +134,10 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
   static const timestamp::TrustStore kNoTrust;
   timestamp::Expectation expectation;
   expectation.data = to_bytes(*note);
+  expectation.judge_strangers = strangers_ < kMostJudgedStrangers;
   const timestamp::TokenJudgement judgement = timestamp::judge_token(
       bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
+  strangers_ += judgement.code == timestamp::TokenCode::kValid ? 0 : 1;
   bool restated = false;
   if (judgement.info) {
     restated = compare_entry(token, entry, *judgement.info);

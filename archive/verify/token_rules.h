@@ -118,6 +118,7 @@ class TokenRules {
   std::uint64_t largest_checkpoint_ = 0;
   bool missed_after_close_ = false;
   bool no_trust_ = false;
+  std::uint64_t strangers_ = 0;  // tokens that were judged and do not hold
   std::uint64_t outside_entries_ = 0;
   std::uint64_t count_ = 0;
 };

@@ -66,7 +66,7 @@ class CaseVerification {
     } else {
       report_unopened(findings_, {std::string(kLedgerFile)}, opening);
       if (options_.log) {
-        OutsideNotes(options_of_log_, findings_).finish(0, false);
+        OutsideNotes(options_of_log_, by_log_).finish(0, false);
       }
     }
     if (rules_.opening() && rules_.device()) {
@@ -80,7 +80,7 @@ class CaseVerification {
   void walk(const ReadableFile& ledger) {
     const std::optional<OpenEntry> open = read_opening(ledger);
     const std::optional<LogContents> log = walk_log(open);
-    LogComparison comparison(log ? &*log : nullptr, open, findings_);
+    LogComparison comparison(log ? &*log : nullptr, open, by_log_);
 
     const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
     LineReader reader(ledger);
@@ -140,11 +140,10 @@ class CaseVerification {
     const CaseFolder folder = CaseFolder::open(*options_.log);
     FindingList of_log;
     OutsideNotes outside(options_of_log_, of_log);
-    LogWalk walk(folder, options_, of_log, open ? open->case_id : std::string(),
-                 open ? open->appliance_log_size : 0);
+    LogWalk walk(folder, options_, of_log, open);
     walk.compare_with(outside);
     LogContents contents = walk.run();
-    findings_.take_from(of_log, "log");
+    by_log_.take_from(of_log, "log");
     if (contents.gave_up) {
       return std::nullopt;
     }
@@ -325,12 +324,13 @@ class CaseVerification {
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
+    take_log_findings(by_log_, options_, findings_);
     if (findings_.worst() != Severity::kTampered) {
       const TokenRules& tokens = rules_.tokens();
-      report.evidence = check_case_evidence(
+      check_case_evidence(
           folder_,
           {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
-          options_, findings_);
+          options_, findings_, report);
     }
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
@@ -339,7 +339,7 @@ class CaseVerification {
 
   const CaseFolder& folder_;
   const VerifyOptions& options_;
-  FindingList findings_;
+  FindingList findings_, by_log_;
   std::vector<ListedFile> listing_;
   std::set<std::string> not_entered_;
   CheckpointRules checkpoints_;
@@ -361,23 +361,32 @@ bool is_archive(const std::filesystem::path& folder) {
   return false;
 }
 
-/// Whether the case with this first line lies there. An excerpt in its place is not it, and neither is
-/// another case or an empty ledger; a ledger that cannot be read may be it.
-bool holds_case(const std::filesystem::path& folder, const crypto::Sha256Digest& opening_line) {
+/// What lies where a case should be.
+struct LyingThere {
+  bool unreadable = false;                           // so it may be any case
+  std::optional<crypto::Sha256Digest> opening_line;  // of a ledger that begins with a whole line
+
+  [[nodiscard]] bool may_be(const crypto::Sha256Digest& line) const {
+    return unreadable || opening_line == line;
+  }
+};
+/// An excerpt in a case's place is not it, and neither is another case or an empty ledger.
+LyingThere look_at(const std::filesystem::path& folder) {
   std::error_code error;
   if (!std::filesystem::is_directory(folder, error)) {
-    return false;
+    return {};
   }
   try {
     const FileOpening ledger = CaseFolder::open(folder).open_file(kLedgerFile);
     if (!ledger.file) {
-      return ledger.problem != FileProblem::kMissing;
+      return {ledger.problem != FileProblem::kMissing, {}};
     }
     LineReader reader(*ledger.file);
     LedgerLine line;
-    return reader.next(line) && !line.torn && crypto::sha256(bytes_of(line.text)) == opening_line;
+    const bool whole = reader.next(line) && !line.torn;
+    return {false, whole ? std::optional(crypto::sha256(bytes_of(line.text))) : std::nullopt};
   } catch (const IoError&) {
-    return true;
+    return {true, {}};
   }
 }
 
@@ -390,6 +399,23 @@ std::string what_lies_instead(const std::filesystem::path& folder) {
                                                               : "";
 }
 
+/// Of a case that the log opened in `entry` and that is not in the archive.
+void report_missing(const std::string& case_id, std::uint64_t entry, bool vouched,
+                    const std::filesystem::path& archive, FindingList& findings) {
+  const Place place{std::string(kLedgerFile), entry};
+  const std::string text = "case " + case_id + " was opened (entry " + std::to_string(entry) +
+                           " of the log), was not erased, and is not in " + archive.string() +
+                           what_lies_instead(archive / case_id);
+  if (vouched) {
+    findings.add("case-missing", place, text);
+  } else {
+    findings.add("log-entry-doubted", place,
+                 text +
+                     "; what the log says of it has no checkpoint of its own: it was never signed, or "
+                     "its checkpoint was removed. Whoever could write to the disk could have made it");
+  }
+}
+
 void look_for_cases(const LogContents& log, const std::filesystem::path& log_folder, FindingList& findings) {
   const std::filesystem::path absolute = std::filesystem::absolute(log_folder).lexically_normal();
   const std::filesystem::path normal = absolute.has_filename() ? absolute : absolute.parent_path();
@@ -400,23 +426,26 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
     if (!logged.opened) {
       continue;
     }
-    not_looked_for += search || logged.erased ? 0 : 1;
-    if (search && !logged.erased && !holds_case(archive / case_id, logged.opening_line)) {
-      const Place place{std::string(kLedgerFile), logged.opened};
-      const std::string text = "case " + case_id + " was opened (entry " + std::to_string(*logged.opened) +
-                               " of the log), was not erased, and is not in " + archive.string() +
-                               what_lies_instead(archive / case_id);
-      if (logged.vouched) {
-        findings.add("case-missing", place, text);
-      } else {
-        findings.add("log-entry-doubted", place,
-                     text +
-                         "; what the log says of it has no checkpoint of its own: it was never signed, or "
-                         "its checkpoint was removed. Whoever could write to the disk could have made it");
-      }
+    const Place opened{std::string(kLedgerFile), logged.opened};
+    not_looked_for += search || logged.erased ? 0 : 1 + logged.further.size();
+    const LyingThere there = search ? look_at(archive / case_id) : LyingThere{};
+    if (search && !logged.erased && !there.may_be(logged.opening_line)) {
+      report_missing(case_id, *logged.opened, logged.vouched, archive, findings);
     } else if (!logged.closed && !logged.erased) {
-      findings.add("log-case-open", {std::string(kLedgerFile), logged.opened},
-                   "the log knows no end of case " + case_id);
+      findings.add("log-case-open", opened, "the log knows no end of case " + case_id);
+    }
+    if (search && !logged.erased) {
+      // Of several cases under one identifier one alone can be there.
+      for (const FurtherOpening& each : logged.further) {
+        if (!there.may_be(each.opening_line)) {
+          report_missing(case_id, each.entry, each.vouched, archive, findings);
+        }
+      }
+    }
+    if (logged.erased && there.opening_line == logged.opening_line) {
+      findings.add(
+          "log-case-erased", opened,
+          "the log says that the whole case " + case_id + " was erased, and it is in " + archive.string());
     }
   }
   if (not_looked_for > 0) {
@@ -499,7 +528,7 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
   report.case_id = "log";
   try {
     const CaseFolder opened = CaseFolder::open(folder);
-    LogWalk walk(opened, options, findings, {}, 0);
+    LogWalk walk(opened, options, findings, {});
     walk.compare_with(outside);
     const LogContents log = walk.run();
     if (!log.gave_up) {

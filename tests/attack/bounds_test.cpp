@@ -14,6 +14,7 @@
 #include "tests/support/hostile_case.h"
 #include "tests/support/report_text.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/token_maker.h"
 
 namespace kiroku::test {
 namespace {
@@ -219,6 +220,27 @@ TEST(Bounds, WhatIsOnlyCountedDecides) {
                           [](const archive::Finding& each) { return each.code == "file-unnamed"; }),
             static_cast<std::ptrdiff_t>(archive::kMostFindingsOfOneCode));
   EXPECT_TRUE(tells(report, "more-findings"));
+}
+
+// A stranger's key may be as slow as they like. So of their tokens some are judged wholly, and of the others
+// it is told that their signature was not looked at.
+TEST(StrangersTokens, AreJudgedWhollyUpToANumber) {
+  const TemporaryFolder folder(quick_parent());
+  form("tokens of a stranger").write(folder.path(), 2 * kMegabyte / 10);
+  timestamp::TrustStore trust;
+  trust.add_trusted(bytes_of(make_test_authority().root_pem()), "somebody else's");
+  archive::VerifyOptions options;
+  options.trust = &trust;
+  options.threads = 1;
+  const VerificationReport report = archive::verify_case(folder / HostileCase::kCaseId, options);
+  std::uint64_t all = 0, not_looked_at = 0;
+  for (const archive::Finding& each : report.findings) {
+    all += each.code == "token-untrusted" ? 1U : 0U;
+    not_looked_at += each.text.ends_with("whether its signature holds was not looked at") ? 1U : 0U;
+  }
+  EXPECT_GT(all, archive::kMostJudgedStrangers + 10);
+  EXPECT_EQ(all - not_looked_at, archive::kMostJudgedStrangers);
+  EXPECT_FALSE(tells(report, "token-refused"));
 }
 
 }  // namespace

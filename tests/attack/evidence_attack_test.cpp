@@ -398,6 +398,127 @@ TEST_F(EvidenceAttack, ARecordDoesNotHideThatACaseWasTamperedWith) {
   EXPECT_FALSE(verify().evidence);
 }
 
+// After 2029 anybody can sign a log in the device's name: it speaks neither for a case nor against one.
+TEST_F(EvidenceAttack, ALogThatRestsOnWhatEndedSpeaksNeitherForACaseNorAgainstIt) {
+  const fs::path excerpt = archive_.folder() / "excerpt";
+  archive::ExcerptOptions part;
+  part.from_ns = 0;
+  part.to_ns = 3'000'000'000;
+  part.streams = {"endoscope"};
+  archive::make_excerpt(first_, part, excerpt);
+  archive::VerifyOptions options = archive_.options();
+  options.trust = &trust_;
+  options.policy = &ended();
+  const auto judged = [&](const fs::path& folder, const std::string& today) {
+    options.now = day(today);
+    return archive::verify_case(folder, options);
+  };
+  for (const fs::path& folder : {first_, excerpt}) {
+    EXPECT_FALSE(has(judged(folder, "2028-01-01"), "log-algorithm-ended"));
+    const VerificationReport agrees = judged(folder, "2033-11-01");
+    EXPECT_EQ(agrees.verdict, folder == first_ ? Verdict::kIntact : Verdict::kIntactExcerpt)
+        << details(agrees);
+    EXPECT_TRUE(has(agrees, "log-algorithm-ended")) << details(agrees);
+    EXPECT_THAT(details(agrees), testing::HasSubstr("that it knows the same of this case proves nothing"));
+  }
+
+  // A log that does not know the case: of its first entry alone.
+  const fs::path log = archive_.folder() / "another-log";
+  fs::create_directories(log / "checkpoints");
+  const std::string lines = read_file(archive_.log_folder() / "ledger.jsonl");
+  write_file(log / "ledger.jsonl", lines.substr(0, lines.find('\n') + 1));
+  options.log = log;
+  for (const fs::path& folder : {first_, excerpt}) {
+    const VerificationReport before = judged(folder, "2028-01-01");
+    EXPECT_EQ(before.verdict, Verdict::kTampered);
+    EXPECT_TRUE(has(before, "log-case-unknown"));
+    const VerificationReport after = judged(folder, "2033-11-01");
+    EXPECT_EQ(after.verdict, Verdict::kUnproven) << details(after);
+    EXPECT_TRUE(has(after, "log-doubted")) << details(after);
+    EXPECT_TRUE(has(after, "evidence-holds")) << details(after);
+    EXPECT_FALSE(has(after, "log-case-unknown"));
+  }
+  // What the case shows by itself counts as before.
+  const fs::path segment = first_ / "segments/endoscope/00000001.ts.age";
+  fs::resize_file(segment, fs::file_size(segment) - 1);
+  EXPECT_EQ(judged(first_, "2033-11-01").verdict, Verdict::kTampered);
+}
+
+// Once the algorithm of its time-stamps ended, anybody can have made them since.
+TEST_F(EvidenceAttack, TimeStampsOfAnAlgorithmThatEndedSayNoTime) {
+  fs::remove(record(first_));
+  const fs::path excerpt = archive_.folder() / "excerpt";
+  archive::ExcerptOptions part;
+  part.from_ns = 0;
+  part.to_ns = 3'000'000'000;
+  part.streams = {"endoscope"};
+  archive::make_excerpt(first_, part, excerpt);
+  for (const bool of_time_stamps : {true, false}) {
+    const evidence::Policy policy = evidence::Policy::parse(
+        std::string("[[algorithm]]\nname=\"sha256\"\n[[algorithm]]\nname=\"ecdsa\"\n") +
+            (of_time_stamps ? "until=2029-12-31\n[[algorithm]]\nname=\"ed25519\"\n"
+                            : "[[algorithm]]\nname=\"ed25519\"\nuntil=2029-12-31\n"),
+        "policy.toml");
+    for (const fs::path& folder : {first_, excerpt}) {
+      archive::VerifyOptions options = archive_.options();
+      options.policy = &policy;
+      options.now = day("2029-06-01");
+      const VerificationReport before = archive::verify_case(folder, options);
+      EXPECT_EQ(before.time, archive::TimeProof::kSelfIssued) << details(before);
+      EXPECT_FALSE(before.brackets.empty());
+      options.now = day("2031-01-01");
+      const VerificationReport after = archive::verify_case(folder, options);
+      EXPECT_EQ(after.verdict, Verdict::kUnproven);
+      EXPECT_EQ(after.time, of_time_stamps ? archive::TimeProof::kNone : archive::TimeProof::kSelfIssued)
+          << "a time-stamp does not rest on the device's key";
+      EXPECT_EQ(after.brackets.empty(), of_time_stamps);
+    }
+  }
+}
+
+// A new time-stamp takes nothing in: that is counted, and mended where somebody asks for it.
+TEST_F(EvidenceAttack, EntriesBehindTheRecordAreCountedAndTakenIn) {
+  using What = archive::EvidenceRenewal::What;
+  AttackedCase attacked(first_);
+  fs::create_directory(attacked.outside("evidence"));
+  evidence::EvidenceRecord beginning = *evidence::parse_record(bytes_of(read_file(record(first_)))).record;
+  beginning.chains.front().resize(1);
+  write_file(record(attacked.folder()), std::string(text_of(evidence::encode_record(beginning))));
+  const auto renewed = [&](const std::string& today, bool take_in) {
+    archive::EvidenceRenewalOptions options;
+    options.trust = &trust_;
+    options.now = [today] { return day(today); };
+    options.stamp = outside_.at(today);
+    options.take_in = take_in;
+    return archive::renew_evidence(archive::real_file_system(), {attacked.folder()}, options).front();
+  };
+  EXPECT_EQ(renewed("2028-01-01", false).later_entries, 0U);
+  EXPECT_EQ(renewed("2028-01-01", true).what, What::kNothingDue) << "there is nothing to take in";
+  attacked.append(archive::ErasedEntry{"endoscope", 0, 0, "thirty days"});
+  EXPECT_EQ(renewed("2028-01-01", false).later_entries, 0U) << "nobody signed it";
+  const std::size_t size = attacked.lines().size();
+  attacked.write_note(size, attacked.origin(), size, attacked.root(size), archive_.key(),
+                      SampleArchive::kDeviceName);
+  fs::remove(attacked / "segments/endoscope/00000000.ts.age");
+  const archive::EvidenceRenewal told = renewed("2028-01-01", false);
+  EXPECT_EQ(told.what, What::kNothingDue) << told.text;
+  EXPECT_EQ(told.later_entries, 1U);
+
+  archive::VerifyOptions options;
+  options.devices = {archive_.device()};
+  options.trust = &trust_;
+  options.policy = &ended();
+  options.now = day("2033-11-01");
+  EXPECT_EQ(archive::verify_case(attacked.folder(), options).verdict, Verdict::kUnproven);
+  const archive::EvidenceRenewal taken = renewed("2028-02-01", true);
+  EXPECT_EQ(taken.what, What::kHashTreeRenewed) << taken.text;
+  EXPECT_EQ(taken.text, "1 entry came after what it covers");
+  EXPECT_EQ(renewed("2028-03-01", true).later_entries, 0U);
+  EXPECT_EQ(renewed("2028-03-01", true).what, What::kNothingDue);
+  const VerificationReport covered = archive::verify_case(attacked.folder(), options);
+  EXPECT_EQ(covered.verdict, Verdict::kIntactWithGaps) << details(covered);
+}
+
 /// An excerpt beside the case, whose record lies where it is looked for.
 class ExcerptEvidence : public EvidenceAttack {
  protected:

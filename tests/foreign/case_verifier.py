@@ -580,6 +580,10 @@ class AgainstLog:
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
         if log and entries.opening:
+            if self.known and self.known.device != entries.opening["device"]:
+                report("log-of-another-device", entries.opening["device"])
+            if self.known and self.known.erased:
+                report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
             if log.root_at(stated["size"]) != stated["root"]:
                 report("log-head-differs", f"at {stated['size']} entries")

@@ -1131,9 +1131,9 @@ def token_came_later(world):
 # The appliance log
 
 
-def with_log(world, change=lambda log, written: None, case=None, head=None, **more):
+def with_log(world, change=lambda log, written: None, case=None, head=None, device=None, **more):
     """An archive: the log, and a case that it knows. `change` may alter the log's steps before it is written."""
-    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log = w.Log(device or world.device, world.utc_ns - 60 * SECOND)
     log.checkpoint()
     empty = log.write(world.folder / "before", "log")
     made = case or world.sound(log_state=head or (1, empty.root().hex()))
@@ -1215,6 +1215,26 @@ def unsigned_accusation(world):
         entry.fields["root"] = "0" * 64
         del log.steps[log.steps.index(entry) + 1]
     return with_log(world, change)
+
+
+@reaches("log-case-erased")
+def copy_of_an_erased_case(world):
+    return with_log(world, lambda log, written: log.signed("erased", 90 * SECOND, case=written.case.id, policy="after ten years"))
+
+
+@reaches("log-case-erased")
+def erased_case_in_its_archive(world):
+    return the_log(world, lambda log, written: log.signed("erased", 90 * SECOND, case=written.case.id, policy="after ten years"))
+
+
+@reaches("case-missing")
+def two_cases_of_one_identifier(world):
+    return the_log(world, lambda log, written: log.signed("case-opened", 90 * SECOND, case=written.case.id, sha256="0" * 64))
+
+
+@reaches("log-of-another-device")
+def known_to_the_log_of_another_device(world):
+    return with_log(world, device=world.stranger, devices=[world.device.key, world.stranger.key])
 
 
 @reaches("log-head-differs")

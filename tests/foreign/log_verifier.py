@@ -22,11 +22,13 @@ class KnownRoot:
 class KnownCase:
     opened: int | None = None
     opening_line: str = ""
+    device: str | None = None  # of the log when it was opened
     roots: list = dataclasses.field(default_factory=list)
     closed: KnownRoot | None = None
     final_token: str | None = None
     erased: bool = False
     vouched: bool = False
+    further: list = dataclasses.field(default_factory=list)  # other openings of the identifier: entry, line, vouched
 
 
 class LogRead:
@@ -38,6 +40,7 @@ class LogRead:
         data = folder.read("ledger.jsonl") or b""
         self.ledger = Ledger(data, "appliance-log", 1, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
+        named = None   # the device's key as the newest entry says it
         notes = trust.against if alone else outside_notes(trust, True)
         outside = _held(notes, trust)
         for number, entry in enumerate(self.ledger.entries):
@@ -51,6 +54,7 @@ class LogRead:
                 if kind != "boot" and entry["mono_ns"] < mono:
                     report("clock-went-back", f"line {number} of the log")
                 mono = entry["mono_ns"]
+                named = entry["device"] if kind in ("boot", "device-key-changed") else named
                 if kind not in FOLLOWED_BY_NONE:
                     since_note += kind != "recovered"
                     to_be_followed.append(number)
@@ -62,7 +66,7 @@ class LogRead:
                         folder.judge_device(device)
                     except note.Malformed as e:
                         report("device-invalid", str(e))
-                told, erased, closed = self._take(number, entry, kind)
+                told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
             if size in folder.note_sizes:
                 folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
@@ -77,6 +81,8 @@ class LogRead:
                 if closed and (own or not told.closed):
                     told.closed, told.final_token = closed, entry.get("final_token")
                 told.vouched = told.vouched or own
+                if told.further and told.further[-1][0] == number:
+                    told.further[-1][2] = own
                 if not own:
                     self.doubted.add(number)
         for size in folder.note_sizes:
@@ -90,12 +96,14 @@ class LogRead:
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
 
-    def _take(self, number, entry, kind):
+    def _take(self, number, entry, kind, device):
         """The case that the entry tells of, one that it erases as a whole, its end."""
         if kind == "case-opened":
             case = self.cases.setdefault(entry["case"], KnownCase())
             if case.opened is None:
-                case.opened, case.opening_line = number, entry["sha256"]
+                case.opened, case.opening_line, case.device = number, entry["sha256"], device
+            elif case.opening_line != entry["sha256"]:
+                case.further.append([number, entry["sha256"], False])
             return case, None, None
         if kind in ("case-checkpoint", "case-closed"):
             case = self.cases.setdefault(entry["case"], KnownCase())
@@ -159,6 +167,11 @@ def _look_for_cases(log, path):
             report("case-missing" if case.vouched else "log-entry-doubted", name)
         elif not case.closed and not case.erased:
             report("log-case-open", name)
+        for _, line, vouched in case.further:
+            if search and not case.erased and not _holds(archive / name, line):
+                report("case-missing" if vouched else "log-entry-doubted", name)
+        if search and case.erased and _holds(archive / name, case.opening_line):
+            report("log-case-erased", name)
     if unknown:
         report("cases-not-looked-for", "no case lies beside the log")
 

@@ -5,6 +5,7 @@
 
 #include "tests/support/build_paths.h"
 #include "tests/support/shared_data.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/unpacked.h"
 #include "tests/system/program_test.h"
 
@@ -302,6 +303,43 @@ TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
     for (const nlohmann::json& step : answer.at("steps"))
       EXPECT_EQ(step["remarks"].size(), 0U) << name << " " << step.dump();
   }
+}
+
+// Whoever writes a seal chooses the names in it.
+TEST_F(PlanProgram, ASealOfWhatIsNoPlanDoesNotHold) {
+  make_demo_home();
+  const auto seal_of = [&](const std::string& name, const std::string& sha256) {
+    write_text(
+        folder() / "made.seal.json",
+        nlohmann::json{{"format", "kiroku-plan-seal/1"},
+                       {"plan", "liver"},
+                       {"files", {{{"role", "plan"}, {"name", name}, {"bytes", 1}, {"sha256", sha256}}}}}
+            .dump());
+    return kiroku({"plan", "verify", "made.seal.json"});
+  };
+  ASSERT_EQ(tool({"mkfifo", path("pipe")}).status, 0);
+  const ProcessResult pipe = seal_of("pipe", std::string(64, '0'));
+  EXPECT_EQ(pipe.status, 3) << pipe.out;
+  EXPECT_THAT(pipe.out, HasSubstr("it is a pipe, a socket or a device and no file"));
+  write_text(folder() / "notes.txt", "x");
+  const ProcessResult notes =
+      seal_of("notes.txt", "2d711642b726b04401627ca9fbac32f5c8530fb1903cc4db02258717921a4881");
+  EXPECT_EQ(notes.status, 3);
+  EXPECT_THAT(notes.out,
+              HasSubstr("not known: whether they are all that the plan is made of cannot be told"));
+}
+
+// The entry of a sealed plan lies on the recorder's disk.
+TEST_F(PlanProgram, ASealedPlanLeavesARecorderItsRoom) {
+  const SmallDisk disk(24U << 20U);
+  if (!disk.mounted()) GTEST_SKIP() << "no file system can be mounted here";
+  make_demo_home();
+  const fs::path on_disk = disk.path() / "home";
+  fs::copy(home(), on_disk, fs::copy_options::recursive);
+  const std::string log = read_text(on_disk / "archive/log/ledger.jsonl");
+  EXPECT_REFUSED(kiroku({"plan", "seal", "plan.json", "--home", on_disk.string()}), "the disk has no room");
+  EXPECT_FALSE(fs::exists(folder() / "plan.seal.json"));
+  EXPECT_EQ(read_text(on_disk / "archive/log/ledger.jsonl"), log);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // `kiroku renew` as a person and the weekly timer call it, with the home's own authority.
 #include "tests/support/reserved_port.h"
+#include "tests/support/small_disk.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -48,7 +49,7 @@ TEST_F(Renew, BeginsARecordForEachCaseWithOneTimeStamp) {
   EXPECT_EQ(report.at("evidence").at("entries"), report.at("entries"));
   ASSERT_THAT(report.at("evidence").at("links"), SizeIs(1));
   EXPECT_EQ(report.at("evidence").at("links")[0].at("covers_data"), true);
-  EXPECT_THAT(kiroku({"verify", second.string()}).out, HasSubstr(" proved since "));
+  EXPECT_THAT(kiroku({"verify", second.string()}).out, HasSubstr(" there by the recorder's own word at "));
   // One token over both.
   EXPECT_EQ(report.at("evidence").at("since"), verify({second.string()}).at("evidence").at("since"));
 
@@ -149,7 +150,33 @@ TEST_F(Renew, ReportReceiptAndExcerptTellWhatTheRecordProves) {
   EXPECT_EQ(alone.at("evidence"), nullptr) << "no record lies beside it";
   const auto with = verify({"--evidence", record_of(folder).string(), path("part")});
   EXPECT_EQ(with.at("verdict"), "intact-excerpt") << with.at("findings");
-  EXPECT_THAT(told(with, "evidence-holds"), HasSubstr("proves the checkpoint over "));
+  EXPECT_THAT(told(with, "evidence-holds"),
+              HasSubstr("says, by the recorder's own word, that the checkpoint over "));
+}
+
+// No record covers a log.
+TEST_F(Renew, TheLogIsJudgedByAPolicy) {
+  write_text(path("policy.toml"),
+             "[[algorithm]]\nname = \"sha256\"\n[[algorithm]]\nname = \"ed25519\"\nuntil = 2025-12-31\n");
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+  const ProcessResult ended = kiroku({"log", "--verify", "--policy", path("policy.toml")});
+  EXPECT_EQ(ended.status, 3) << ended.err;
+  EXPECT_THAT(ended.out, HasSubstr("algorithm-ended"));
+  EXPECT_REFUSED(kiroku({"log", "--policy", path("policy.toml")}), "give --verify, too");
+  EXPECT_REFUSED(kiroku({"log", "--verify", "--policy", path("none.toml")}), "none.toml");
+}
+
+// A record lies on the recorder's disk. What finds no room waits, and nobody is asked for a time-stamp.
+TEST_F(Renew, LeavesARecorderItsRoom) {
+  const SmallDisk disk(48U << 20U);
+  if (!disk.mounted()) GTEST_SKIP() << "no file system can be mounted here";
+  const auto folder = record();
+  const fs::path on_disk = disk.path() / "home";
+  fs::copy(home(), on_disk, fs::copy_options::recursive);
+  const ProcessResult waits = kiroku({"renew", "--home", on_disk.string()});
+  EXPECT_EQ(waits.status, 3) << waits.err << waits.out;
+  EXPECT_THAT(waits.out, HasSubstr("waits: it had no record; no time-stamp came: the disk has no room"));
+  EXPECT_FALSE(fs::exists(on_disk / "archive/evidence" / (folder.filename().string() + ".ers")));
 }
 
 TEST_F(Renew, RefusesWhatItCannotDo) {

@@ -47,6 +47,41 @@ TEST_F(Verify, NamesTheFileThatWasTamperedWith) {
   EXPECT_EQ(kiroku({"verify", case_.string()}).status, 0) << "the original is as it was";
 }
 
+// The list of cases tells verdicts by what the home trusts. Whoever makes a case can hand over keys as well.
+TEST_F(Verify, TheListOfCasesKnowsNoVerdictByKeysThatSomebodyNamed) {
+  const auto listed = [&](const std::filesystem::path& folder) {
+    const auto all = kiroku_json({"cases", "--json"});
+    for (const auto& each : all["cases"]) {
+      if (each["case"] == folder.filename().string()) return each["verdict"];
+    }
+    return nlohmann::json("not listed");
+  };
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("strange")}).status, 0);
+  const std::string key = path("strange/device.pub"), root = path("strange/own-authority.pem");
+  ASSERT_EQ(kiroku({"verify", case_.string()}).status, 0);
+  EXPECT_EQ(listed(case_), "intact");
+  EXPECT_EQ(kiroku({"verify", "--device", key, case_.string()}).status, 3);
+  EXPECT_EQ(listed(case_), "intact");
+
+  ASSERT_EQ(kiroku({"record", "--home", path("strange"), "--vitals", "synthetic:patient", "--duration", "2s"})
+                .status,
+            0);
+  std::filesystem::path made;
+  for (const auto& each : std::filesystem::directory_iterator(path("strange/archive"))) {
+    if (std::filesystem::exists(each.path() / "segments")) made = each.path();
+  }
+  ASSERT_FALSE(made.empty());
+  const std::filesystem::path slipped_in = home() / "archive" / made.filename();
+  std::filesystem::copy(made, slipped_in, std::filesystem::copy_options::recursive);
+  EXPECT_EQ(kiroku({"verify", "--device", key, "--own-authority", root, "--log", path("strange/archive/log"),
+                    slipped_in.string()})
+                .status,
+            0);
+  EXPECT_EQ(listed(slipped_in), nullptr) << "nobody here vouches for it";
+  EXPECT_EQ(kiroku({"verify", slipped_in.string()}).status, 1);
+  EXPECT_EQ(listed(slipped_in), "tampered");
+}
+
 TEST_F(Verify, OfSeveralCasesReturnsTheWorst) {
   const auto copy = copy_of_case();
   flip_byte(copy / "ledger.jsonl", 20);

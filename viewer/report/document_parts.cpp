@@ -82,7 +82,11 @@ Tone tone_of(Verdict verdict) {
 }
 
 std::string time_sentence(const ReportInput& input) {
-  if (input.verification.time == TimeProof::kNone) return say(input.language, "time.none");
+  if (input.verification.time == TimeProof::kNone) {
+    const bool ended = std::ranges::find(input.verification.findings, kAlgorithmEnded,
+                                         &archive::Finding::code) != input.verification.findings.end();
+    return ended ? say(input.language, "time.ended") : say(input.language, "time.none");
+  }
   if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
   if (input.verification.time == TimeProof::kExternalInPart) {
     return say(input.language, "time.external-in-part",
@@ -118,13 +122,20 @@ std::string evidence_sentence(const ReportInput& input) {
           ? words("evidence.one", {})
           : words("evidence.chain", {std::to_string(evidence.time_stamps), utc_time(*evidence.newest)});
   const std::uint64_t entries = input.verification.entries;
-  std::string proved = words("evidence.holds", {since, chain, grouped(entries)});
+  const std::string all = grouped(entries), covered = grouped(evidence.entries);
+  // What no outside clock stands behind is said by somebody, and not proved.
+  const bool proved = evidence.outside;
   if (input.verification.excerpt) {
-    proved = words("evidence.holds.excerpt", {since, chain});
-  } else if (evidence.entries < entries) {
-    proved = words("evidence.holds.part", {since, chain, grouped(evidence.entries), grouped(entries)});
+    return proved ? words("evidence.holds.excerpt", {since, chain})
+                  : words("evidence.self-issued", {words("evidence.says.excerpt", {since, chain})});
   }
-  return evidence.outside ? proved : words("evidence.self-issued", {proved});
+  if (evidence.entries < entries) {
+    return proved
+               ? words("evidence.holds.part", {since, chain, covered, all})
+               : words("evidence.self-issued", {words("evidence.says.part", {since, chain, covered, all})});
+  }
+  return proved ? words("evidence.holds", {since, chain, all})
+                : words("evidence.self-issued", {words("evidence.says", {since, chain, all})});
 }
 
 Statement verdict_statement(const ReportInput& input) {

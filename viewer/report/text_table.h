@@ -83,6 +83,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は記録装置に内蔵された時刻認証局のみによるもので、外部の時計による裏付けはありません。"},
     {"time.none", "No time stamp could be checked: when it existed is not proved.",
      "検査できたタイムスタンプがなく、存在した時刻は証明されていません。"},
+    {"time.ended",
+     "By the policy that was given, an algorithm of its time stamps counts no more: when it existed is not "
+     "proved.",
+     "与えられた方針では、タイムスタンプのアルゴリズムがもう有効でないため、存在した時刻は証明されていません"
+     "。"},
     {"scope.remark-unopened",
      "The pictures themselves were not opened; that takes a key and is not needed for the above.",
      "映像そのものは開いていません。開くには鍵が必要ですが、上記の判定には不要です。"},
@@ -336,14 +341,22 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "台帳の全 {3} 項目のうち最初の {2} 項目が {0} から存在したことが、{1}により証明されています。"},
     {"evidence.holds.excerpt", "The checkpoint of this excerpt and its files are proved since {0} by {1}.",
      "この抜粋のチェックポイントとファイルが {0} から存在したことが、{1}により証明されています。"},
+    {"evidence.says", "By the recorder's own word all {2} ledger entries existed at {0}: {1}.",
+     "記録装置自身の申告では、台帳の全 {2} 項目が {0} に存在しました：{1}。"},
+    {"evidence.says.part",
+     "By the recorder's own word the first {2} of {3} ledger entries existed at {0}: {1}.",
+     "記録装置自身の申告では、台帳の全 {3} 項目のうち最初の {2} 項目が {0} に存在しました：{1}。"},
+    {"evidence.says.excerpt",
+     "By the recorder's own word the checkpoint of this excerpt and its files existed at {0}: {1}.",
+     "記録装置自身の申告では、この抜粋のチェックポイントとファイルが {0} に存在しました：{1}。"},
     {"evidence.one", "one time stamp", "1個のタイムスタンプ"},
     {"evidence.chain", "a chain of {0} time stamps, the newest of {1}",
      "{0}個のタイムスタンプの連鎖（最新は {1}）"},
     {"evidence.self-issued",
      "{0} The recorder's own authority is among those that stamped: no outside clock stands behind these "
-     "times.",
-     "{0}ただし、記録装置自身の認証局のタイムスタンプを含むため、これらの時刻に外部の時計の裏付けはありません"
-     "。"},
+     "times, and they prove nothing against whoever has the recorder.",
+     "{0}記録装置自身の認証局のタイムスタンプを含むため、これらの時刻に外部の時計の裏付けはなく、"
+     "記録装置を持つ者に対しては何も証明しません。"},
     {"evidence.refused", "The evidence record proves nothing here. The verifier says: {0}",
      "証拠記録はここでは何も証明しません。検証プログラムの説明：{0}"},
     {"evidence.unknown", "Whether the evidence record holds could not be checked. The verifier says: {0}",
@@ -359,8 +372,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"evidence.covers.link", "the time stamp before", "直前のタイムスタンプ"},
     {"evidence.covered", "It covers {0} ledger entries, from the first on, and {1} files that they name.",
      "対象は、台帳の最初から {0} 件の項目と、それらが名指す {1} 個のファイルです。"},
-    {"evidence.later", "{0} entries came later. The record says nothing of them.",
-     "その後に加わった {0} 件の項目は、証拠記録の対象ではありません。"},
+    {"evidence.later",
+     "{0} entries came later. The record says nothing of them. On the recorder 'kiroku renew --take-in' "
+     "brings "
+     "them in.",
+     "その後に加わった {0} 件の項目は、証拠記録の対象ではありません。記録装置で kiroku renew --take-in "
+     "を実行すると取り込まれます。"},
     {"evidence.excerpt",
      "The lines of this excerpt lead to that checkpoint by SHA-256. The record covers the whole case; "
      "whether it "

@@ -31,6 +31,8 @@ struct SealedAttempt {
 class AttemptSealer {
  public:
   virtual ~AttemptSealer() = default;
+  /// Throws kiroku::Error where the home has no room for an attempt beside what a recorder may need.
+  virtual void require_room() = 0;
   /// Files for an attempt that begins, whose number is no other's. kiroku::Error.
   virtual std::unique_ptr<AttemptFiles> keep(std::int64_t attempt) = 0;
   /// Records what was kept into a new case with `facts` in its sealed subject, and verifies it; the files lie

@@ -63,6 +63,8 @@ void AttemptSocket::begin(const BeginMessage& message) {
     static_cast<void>(require_may_train(results, message.trainee));
   });
   place_ = room_.enter(message.trainee);
+  const bool is_kept = room_.options().sealer && user_.may_record;
+  if (is_kept) room_.options().sealer->require_room();
   trainer::ExclusionRecord record;
   record.test = message.test;
   record.object = message.object;
@@ -76,6 +78,7 @@ void AttemptSocket::begin(const BeginMessage& message) {
     const double practice_s = room_.options().practice_s;
     if (const std::string why = trainer::not_allowed(progress, message.test, practice_s); !why.empty())
       throw Refusal(409, trainee.name + " " + why);
+    room_.require_pace(user_.name);
     if (!message.test && practice_s > 0) practice_left_s = practice_s - progress.practised_s;
     record.trainee = trainee.name;
     record.group = trainee.group;
@@ -83,7 +86,7 @@ void AttemptSocket::begin(const BeginMessage& message) {
     record.session = progress.session;
     return results.begin_attempt(trainee, record, utc_now());
   });
-  if (room_.options().sealer && user_.may_record) files_ = room_.options().sealer->keep(kept);
+  if (is_kept) files_ = room_.options().sealer->keep(kept);
   trainer::ExclusionOptions options;
   options.shows_stress = record.stress_shown;
   options.picture_rate_hz = kPicturesPerSecond;

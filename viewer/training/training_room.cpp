@@ -21,7 +21,7 @@ bool may_train_as(const TrainingUser& user, const trainer::Trainee& trainee) {
 }
 
 TrainingRoom::TrainingRoom(TrainingOptions options)
-    : options_(std::move(options)), database_(options_.database) {
+    : options_(std::move(options)), database_(options_.database), pace_(options_.pace) {
   made_["a"];
   made_["b"];
 }
@@ -54,6 +54,15 @@ std::shared_ptr<const trainer::ExclusionBody> TrainingRoom::body(const std::stri
     made.body = std::make_shared<const trainer::ExclusionBody>(std::move(object), task);
   }
   return made.body;
+}
+
+void TrainingRoom::require_pace(const std::string& user) {
+  const auto wait = pace_.take(user, options_.clock->now());
+  if (wait.count() == 0) return;
+  throw Refusal(429,
+                "many attempts were begun one after the other: begin the next one in " +
+                    std::to_string(wait.count()) + " s",
+                wait);
 }
 
 std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {

@@ -15,6 +15,7 @@
 #include "trainer/hand/hand_motion.h"
 #include "trainer/results/training_database.h"
 #include "viewer/http/request.h"
+#include "viewer/people/deed_pace.h"
 #include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {
@@ -34,6 +35,10 @@ struct TrainingOptions {
   std::set<std::string> doubted;
   /// Makes cases of attempts; null: none are made.
   std::shared_ptr<AttemptSealer> sealer;
+  /// How fast one user's attempts may follow each other: each leaves a row that every look at progress reads.
+  /// An attempt that is broken off at once is one, too.
+  DeedPace::Limits pace{30, std::chrono::seconds(10)};
+  const Clock* clock = &Clock::system();  // must outlive the room
   /// Hears in one sentence of what failed inside; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };
@@ -97,6 +102,8 @@ class TrainingRoom {
   /// The certificate of an attempt that was sealed. Refusal 404 where it was not, 403 where the user may not.
   Bytes certificate(const TrainingUser& user, std::int64_t attempt, report::Language language);
 
+  /// Refusal 429 where one user began so many attempts that the next one has to wait; else this one counts.
+  void require_pace(const std::string& user);
   /// Refusal 409 where the trainee trains already, 503 where all places are taken.
   std::unique_ptr<Place> enter(const std::string& trainee);
 
@@ -116,6 +123,7 @@ class TrainingRoom {
   std::mutex database_mutex_;
   trainer::TrainingDatabase database_;
   std::map<std::string, Made> made_;  // "a" and "b"
+  DeedPace pace_;
   std::mutex places_mutex_;
   std::set<std::string> training_;
   std::mutex sealable_mutex_;

@@ -305,6 +305,30 @@ TEST_F(HostileToken, ByAKeyThatIsDearToVerifyIsNotChecked) {
   }
 }
 
+// Whoever judges thousands asks first whether anybody vouches for the signer. A signer that somebody vouches
+// for is judged as always.
+TEST_F(HostileToken, OfAStrangerIsNotAskedForItsSignatureWhereTheCallerSaysSo) {
+  Bytes broken = make_token(recipe());
+  broken.back() ^= std::byte{0x01};  // of the signature, which comes last
+  const TestAuthority other = make_test_authority();
+  EXPECT_EQ(judge(broken, other).code, TokenCode::kSignatureInvalid);
+  Expectation few;
+  few.judge_strangers = false;
+  const auto stranger = judge(broken, other, few);
+  EXPECT_EQ(stranger.code, TokenCode::kIssuerUnknown);
+  EXPECT_TRUE(stranger.explanation.ends_with("; whether its signature holds was not looked at"))
+      << stranger.explanation;
+  EXPECT_TRUE(stranger.info);
+  EXPECT_EQ(judge_token(broken, few, TrustStore()).code, TokenCode::kNoTrust);
+  EXPECT_EQ(judge(broken, authority_, few).code, TokenCode::kSignatureInvalid);
+  const auto sound = judge(recipe(), few);
+  EXPECT_EQ(sound.code, TokenCode::kValid) << sound.explanation;
+  EXPECT_EQ(sound.chain.size(), 2U);
+  TokenRecipe wrong = recipe();
+  wrong.gen_time = "20500805091502Z";
+  EXPECT_EQ(judge(wrong, few).code, TokenCode::kCertificateNotValidAtTime);
+}
+
 TEST_F(HostileToken, CannotBeCheckedWithoutAnyTrust) {
   const auto judgement = judge_token(make_token(recipe()), {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kNoTrust);

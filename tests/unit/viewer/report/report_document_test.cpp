@@ -129,7 +129,10 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   EXPECT_THAT(text, HasSubstr("# Evidence record\n"));
   EXPECT_THAT(text, HasSubstr("2033-10-01 00:00:00 UTC | CN=Second root | sha256 | the time stamp before\n"));
   EXPECT_THAT(text, HasSubstr("12 files that they name"));
-  EXPECT_THAT(text, HasSubstr("2 entries came later. The record says nothing of them."));
+  EXPECT_THAT(
+      text,
+      HasSubstr(
+          "2 entries came later. The record says nothing of them. On the recorder 'kiroku renew --take-in'"));
   EXPECT_THAT(text, HasSubstr("It does not prove when before that it was recorded"));
   EXPECT_THAT(text, HasSubstr("It must be renewed before 2051-01-01 00:00:00 UTC."));
   EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | " + proved));
@@ -150,7 +153,20 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   in.language = Language::kEnglish;
   EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | All " + all + since));
   in.verification.evidence->outside = false;
-  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("no outside clock stands behind these times"));
+  // What no outside clock stands behind is said, and proved to nobody.
+  for (const std::string& page : {test::text_of(make_report(in)), test::text_of(make_receipt(in))}) {
+    EXPECT_THAT(page,
+                HasSubstr("By the recorder's own word all " + all + " ledger entries existed at 2026-11-01"));
+    EXPECT_THAT(page, HasSubstr("no outside clock stands behind these times"));
+    EXPECT_THAT(page, Not(HasSubstr("proved since")));
+  }
+  in.verification.evidence->entries = in.verification.entries - 2;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("By the recorder's own word the first " + part +
+                                                        " of " + all + " ledger entries existed"));
+  in.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("記録装置自身の申告では、台帳の全 " + all));
+  EXPECT_THAT(test::text_of(make_receipt(in)), Not(HasSubstr("証明されています")));
+  in.language = Language::kEnglish;
   in.verification.evidence->holds = false;
   in.verification.evidence->refusal = "it is another's";
   const std::string refused = test::text_of(make_report(in));
@@ -160,6 +176,30 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
   in.verification.evidence->could_not_check = true;
   EXPECT_THAT(test::text_of(make_receipt(in)),
               HasSubstr("could not be checked. The verifier says: it is another's"));
+}
+
+TEST_F(ReportDocument, TellsNoTimeAndNoLogByWhatEnded) {
+  ReportInput in = input();
+  in.verification.verdict = archive::Verdict::kUnproven;
+  in.verification.time = archive::TimeProof::kNone;
+  in.verification.brackets.clear();
+  in.verification.findings.push_back(
+      {"algorithm-ended", archive::Severity::kUnproven, {}, {}, {}, "ecdsa ended"});
+  const std::string ended = test::text_of(make_report(in));
+  EXPECT_THAT(ended,
+              HasSubstr("an algorithm of its time stamps counts no more: when it existed is not proved"));
+  EXPECT_THAT(ended, Not(HasSubstr("Authorities outside the recorder time-stamped it")));
+  in.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("タイムスタンプのアルゴリズムがもう有効でないため"));
+
+  ReportInput beside = input();
+  beside.given.log = {{"log", {}}};
+  EXPECT_THAT(test::text_of(make_report(beside)),
+              HasSubstr("The appliance log that was given knows its beginning"));
+  beside.verification.findings.push_back(
+      {"log-algorithm-ended", archive::Severity::kNote, "log/ledger.jsonl", {}, {}, "ed25519 ended"});
+  EXPECT_THAT(test::text_of(make_report(beside)),
+              Not(HasSubstr("The appliance log that was given knows its beginning")));
 }
 
 TEST_F(ReportDocument, CountsOnlyTheTimeStampsThatHold) {

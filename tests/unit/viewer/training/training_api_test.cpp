@@ -11,6 +11,7 @@
 
 #include "tests/support/eventually.h"
 #include "tests/support/flat_organ_volume.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/served_routes.h"
 #include "tests/support/temporary_folder.h"
 #include "trainer/exclusion/patient_organ.h"
@@ -41,6 +42,8 @@ class TrainingApi : public testing::Test {
       options.database = folder / "training.sqlite";
       options.vertices = 900;
       options.at_once = 2;
+      options.pace = pace;
+      options.clock = &clock;
       options.organs = organs;
       for (const auto& organ : organs) options.doubted.insert(organ->object().name);
       options.tell = [this](const std::string& sentence) {
@@ -97,6 +100,8 @@ class TrainingApi : public testing::Test {
   }
 
   test::TemporaryFolder folder;
+  DeedPace::Limits pace = TrainingOptions().pace;
+  test::MovedClock clock;
   std::mutex told_mutex;
   std::vector<std::string> told;
   Organs organs;
@@ -214,6 +219,36 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   third->send_text(begin("Mori"));
   EXPECT_THAT(refusal_of(*third).second, HasSubstr("all places"));
   EXPECT_EQ(kept().size(), 2U);
+}
+
+// Each attempt stays among the results, also one that is broken off at once.
+TEST_F(TrainingApi, AttemptsThatAreBrokenOffAgainAndAgainHaveTheirPace) {
+  pace = {2, std::chrono::seconds(10)};
+  const auto broken_off = [&] {
+    const auto client = connect();
+    client->send_text(begin("Ueda"));
+    EXPECT_TRUE(next_text(*client).contains("began"));
+    client->send_text(R"({"end":true})");
+    EXPECT_TRUE(next_text(*client).contains("over"));
+  };
+  const auto refused = [&] {
+    const auto client = connect();
+    client->send_text(begin("Ueda"));
+    return refusal_of(*client).second;
+  };
+  broken_off();
+  broken_off();
+  EXPECT_EQ(refused(), "many attempts were begun one after the other: begin the next one in 10 s");
+  EXPECT_EQ(kept().size(), 2U) << "what is refused leaves nothing";
+  clock.move(std::chrono::seconds(10));
+  // The place of the one that was refused is free when its connection has ended.
+  ASSERT_TRUE(test::eventually([&] {
+    const auto client = connect();
+    client->send_text(begin("Ueda"));
+    const json said = next_text(*client);
+    return said.is_object() && said.contains("began");
+  }));
+  EXPECT_EQ(kept().size(), 3U);
 }
 
 TEST_F(TrainingApi, WhoMayNotTrainAsSomebodyNeitherHearsOfThemNorTakesTheirPlace) {

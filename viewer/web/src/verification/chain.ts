@@ -24,6 +24,8 @@ const kByCode: Record<string, LinkName> = {
   'close-not-covered': 'checkpoints',
   'end-not-covered': 'checkpoints',
   'log-checkpoint-differs': 'checkpoints',
+  'log-algorithm-ended': 'checkpoints',
+  'log-doubted': 'checkpoints',
   'no-trusted-authority': 'authority',
   'token-untrusted': 'authority',
   'second-token-untrusted': 'authority',
