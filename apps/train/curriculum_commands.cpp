@@ -15,6 +15,7 @@
 #include "apps/train/train_command.h"
 #include "base/error.h"
 #include "base/number_text.h"
+#include "trainer/curriculum/assessment_report.h"
 #include "trainer/curriculum/simulated_study.h"
 #include "trainer/results/training_database.h"
 
@@ -23,7 +24,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-const std::vector<std::string> kReportFiles{"attempts.csv", "curves.csv", "report.pdf"};
+const std::vector<std::string> kReportFiles{"attempts.csv", "curves.csv", "assessments.csv", "report.pdf"};
 
 struct TraineeRequest {
   std::string name, database;
@@ -94,6 +95,7 @@ void print_comparisons(const Json& comparisons) {
 void write_report(const OutputFolder& folder, const std::vector<trainer::ExclusionRecord>& records) {
   folder.write("attempts.csv", trainer::attempts_csv(records));
   folder.write("curves.csv", trainer::curves_csv(records));
+  folder.write("assessments.csv", trainer::assessments_csv(records));
   folder.write("report.pdf", trainer::training_report(records));
 }
 
@@ -279,7 +281,8 @@ void add_train_curriculum_commands(Command& train) {
     command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
     command.flag("--json", request->json, "prints one JSON object instead");
     command.explain(
-        "Writes attempts.csv, curves.csv and report.pdf: for each measure the learning curves of the groups "
+        "Writes attempts.csv, curves.csv, assessments.csv (questionnaires and checklists) and report.pdf: "
+        "for each measure the learning curves of the groups "
         "with 95 % "
         "intervals, and in the last session that two groups have, Welch's t-test, Hedges' g and intervals. "
         "Groups of "

@@ -58,24 +58,20 @@ class KeptFiles : public viewer::AttemptFiles {
   }
 
   /// All that was seen, on the disk. kiroku::Error where it is not.
-  void finish(const trainer::HandMotion& motion, const std::string& score) {
+  void finish(const trainer::HandMotion& motion) {
     if (finished_) return;  // an earlier try ended later
     // An earlier try may have ended below; closing twice would be an error of the pictures.
     if (pictures_.is_open()) pictures_.close();
     if (!pictures_ || written_ == 0)
       throw Error(
           "not all pictures of the attempt could be kept, so that it cannot be sealed: is the disk full?");
-    const auto put = [&](const char* name, const std::string& text) {
-      std::ofstream file(folder_ / name, std::ios::binary);
-      file << text;
-      file.close();
-      if (!file) throw Error(std::string(name) + " of the attempt cannot be written: is the disk full?");
-    };
     put(kAttemptVitals, kVitalsHead + vitals_);
     put("hand.txt", trainer::text_of(motion));
-    put("score.json", score);
     finished_ = true;
   }
+  /// Before a case is made of them: since a try that failed before there was one, more may have been said of
+  /// the attempt.
+  void put_score(const std::string& score) { put("score.json", score); }
   /// They are the case's from now on.
   void move_to(const fs::path& folder) {
     if (moved_) return;  // an earlier try ended later
@@ -92,6 +88,12 @@ class KeptFiles : public viewer::AttemptFiles {
   [[nodiscard]] const fs::path& folder() const { return folder_; }
 
  private:
+  void put(const char* name, const std::string& text) {
+    std::ofstream file(folder_ / name, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file) throw Error(std::string(name) + " of the attempt cannot be written: is the disk full?");
+  }
   void write(const Bytes& jpeg) {
     pictures_.write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
   }
@@ -125,10 +127,11 @@ class PageSealer : public viewer::AttemptSealer {
     const std::unique_lock one(sealing_, std::try_to_lock);
     if (!one) throw Error("another attempt is being sealed: try again in a moment");
     auto& kept = dynamic_cast<KeptFiles&>(files);
-    kept.finish(motion, facts.dump(2) + "\n");
+    kept.finish(motion);
     std::string case_id = earlier;
     if (earlier.empty() || !holds_whole_attempt(home_.archive() / earlier)) {
       viewer::require_disk_room(home_.archive(), 0, "free some, then seal it again", left_);
+      kept.put_score(facts.dump(2) + "\n");
       nlohmann::ordered_json told = facts;
       if (!earlier.empty()) told["instead_of"] = earlier;
       case_id = seal_attempt(home_, kept.folder(), kPictures, told, summary, begun).filename().string();

@@ -8,6 +8,7 @@ void add_train_command(Command& program) {
   add_train_threshold_commands(train);
   add_train_budget_command(train);
   add_train_exclusion_command(train);
+  add_train_stress_command(train);
   add_train_serve_command(train);
   add_train_curriculum_commands(train);
 }

@@ -13,6 +13,7 @@ void add_train_haptic_rate_command(Command& train);
 void add_train_threshold_commands(Command& train);
 void add_train_budget_command(Command& train);
 void add_train_exclusion_command(Command& train);
+void add_train_stress_command(Command& train);
 void add_train_serve_command(Command& train);
 /// Trainees, results, the study with simulated ones.
 void add_train_curriculum_commands(Command& train);

@@ -129,7 +129,9 @@ void draw_caption(Lettering& lettering, Picture& picture, const std::string& abo
 void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa) {
   const int height = letter_height(picture), bar = height, long_side = picture.height / 2;
   const Rgb colour = readable_on(picture);
-  const std::string title = "von Mises stress, Pa";
+  constexpr double kLeastOfKilopascals = 1e4;  // five digits and more are hard to read
+  const double unit_pa = largest_pa < kLeastOfKilopascals ? 1 : 1e3;
+  const std::string title = unit_pa == 1 ? "von Mises stress, Pa" : "von Mises stress, kPa";
   const int right = picture.width - height * 2 / 3, top = (picture.height - long_side) / 2;
   lettering.draw(picture, title, right - lettering.width_of(title, height), top - height, height, colour);
   for (int y = 0; y < long_side; ++y) {
@@ -139,7 +141,7 @@ void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa
   }
   constexpr int kNumbers = 4;
   for (int i = 0; i <= kNumbers; ++i) {
-    const std::string number = number_text(largest_pa * i / kNumbers, 4);
+    const std::string number = number_text(largest_pa / unit_pa * i / kNumbers, 4);
     const int y = top + long_side - 1 - (long_side - 1) * i / kNumbers;
     lettering.draw(picture, number, right - bar - height / 3 - lettering.width_of(number, height),
                    y + height / 3, height, colour);

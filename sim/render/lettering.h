@@ -36,7 +36,7 @@ class Lettering {
 /// are a 28th of the picture's height, at least 11 pixels.
 void draw_caption(Lettering& lettering, Picture& picture, const std::string& above, const std::string& below);
 
-/// Viridis from 0 to `largest_pa` at the right border, with numbers beside it.
+/// Viridis from 0 to `largest_pa` at the right border, with numbers beside it: in Pa, from 10 kPa on in kPa.
 void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa);
 
 }  // namespace kiroku::sim

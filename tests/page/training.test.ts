@@ -150,6 +150,33 @@ const pixelsLike = (page: Page, red: number, green: number, blue: number): Promi
     [red, green, blue] as const,
   );
 
+/** Fills in the questionnaire and the checklist of the attempt that is over. */
+async function saysWhatItWas(page: Page): Promise<void> {
+  await page.getByText('Nothing was said of this attempt yet.').waitFor();
+  await page.getByText('Questionnaire on the trainer').click();
+  const questionnaire = page.getByRole('form', { name: 'Questionnaire on the trainer' });
+  await questionnaire.getByRole('button', { name: 'Keep' }).click();
+  await page.getByText('Answer a question or write a comment first.').waitFor();
+  await questionnaire.getByLabel('The trainer gives the feel of an organ.').selectOption('1');
+  await questionnaire.getByLabel('It is useful to train pushing organs aside.').selectOption('2');
+  await questionnaire.getByLabel('Comment').fill('The palm is missing.\nIt is heavy.');
+  expect(await seriousBarriers(page)).toEqual([]);
+  await questionnaire.getByRole('button', { name: 'Keep' }).click();
+  await page.getByText('+1, +2, –').first().waitFor();
+  await page.getByText('Examiner’s checklist').click();
+  const checklist = page.getByRole('form', { name: 'Examiner’s checklist' });
+  // The first choice is none: an item that was forgotten keeps the form from being sent.
+  for (const select of await checklist.locator('select[name]:not([name=rating])').all()) await select.selectOption('done');
+  await checklist.getByLabel('Does not let the organ slip').selectOption('not-done');
+  await checklist.getByLabel('Looks where the border is before touching it').selectOption('not-seen');
+  await checklist.getByLabel('Global rating').selectOption('4');
+  await checklist.getByLabel('Examiner').fill('Dr Sato');
+  expect(await seriousBarriers(page)).toEqual([]);
+  await keepPicture(page, 'training-assessment');
+  await checklist.getByRole('button', { name: 'Keep' }).click();
+  await page.getByText('+1, +2, – · 6 of 7 done; rating 4 (Dr Sato)').first().waitFor();
+}
+
 story('A new trainee', (step) => {
   step('is added on the page, which shows nothing of recordings', async () => {
     const { page } = visitor;
@@ -232,11 +259,21 @@ story('A new trainee', (step) => {
     for (const force of forces.slice(0, 5)) expect(force).toBeGreaterThan(0.2);
     await expect.poll(() => page.locator('.train-came').textContent()).toContain('Done');
     await page.getByRole('img', { name: 'Tests by session: Largest von Mises stress, kPa' }).waitFor();
+    await saysWhatItWas(page);
     await page.getByRole('button', { name: 'Seal this attempt' }).click();
     const told = page.getByText(/^Sealed as \d{8}T\d{6}Z-[0-9a-f]{8}\. Its verification says: intact\./);
     await told.waitFor();
     const id = /^Sealed as (\S+)\. /.exec((await told.textContent()) ?? '')?.[1] as string;
     expect(await trainer.sealed(id)).toMatchObject({ object: 'a', hand: 'page', friction: 0.5, damage_pa: 100e3, fingers: 5 });
+    // What was said is in the case, and can only be read now.
+    expect(await trainer.sealed(id)).toMatchObject({
+      questionnaire: { answers: { 'organ-feel': 1, useful: 2, 'stress-helps': null }, comment: 'The palm is missing.\nIt is heavy.' },
+      checklist: { items: { 'keeps-hold': 'not-done', 'looks-first': 'not-seen', 'lifts-steadily': 'done' }, global_rating: 4, examiner: 'Dr Sato' },
+    });
+    const said = page.getByRole('region', { name: 'What is said of it' });
+    await said.getByText('Sealed with the attempt.').waitFor();
+    expect(await said.locator('form').count()).toBe(0);
+    await said.getByText('The palm is missing.').waitFor();
     const certificate = await page.getByRole('link', { name: 'Certificate (PDF)' }).getAttribute('href');
     const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);
     expect(answer.status()).toBe(200);

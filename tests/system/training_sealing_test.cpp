@@ -123,6 +123,65 @@ TEST_F(TrainingSealing, AnAttemptIsOneCaseAndItsFilesLieBesideIt) {
   EXPECT_EQ(cases().size(), 2U);
 }
 
+trainer::Questionnaire said(int useful) {
+  trainer::Questionnaire questionnaire;
+  questionnaire.answers = {1, useful, std::nullopt};
+  questionnaire.comment = "the palm is missing";
+  return questionnaire;
+}
+trainer::Checklist ticked() {
+  trainer::Checklist checklist;
+  checklist.items[3] = trainer::ItemState::kNotDone;
+  checklist.global_rating = 3;
+  checklist.examiner = "Dr Sato";
+  return checklist;
+}
+
+TEST_F(TrainingSealing, WhatWasSaidOfAnAttemptIsSealedWithItAndStaysSo) {
+  make_demo_home();
+  open(home());
+  const std::int64_t number = attempt();
+  room_->with_results([&](trainer::TrainingDatabase& results) {
+    results.end_attempt(number, trainer::Ending::kGivenUp, {});
+  });
+  room_->keep_questionnaire(user_, number, said(-2));
+  // A try that fails before there is a case; then the mind is changed.
+  fs::path kept;
+  for (const auto& entry : fs::recursive_directory_iterator(home())) {
+    if (entry.path().filename() == "film.mjpeg") kept = entry.path().parent_path();
+  }
+  fs::create_directory(kept / "vitals.csv");  // in the way
+  EXPECT_THAT(refusal(number), HasSubstr("vitals.csv of the attempt cannot be written"));
+  fs::remove(kept / "vitals.csv");
+  room_->keep_questionnaire(user_, number, said(2));
+  room_->keep_checklist(user_, number, ticked());
+  const viewer::SealedAttempt sealed = room_->seal(user_, number);
+  const json subject = subject_of(sealed.case_id);
+  EXPECT_EQ(subject["questionnaire"]["answers"],
+            json({{"organ-feel", 1}, {"useful", 2}, {"stress-helps", nullptr}}));
+  EXPECT_EQ(subject["questionnaire"]["comment"], "the palm is missing");
+  EXPECT_EQ(subject["questionnaire"]["by"], "root");
+  EXPECT_EQ(subject["checklist"]["items"]["lifts-steadily"], "not-done");
+  EXPECT_EQ(subject["checklist"]["examiner"], "Dr Sato");
+  EXPECT_EQ(subject["checklist"]["global_rating"], 3);
+  // The file whose hash the case holds says the same.
+  const json file = json::parse(read_text(home() / "training" / sealed.case_id / "score.json"));
+  EXPECT_EQ(file["questionnaire"], subject["questionnaire"]);
+  EXPECT_EQ(file["checklist"], subject["checklist"]);
+  const auto refused = [&](const auto& action) {
+    try {
+      action();
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string("not refused");
+  };
+  EXPECT_EQ(refused([&] { room_->keep_questionnaire(user_, number, said(1)); }),
+            "this attempt was sealed as " + sealed.case_id + " already");
+  EXPECT_EQ(refused([&] { room_->keep_checklist(user_, number, ticked()); }),
+            "this attempt was sealed as " + sealed.case_id + " already");
+}
+
 TEST_F(TrainingSealing, FilesThatCannotBeMovedLeaveOneCaseThatIsGoneOnWith) {
   make_demo_home();
   open(home());

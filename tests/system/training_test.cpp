@@ -114,6 +114,27 @@ TEST_F(Training, RefusesInOneSentence) {
   EXPECT_EQ(read_text(folder() / "refused/touch.png"), "mine");
 }
 
+TEST_F(Training, StressIsToldByNumberAndMannerOfTheFingers) {
+  const nlohmann::json found = kiroku_json({"train", "stress", "--object", "b", "--vertices", "1500",
+                                            "--lift", "5", "-o", path("stress"), "--json"});
+  ASSERT_EQ(found["lifts"].size(), 9U);
+  EXPECT_EQ(found["lift_m"], 0.005);
+  for (const nlohmann::json& lift : found["lifts"]) {
+    EXPECT_EQ(lift["forces_n"].size(), lift["fingers"].get<std::size_t>());
+    EXPECT_LT(lift["von_mises_95_percent_pa"], lift["von_mises_99_percent_pa"]);
+    EXPECT_GT(lift["away_from_fingers"]["largest_von_mises_pa"],
+              lift["away_from_fingers"]["of_uniform_object_pa"]);
+  }
+  // Five that are spread lift more of the border than one, with more force in all.
+  EXPECT_GT(found["lifts"][4]["wrist_force_n"], found["lifts"][0]["wrist_force_n"]);
+  EXPECT_GT(found["lifts"][4]["visible_share"], found["lifts"][0]["visible_share"]);
+  EXPECT_THAT(read_text(folder() / "stress/stress.png"), testing::StartsWith("\x89PNG"));
+  EXPECT_THAT(read_text(folder() / "stress/cut.png"), testing::StartsWith("\x89PNG"));
+  EXPECT_EQ(nlohmann::json::parse(read_text(folder() / "stress/stress.json"))["lifts"], found["lifts"]);
+  EXPECT_REFUSED(kiroku({"train", "stress", "-o", path("other"), "--lift", "80"}), "--lift");
+  EXPECT_REFUSED(kiroku({"train", "stress", "-o", path("stress")}), "stress.json");
+}
+
 TEST_F(Training, TheBudgetComparesWhatIsAskedWithWhatIsThere) {
   const nlohmann::json found =
       kiroku_json({"train", "budget", "-o", path("budget"), "--seconds", "0.3", "--json"});

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "trainer/curriculum/assessment_report.h"
 #include "trainer/report/csv_field.h"
 
 namespace kiroku::trainer {
@@ -342,6 +343,7 @@ Bytes training_report(const std::vector<ExclusionRecord>& records) {
       blocks.push_back(std::move(block));
     }
   }
+  for (ReportBlock& block : assessment_blocks(records)) blocks.push_back(std::move(block));
   return report_pdf("Training: pushing an organ aside", blocks);
 }
 

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "trainer/assessment/assessment.h"
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/exclusion/exclusion_score.h"
 #include "trainer/report/plot.h"
@@ -44,6 +45,9 @@ struct ExclusionRecord {
   std::string sealed_case;  // the case that was made of it, or empty
   /// Absent for attempts that were kept before these were, and for those that ended before there was a mesh.
   std::optional<AttemptConditions> conditions;
+  /// What was said of it, where that was asked.
+  std::optional<Questionnaire> questionnaire;
+  std::optional<Checklist> checklist;
 };
 
 /// The study's groups: whether stress is shown in practice.
@@ -119,7 +123,8 @@ std::vector<GroupComparison> compare_at_end(const std::vector<ExclusionRecord>& 
 std::string attempts_csv(const std::vector<ExclusionRecord>& records);
 /// A line a group, number of fingers, session and measure.
 std::string curves_csv(const std::vector<ExclusionRecord>& records);
-/// Curves, comparisons and what the data are, as a PDF; kiroku::UsageError without records.
+/// Curves, comparisons, what was said of attempts and what the data are, as a PDF; kiroku::UsageError without
+/// records.
 Bytes training_report(const std::vector<ExclusionRecord>& records);
 
 }  // namespace kiroku::trainer

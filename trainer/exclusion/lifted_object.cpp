@@ -30,7 +30,7 @@ std::string name_of(LiftManner manner) { return manner == LiftManner::kSpread ? 
 
 LiftedObject lift_border(const sim::ContactBody& contact, const ExclusionTask& task, std::size_t fingers,
                          LiftManner manner, double height_m) {
-  constexpr double kMostMetres = 0.05, kStepMetres = 5e-4, kReachMetres = 0.03;
+  constexpr double kMostMetres = 0.05, kStepMetres = 5e-4, kReachMetres = 0.03, kShareAbove95 = 0.05;
   if (!(height_m > 0 && height_m <= kMostMetres))
     throw UsageError("a border is lifted by more than 0 and at most 5 cm");
   const sim::ElasticBody& body = contact.body();
@@ -55,6 +55,7 @@ LiftedObject lift_border(const sim::ContactBody& contact, const ExclusionTask& t
     solver.step(found.poses);
   }
   for (const sim::ToolForce& tool : solver.result().tools) found.forces_n.push_back(tool.force_n.norm());
+  found.wrist_n = solver.result().wrist_force_n.norm();
   contact.displacement_m(solver.result().contacts, found.displacement_m);
   found.stress_pa = body.stress_pa(found.displacement_m);
   std::vector<double> volumes_m3;
@@ -65,7 +66,11 @@ LiftedObject lift_border(const sim::ContactBody& contact, const ExclusionTask& t
     found.largest_von_mises_pa = pa;
     found.largest_at = t;
   }
-  found.high_von_mises_pa = stress_of_share_pa(body.mesh(), volumes_m3, body.at_nodes(found.stress_pa));
+  const std::vector<sim::SymmetricTensor> at_nodes_pa = body.at_nodes(found.stress_pa);
+  for (const sim::SymmetricTensor& stress_pa : at_nodes_pa)
+    found.von_mises_at_nodes_pa.push_back(sim::von_mises(stress_pa));
+  found.high_von_mises_pa = stress_of_share_pa(body.mesh(), volumes_m3, at_nodes_pa);
+  found.von_mises_95_pa = stress_of_share_pa(body.mesh(), volumes_m3, at_nodes_pa, kShareAbove95);
   return found;
 }
 

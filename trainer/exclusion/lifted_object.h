@@ -21,9 +21,12 @@ struct LiftedObject {
   std::vector<sim::SymmetricTensor> stress_pa;  // (|T|)
   std::vector<sim::Pose> poses;                 // of the fingertips
   std::vector<double> forces_n;                 // of each
+  double wrist_n = 0;                           // of all together: the length of their sum
+  std::vector<double> von_mises_at_nodes_pa;    // (|V|), of stress smoothed as ElasticBody::at_nodes() does
   double largest_von_mises_pa = 0;
   std::size_t largest_at = 0;    // a tetrahedron
   double high_von_mises_pa = 0;  // stress_of_share_pa()
+  double von_mises_95_pa = 0;    // what 95 % of the tissue stays below, by the same measure
 };
 
 /// Lifts from where fingertips touch the border from below, in steps of half a millimetre, with the task's

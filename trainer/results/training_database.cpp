@@ -1,6 +1,7 @@
 #include "trainer/results/training_database.h"
 
 #include <algorithm>
+#include <map>
 
 #include "archive/catalogue/sqlite_handles.h"
 #include "base/error.h"
@@ -117,6 +118,30 @@ constexpr const char* kNamedFingers = R"(
 /// Since version 7: the stress that all tissue but a share stays below; of older attempts nobody measured it.
 constexpr const char* kHighStress = "ALTER TABLE attempts ADD COLUMN high_von_mises_pa REAL;";
 
+/// Since version 8: what was said of attempts (trainer/assessment/assessment.h).
+constexpr const char* kAssessments = R"(
+  CREATE TABLE questionnaires (
+    attempt    INTEGER PRIMARY KEY REFERENCES attempts (id),
+    organ_feel INTEGER,               -- -2 to 2; NULL: not answered
+    useful     INTEGER,
+    stress_helps INTEGER,
+    comment    TEXT NOT NULL,
+    account    TEXT NOT NULL          -- the user who filled it in
+  ) STRICT;
+  CREATE TABLE checklists (
+    attempt    INTEGER PRIMARY KEY REFERENCES attempts (id),
+    global_rating INTEGER NOT NULL,   -- 1 to 5
+    examiner   TEXT NOT NULL,
+    account    TEXT NOT NULL
+  ) STRICT;
+  CREATE TABLE checklist_items (
+    attempt    INTEGER NOT NULL REFERENCES checklists (attempt),
+    item       TEXT NOT NULL,
+    state      TEXT NOT NULL,         -- "done", "not-done", "not-seen"
+    PRIMARY KEY (attempt, item)
+  ) STRICT;
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -159,7 +184,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
         state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
-                        kNamedFingers + kHighStress + "PRAGMA application_id = " +
+                        kNamedFingers + kHighStress + kAssessments + "PRAGMA application_id = " +
                         std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -176,7 +201,7 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
         if (found == kVersion) return;  // another was quicker
         state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
                         (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") +
-                        (found < 6 ? kNamedFingers : "") + kHighStress +
+                        (found < 6 ? kNamedFingers : "") + (found < 7 ? kHighStress : "") + kAssessments +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -394,7 +419,82 @@ void TrainingDatabase::keep_case(std::int64_t attempt, const std::string& case_i
     throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
 }
 
+void TrainingDatabase::require_assessable(std::int64_t attempt) const {
+  SqliteStatement row = state_->statement("SELECT ending, sealed_case FROM attempts WHERE id = ?");
+  row.bind(attempt);
+  if (!row.step())
+    throw UsageError("there is no attempt " + std::to_string(attempt) + " among these results");
+  if (const std::string sealed = row.text(1); !sealed.empty())
+    throw UsageError("this attempt was sealed as " + sealed + " already");
+  if (ending_named(row.text(0)) == Ending::kBrokenOff)
+    throw UsageError("this attempt runs, or was broken off: nothing can be said of it");
+}
+
+void TrainingDatabase::keep_questionnaire(std::int64_t attempt, const Questionnaire& questionnaire) {
+  require_sound(questionnaire);
+  state_->whole([&] {
+    require_assessable(attempt);
+    SqliteStatement row = state_->statement(
+        "INSERT OR REPLACE INTO questionnaires (attempt, organ_feel, useful, stress_helps, comment, account) "
+        "VALUES (?, ?, ?, ?, ?, ?)");
+    row.bind(attempt);
+    for (const std::optional<int> answer : questionnaire.answers)
+      row.bind(answer ? std::optional<std::int64_t>(*answer) : std::nullopt);
+    row.bind(questionnaire.comment).bind(questionnaire.account).step();
+  });
+}
+
+void TrainingDatabase::keep_checklist(std::int64_t attempt, const Checklist& checklist) {
+  require_sound(checklist);
+  state_->whole([&] {
+    require_assessable(attempt);
+    state_->statement("DELETE FROM checklist_items WHERE attempt = ?").bind(attempt).step();
+    state_->statement("DELETE FROM checklists WHERE attempt = ?").bind(attempt).step();
+    state_
+        ->statement("INSERT INTO checklists (attempt, global_rating, examiner, account) VALUES (?, ?, ?, ?)")
+        .bind(attempt)
+        .bind(std::int64_t{checklist.global_rating})
+        .bind(checklist.examiner)
+        .bind(checklist.account)
+        .step();
+    for (std::size_t i = 0; i < kChecklistItems.size(); ++i) {
+      state_->statement("INSERT INTO checklist_items (attempt, item, state) VALUES (?, ?, ?)")
+          .bind(attempt)
+          .bind(std::string(kChecklistItems.at(i).name))
+          .bind(std::string(name_of(checklist.items.at(i))))
+          .step();
+    }
+  });
+}
+
 std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
+  std::map<std::int64_t, Questionnaire> questionnaires;
+  SqliteStatement said = state_->statement(
+      "SELECT attempt, organ_feel, useful, stress_helps, comment, account FROM questionnaires");
+  while (said.step()) {
+    Questionnaire& questionnaire = questionnaires[said.integer(0)];
+    for (std::size_t i = 0; i < kQuestions.size(); ++i) {
+      const int column = static_cast<int>(i) + 1;
+      if (!said.is_null(column)) questionnaire.answers.at(i) = static_cast<int>(said.integer(column));
+    }
+    questionnaire.comment = said.text(4);
+    questionnaire.account = said.text(5);
+  }
+  std::map<std::int64_t, Checklist> checklists;
+  SqliteStatement ticked = state_->statement(
+      "SELECT attempt, item, state, global_rating, examiner, account FROM checklist_items JOIN checklists "
+      "USING (attempt)");
+  while (ticked.step()) {
+    Checklist& checklist = checklists[ticked.integer(0)];
+    const auto item = std::ranges::find(kChecklistItems, ticked.text(1), &ChecklistItem::name);
+    const std::optional<ItemState> state = item_state(ticked.text(2));
+    if (item == kChecklistItems.end() || !state)
+      throw Error(state_->file.string() + " has a checklist that this version of kiroku does not know");
+    checklist.items.at(static_cast<std::size_t>(item - kChecklistItems.begin())) = *state;
+    checklist.global_rating = static_cast<int>(ticked.integer(3));
+    checklist.examiner = ticked.text(4);
+    checklist.account = ticked.text(5);
+  }
   std::vector<ExclusionRecord> found;
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
@@ -421,6 +521,10 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.sealed_case = rows.text(18);
     if (!rows.is_null(19))
       record.conditions = AttemptConditions{rows.real(19), rows.real(20), rows.integer(21), rows.integer(22)};
+    if (const auto filled = questionnaires.find(record.number); filled != questionnaires.end())
+      record.questionnaire = filled->second;
+    if (const auto filled = checklists.find(record.number); filled != checklists.end())
+      record.checklist = filled->second;
     found.push_back(std::move(record));
   }
   return found;

@@ -27,7 +27,7 @@ struct Trainee {
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 7;
+  static constexpr std::int64_t kVersion = 8;
 
   /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
   /// version, for another program's database and for what is no database.
@@ -62,10 +62,16 @@ class TrainingDatabase {
   void keep_conditions(std::int64_t attempt, const AttemptConditions& conditions);
   /// The case that was made of an attempt; kiroku::UsageError where there is none of the number.
   void keep_case(std::int64_t attempt, const std::string& case_id);
+  /// What was said of an attempt that is over and was not sealed yet, in place of what was said before.
+  /// kiroku::UsageError where it is not sound (require_sound()), where the attempt is none of these results,
+  /// was broken off or runs, or is sealed: what a case holds does not change any more.
+  void keep_questionnaire(std::int64_t attempt, const Questionnaire& questionnaire);
+  void keep_checklist(std::int64_t attempt, const Checklist& checklist);
   /// All that are kept, in their order.
   [[nodiscard]] std::vector<ExclusionRecord> attempts() const;
 
  private:
+  void require_assessable(std::int64_t attempt) const;
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -22,11 +22,13 @@ inline constexpr std::array<WorkplaceRoute, 2> kPlanningRoutes{{
     {"GET", "api/planning/plans", Right::kPlan},
     {"GET", "api/planning/table", Right::kPlan, true},
 }};
-inline constexpr std::array<WorkplaceRoute, 6> kTrainingRoutes{{
+inline constexpr std::array<WorkplaceRoute, 8> kTrainingRoutes{{
     {"GET", "api/training", Right::kTrain},
     {"POST", "api/training/trainees", Right::kTrain},
     {"GET", "api/training/trainees/{trainee:text}/results", Right::kTrain},
     {"POST", "api/training/attempts/{attempt:number}/case", Right::kTrain},
+    {"POST", "api/training/attempts/{attempt:number}/questionnaire", Right::kTrain},
+    {"POST", "api/training/attempts/{attempt:number}/checklist", Right::kTrain},
     {"GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kTrain},
     {"GET", "api/training/attempt", Right::kTrain, true},
 }};

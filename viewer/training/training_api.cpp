@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "trainer/curriculum/learning.h"
+#include "trainer/report/assessment_json.h"
 #include "trainer/report/score_json.h"
 #include "viewer/api/report_api.h"
 #include "viewer/people/json_fields.h"
@@ -33,6 +34,13 @@ ordered_json trainee_json(const Trainee& trainee, const std::vector<ExclusionRec
       {"name", trainee.name}, {"group", trainee.group}, {"user", trainee.account}, {"progress", progress}};
 }
 
+template <typename Named>
+ordered_json names_of(const Named& all) {
+  ordered_json names = ordered_json::array();
+  for (const auto& one : all) names.push_back(one.name);
+  return names;
+}
+
 Response training(TrainingRoom& room, const Request& request) {
   const TrainingUser user = training_user(request);
   ordered_json trainees = ordered_json::array();
@@ -51,6 +59,8 @@ Response training(TrainingRoom& room, const Request& request) {
                          {"experts", experts},
                          {"damage_pa", room.options().damage_pa},
                          {"practice_s", room.options().practice_s},
+                         {"questions", names_of(trainer::kQuestions)},
+                         {"checklist_items", names_of(trainer::kChecklistItems)},
                          {"supervises", user.supervises},
                          {"may_seal", room.options().sealer != nullptr && user.may_record},
                          {"trainees", trainees}});
@@ -115,14 +125,19 @@ Response results_of(TrainingRoom& room, const Request& request) {
   ordered_json attempts = ordered_json::array();
   for (const ExclusionRecord& record : records) {
     if (record.trainee != name || record.object != object) continue;
-    attempts.push_back({{"attempt", record.number},
-                        {"session", record.session},
-                        {"test", record.test},
-                        {"stress_shown", record.stress_shown},
-                        {"fingers", record.fingers},
-                        {"ending", trainer::name_of(record.ending)},
-                        {"score", trainer::score_json(record.score)},
-                        {"case", record.sealed_case}});
+    attempts.push_back(
+        {{"attempt", record.number},
+         {"session", record.session},
+         {"test", record.test},
+         {"stress_shown", record.stress_shown},
+         {"fingers", record.fingers},
+         {"ending", trainer::name_of(record.ending)},
+         {"score", trainer::score_json(record.score)},
+         {"case", record.sealed_case},
+         {"questionnaire",
+          record.questionnaire ? trainer::questionnaire_json(*record.questionnaire) : ordered_json(nullptr)},
+         {"checklist",
+          record.checklist ? trainer::checklist_json(*record.checklist) : ordered_json(nullptr)}});
   }
   ordered_json curves = ordered_json::array();
   const std::vector<ExclusionRecord> comparable = trainer::comparable_records(records, name, object);
@@ -145,6 +160,20 @@ void add_training_routes(Router& router, TrainingRoom& room) {
                const SealedAttempt sealed =
                    room.seal(training_user(request), static_cast<std::int64_t>(request.number("attempt")));
                return Response::json({{"case", sealed.case_id}, {"verdict", sealed.verdict}}, 201);
+             });
+  router.add("POST", "api/training/attempts/{attempt:number}/questionnaire", Right::kTrain,
+             [&room](const Request& request) {
+               room.keep_questionnaire(training_user(request),
+                                       static_cast<std::int64_t>(request.number("attempt")),
+                                       trainer::questionnaire_of(request.json()));
+               return Response::json({{"kept", true}});
+             });
+  router.add("POST", "api/training/attempts/{attempt:number}/checklist", Right::kTrain,
+             [&room](const Request& request) {
+               room.keep_checklist(training_user(request),
+                                   static_cast<std::int64_t>(request.number("attempt")),
+                                   trainer::checklist_of(request.json()));
+               return Response::json({{"kept", true}});
              });
   router.add("GET", "api/training/attempts/{attempt:number}/certificate.pdf", Right::kTrain,
              [&room](const Request& request) {

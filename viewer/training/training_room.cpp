@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "trainer/report/assessment_json.h"
 #include "viewer/people/session.h"
 
 namespace kiroku::viewer {
@@ -79,10 +80,7 @@ void TrainingRoom::keep_sealable(const std::string& trainee, Sealable sealable) 
   sealable_[trainee] = std::move(sealable);
 }
 
-trainer::ExclusionRecord TrainingRoom::require_may_seal(const TrainingUser& user, std::int64_t attempt) {
-  if (!options_.sealer) throw Refusal(404, "this server makes no cases of attempts: start it with --seal");
-  if (!user.may_record)
-    throw Refusal(403, "sealing makes a case, which surgeons and administrators may: ask one of them");
+trainer::ExclusionRecord TrainingRoom::require_own(const TrainingUser& user, std::int64_t attempt) {
   return with_results([&](const trainer::TrainingDatabase& results) {
     const std::vector<trainer::ExclusionRecord> records = results.attempts();
     const auto found = std::ranges::find(records, attempt, &trainer::ExclusionRecord::number);
@@ -90,6 +88,38 @@ trainer::ExclusionRecord TrainingRoom::require_may_seal(const TrainingUser& user
       throw Refusal(404, "there is no such attempt of a trainee that you may train as");
     return *found;
   });
+}
+
+trainer::ExclusionRecord TrainingRoom::require_may_seal(const TrainingUser& user, std::int64_t attempt) {
+  if (!options_.sealer) throw Refusal(404, "this server makes no cases of attempts: start it with --seal");
+  if (!user.may_record)
+    throw Refusal(403, "sealing makes a case, which surgeons and administrators may: ask one of them");
+  return require_own(user, attempt);
+}
+
+void TrainingRoom::keep_questionnaire(const TrainingUser& user, std::int64_t attempt,
+                                      trainer::Questionnaire said) {
+  said.account = user.name;
+  keep_unsealed(user, attempt,
+                [&](trainer::TrainingDatabase& results) { results.keep_questionnaire(attempt, said); });
+}
+
+void TrainingRoom::keep_checklist(const TrainingUser& user, std::int64_t attempt,
+                                  trainer::Checklist checklist) {
+  if (!user.supervises)
+    throw Refusal(403, "a checklist is filled in by who supervises trainees: ask an administrator");
+  checklist.account = user.name;
+  keep_unsealed(user, attempt,
+                [&](trainer::TrainingDatabase& results) { results.keep_checklist(attempt, checklist); });
+}
+
+void TrainingRoom::keep_unsealed(const TrainingUser& user, std::int64_t attempt,
+                                 const std::function<void(trainer::TrainingDatabase&)>& keep) {
+  static_cast<void>(require_own(user, attempt));
+  // Until it is kept: a case that begins meanwhile takes it in, or is known to the results before.
+  const std::lock_guard guard(sealable_mutex_);
+  if (sealing_.contains(attempt)) throw Refusal(409, "this attempt is being sealed: wait a moment");
+  with_results([&](trainer::TrainingDatabase& results) { keep(results); });
 }
 
 SealedAttempt TrainingRoom::seal(const TrainingUser& user, std::int64_t attempt) {
@@ -103,8 +133,11 @@ SealedAttempt TrainingRoom::seal(const TrainingUser& user, std::int64_t attempt)
   };
   try {
     // Only now: whoever sealed it meanwhile has told of the case before the attempt could be taken again.
-    const std::string earlier = require_may_seal(user, attempt).sealed_case;
+    const trainer::ExclusionRecord record = require_may_seal(user, attempt);
+    const std::string& earlier = record.sealed_case;
     nlohmann::ordered_json facts = nlohmann::ordered_json::parse(sealable.facts);
+    if (record.questionnaire) facts["questionnaire"] = trainer::questionnaire_json(*record.questionnaire);
+    if (record.checklist) facts["checklist"] = trainer::checklist_json(*record.checklist);
     facts["sealed_by"] = user.name;
     const SealedAttempt sealed = options_.sealer->seal(
         *sealable.files, sealable.motion, facts, sealable.summary, earlier, [&](const std::string& case_id) {

@@ -99,6 +99,12 @@ class TrainingRoom {
   /// Refusal 404 where the attempt is no more there to be sealed, 409 where it is sealed or being sealed, 403
   /// where the user may not.
   SealedAttempt seal(const TrainingUser& user, std::int64_t attempt);
+  /// Keeps what was said of an attempt that is over, with the user's name, until it is sealed: its case holds
+  /// what was said by then. Refusal 404 where there is no such attempt of a trainee that the user may train
+  /// as, 403 for a checklist of a user who does not supervise, 409 while the attempt is being sealed;
+  /// kiroku::UsageError as TrainingDatabase::keep_questionnaire().
+  void keep_questionnaire(const TrainingUser& user, std::int64_t attempt, trainer::Questionnaire said);
+  void keep_checklist(const TrainingUser& user, std::int64_t attempt, trainer::Checklist checklist);
   /// The certificate of an attempt that was sealed. Refusal 404 where it was not, 403 where the user may not.
   Bytes certificate(const TrainingUser& user, std::int64_t attempt, report::Language language);
 
@@ -116,6 +122,11 @@ class TrainingRoom {
   void leave(const std::string& trainee);
   /// What the attempt is sealed from, taken away until that is over.
   Sealable take_sealable(const TrainingUser& user, const std::string& trainee, std::int64_t attempt);
+  /// The attempt, where its trainee is one whom the user may train as.
+  trainer::ExclusionRecord require_own(const TrainingUser& user, std::int64_t attempt);
+  /// Calls `keep` with the results while no case is being made of the attempt.
+  void keep_unsealed(const TrainingUser& user, std::int64_t attempt,
+                     const std::function<void(trainer::TrainingDatabase&)>& keep);
   /// The attempt, where the user may seal it.
   trainer::ExclusionRecord require_may_seal(const TrainingUser& user, std::int64_t attempt);
 

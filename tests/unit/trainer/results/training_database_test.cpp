@@ -134,6 +134,58 @@ TEST(TrainingDatabase, ABegunAttemptIsBrokenOffUntilItsEndIsKept) {
   EXPECT_THAT(refusal([&] { database.end_attempt(77, Ending::kDone, {}); }), HasSubstr("no attempt 77"));
 }
 
+Checklist checklist_of(const std::string& examiner, int rating) {
+  Checklist checklist;
+  checklist.items.fill(ItemState::kDone);
+  checklist.items[2] = ItemState::kNotDone;
+  checklist.items[5] = ItemState::kNotSeen;
+  checklist.global_rating = rating;
+  checklist.examiner = examiner;
+  checklist.account = "root";
+  return checklist;
+}
+
+TEST(TrainingDatabase, KeepsWhatWasSaidOfAnAttemptUntilItIsSealed) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder / "results.sqlite";
+  const Questionnaire first{{1, std::nullopt, -2}, "The palm is missing.", "anna"},
+      second{{2, 2, 0}, "", "anna"};
+  {
+    TrainingDatabase database(file);
+    const Trainee aoki = database.add_trainee("Aoki", "", false);
+    ExclusionRecord record;
+    record.object = "a";
+    record.ending = Ending::kDone;
+    database.add_attempt(aoki, record, UtcTime{});
+    database.add_attempt(aoki, record, UtcTime{});
+    const std::int64_t runs = database.begin_attempt(aoki, record, UtcTime{});
+    database.keep_questionnaire(1, first);
+    database.keep_checklist(1, checklist_of("Dr Sato", 2));
+    EXPECT_THAT(refusal([&] { database.keep_questionnaire(runs, first); }), HasSubstr("broken off"));
+    EXPECT_THAT(refusal([&] { database.keep_checklist(77, checklist_of("Dr Sato", 2)); }),
+                HasSubstr("no attempt 77"));
+    EXPECT_THAT(refusal([&] { database.keep_questionnaire(2, {{3, {}, {}}, "", ""}); }), HasSubstr("not 3"));
+    EXPECT_THAT(refusal([&] { database.keep_checklist(2, checklist_of("", 2)); }), HasSubstr("'examiner'"));
+  }
+  TrainingDatabase database(file);
+  EXPECT_EQ(database.attempts()[0].questionnaire, first);
+  EXPECT_EQ(database.attempts()[0].checklist, checklist_of("Dr Sato", 2));
+  EXPECT_FALSE(database.attempts()[1].questionnaire);
+  EXPECT_FALSE(database.attempts()[1].checklist);
+  // Once more, in its place.
+  database.keep_questionnaire(1, second);
+  database.keep_checklist(1, checklist_of("Dr Abe", 5));
+  EXPECT_EQ(database.attempts()[0].questionnaire, second);
+  EXPECT_EQ(database.attempts()[0].checklist, checklist_of("Dr Abe", 5));
+  database.keep_case(1, "20260805T091502Z-3f9c21ab");
+  EXPECT_THAT(refusal([&] { database.keep_questionnaire(1, first); }),
+              HasSubstr("sealed as 20260805T091502Z"));
+  EXPECT_THAT(refusal([&] { database.keep_checklist(1, checklist_of("Dr Sato", 2)); }),
+              HasSubstr("sealed as"));
+  EXPECT_EQ(database.attempts()[0].questionnaire, second);
+  EXPECT_EQ(database.attempts()[0].checklist, checklist_of("Dr Abe", 5));
+}
+
 /// What version 5 brought, taken away from the rate sessions; and from the attempts.
 constexpr const char* kNoSeries =
     "ALTER TABLE rate_sessions DROP COLUMN series; "
@@ -146,6 +198,8 @@ constexpr const char* kNoSeries =
     "INSERT INTO numbered SELECT session, CAST(which AS INTEGER), hz, low_hz, high_hz, own_hz FROM "
     "rate_thresholds; "
     "DROP TABLE rate_thresholds; ALTER TABLE numbered RENAME TO rate_thresholds; ";
+constexpr const char* kNoAssessments =
+    "DROP TABLE checklist_items; DROP TABLE checklists; DROP TABLE questionnaires; ";
 constexpr const char* kNoConditions =
     "ALTER TABLE attempts DROP COLUMN friction; ALTER TABLE attempts DROP COLUMN damage_pa; "
     "ALTER TABLE attempts DROP COLUMN vertices; ALTER TABLE attempts DROP COLUMN tetrahedra; "
@@ -157,11 +211,10 @@ void execute(const std::filesystem::path& file, const std::string& sql) { execut
 TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "first.sqlite"); }
-  execute(
-      folder / "first.sqlite",
-      kNoSeries +
-          std::string("DROP TABLE attempts; ALTER TABLE trainees DROP COLUMN account; PRAGMA user_version "
-                      "= 1"));
+  execute(folder / "first.sqlite",
+          kNoSeries + std::string(kNoAssessments) +
+              "DROP TABLE attempts; ALTER TABLE trainees DROP COLUMN account; PRAGMA user_version "
+              "= 1");
   EXPECT_TRUE(TrainingDatabase(folder / "first.sqlite").attempts().empty());
   ExclusionRecord done;
   done.object = "a";
@@ -173,7 +226,7 @@ TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
     made.add_attempt(aoki, {}, UtcTime{});
   }
   execute(folder / "second.sqlite",
-          std::string(kNoSeries) + kNoConditions +
+          std::string(kNoSeries) + kNoAssessments + kNoConditions +
               "ALTER TABLE attempts DROP COLUMN ending; ALTER TABLE attempts DROP COLUMN sealed_case; "
               "ALTER TABLE trainees DROP COLUMN account; "
               "PRAGMA user_version = 2");
@@ -182,7 +235,7 @@ TEST(TrainingDatabase, GivesAnOlderOneWhatIsNew) {
   EXPECT_EQ(kept[0].ending, Ending::kDone);
   EXPECT_EQ(kept[1].ending, Ending::kTimeOver);
   execute(folder / "second.sqlite",
-          std::string(kNoSeries) + kNoConditions +
+          std::string(kNoSeries) + kNoAssessments + kNoConditions +
               "ALTER TABLE attempts DROP COLUMN sealed_case; ALTER TABLE trainees DROP COLUMN account; "
               "PRAGMA user_version = 3");
   TrainingDatabase third(folder / "second.sqlite");
@@ -205,7 +258,7 @@ TEST(TrainingDatabase, OfAnOlderOneTheConditionsAreUnknownAndTheRatesWereTheExcl
     session.thresholds = {{1, {25.1, {20, 31}}, 24.5}, {3, {3.8, {3, 5}}, std::nullopt}};
     made.add_rate_session(aoki, session, UtcTime{});
   }
-  execute(file, std::string(kNoSeries) + kNoConditions + "PRAGMA user_version = 4");
+  execute(file, std::string(kNoSeries) + kNoAssessments + kNoConditions + "PRAGMA user_version = 4");
   for (int time = 0; time < 2; ++time) {
     TrainingDatabase opened(file);
     ASSERT_EQ(opened.attempts().size(), 1U);
@@ -219,6 +272,25 @@ TEST(TrainingDatabase, OfAnOlderOneTheConditionsAreUnknownAndTheRatesWereTheExcl
     EXPECT_EQ(opened.rate_sessions()[0].thresholds[1].fingers, Fingers(3));
     EXPECT_EQ(opened.rate_sessions()[0].thresholds[1].estimate.hz, 3.8);
   }
+}
+
+TEST(TrainingDatabase, OfVersionSevenWhatItHasStaysAndMoreCanBeSaid) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder / "results.sqlite";
+  {
+    TrainingDatabase made(file);
+    ExclusionRecord record;
+    record.object = "a";
+    record.score.high_von_mises_pa = 2.5e4;
+    made.add_attempt(made.add_trainee("Aoki", "", false), record, UtcTime{});
+  }
+  execute(file, kNoAssessments + std::string("PRAGMA user_version = 7"));
+  TrainingDatabase opened(file);
+  ASSERT_EQ(opened.attempts().size(), 1U);
+  EXPECT_EQ(opened.attempts()[0].score.high_von_mises_pa, 2.5e4);
+  EXPECT_FALSE(opened.attempts()[0].questionnaire);
+  opened.keep_checklist(1, checklist_of("Dr Sato", 3));
+  EXPECT_EQ(opened.attempts()[0].checklist, checklist_of("Dr Sato", 3));
 }
 
 TEST(TrainingDatabase, BindsATraineeToAUser) {
@@ -249,7 +321,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 8");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 9");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

@@ -394,6 +394,61 @@ TEST_F(TrainingApi, AUserTrainsAsTheOwnTraineeAndAnAdministratorAsEverybody) {
   EXPECT_TRUE(next_text(*own).contains("began"));
 }
 
+json questionnaire_of(int useful) {
+  return {{"answers", {{"organ-feel", 1}, {"useful", useful}, {"stress-helps", nullptr}}},
+          {"comment", "よい"}};
+}
+json checklist_of(const std::string& examiner) {
+  json items;
+  for (const trainer::ChecklistItem& item : trainer::kChecklistItems) items[std::string(item.name)] = "done";
+  return {{"items", items}, {"global_rating", 4}, {"examiner", examiner}};
+}
+
+TEST_F(TrainingApi, KeepsWhatIsSaidOfAnAttemptAndShowsItWithTheAttempt) {
+  practised("Aoki", 10);
+  practised("Ueda", 10);
+  const json training = answer("GET", "training");
+  EXPECT_EQ(training["questions"], json({"organ-feel", "useful", "stress-helps"}));
+  EXPECT_EQ(training["checklist_items"].size(), 8U);
+  const auto first = [&] { return answer("GET", "training/trainees/Aoki/results?object=a")["attempts"][0]; };
+  EXPECT_EQ(first()["questionnaire"], nullptr);
+  EXPECT_EQ(first()["checklist"], nullptr);
+  EXPECT_EQ(ask("POST", "training/attempts/1/questionnaire", questionnaire_of(2).dump()).status, 200);
+  EXPECT_EQ(ask("POST", "training/attempts/1/checklist", checklist_of("Dr Sato").dump()).status, 200);
+  EXPECT_EQ(first()["questionnaire"]["answers"], questionnaire_of(2)["answers"]);
+  EXPECT_EQ(first()["questionnaire"]["by"], "root");
+  EXPECT_EQ(first()["checklist"]["examiner"], "Dr Sato");
+  EXPECT_EQ(first()["checklist"]["items"], checklist_of("Dr Sato")["items"]);
+  // What is not sound changes nothing.
+  const auto refused = [&](const std::string& what, const std::string& body) {
+    EXPECT_EQ(ask("POST", "training/attempts/1/" + what, body).status, 400) << body;
+    return answer("POST", "training/attempts/1/" + what, body)["error"].get<std::string>();
+  };
+  EXPECT_THAT(refused("questionnaire", questionnaire_of(3).dump()), HasSubstr("from -2 to 2, not 3"));
+  EXPECT_THAT(refused("questionnaire", "{}"), HasSubstr("must be an object with these fields"));
+  EXPECT_THAT(refused("checklist", checklist_of("").dump()), HasSubstr("'examiner'"));
+  EXPECT_EQ(first()["questionnaire"]["answers"]["useful"], 2);
+  EXPECT_EQ(ask("POST", "training/attempts/77/questionnaire", questionnaire_of(2).dump()).status, 404);
+  // Who trains answers for the own attempts, and examines nobody.
+  routes->sign_in("anna", Role::kSurgeon);
+  EXPECT_EQ(ask("POST", "training/attempts/1/questionnaire", questionnaire_of(-1).dump()).status, 200);
+  EXPECT_EQ(first()["questionnaire"]["by"], "anna");
+  EXPECT_EQ(ask("POST", "training/attempts/2/questionnaire", questionnaire_of(-1).dump()).status, 404);
+  EXPECT_EQ(ask("POST", "training/attempts/1/checklist", checklist_of("Anna").dump()).status, 403);
+  EXPECT_EQ(first()["checklist"]["examiner"], "Dr Sato");
+}
+
+TEST_F(TrainingApi, NothingIsSaidOfAnAttemptThatRuns) {
+  const auto client = connect();
+  client->send_text(begin("Aoki"));
+  ASSERT_TRUE(next_text(*client).contains("began"));
+  EXPECT_THAT(answer("POST", "training/attempts/1/questionnaire", questionnaire_of(2).dump())["error"],
+              HasSubstr("runs, or was broken off"));
+  client->send_text(R"({"end":true})");
+  EXPECT_EQ(next_text(*client)["over"]["ending"], "given-up");
+  EXPECT_EQ(ask("POST", "training/attempts/1/questionnaire", questionnaire_of(2).dump()).status, 200);
+}
+
 TEST_F(TrainingApi, TellsATraineesCurveBesideTheGroups) {
   room().with_results([](trainer::TrainingDatabase& results) {
     for (int session = 1; session <= 2; ++session) {

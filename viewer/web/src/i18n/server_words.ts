@@ -183,6 +183,8 @@ export const kServerSentences: readonly SentencePair[] = [
     "an attempt can be sealed until its trainee's next one is over, and while the server runs",
     '試行を封印できるのは、同じ訓練者の次の試行が終わるまで、かつサーバが動いている間です',
   ],
+  ['a checklist is filled in by who supervises trainees: ask an administrator', 'チェックリストは訓練を監督する管理者が記入します。管理者に依頼してください'],
+  ['this attempt runs, or was broken off: nothing can be said of it', 'この試行は進行中か中断されたため、評価できません'],
   ['this attempt was not sealed', 'この試行は封印されていません'],
   // Anything
   ['there is nothing at this address', 'このアドレスには何もありません'],

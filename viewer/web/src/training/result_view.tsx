@@ -4,6 +4,7 @@ import { useEffect } from 'preact/hooks';
 import { language, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { announce, attempt } from '@/shell/state';
+import { Assessment, assessmentText } from '@/training/assessment_view';
 import { objectLabel } from '@/training/object_label';
 import { countTicks, place, scaleTo } from '@/training/chart';
 import {
@@ -15,6 +16,7 @@ import {
   type Over,
   type Results,
   type Score,
+  type Training,
   training as api,
 } from '@/training/training_api';
 
@@ -200,6 +202,7 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
                   {t(`measure.${measure}`)}
                 </th>
               ))}
+              {attempts.some((one) => assessmentText(one) !== '') && <th scope="col">{t('assess.title')}</th>}
               {attempts.some((one) => one.case !== '') && <th scope="col">{t('seal.case')}</th>}
             </tr>
           </thead>
@@ -215,6 +218,7 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
                     {short(valueOf(measure, one.score))}
                   </td>
                 ))}
+                {attempts.some((other) => assessmentText(other) !== '') && <td>{assessmentText(one)}</td>}
                 {attempts.some((other) => other.case !== '') && (
                   <td>
                     {one.case !== '' && (
@@ -266,7 +270,20 @@ function Seal({ number, sealed }: { number: number; sealed: () => Promise<unknow
   );
 }
 
-function Came({ began, over, sealed }: { began: Began; over: Over; sealed: () => Promise<unknown> }) {
+function Came({
+  began,
+  over,
+  kept,
+  training,
+  changed,
+}: {
+  began: Began;
+  over: Over;
+  /** Once it was loaded. */
+  kept: AttemptKept | undefined;
+  training: Training | undefined;
+  changed: () => Promise<unknown>;
+}) {
   const done = over.ending === 'done';
   return (
     <section class="card train-came" aria-label={t('result.title')}>
@@ -275,7 +292,8 @@ function Came({ began, over, sealed }: { began: Began; over: Over; sealed: () =>
         {t(`ending.${over.ending}`)}
       </p>
       <p class="muted">{t(began.test ? 'attempt.test' : 'attempt.practice', { session: began.session })}</p>
-      {over.can_be_sealed && <Seal key={over.attempt} number={over.attempt} sealed={sealed} />}
+      {kept && training && <Assessment key={over.attempt} kept={kept} training={training} saved={changed} />}
+      {over.can_be_sealed && <Seal key={over.attempt} number={over.attempt} sealed={changed} />}
       <table class="table">
         <thead>
           <tr>
@@ -317,11 +335,13 @@ function Came({ began, over, sealed }: { began: Began; over: Over; sealed: () =>
 export function ResultView({
   begin,
   came,
+  training,
   again,
   other,
 }: {
   begin: Begin;
   came?: { began: Began; over: Over };
+  training: Training | undefined;
   again: (test: boolean) => void;
   other: () => void;
 }) {
@@ -356,7 +376,7 @@ export function ResultView({
       <p class="muted">
         {objectLabel(begin.object)} · {t('result.fingers', { n: begin.fingers })}
       </p>
-      {came && <Came {...came} sealed={load} />}
+      {came && <Came {...came} kept={results.value?.attempts.find((one) => one.attempt === came.over.attempt)} training={training} changed={load} />}
       <label class="field train-measure">
         <span>{t('result.measure')}</span>
         <select value={measure.value} onChange={(event) => (measure.value = event.currentTarget.value as Measure)}>

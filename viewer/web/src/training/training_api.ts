@@ -26,7 +26,10 @@ export interface Training {
   damage_pa: number;
   /** Of a session, before its test; 0: as one likes. */
   practice_s: number;
-  /** Adds trainees for others, and trains as everybody. */
+  /** By which a questionnaire and a checklist are kept, in their order. */
+  questions: string[];
+  checklist_items: string[];
+  /** Adds trainees for others, trains as everybody, and fills in checklists. */
   supervises: boolean;
   trainees: Trainee[];
 }
@@ -44,6 +47,22 @@ export interface Score {
   best_visible_share: number;
 }
 
+/** From "no" to "yes". */
+export const kAnswers = [-2, -1, 0, 1, 2] as const;
+export interface Questionnaire {
+  answers: Record<string, number | null>;
+  comment: string;
+}
+export type ItemState = 'done' | 'not-done' | 'not-seen';
+export const kItemStates: readonly ItemState[] = ['done', 'not-done', 'not-seen'];
+export const kRatings = [1, 2, 3, 4, 5] as const;
+export interface Checklist {
+  items: Record<string, ItemState>;
+  /** One of kRatings. */
+  global_rating: number;
+  examiner: string;
+}
+
 export interface AttemptKept {
   /** By which the server knows it. */
   attempt: number;
@@ -55,6 +74,9 @@ export interface AttemptKept {
   score: Score;
   /** That was made of it, or ''. */
   case: string;
+  /** `by`: the user who filled it in. null: nobody did. */
+  questionnaire: (Questionnaire & { by: string }) | null;
+  checklist: (Checklist & { by: string }) | null;
 }
 
 export interface Curve {
@@ -136,6 +158,9 @@ export const training = {
   get: () => get<Training>('training'),
   addTrainee: (name: string, group: string, user: string) => post<Trainee>('training/trainees', user === '' ? { name, group } : { name, group, user }),
   seal: (attempt: number) => post<{ case: string; verdict: string }>(`training/attempts/${attempt}/case`, {}),
+  /** Until the attempt is sealed. */
+  keepQuestionnaire: (attempt: number, said: Questionnaire) => post<{ kept: boolean }>(`training/attempts/${attempt}/questionnaire`, said),
+  keepChecklist: (attempt: number, checklist: Checklist) => post<{ kept: boolean }>(`training/attempts/${attempt}/checklist`, checklist),
   certificate: (attempt: number, language: string) => `/api/training/attempts/${attempt}/certificate.pdf?language=${language}`,
   results: (trainee: string, object: ObjectName) => get<Results>(`training/trainees/${encodeURIComponent(trainee)}/results?object=${object}`),
 };

@@ -122,6 +122,7 @@ export function TrainingView() {
       <ResultView
         begin={now.begin}
         {...(now.came ? { came: now.came } : {})}
+        training={known.value}
         again={(test) => (stage.value = { at: 'attempt', begin: { ...now.begin, test } })}
         other={choosing}
       />
