@@ -261,7 +261,7 @@ void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
   }
 }
 
-MarchScene RayCaster::march_scene(const Scene& scene, double spacing_m) const {
+MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const {
   MarchScene march{};
   march.volume = {volume_->texels.data(), opacity_.data(), {}, tissue_.data()};
   for (std::size_t axis = 0; axis < 3; ++axis)
@@ -293,7 +293,7 @@ MarchScene RayCaster::march_scene(const Scene& scene, double spacing_m) const {
   for (int axis = 0; axis < 3; ++axis) march.light[axis] = static_cast<float>(light[axis]);
   for (int level = 0; level < 3; ++level) {
     const double sections = double(2 << level);
-    static const double kf = std::getenv("KF") ? std::atof(std::getenv("KF")) : kFaint;
+
     march.sparse[level] = greatest_byte(-std::log2(1 - kFaint) / (sections * spacing_mm));
   }
   march.tinted = scene.stress ? 1 : 0;
@@ -304,12 +304,16 @@ MarchScene RayCaster::march_scene(const Scene& scene, double spacing_m) const {
     for (std::size_t c = 0; c < 3; ++c) march.sheet[c] = static_cast<float>(scene.surface->colour[c]) / 255;
     march.sheet[3] = static_cast<float>(scene.surface->opacity);
   }
+  const double distance_mm = (std::max(mesh.nearest_mm, 0.0) + mesh.farthest_mm) / 2;
+  const double pixel_mm = 2 * camera.half_extent.maxCoeff() / std::min(scene.width, scene.height) *
+                          (camera.parallel ? kMmPerM : distance_mm);
+  march.likeness = pixel_mm < volume_->spacing_m * kMmPerM ? static_cast<float>(kAlike / 255) : 0;
   return march;
 }
 
 Picture RayCaster::draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   place_cells(mesh, scene);
-  const MarchScene march = march_scene(scene, spacing_m);
+  const MarchScene march = march_scene(mesh, scene, spacing_m);
   const PixelRays rays = pixel_rays(scene);
   std::vector<PictureTriangle> faces;
   for (const EntryFace& face : mesh.topology.surface) {

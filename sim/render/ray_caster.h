@@ -1,7 +1,7 @@
 // Shaded pictures of a deformed CT on the processor, without OpenGL: the picture that volume_renderer.h
 // defines, of the same numbers. Tools, the tint by stress and the surface's sheet are drawn too.
 //
-// It differs from the OpenGL engine in one thing. Where a cell of the CT (the room between the centres of
+// It differs from the OpenGL engine in two things. Where a cell of the CT (the room between the centres of
 // eight texels) is so faint that no HU within it could take more than kFaint of the light over two, four or
 // eight cross-sections, only every second, fourth or eighth of them is sampled there, for all of them.
 #pragma once
@@ -31,7 +31,8 @@ struct RayCasterOptions {
 class RayCaster {
  public:
   /// A share of the light.
-  static constexpr double kFaint = 0.006;
+  static constexpr double kFaint = 0.02;
+  static constexpr double kAlike = 4;
 
   /// kiroku::Error for a CT of 2^31 texels or more; kiroku::UsageError for instructions that are not there.
   RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
@@ -49,7 +50,7 @@ class RayCaster {
  private:
   void measure_opacity();
   void place_cells(const PlacedMesh& mesh, const Scene& scene);
-  [[nodiscard]] MarchScene march_scene(const Scene& scene, double spacing_m) const;
+  [[nodiscard]] MarchScene march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const;
 
   std::shared_ptr<const ShadedVolume> volume_;
   TransferFunction transfer_;

@@ -63,6 +63,9 @@ struct MarchScene {
   float tint_share;
   std::int32_t sheeted;  // 1: the surface is a thin sheet
   float sheet[4];        // its colour and opacity
+  /// Pixels between others that differ by no more than this in any colour (of 0 to 1) are their mean; 0:
+  /// none.
+  float likeness;
 };
 
 /// Pixels [x0, x1) x [y0, y1), rows from the top; numbered kMarchTile a row from (x0, y0).

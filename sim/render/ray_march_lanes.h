@@ -537,18 +537,72 @@ class Ray {
   float spent_ = 0;  // extinction up to here
 };
 
-void march_tile(const MarchScene& scene, const MarchTile& tile) {
-  Waiting waiting;
-  for (std::int32_t y = tile.y0; y < tile.y1; ++y) {
-    for (std::int32_t x = tile.x0; x < tile.x1; ++x) {
-      const std::int32_t pixel = (y - tile.y0) * kMarchTile + (x - tile.x0);
-      const int layers = tile.layers[pixel];
-      if (layers == 0) continue;
-      Ray ray(scene, waiting, x, y);
-      ray.follow(tile.entries + pixel * kMarchLayers, layers, tile.end_mm[pixel], tile.colour + 3 * pixel);
+/// The pixels of a tile. Every second pixel of every second row is cast first, and the last of both. Between
+/// pixels that are alike, others are their mean; the rest is cast too.
+class Tile {
+ public:
+  Tile(const MarchScene& scene, const MarchTile& tile)
+      : scene_(scene), tile_(tile), width_(tile.x1 - tile.x0), height_(tile.y1 - tile.y0) {}
+
+  void draw() {
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        if (scene_.likeness <= 0 || (is_first(x, width_) && is_first(y, height_))) cast(x, y);
+      }
+    }
+    if (scene_.likeness <= 0) return;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        if (!(is_first(x, width_) && is_first(y, height_)) && !interpolate(x, y)) cast(x, y);
+      }
     }
   }
-}
+
+ private:
+  static bool is_first(int at, int size) { return at % 2 == 0 || at == size - 1; }
+  static int number(int x, int y) { return y * kMarchTile + x; }
+
+  void cast(int x, int y) {
+    const int pixel = number(x, y);
+    const int layers = tile_.layers[pixel];
+    if (layers == 0) return;
+    Ray ray(scene_, waiting_, tile_.x0 + x, tile_.y0 + y);
+    ray.follow(tile_.entries + pixel * kMarchLayers, layers, tile_.end_mm[pixel], tile_.colour + 3 * pixel);
+  }
+
+  bool interpolate(int x, int y) {
+    const int left = is_first(x, width_) ? x : x - 1, right = is_first(x, width_) ? x : x + 1;
+    const int above = is_first(y, height_) ? y : y - 1, below = is_first(y, height_) ? y : y + 1;
+    const int pixel = number(x, y);
+    const int around[4] = {number(left, above), number(right, above), number(left, below),
+                           number(right, below)};
+    float least[3], most[3], sum[3] = {0, 0, 0};
+    for (int c = 0; c < 3; ++c) least[c] = most[c] = tile_.colour[3 * around[0] + c];
+    for (const int other : around) {
+      // Where the body ends or a tool is, nothing is between.
+      if (tile_.layers[other] != tile_.layers[pixel] || tile_.end_mm[other] < kFarMm) return false;
+      for (int c = 0; c < 3; ++c) {
+        const float colour = tile_.colour[3 * other + c];
+        sum[c] += colour;
+        least[c] = colour < least[c] ? colour : least[c];
+        most[c] = colour > most[c] ? colour : most[c];
+      }
+    }
+    if (tile_.layers[pixel] == 0 || tile_.end_mm[pixel] < kFarMm) return false;
+    for (int c = 0; c < 3; ++c) {
+      if (most[c] - least[c] > scene_.likeness) return false;
+    }
+    for (int c = 0; c < 3; ++c) tile_.colour[3 * pixel + c] = sum[c] * 0.25F;
+    return true;
+  }
+
+  const MarchScene& scene_;
+  const MarchTile& tile_;
+  int width_, height_;
+  Waiting waiting_;
+};
+
+void march_tile(const MarchScene& scene, const MarchTile& tile) { Tile(scene, tile).draw(); }
 
 #undef KIROKU_INLINE
 
