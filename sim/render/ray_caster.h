@@ -32,7 +32,7 @@ class RayCaster {
  public:
   /// A share of the light.
   static constexpr double kFaint = 0.02;
-  static constexpr double kAlike = 4;
+  static constexpr double kAlike = 3;
 
   /// kiroku::Error for a CT of 2^31 texels or more; kiroku::UsageError for instructions that are not there.
   RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,

@@ -182,10 +182,11 @@ Subject phantom() {
       }
     }
   }
+  // Glands and tumour, seen through fat and a hint of skin.
   subject.transfer = parse_transfer_function(
-      R"({"name": "Breast", "points": [{"hu": -400, "color": "#f0c8b0", "opacity_per_mm": 0},
-          {"hu": -150, "color": "#f0d8a8", "opacity_per_mm": 0.004}, {"hu": -60, "color": "#f0d8a8", "opacity_per_mm": 0.01},
-          {"hu": 20, "color": "#e0a090", "opacity_per_mm": 0.12}, {"hu": 65, "color": "#c04040", "opacity_per_mm": 0.6}]})",
+      R"({"name": "Breast", "points": [{"hu": -60, "color": "#f0d8a8", "opacity_per_mm": 0},
+          {"hu": 20, "color": "#e0a090", "opacity_per_mm": 0.12},
+          {"hu": 65, "color": "#c04040", "opacity_per_mm": 0.6}]})",
       "breast");
   return subject;
 }
