@@ -40,13 +40,13 @@ std::shared_ptr<const ShadedVolume> lung_ct() {
 }
 TetMesh ball_of_cells() { return test::ball_mesh({4, 4, 4}, kCentre, Vector3::Constant(kBallM)); }
 
-Vector3 twisted(const Vector3& node) {
+Vector3 corkscrewed(const Vector3& node) {
   const Vector3 from = (node - kCentre) / kBallM;
   const Eigen::AngleAxisd twist(0.9 * from.z(), Vector3::UnitZ());
   return kCentre + kBallM * (twist * from + Vector3(0.3 * from.z() * from.z(), 0, 0.15 * from.x()));
 }
 template <typename To>
-std::vector<double> moved(const TetMesh& mesh, const To& to) {
+std::vector<double> displaced_by(const TetMesh& mesh, const To& to) {
   std::vector<double> numbers;
   for (const Vector3& node : mesh.nodes) {
     const Vector3 by = to(node) - node;
@@ -61,7 +61,7 @@ struct Shown {
 };
 Shown bent_body() {
   Shown shown{ball_of_cells(), {}};
-  shown.displacement_m = moved(shown.mesh, twisted);
+  shown.displacement_m = displaced_by(shown.mesh, corkscrewed);
   return shown;
 }
 Shown cut_body() {
@@ -69,9 +69,9 @@ Shown cut_body() {
   cut.cut(SweepSurface({{kCentre.x(), 0, 0}, {kCentre.x(), 0, 0.05}},
                        {{kCentre.x(), 0.022, 0}, {kCentre.x(), 0.022, 0.05}}));
   Shown shown{cut.remaining(), {}};
-  shown.displacement_m = moved(shown.mesh, [](const Vector3& node) -> Vector3 {
+  shown.displacement_m = displaced_by(shown.mesh, [](const Vector3& node) -> Vector3 {
     const double depth = std::max(0.0, 0.024 - node.y()) / 0.016;
-    return twisted(node) + Vector3(node.x() > kCentre.x() ? 0.006 : -0.006, 0, 0) * depth;
+    return corkscrewed(node) + Vector3(node.x() > kCentre.x() ? 0.006 : -0.006, 0, 0) * depth;
   });
   return shown;
 }
