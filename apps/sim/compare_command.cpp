@@ -55,7 +55,7 @@ void add_compare_command(Command& program) {
                  "front, back, left, right, head, feet, or AZIMUTH,ELEVATION in degrees", "front");
   command.option("--zoom", "FACTOR", request->zoom, "larger than what fits", "1");
   command.choice("--gpu", {"auto", "off"}, request->gpu,
-                 "off computes pictures in software, the same everywhere", "auto");
+                 "off computes pictures without a graphics processor, the same everywhere", "auto");
   command.option(
       "-g,--geometry", "FILE", request->geometry,
       "how the fluoroscope sees the patient (kiroku sim drr): the plan's radiographs are compared with "

@@ -100,7 +100,7 @@ PlanView::PlanView(const ComparisonRequest& request, const archive::CaseReader& 
   pictures_.emplace(plan,
                     std::make_shared<const sim::ShadedVolume>(
                         sim::shade(ct.get(), sim::extent_of(plan.body.mesh), options.shading())),
-                    options.transfer_function("liver"), options.gpu_use(), scene);
+                    options.transfer_function("liver"), options.engine_choice(), scene);
 }
 
 compare::CompositionForm PlanView::form(const ComparisonRequest& request) const {

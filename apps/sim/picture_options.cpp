@@ -51,19 +51,14 @@ void PictureOptions::add_to(Command& command, const std::string& default_transfe
   command.option("--background", "COLOUR", background, "black, white or #rrggbb", "#121418");
   command.option("--spacing", "MM", spacing, "between cross-sections", "half a voxel");
   command.option("--smooth", "MM", smooth, "smooths the CT first, against noise", "0");
-  command.choice("--gpu", {"auto", "off"}, gpu,
-                 "auto takes a graphics processor where one is there; off computes in software, the same "
-                 "bytes everywhere",
-                 "auto");
+  add_engine_options(command, gpu, engine);
 }
 
 sim::TransferFunction PictureOptions::transfer_function(const std::string& by_default) const {
   return sim::find_transfer_function(transfer.value_or(by_default));
 }
 
-sim::GpuUse PictureOptions::gpu_use() const {
-  return gpu.value_or("auto") == "off" ? sim::GpuUse::kOff : sim::GpuUse::kAuto;
-}
+sim::EngineChoice PictureOptions::engine_choice() const { return apps::engine_choice(gpu, engine); }
 
 sim::ShadingOptions PictureOptions::shading() const {
   sim::ShadingOptions options;
@@ -87,6 +82,28 @@ sim::Scene PictureOptions::scene(const sim::Ball& ball) const {
   scene.camera = sim::camera_looking_at(ball, sim::view_direction(view.value_or("front")), scene.width,
                                         scene.height, zoom ? parse_number(*zoom, "--zoom", 0.1, 20) : 1);
   return scene;
+}
+
+void add_engine_options(Command& command, std::optional<std::string>& gpu,
+                        std::optional<std::string>& engine) {
+  command.choice("--gpu", {"auto", "off"}, gpu,
+                 "auto takes a graphics processor where one is there; off computes pictures without one, the "
+                 "same bytes everywhere",
+                 "auto");
+  command.choice(
+      "--engine", {"auto", "opengl", "processor"}, engine,
+      "opengl draws by OpenGL, also without a graphics processor (OSMesa); processor casts rays on "
+      "the processor; auto is opengl on a graphics processor, else processor",
+      "auto");
+}
+
+sim::EngineChoice engine_choice(const std::optional<std::string>& gpu,
+                                const std::optional<std::string>& engine) {
+  const std::string name = engine.value_or("auto");
+  return {gpu.value_or("auto") == "off" ? sim::GpuUse::kOff : sim::GpuUse::kAuto,
+          name == "opengl"      ? sim::Engine::kOpenGl
+          : name == "processor" ? sim::Engine::kProcessor
+                                : sim::Engine::kAuto};
 }
 
 media::PictureView view_of(const sim::Picture& picture) {

@@ -12,18 +12,25 @@
 namespace kiroku::apps {
 
 struct PictureOptions {
-  std::optional<std::string> transfer, view, zoom, size, surface, background, spacing, smooth, gpu;
+  std::optional<std::string> transfer, view, zoom, size, surface, background, spacing, smooth, gpu, engine;
 
   /// States them; `default_transfer` in words.
   void add_to(Command& command, const std::string& default_transfer);
 
   /// kiroku::UsageError that names the option, for values that are none.
   [[nodiscard]] sim::TransferFunction transfer_function(const std::string& by_default) const;
-  [[nodiscard]] sim::GpuUse gpu_use() const;
+  [[nodiscard]] sim::EngineChoice engine_choice() const;
   [[nodiscard]] sim::ShadingOptions shading() const;
   /// Looks at the ball.
   [[nodiscard]] sim::Scene scene(const sim::Ball& ball) const;
 };
+
+/// States '--gpu' and '--engine'.
+void add_engine_options(Command& command, std::optional<std::string>& gpu,
+                        std::optional<std::string>& engine);
+/// What they come to.
+sim::EngineChoice engine_choice(const std::optional<std::string>& gpu,
+                                const std::optional<std::string>& engine);
 
 /// For media's writers; the picture must outlive it.
 media::PictureView view_of(const sim::Picture& picture);

@@ -38,7 +38,7 @@ int run(const Request& request) {
   const double all_s = std::max(1e-9, duration_s(plan));
   const sim::PlanFrames frames(plan, [&](double time_s) { told.update(time_s / all_s); });
   compare::OrganPicking picking(plan, frames, volume, request.picture.transfer_function("liver"),
-                                request.picture.gpu_use());
+                                request.picture.engine_choice());
   std::cout << R"({"ready":true})" << std::endl;
   for (std::string line; std::getline(std::cin, line);)
     std::cout << compare::answer_picking(picking, line) << std::endl;
@@ -54,8 +54,7 @@ void add_plan_pick_command(Command& plan) {
   command.argument("PLAN", request->plan, "the plan (.json), or the sealed plan (.seal.json)");
   command.option("--transfer", "NAME", request->picture.transfer, "how tissue looks (kiroku sim transfer)",
                  "liver");
-  command.choice("--gpu", {"auto", "off"}, request->picture.gpu,
-                 "off computes pictures in software, the same everywhere", "auto");
+  add_engine_options(command, request->picture.gpu, request->picture.engine);
   command.explain(
       "Carries the plan out, says {\"ready\":true}, and then answers each line of standard input, a JSON "
       "object, by one on standard output, until its end: pictures from any side at any moment of the plan, "

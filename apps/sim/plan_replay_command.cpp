@@ -59,7 +59,7 @@ class Replay {
         pictures_(plan,
                   std::make_shared<const sim::ShadedVolume>(
                       sim::shade(volume, sim::extent_of(plan.body.mesh), request.picture.shading())),
-                  request.picture.transfer_function("liver"), request.picture.gpu_use(),
+                  request.picture.transfer_function("liver"), request.picture.engine_choice(),
                   request.picture.scene(sim::view_of_plan(plan)), options_of(request)),
         film_(request.output, format_of(plan, pictures_.scene()), request.force),
         largest_pa_(options_of(request).largest_pa) {
@@ -156,8 +156,9 @@ void add_plan_replay_command(Command& plan) {
   command.flag("--force", request->force, "replaces a film, or a folder of pictures, that is there");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "A picture for each time step, shown as fast as it was planned. In software (--gpu off) the same plan "
-      "gives the same "
+      "A picture for each time step, shown as fast as it was planned. Without a graphics processor (--gpu "
+      "off) "
+      "the same plan gives the same "
       "frames every time; .mkv and PNG files keep them bit for bit.");
   command.example("kiroku plan replay liver.json -o liver.mp4", "a film for any player");
   command.example(

@@ -10,6 +10,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/serving.h"
 #include "apps/sim/number_option.h"
+#include "apps/sim/picture_options.h"
 #include "apps/sim/plan_command.h"
 #include "base/error.h"
 #include "viewer/planning/planning_api.h"
@@ -22,7 +23,7 @@ namespace fs = std::filesystem;
 
 struct Request {
   ServingRequest serving{.listen = "", .own_port = "8445"};
-  std::optional<std::string> plans, transfer, gpu, at_once;
+  std::optional<std::string> plans, transfer, gpu, engine, at_once;
 };
 
 viewer::PlanningOptions planning_options(const Request& request, const Home& home) {
@@ -31,7 +32,7 @@ viewer::PlanningOptions planning_options(const Request& request, const Home& hom
   options.plans = request.plans ? fs::path(*request.plans) : home.folder() / "plans";
   if (request.transfer) options.table.transfer = *request.transfer;
   static_cast<void>(sim::find_transfer_function(options.table.transfer));  // refuses what is none, in time
-  options.table.gpu = request.gpu.value_or("auto") == "off" ? sim::GpuUse::kOff : sim::GpuUse::kAuto;
+  options.table.engine = engine_choice(request.gpu, request.engine);
   options.at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                     : std::max(1U, std::thread::hardware_concurrency() / 2);
   options.tell = tell_on_standard_error();
@@ -80,9 +81,7 @@ void add_plan_serve_command(Command& plan) {
                  "plans in the home");
   command.option("--transfer", "NAME", request->transfer,
                  "how tissue looks: a name of 'kiroku sim transfer', or a file of your own (.json)", "liver");
-  command.choice("--gpu", {"auto", "off"}, request->gpu,
-                 "auto takes a graphics processor where one is there; off computes pictures in software",
-                 "auto");
+  add_engine_options(command, request->gpu, request->engine);
   command.option("--at-once", "N", request->at_once, "people who plan at a time",
                  "half as many as there are cores");
   add_serving_options(command, request->serving);

@@ -96,7 +96,7 @@ sim::Picture draw(const Request& request, std::string& renderer) {
       sim::shade(file.volume, sim::extent_of(body.mesh), request.picture.shading()));
   warn_of_nodes_outside(body.mesh, file.volume.grid);
   line.show("drawing");
-  sim::VolumeRenderer volume_renderer(shaded, transfer, request.picture.gpu_use());
+  sim::VolumeRenderer volume_renderer(shaded, transfer, request.picture.engine_choice());
   volume_renderer.set_mesh(body.mesh);
   sim::Picture picture = volume_renderer.render(body.displacement_m, scene);
   if (!volume_renderer.notice().empty()) print_error("kiroku", "warning: " + volume_renderer.notice());

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "sim/drr/parallel.h"
+#include "base/parallel.h"
 
 namespace kiroku::sim {
 namespace {

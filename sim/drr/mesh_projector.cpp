@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
-#include "sim/drr/parallel.h"
+#include "base/parallel.h"
 
 namespace kiroku::sim {
 namespace {

@@ -1,7 +1,5 @@
 #include "sim/drr/ray_kernel.h"
 
-#include <initializer_list>
-
 namespace kiroku::sim {
 
 extern const ProjectCells kProjectCellsBaseline;
@@ -11,17 +9,9 @@ extern const ProjectCells kProjectCellsBaseline;
 extern const ProjectCells kProjectCellsAvx2, kProjectCellsAvx512;
 
 ProjectCells ray_kernel(InstructionSet set) {
-  __builtin_cpu_init();
-  if (set == InstructionSet::kAvx512) {
-    const bool there = __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512bw") != 0 &&
-                       __builtin_cpu_supports("avx512dq") != 0 && __builtin_cpu_supports("avx512vl") != 0;
-    return there ? kProjectCellsAvx512 : nullptr;
-  }
-  if (set == InstructionSet::kAvx2) {
-    const bool there = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0;
-    return there ? kProjectCellsAvx2 : nullptr;
-  }
-  return kProjectCellsBaseline;
+  if (!machine_has(set)) return nullptr;
+  if (set == InstructionSet::kAvx512) return kProjectCellsAvx512;
+  return set == InstructionSet::kAvx2 ? kProjectCellsAvx2 : kProjectCellsBaseline;
 }
 
 #else
@@ -31,12 +21,5 @@ ProjectCells ray_kernel(InstructionSet set) {
 }
 
 #endif
-
-InstructionSet best_instruction_set() {
-  for (const InstructionSet set : {InstructionSet::kAvx512, InstructionSet::kAvx2}) {
-    if (ray_kernel(set) != nullptr) return set;
-  }
-  return InstructionSet::kBaseline;
-}
 
 }  // namespace kiroku::sim

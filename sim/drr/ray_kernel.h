@@ -15,6 +15,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/instruction_set.h"
+
 namespace kiroku::sim {
 
 /// Pixels are worked on in squares of this side.
@@ -50,10 +52,6 @@ struct RayCell {
 using ProjectCells = void (*)(const RayVolume* volumes, const RayCell* cells, const std::uint32_t* numbers,
                               std::size_t count, std::int32_t u, std::int32_t v, float* tile);
 
-enum class InstructionSet { kBaseline, kAvx2, kAvx512 };
-
-/// The widest that this machine has.
-InstructionSet best_instruction_set();
 /// Null where the program or the machine lacks it.
 ProjectCells ray_kernel(InstructionSet set);
 

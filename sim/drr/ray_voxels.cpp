@@ -9,7 +9,7 @@
 #include <sys/mman.h>
 
 #include "base/error.h"
-#include "sim/drr/parallel.h"
+#include "base/parallel.h"
 
 namespace kiroku::sim {
 namespace {

@@ -34,12 +34,12 @@ Ball view_of_plan(const Plan& plan) {
 }
 
 PlanPictures::PlanPictures(const Plan& plan, std::shared_ptr<const ShadedVolume> volume,
-                           const TransferFunction& transfer, GpuUse use, Scene scene,
+                           const TransferFunction& transfer, const EngineChoice& choice, Scene scene,
                            PlanPictureOptions options)
     : plan_(plan),
       scene_(std::move(scene)),
       options_(options),
-      renderer_(std::move(volume), transfer, use),
+      renderer_(std::move(volume), transfer, choice),
       contact_radius_m_(contact_radius_m(plan.body.mesh)) {}
 
 void PlanPictures::set_size(int width, int height, double spacing_m) {

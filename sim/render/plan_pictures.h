@@ -24,7 +24,7 @@ class PlanPictures {
   /// kiroku::Error as VolumeRenderer throws it. The plan must outlive the object. `scene` says from where and
   /// how large; its solids and stress are the object's.
   PlanPictures(const Plan& plan, std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
-               GpuUse use, Scene scene, PlanPictureOptions options = {});
+               const EngineChoice& choice, Scene scene, PlanPictureOptions options = {});
 
   /// Frame and mesh of one moment; its stress is only needed for the tint.
   Picture picture(const PlanFrame& frame, const TetMesh& mesh);

@@ -10,7 +10,7 @@
 namespace kiroku::sim {
 namespace {
 
-std::array<float, 4> single(const Eigen::RowVector4d& row) {
+std::array<float, 4> single_row(const Eigen::RowVector4d& row) {
   return {static_cast<float>(row[0]), static_cast<float>(row[1]), static_cast<float>(row[2]),
           static_cast<float>(row[3])};
 }
@@ -62,8 +62,8 @@ void proxy_geometry(std::span<const Tetrahedron> tetrahedra, std::span<const Vec
     coordinates = texture_edges * barycentric;
     coordinates.col(3) += texture[a];
     for (std::size_t row = 0; row < 3; ++row) {
-      cell.barycentric[row] = single(barycentric.row(static_cast<Eigen::Index>(row)));
-      cell.texture[row] = single(coordinates.row(static_cast<Eigen::Index>(row)));
+      cell.barycentric[row] = single_row(barycentric.row(static_cast<Eigen::Index>(row)));
+      cell.texture[row] = single_row(coordinates.row(static_cast<Eigen::Index>(row)));
     }
   }
 }

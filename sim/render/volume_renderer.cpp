@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 #include "base/error.h"
@@ -11,9 +10,7 @@
 #include "sim/render/colour_map.h"
 #include "sim/render/gl_objects.h"
 #include "sim/render/gl_vector.h"
-#include "sim/render/proxy_geometry.h"
 #include "sim/render/shaders.h"
-#include "sim/render/vertex_rotations.h"
 
 namespace kiroku::sim {
 namespace {
@@ -27,81 +24,6 @@ Float4 share_of(const Rgb& colour, double fourth) {
 
 }  // namespace
 
-struct VolumeRenderer::Mesh {
-  explicit Mesh(const TetMesh& rest_mesh)
-      : rest(rest_mesh), topology(proxy_topology(rest)), rotations(rest) {}
-  TetMesh rest;
-  ProxyTopology topology;
-  VertexRotations rotations;
-  std::vector<Vector3> texture;  // (|V|)
-
-  // Of the picture that is being made; kept for their memory.
-  std::vector<Vector3> positions_m, view_mm;
-  std::vector<Eigen::Quaterniond> turned;
-  std::vector<CellGeometry> cells;
-  std::vector<Float4> positions4, rotations4;
-  double nearest_mm = 0, farthest_mm = 1;
-
-  void place(std::span<const double> displacement_m, const Camera& camera);
-  /// The pixels that the mesh may cover: from the first on, up to but without the second.
-  [[nodiscard]] std::pair<Eigen::Vector2i, Eigen::Vector2i> covered(const Scene& scene) const;
-};
-
-void VolumeRenderer::Mesh::place(std::span<const double> displacement_m, const Camera& camera) {
-  const std::size_t nodes = rest.nodes.size();
-  positions_m = rest.nodes;
-  if (!displacement_m.empty()) {
-    for (std::size_t node = 0; node < nodes; ++node)
-      positions_m[node] += Eigen::Map<const Vector3>(displacement_m.data() + 3 * node);
-  }
-  rotations.compute(positions_m, turned);
-  const Eigen::Quaterniond to_view(camera.to_view);
-  view_mm.resize(nodes);
-  positions4.resize(nodes);
-  rotations4.resize(nodes);
-  for (std::size_t node = 0; node < nodes; ++node) {
-    view_mm[node] = kMmPerM * camera.view_m(positions_m[node]);
-    positions4[node] = single(view_mm[node], 1);
-    const Eigen::Quaterniond q = to_view * turned[node];
-    rotations4[node] = single(q.vec(), q.w());
-  }
-  proxy_geometry(rest.tetrahedra, view_mm, texture, cells);
-  nearest_mm = std::numeric_limits<double>::infinity();
-  farthest_mm = -nearest_mm;
-  for (const EntryFace& face : topology.surface) {
-    for (const std::uint32_t node : face.nodes) {
-      nearest_mm = std::min(nearest_mm, -view_mm[node].z());
-      farthest_mm = std::max(farthest_mm, -view_mm[node].z());
-    }
-  }
-}
-
-std::pair<Eigen::Vector2i, Eigen::Vector2i> VolumeRenderer::Mesh::covered(const Scene& scene) const {
-  const Eigen::Vector2d size(scene.width, scene.height);
-  Eigen::Vector2d least = size, greatest = Eigen::Vector2d::Zero();
-  const Camera& camera = scene.camera;
-  const double scale = camera.parallel ? kMmPerM : 1;
-  for (const EntryFace& face : topology.surface) {
-    for (const std::uint32_t node : face.nodes) {
-      const Vector3& at = view_mm[node];
-      // What is beside or behind the eye may cover anything.
-      if (!camera.parallel && at.z() > -1) return {Eigen::Vector2i::Zero(), size.cast<int>()};
-      const Eigen::Vector2d ray = at.head<2>() / (camera.parallel ? scale : -at.z());
-      const Eigen::Vector2d pixel =
-          ((ray - camera.centre).cwiseQuotient(camera.half_extent) + Eigen::Vector2d::Ones())
-              .cwiseProduct(size) /
-          2;
-      least = least.cwiseMin(pixel);
-      greatest = greatest.cwiseMax(pixel);
-    }
-  }
-  const auto within = [&](const Eigen::Vector2d& pixel, double more) {
-    return Eigen::Vector2i((pixel.array() + more).max(0).min(size.array()).cast<int>());
-  };
-  const Eigen::Vector2i first = within(least, -1), last = within(greatest, 2);
-  return {first, last.cwiseMax(first)};
-}
-
 /// What is OpenGL's: one context and all objects in it.
 class VolumeRenderer::Drawing {
  public:
@@ -111,8 +33,8 @@ class VolumeRenderer::Drawing {
   Drawing(const Drawing&) = delete;
   Drawing& operator=(const Drawing&) = delete;
 
-  void set_mesh(const Mesh& mesh);
-  Picture draw(const Mesh& mesh, const Scene& scene, double spacing_m);
+  void set_mesh(const PlacedMesh& mesh);
+  Picture draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m);
   [[nodiscard]] const GlContext& context() const { return *context_; }
 
  private:
@@ -124,8 +46,8 @@ class VolumeRenderer::Drawing {
   void set(const GlHandle& program, const char* name, int value);
   void set_camera(const GlHandle& program, const Scene& scene);
   void draw_solids(const Scene& scene);
-  int peel(const Mesh& mesh, const Scene& scene);
-  void cast(const Mesh& mesh, const Scene& scene, int layers, double spacing_m);
+  int peel(const PlacedMesh& mesh, const Scene& scene);
+  void cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m);
   Picture read(int width, int height);
   const GlHandle& ray_program(const RayFeatures& features);
 
@@ -208,7 +130,7 @@ void VolumeRenderer::Drawing::upload(const ShadedVolume& volume, const TransferF
   check_gl(gl_, "give the CT to " + context_->renderer());
 }
 
-void VolumeRenderer::Drawing::set_mesh(const Mesh& mesh) {
+void VolumeRenderer::Drawing::set_mesh(const PlacedMesh& mesh) {
   context_->make_current();
   fill_buffer<EntryFace>(gl_, surface_, mesh.topology.surface);
   fill_buffer<CellLinks>(gl_, links_, mesh.topology.cells);
@@ -323,7 +245,7 @@ void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
   gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(vertices.size()));
 }
 
-int VolumeRenderer::Drawing::peel(const Mesh& mesh, const Scene& scene) {
+int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
   set_camera(entry_program_, scene);
   gl_.BindFramebuffer(GL_FRAMEBUFFER, entry_target_.name());
   gl_.UseProgram(entry_program_.name());
@@ -362,7 +284,7 @@ const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features
       .first->second;
 }
 
-void VolumeRenderer::Drawing::cast(const Mesh& mesh, const Scene& scene, int layers, double spacing_m) {
+void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m) {
   const GlHandle& program = ray_program({scene.surface.has_value(), scene.stress.has_value()});
   set_camera(program, scene);
   set(program, "layers", layers);
@@ -429,7 +351,7 @@ Picture VolumeRenderer::Drawing::read(int width, int height) {
   return picture;
 }
 
-Picture VolumeRenderer::Drawing::draw(const Mesh& mesh, const Scene& scene, double spacing_m) {
+Picture VolumeRenderer::Drawing::draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   context_->make_current();
   resize(scene.width, scene.height);
   gl_.BindVertexArray(vertex_array_.name());
@@ -445,32 +367,53 @@ Picture VolumeRenderer::Drawing::draw(const Mesh& mesh, const Scene& scene, doub
 }
 
 VolumeRenderer::VolumeRenderer(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
-                               GpuUse use, const GpuMaker& make_gpu)
-    : volume_(std::move(volume)), transfer_(transfer) {
-  ChosenContext chosen = choose_context(use, make_gpu);
-  notice_ = chosen.notice;
-  const bool software = chosen.context->is_software();
+                               const EngineChoice& choice, const GpuMaker& make_gpu)
+    : volume_(std::move(volume)), transfer_(transfer), engine_(choice.engine) {
+  std::unique_ptr<GlContext> gpu;
+  if (choice.gpu == GpuUse::kAuto && engine_ != Engine::kProcessor) {
+    try {
+      gpu = make_gpu();
+    } catch (const Error& error) {
+      notice_ = std::string("the graphics processor is not used, pictures are computed in software: ") +
+                error.what();
+    }
+  }
+  const bool on_gpu = gpu != nullptr;
   try {
-    drawing_ = std::make_unique<Drawing>(std::move(chosen.context), *volume_, transfer_);
+    start(std::move(gpu));
   } catch (const Error& error) {
-    if (software) throw;
+    if (!on_gpu) throw;
     go_on_in_software(error.what());
   }
 }
 
 VolumeRenderer::~VolumeRenderer() = default;
 
-const std::string& VolumeRenderer::renderer() const { return drawing_->context().renderer(); }
+void VolumeRenderer::start(std::unique_ptr<GlContext> context) {
+  if (!context && engine_ != Engine::kOpenGl) {
+    caster_ = std::make_unique<RayCaster>(volume_, transfer_);
+  } else {
+    if (!context) context = make_software_context();
+    drawing_ = std::make_unique<Drawing>(std::move(context), *volume_, transfer_);
+  }
+}
+
+bool VolumeRenderer::is_on_gpu() const { return drawing_ && !drawing_->context().is_software(); }
+
+const std::string& VolumeRenderer::renderer() const {
+  return caster_ ? caster_->name() : drawing_->context().renderer();
+}
 
 void VolumeRenderer::go_on_in_software(const std::string& why) {
   notice_ = "the graphics processor failed, pictures are computed in software from now on: " + why;
   drawing_.reset();
-  drawing_ = std::make_unique<Drawing>(make_software_context(), *volume_, transfer_);
-  if (mesh_) drawing_->set_mesh(*mesh_);
+  start(nullptr);
+  if (mesh_ && drawing_) drawing_->set_mesh(*mesh_);
+  if (mesh_ && caster_) caster_->set_mesh(*mesh_);
 }
 
 void VolumeRenderer::set_mesh(const TetMesh& rest) {
-  auto mesh = std::make_unique<Mesh>(rest);
+  auto mesh = std::make_unique<PlacedMesh>(rest);
   mesh->texture.reserve(rest.nodes.size());
   for (const Vector3& node : rest.nodes) mesh->texture.push_back(volume_->texture_of(node));
   bool any = false;
@@ -496,10 +439,11 @@ void VolumeRenderer::set_mesh(const TetMesh& rest) {
                 " HU; choose another (--transfer), or look at whether the mesh belongs to this CT");
   }
   mesh_ = std::move(mesh);
+  if (caster_) return caster_->set_mesh(*mesh_);
   try {
     drawing_->set_mesh(*mesh_);
   } catch (const Error& error) {
-    if (drawing_->context().is_software()) throw;
+    if (!is_on_gpu()) throw;
     go_on_in_software(error.what());
   }
 }
@@ -522,13 +466,15 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
     throw UsageError("a stress must be given for each node, with a largest that is greater than 0");
   mesh_->place(displacement_m, scene.camera);
   const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : volume_->spacing_m / 2;
-  try {
-    return drawing_->draw(*mesh_, scene, spacing_m);
-  } catch (const Error& error) {
-    if (drawing_->context().is_software()) throw;
-    go_on_in_software(error.what());
+  if (drawing_) {
+    try {
+      return drawing_->draw(*mesh_, scene, spacing_m);
+    } catch (const Error& error) {
+      if (!is_on_gpu()) throw;
+      go_on_in_software(error.what());
+    }
   }
-  return drawing_->draw(*mesh_, scene, spacing_m);
+  return caster_ ? caster_->draw(*mesh_, scene, spacing_m) : drawing_->draw(*mesh_, scene, spacing_m);
 }
 
 std::vector<double> at_nodes(const TetMesh& mesh, std::span<const double> of_tetrahedra) {

@@ -1,5 +1,6 @@
-// Shaded pictures of a CT that is deformed and cut with a mesh. The CT is given to OpenGL once; a new picture
-// costs the mesh's nodes and the rays.
+// Shaded pictures of a CT that is deformed and cut with a mesh. The CT is prepared once; a new picture costs
+// the mesh's nodes and the rays. Two engines draw the same picture: OpenGL, and a ray caster on the processor
+// (ray_caster.h).
 //
 // Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The
 // picture is defined by cross-sections of the displaced tetrahedra at multiples of `spacing_m` from the eye,
@@ -16,22 +17,37 @@
 #include <span>
 
 #include "sim/render/gl_context.h"
+#include "sim/render/ray_caster.h"
 #include "sim/render/scene.h"
 #include "sim/render/shaded_volume.h"
 #include "sim/render/transfer_function.h"
 
 namespace kiroku::sim {
 
-/// Belongs to the thread that made it. In software the same input gives the same bytes, whatever the number
-/// of threads.
+enum class Engine {
+  kAuto,       // OpenGL on a graphics processor where one may be used and works, else the processor
+  kOpenGl,     // on a graphics processor where one may be used and works, else in software by OSMesa
+  kProcessor,  // the ray caster
+};
+
+/// What is to compute pictures. `gpu` says whether a graphics processor may be used.
+struct EngineChoice {
+  // NOLINTNEXTLINE(google-explicit-constructor): most who choose only care for the first
+  EngineChoice(GpuUse gpu_use = GpuUse::kAuto, Engine by = Engine::kAuto) : gpu(gpu_use), engine(by) {}
+  GpuUse gpu;
+  Engine engine;
+};
+
+/// Belongs to the thread that made it. Without a graphics processor the same input gives the same bytes,
+/// whatever the number of threads.
 class VolumeRenderer {
  public:
   static constexpr int kMostLayers = 12;
 
-  /// kiroku::Error as choose_context(), and for a CT that the driver cannot hold.
+  /// kiroku::Error as choose_context() for Engine::kOpenGl, and for a CT that the engine cannot hold.
   VolumeRenderer(
-      std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer, GpuUse use,
-      const GpuMaker& make_gpu = [] { return make_gpu_context(); });
+      std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
+      const EngineChoice& choice, const GpuMaker& make_gpu = [] { return make_gpu_context(); });
   ~VolumeRenderer();
   VolumeRenderer(const VolumeRenderer&) = delete;
   VolumeRenderer& operator=(const VolumeRenderer&) = delete;
@@ -42,25 +58,29 @@ class VolumeRenderer {
 
   /// `displacement_m`: (3 |V|), finite, or empty for none. kiroku::UsageError for pictures without pixels or
   /// larger than 8192, and for numbers of another count; kiroku::Error where the driver fails. A graphics
-  /// processor that fails is left for software, with a notice.
+  /// processor that fails is left for what comes without one, with a notice.
   Picture render(std::span<const double> displacement_m, const Scene& scene);
 
-  /// As the driver names itself.
+  /// As the driver names itself, or RayCaster::name().
   [[nodiscard]] const std::string& renderer() const;
   /// Why the graphics processor is not used, where one is there and failed; else empty.
   [[nodiscard]] const std::string& notice() const { return notice_; }
 
  private:
   class Drawing;
-  struct Mesh;
 
+  void start(std::unique_ptr<GlContext> context);
   void go_on_in_software(const std::string& why);
+  [[nodiscard]] bool is_on_gpu() const;
 
   std::shared_ptr<const ShadedVolume> volume_;
   TransferFunction transfer_;
+  Engine engine_;
   std::string notice_;
-  std::unique_ptr<Mesh> mesh_;
+  std::unique_ptr<PlacedMesh> mesh_;
+  // One of both.
   std::unique_ptr<Drawing> drawing_;
+  std::unique_ptr<RayCaster> caster_;
 };
 
 /// Von Mises stress at the nodes: the mean of the tetrahedra around each, by their volume. (|V|), 0 for loose

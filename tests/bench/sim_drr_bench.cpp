@@ -21,6 +21,7 @@
 namespace {
 
 using namespace kiroku::sim;
+using kiroku::InstructionSet;
 
 constexpr int kFrames = 36;
 

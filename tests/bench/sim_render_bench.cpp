@@ -1,33 +1,31 @@
 // Pictures of a liver that is being deformed, simulation included: a program of its own, to be carried to
 // another machine. It needs the libraries of linear algebra, and OSMesa or a graphics processor's EGL.
 //
-//   sim_render_bench [--gpu auto|off] [--frames N] [--picture FILE.png]
+//   sim_render_bench [--gpu auto|off] [--engine auto|opengl|processor] [--frames N] [--picture FILE.png]
 //
 // CT and organ are computed: 256^3 voxels of 1 mm; an organ of 648 nodes with vessels in it, held at its
 // back, whose edge forceps pull to and fro. Each frame: a step of the manipulation, displacements, the proxy
 // geometry, a picture of 512x512 in memory.
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <iostream>
 #include <numbers>
 #include <optional>
 #include <string>
-#include <sys/resource.h>
 #include <vector>
-#include <zlib.h>
 
 #include "base/error.h"
 #include "sim/fem/elastic_body.h"
 #include "sim/manipulation/manipulation.h"
 #include "sim/render/volume_renderer.h"
+#include "tests/bench/render_bench.h"
 #include "tests/support/ball_mesh.h"
 
 namespace {
 
+using kiroku::bench::processor_seconds, kiroku::bench::seconds, kiroku::bench::write_png;
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
 constexpr int kPictureSide = 512;
@@ -48,33 +46,6 @@ Volume ct() {
     random = random * 1664525U + 1013904223U;
     return -100 + share * (160 + 120 * vessel) + double(random >> 16U) / 65535 * 24 - 12;
   });
-}
-
-void write_png(const std::string& file, const Picture& picture) {
-  std::string bytes("\x89PNG\r\n\x1a\n", 8);
-  const auto number = [](std::uint32_t value) {
-    return std::string{static_cast<char>(value >> 24U), static_cast<char>(value >> 16U),
-                       static_cast<char>(value >> 8U), static_cast<char>(value)};
-  };
-  const auto chunk = [&](const std::string& kind, const std::string& data) {
-    const std::string body = kind + data;
-    bytes += number(static_cast<std::uint32_t>(data.size())) + body +
-             number(static_cast<std::uint32_t>(
-                 crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size()))));
-  };
-  chunk("IHDR", number(static_cast<std::uint32_t>(picture.width)) +
-                    number(static_cast<std::uint32_t>(picture.height)) + std::string{8, 2, 0, 0, 0});
-  std::string rows;
-  for (int y = 0; y < picture.height; ++y)
-    rows += '\0' + std::string(reinterpret_cast<const char*>(picture.pixel(0, y)),
-                               3 * static_cast<std::size_t>(picture.width));
-  uLongf size = compressBound(rows.size());
-  std::string packed(size, '\0');
-  compress(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(rows.data()),
-           rows.size());
-  chunk("IDAT", packed.substr(0, size));
-  chunk("IEND", "");
-  std::ofstream(file, std::ios::binary) << bytes;
 }
 
 class Deformation {
@@ -112,22 +83,9 @@ class Deformation {
   Eigen::VectorXd displacement_m_;
 };
 
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-/// What all threads have used of the processors.
-double processor_seconds() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  const auto seconds_of = [](const timeval& time) {
-    return double(time.tv_sec) + 1e-6 * double(time.tv_usec);
-  };
-  return seconds_of(used.ru_utime) + seconds_of(used.ru_stime);
-}
-
 struct Request {
   GpuUse gpu = GpuUse::kAuto;
+  Engine engine = Engine::kAuto;
   int frames = 0;  // as many as five seconds take
   std::string picture;
 };
@@ -138,26 +96,21 @@ Request parse(int argc, char** argv) {
     const std::string name = argv[i], value = argv[i + 1];
     if (name == "--gpu" && (value == "auto" || value == "off")) {
       request.gpu = value == "off" ? GpuUse::kOff : GpuUse::kAuto;
+    } else if (name == "--engine" && (value == "auto" || value == "opengl" || value == "processor")) {
+      request.engine = value == "opengl"      ? Engine::kOpenGl
+                       : value == "processor" ? Engine::kProcessor
+                                              : Engine::kAuto;
     } else if (name == "--frames") {
       request.frames = std::stoi(value);
     } else if (name == "--picture") {
       request.picture = value;
     } else {
-      throw kiroku::UsageError("sim_render_bench [--gpu auto|off] [--frames N] [--picture FILE.png]");
+      throw kiroku::UsageError(
+          "sim_render_bench [--gpu auto|off] [--engine auto|opengl|processor] [--frames N] [--picture "
+          "FILE.png]");
     }
   }
   return request;
-}
-
-int largest_difference(const Picture& one, const Picture& other, std::size_t& differing) {
-  int largest = 0;
-  differing = 0;
-  for (std::size_t i = 0; i < one.rgb.size(); ++i) {
-    const int difference = std::abs(int{one.rgb[i]} - int{other.rgb[i]});
-    largest = std::max(largest, difference);
-    differing += difference > 2 ? 1 : 0;
-  }
-  return largest;
 }
 
 int run(const Request& request) {
@@ -165,7 +118,7 @@ int run(const Request& request) {
   const auto volume =
       std::make_shared<const ShadedVolume>(shade(ct(), {Vector3::Zero(), Vector3::Constant(0.255)}));
   const TransferFunction transfer = find_transfer_function("liver");
-  VolumeRenderer renderer(volume, transfer, request.gpu);
+  VolumeRenderer renderer(volume, transfer, {request.gpu, request.engine});
   if (!renderer.notice().empty()) std::cerr << renderer.notice() << '\n';
   renderer.set_mesh(deformation.mesh());
   Scene scene;
@@ -198,18 +151,18 @@ int run(const Request& request) {
       "%d frames in %.3f s: %.1f frames/s (%.2f ms each, of which %.3f ms simulation; %.1f ms of "
       "processors)\n",
       count, all, count / all, 1e3 * all / count, 1e3 * simulation / count, 1e3 * processor / count);
-  if (request.gpu == GpuUse::kOff) return 0;
+  if (request.gpu == GpuUse::kOff && request.engine == Engine::kOpenGl) return 0;
   try {
-    VolumeRenderer software(volume, transfer, GpuUse::kOff);
+    VolumeRenderer software(volume, transfer, {GpuUse::kOff, Engine::kOpenGl});
     software.set_mesh(deformation.mesh());
     const Eigen::VectorXd& displacement_m = deformation.at(0.4);
     const std::span<const double> numbers(displacement_m.data(),
                                           static_cast<std::size_t>(displacement_m.size()));
     const Picture reference = software.render(numbers, scene);
-    std::size_t differing = 0;
-    const int largest = largest_difference(reference, frame(0.4), differing);
-    std::printf("against %s: largest difference %d of 255, %zu of %zu samples by more than 2\n",
-                software.renderer().c_str(), largest, differing, reference.rgb.size());
+    const kiroku::test::PictureLikeness found = kiroku::test::likeness(reference, frame(0.4));
+    std::printf(
+        "against %s: SSIM %.5f, largest difference %d of 255, %.4f %% of the samples by more than 2\n",
+        software.renderer().c_str(), found.ssim, found.largest, 100 * found.share);
   } catch (const kiroku::Error& error) {
     std::cout << "not compared with software: " << error.what() << '\n';
   }

@@ -46,9 +46,9 @@ class Render : public ProgramTest {
                 {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [6, 5, 12]}]},
                 {"do": "release", "tool": "forceps"}]})");
   }
-  /// In software, as many threads as told.
+  /// By OSMesa, on as many threads as told.
   [[nodiscard]] ProcessResult with_threads(const std::string& threads, Arguments arguments) const {
-    arguments.insert(arguments.end(), {"--gpu", "off"});
+    arguments.insert(arguments.end(), {"--gpu", "off", "--engine", "opengl"});
     Process::Options started = options(arguments);
     started.environment["LP_NUM_THREADS"] = threads;
     return run_process(started);
@@ -100,6 +100,21 @@ TEST_F(Render, MakesTheSameBytesWhateverTheNumberOfThreads) {
     pictures.push_back(read_text(folder() / "cube.png"));
   }
   EXPECT_TRUE(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
+}
+
+TEST_F(Render, TakesTheEngineThatIsAskedFor) {
+  const auto made_by = [&](const Arguments& engine) {
+    Arguments arguments{"sim",   "render", "ct.nrrd",  "--mesh",  "cube.msh", "--size",
+                        "64x48", "-o",     "cube.png", "--force", "--json"};
+    arguments.insert(arguments.end(), engine.begin(), engine.end());
+    return kiroku_json(arguments)["renderer"].get<std::string>();
+  };
+  EXPECT_THAT(made_by({"--gpu", "off"}), testing::StartsWith("processor, "));
+  const std::string first = read_text(folder() / "cube.png");
+  EXPECT_THAT(made_by({"--engine", "processor"}), testing::StartsWith("processor, "));
+  EXPECT_EQ(read_text(folder() / "cube.png"), first);
+  EXPECT_THAT(made_by({"--gpu", "off", "--engine", "opengl"}), HasSubstr("llvmpipe"));
+  EXPECT_REFUSED(kiroku({"sim", "render", "ct.nrrd", "--engine", "fast", "-o", "x.png"}), "--engine");
 }
 
 TEST_F(Render, ReplaysAPlanWithTheSameFramesEveryTime) {

@@ -115,8 +115,8 @@ ordered_json registration_answer(const OrganPicking& picking, const JsonField& a
 
 OrganPicking::OrganPicking(const sim::Plan& plan, const sim::PlanFrames& frames,
                            std::shared_ptr<const sim::ShadedVolume> volume,
-                           const sim::TransferFunction& transfer, sim::GpuUse use)
-    : plan_(plan), frames_(frames), pictures_(plan, std::move(volume), transfer, use, {}) {}
+                           const sim::TransferFunction& transfer, const sim::EngineChoice& choice)
+    : plan_(plan), frames_(frames), pictures_(plan, std::move(volume), transfer, choice, {}) {}
 
 sim::Camera OrganPicking::camera(const PickingView& view) const {
   sim::Camera camera = sim::camera_looking_at(

@@ -28,7 +28,7 @@ class OrganPicking {
   /// Plan and frames outlive the object. kiroku::Error as sim::VolumeRenderer throws it.
   OrganPicking(const sim::Plan& plan, const sim::PlanFrames& frames,
                std::shared_ptr<const sim::ShadedVolume> volume, const sim::TransferFunction& transfer,
-               sim::GpuUse use);
+               const sim::EngineChoice& choice);
 
   [[nodiscard]] sim::Camera camera(const PickingView& view) const;
   sim::Picture picture(const PickingView& view);

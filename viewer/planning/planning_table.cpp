@@ -55,8 +55,8 @@ PlanningTable::PlanningTable(OpenedPlan opened, bool anew, const TableOptions& o
       opened_(std::move(opened)),
       session_(to_begin_with(opened_.plan, anew), progress),
       pointers_(session_),
-      pictures_(session_.plan(), opened_.volume, sim::find_transfer_function(options.transfer), options.gpu,
-                scene_of(session_.plan(), options)),
+      pictures_(session_.plan(), opened_.volume, sim::find_transfer_function(options.transfer),
+                options.engine, scene_of(session_.plan(), options)),
       spacing_m_(opened_.volume->spacing_m / 2),
       remarked_(session_.plan().steps.size()) {
   look({});

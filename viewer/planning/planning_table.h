@@ -15,7 +15,7 @@ namespace kiroku::viewer {
 
 struct TableOptions {
   std::string transfer = "liver";  // a name or file of sim::find_transfer_function()
-  sim::GpuUse gpu = sim::GpuUse::kAuto;
+  sim::EngineChoice engine;
   int width = 800, height = 600;
 };
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <numbers>
 
@@ -67,9 +68,19 @@ Scene scene_of(const TetMesh& mesh, const ViewDirection& from = {}, int side = 9
   return scene;
 }
 
+/// What draws the pictures of a test.
+EngineChoice drawn_by{GpuUse::kOff, Engine::kProcessor};
+void for_both_engines(const std::function<void()>& test) {
+  for (const Engine engine : {Engine::kOpenGl, Engine::kProcessor}) {
+    SCOPED_TRACE(engine == Engine::kOpenGl ? "OpenGL" : "processor");
+    drawn_by.engine = engine;
+    test();
+  }
+}
+
 Picture picture_of(const Volume& volume, const TransferFunction& transfer, const TetMesh& mesh,
                    const Scene& scene, const std::vector<double>& displacement_m = {}) {
-  VolumeRenderer renderer(shaded(volume), transfer, GpuUse::kOff);
+  VolumeRenderer renderer(shaded(volume), transfer, drawn_by);
   renderer.set_mesh(mesh);
   return renderer.render(displacement_m, scene);
 }
@@ -262,263 +273,295 @@ Vector3 bent(const Vector3& node) {
 }
 
 TEST(VolumeRenderer, BlendsTheCrossSectionsOfTheDefinition) {
-  const TetMesh mesh = test::ball_mesh({3, 3, 3}, kMiddle, Vector3::Constant(kRadius));
-  const Scene scene = scene_of(mesh, {25, 15}, 32);
-  const std::vector<double> displacement_m = displacement(mesh, bent);
-  for (const char* const name : {"liver", "lung"}) {
-    const TransferFunction transfer = find_transfer_function(name);
-    const auto volume = shaded(marked_ct());
-    VolumeRenderer renderer(volume, transfer, GpuUse::kOff);
-    renderer.set_mesh(mesh);
-    const Difference found = difference(renderer.render(displacement_m, scene),
-                                        Reference(*volume, transfer, mesh, displacement_m, scene).draw());
-    // Where a cross-section just grazes the surface, single precision may see it or not.
-    EXPECT_LT(found.share, 0.01) << name;
-  }
+  for_both_engines([] {
+    const TetMesh mesh = test::ball_mesh({3, 3, 3}, kMiddle, Vector3::Constant(kRadius));
+    const Scene scene = scene_of(mesh, {25, 15}, 32);
+    const std::vector<double> displacement_m = displacement(mesh, bent);
+    for (const char* const name : {"liver", "lung"}) {
+      const TransferFunction transfer = find_transfer_function(name);
+      const auto volume = shaded(marked_ct());
+      VolumeRenderer renderer(volume, transfer, drawn_by);
+      renderer.set_mesh(mesh);
+      const Difference found = difference(renderer.render(displacement_m, scene),
+                                          Reference(*volume, transfer, mesh, displacement_m, scene).draw());
+      // Where a cross-section just grazes the surface, single precision may see it or not.
+      EXPECT_LT(found.share, 0.01) << name;
+    }
+  });
 }
 
 TEST(VolumeRenderer, LetsThroughWhatBeersLawLetsThrough) {
-  // A slab of 12 mm; each mm takes a tenth. Grey on black, straight on.
-  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
-  Scene scene = scene_of(mesh);
-  scene.background = {0, 0, 0};
-  scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
-  const Picture picture = picture_of(constant_ct(50), white(0.1), mesh, scene);
-  EXPECT_NEAR(brightness(picture, 48, 48), 255 * (1 - std::pow(0.9, 12)), 1.5);
-  scene.spacing_m = 0.25e-3;
-  EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
-              255 * (1 - std::pow(0.9, 12)), 1.5)
-      << "finer cross-sections do not make tissue denser";
+  for_both_engines([] {
+    // A slab of 12 mm; each mm takes a tenth. Grey on black, straight on.
+    const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+    Scene scene = scene_of(mesh);
+    scene.background = {0, 0, 0};
+    scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
+    const Picture picture = picture_of(constant_ct(50), white(0.1), mesh, scene);
+    EXPECT_NEAR(brightness(picture, 48, 48), 255 * (1 - std::pow(0.9, 12)), 1.5);
+    scene.spacing_m = 0.25e-3;
+    EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
+                255 * (1 - std::pow(0.9, 12)), 1.5)
+        << "finer cross-sections do not make tissue denser";
+  });
 }
 
 TEST(VolumeRenderer, DrawsAMirroredBodyMirrored) {
-  // The ball is the same on both sides, its mesh is not.
-  const TetMesh mesh = ball();
-  Scene scene = scene_of(mesh);
-  scene.to_light = {0, 0.5, 1};
-  const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene);
-  Picture mirrored = picture;
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x)
-      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirrored.pixel(x, y));
-  }
-  const Difference found = difference(picture, mirrored, 4);
-  EXPECT_LT(found.share, 0.01);
+  for_both_engines([] {
+    // The ball is the same on both sides, its mesh is not.
+    const TetMesh mesh = ball();
+    Scene scene = scene_of(mesh);
+    scene.to_light = {0, 0.5, 1};
+    const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene);
+    Picture mirrored = picture;
+    for (int y = 0; y < picture.height; ++y) {
+      for (int x = 0; x < picture.width; ++x)
+        std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirrored.pixel(x, y));
+    }
+    const Difference found = difference(picture, mirrored, 4);
+    EXPECT_LT(found.share, 0.01);
+  });
 }
 
 TEST(VolumeRenderer, ATurnedOrganIsATurnedCamera) {
-  const TetMesh mesh = ball();
-  const Scene scene = scene_of(mesh, {20, 10});
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3(1, 2, -1).normalized()).toRotationMatrix();
-  const Picture organ = picture_of(marked_ct(), tissue(), mesh, scene, turned(mesh, turn));
-  Scene other = scene;
-  other.camera.eye_m = kMiddle + turn.transpose() * (scene.camera.eye_m - kMiddle);
-  other.camera.to_view = scene.camera.to_view * turn;
-  const Difference found = difference(organ, picture_of(marked_ct(), tissue(), mesh, other));
-  EXPECT_LT(found.share, 0.004);
-  // And the turn is to be seen.
-  EXPECT_GT(difference(organ, picture_of(marked_ct(), tissue(), mesh, scene)).share, 0.1);
+  for_both_engines([] {
+    const TetMesh mesh = ball();
+    const Scene scene = scene_of(mesh, {20, 10});
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3(1, 2, -1).normalized()).toRotationMatrix();
+    const Picture organ = picture_of(marked_ct(), tissue(), mesh, scene, turned(mesh, turn));
+    Scene other = scene;
+    other.camera.eye_m = kMiddle + turn.transpose() * (scene.camera.eye_m - kMiddle);
+    other.camera.to_view = scene.camera.to_view * turn;
+    const Difference found = difference(organ, picture_of(marked_ct(), tissue(), mesh, other));
+    EXPECT_LT(found.share, 0.004);
+    // And the turn is to be seen.
+    EXPECT_GT(difference(organ, picture_of(marked_ct(), tissue(), mesh, scene)).share, 0.1);
+  });
 }
 
 TEST(VolumeRenderer, ShadingOfATurnedOrganStaysWithTheLight) {
-  const TetMesh mesh = ball();
-  Scene scene = scene_of(mesh);
-  scene.to_light = {1, 0.3, 0.5};
-  const Eigen::Vector2d still = highlight(picture_of(ball_ct(), tissue(), mesh, scene));
-  EXPECT_GT(still.x(), 0.2);
-  for (const double angle : {0.7, 1.6, 3.0}) {
-    const Eigen::Matrix3d turn =
-        Eigen::AngleAxisd(angle, Vector3(0.2, 1, 0.3).normalized()).toRotationMatrix();
-    const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene, turned(mesh, turn));
-    EXPECT_LT((highlight(picture) - still).norm(), 0.08) << angle;
-  }
-  scene.to_light = {-1, 0.3, 0.5};
-  EXPECT_LT(highlight(picture_of(ball_ct(), tissue(), mesh, scene)).x(), -0.2);
+  for_both_engines([] {
+    const TetMesh mesh = ball();
+    Scene scene = scene_of(mesh);
+    scene.to_light = {1, 0.3, 0.5};
+    const Eigen::Vector2d still = highlight(picture_of(ball_ct(), tissue(), mesh, scene));
+    EXPECT_GT(still.x(), 0.2);
+    for (const double angle : {0.7, 1.6, 3.0}) {
+      const Eigen::Matrix3d turn =
+          Eigen::AngleAxisd(angle, Vector3(0.2, 1, 0.3).normalized()).toRotationMatrix();
+      const Picture picture = picture_of(ball_ct(), tissue(), mesh, scene, turned(mesh, turn));
+      EXPECT_LT((highlight(picture) - still).norm(), 0.08) << angle;
+    }
+    scene.to_light = {-1, 0.3, 0.5};
+    EXPECT_LT(highlight(picture_of(ball_ct(), tissue(), mesh, scene)).x(), -0.2);
+  });
 }
 
 TEST(VolumeRenderer, ShowsTheInsideOnTheFacesOfACut) {
-  // A block of 60 HU with a core of 200 HU that nothing shows from outside.
-  const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
-    return (at - kMiddle).head<2>().norm() < 0.005 ? 200 : 60;
-  });
-  const TransferFunction transfer = parse_transfer_function(
-      R"({"name": "Core", "points": [{"hu": 100, "color": "#0000ff", "opacity_per_mm": 1},
+  for_both_engines([] {
+    // A block of 60 HU with a core of 200 HU that nothing shows from outside.
+    const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
+      return (at - kMiddle).head<2>().norm() < 0.005 ? 200 : 60;
+    });
+    const TransferFunction transfer = parse_transfer_function(
+        R"({"name": "Core", "points": [{"hu": 100, "color": "#0000ff", "opacity_per_mm": 1},
                                      {"hu": 101, "color": "#ff0000", "opacity_per_mm": 1}], )" +
-          flat_light() + "}",
-      "core.json");
-  const TetMesh mesh = box(kMiddle - Vector3::Constant(0.014), Vector3::Constant(0.028), {6, 6, 6});
-  const Scene scene = scene_of(mesh);
-  const auto reds = [&](const Picture& picture) {
-    int count = 0;
-    for (int y = 0; y < picture.height; ++y) {
-      for (int x = 0; x < picture.width; ++x) count += picture.pixel(x, y)[0] > 150 ? 1 : 0;
+            flat_light() + "}",
+        "core.json");
+    const TetMesh mesh = box(kMiddle - Vector3::Constant(0.014), Vector3::Constant(0.028), {6, 6, 6});
+    const Scene scene = scene_of(mesh);
+    const auto reds = [&](const Picture& picture) {
+      int count = 0;
+      for (int y = 0; y < picture.height; ++y) {
+        for (int x = 0; x < picture.width; ++x) count += picture.pixel(x, y)[0] > 150 ? 1 : 0;
+      }
+      return count;
+    };
+    EXPECT_EQ(reds(picture_of(ct, transfer, mesh, scene)), 0);
+    // From the front to behind the core, then the halves are drawn apart.
+    VertexPreservingCut cut(mesh);
+    cut.cut(SweepSurface({{kMiddle.x(), -0.01, -0.01}, {kMiddle.x(), -0.01, 0.06}},
+                         {{kMiddle.x(), 0.03, -0.01}, {kMiddle.x(), 0.03, 0.06}}));
+    const TetMesh after = cut.remaining();
+    const std::vector<double> apart = displacement(after, [](const Vector3& node) -> Vector3 {
+      const double depth = std::max(0.0, 0.03 - node.y()) / 0.02;
+      return node + Vector3(node.x() > kMiddle.x() ? 0.008 : -0.008, 0, 0) * depth;
+    });
+    const Picture opened = picture_of(ct, transfer, after, scene, apart);
+    EXPECT_GT(reds(opened), 300);
+    // Closed: within the gap tissue is seen everywhere, nowhere the background.
+    for (int y = 35; y < 62; ++y) {
+      for (int x = 30; x < 67; ++x)
+        EXPECT_GT(opened.pixel(x, y)[0] + opened.pixel(x, y)[2], 120) << x << ',' << y;
     }
-    return count;
-  };
-  EXPECT_EQ(reds(picture_of(ct, transfer, mesh, scene)), 0);
-  // From the front to behind the core, then the halves are drawn apart.
-  VertexPreservingCut cut(mesh);
-  cut.cut(SweepSurface({{kMiddle.x(), -0.01, -0.01}, {kMiddle.x(), -0.01, 0.06}},
-                       {{kMiddle.x(), 0.03, -0.01}, {kMiddle.x(), 0.03, 0.06}}));
-  const TetMesh after = cut.remaining();
-  const std::vector<double> apart = displacement(after, [](const Vector3& node) -> Vector3 {
-    const double depth = std::max(0.0, 0.03 - node.y()) / 0.02;
-    return node + Vector3(node.x() > kMiddle.x() ? 0.008 : -0.008, 0, 0) * depth;
   });
-  const Picture opened = picture_of(ct, transfer, after, scene, apart);
-  EXPECT_GT(reds(opened), 300);
-  // Closed: within the gap tissue is seen everywhere, nowhere the background.
-  for (int y = 35; y < 62; ++y) {
-    for (int x = 30; x < 67; ++x)
-      EXPECT_GT(opened.pixel(x, y)[0] + opened.pixel(x, y)[2], 120) << x << ',' << y;
-  }
 }
 
 TEST(VolumeRenderer, SeesEveryLayerOfAMeshThatFoldsBack) {
-  // Two slabs of 4 mm behind each other, one mesh: rays leave it and enter again.
-  TetMesh mesh = box({0.010, 0.010, 0.010}, {0.028, 0.004, 0.028});
-  const TetMesh behind = box({0.010, 0.030, 0.010}, {0.028, 0.004, 0.028});
-  for (Tetrahedron corners : behind.tetrahedra) {
-    for (std::uint32_t& node : corners) node += static_cast<std::uint32_t>(mesh.nodes.size());
-    mesh.tetrahedra.push_back(corners);
-    mesh.regions.push_back(0);
-  }
-  mesh.nodes.insert(mesh.nodes.end(), behind.nodes.begin(), behind.nodes.end());
-  Scene scene = scene_of(mesh);
-  scene.background = {0, 0, 0};
-  scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
-  EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
-              255 * (1 - std::pow(0.9, 8)), 1.5);
+  for_both_engines([] {
+    // Two slabs of 4 mm behind each other, one mesh: rays leave it and enter again.
+    TetMesh mesh = box({0.010, 0.010, 0.010}, {0.028, 0.004, 0.028});
+    const TetMesh behind = box({0.010, 0.030, 0.010}, {0.028, 0.004, 0.028});
+    for (Tetrahedron corners : behind.tetrahedra) {
+      for (std::uint32_t& node : corners) node += static_cast<std::uint32_t>(mesh.nodes.size());
+      mesh.tetrahedra.push_back(corners);
+      mesh.regions.push_back(0);
+    }
+    mesh.nodes.insert(mesh.nodes.end(), behind.nodes.begin(), behind.nodes.end());
+    Scene scene = scene_of(mesh);
+    scene.background = {0, 0, 0};
+    scene.camera = camera_looking_at(ball_around(mesh), {0, 0}, 96, 96, 1, true);
+    EXPECT_NEAR(brightness(picture_of(constant_ct(50), white(0.1), mesh, scene), 48, 48),
+                255 * (1 - std::pow(0.9, 8)), 1.5);
+  });
 }
 
 TEST(VolumeRenderer, PassingEmptyTetrahedraOverChangesNothing) {
-  // Much of the box is air that the transfer function hides. A trace of opacity makes it count as seen.
-  const TetMesh mesh = box(Vector3::Constant(0.004), Vector3::Constant(0.040), {8, 8, 8});
-  const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
-    return (at - kMiddle).norm() < 0.01 ? 60 : -900;
+  for_both_engines([] {
+    // Much of the box is air that the transfer function hides. A trace of opacity makes it count as seen.
+    const TetMesh mesh = box(Vector3::Constant(0.004), Vector3::Constant(0.040), {8, 8, 8});
+    const Volume ct = test::volume_of({48, 48, 48}, 1e-3, Vector3::Zero(), [](const Vector3& at) {
+      return (at - kMiddle).norm() < 0.01 ? 60 : -900;
+    });
+    const auto transfer = [](const std::string& of_air) {
+      return parse_transfer_function(
+          R"({"name": "Ball", "points": [{"hu": -500, "color": "#ffffff", "opacity_per_mm": )" + of_air +
+              R"(}, {"hu": -400, "color": "#ff0000", "opacity_per_mm": 0.5}]})",
+          "ball.json");
+    };
+    const Scene scene = scene_of(mesh);
+    EXPECT_LE(
+        difference(picture_of(ct, transfer("0"), mesh, scene), picture_of(ct, transfer("1e-9"), mesh, scene))
+            .largest,
+        0);
   });
-  const auto transfer = [](const std::string& of_air) {
-    return parse_transfer_function(
-        R"({"name": "Ball", "points": [{"hu": -500, "color": "#ffffff", "opacity_per_mm": )" + of_air +
-            R"(}, {"hu": -400, "color": "#ff0000", "opacity_per_mm": 0.5}]})",
-        "ball.json");
-  };
-  const Scene scene = scene_of(mesh);
-  EXPECT_LE(
-      difference(picture_of(ct, transfer("0"), mesh, scene), picture_of(ct, transfer("1e-9"), mesh, scene))
-          .largest,
-      0);
 }
 
 TEST(VolumeRenderer, ToolsHideWhatIsBehindAndTissueHidesTools) {
-  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
-  Scene scene = scene_of(mesh);
-  const auto with = [&](double y_m) {
-    scene.solids = {{Sphere{0.003}, {{0.024, y_m, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
-    return picture_of(constant_ct(60), white(1), mesh, scene);
-  };
-  const auto is_green = [](const std::uint8_t* pixel) { return pixel[1] > 80 && pixel[0] < pixel[1] - 40; };
-  EXPECT_TRUE(is_green(with(0.010).pixel(48, 48))) << "in front";
-  EXPECT_FALSE(is_green(with(0.024).pixel(48, 48))) << "within";
-  EXPECT_FALSE(is_green(with(0.040).pixel(48, 48))) << "behind";
-  EXPECT_FALSE(is_green(with(0.010).pixel(48, 20))) << "beside it";
+  for_both_engines([] {
+    const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+    Scene scene = scene_of(mesh);
+    const auto with = [&](double y_m) {
+      scene.solids = {{Sphere{0.003}, {{0.024, y_m, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
+      return picture_of(constant_ct(60), white(1), mesh, scene);
+    };
+    const auto is_green = [](const std::uint8_t* pixel) { return pixel[1] > 80 && pixel[0] < pixel[1] - 40; };
+    EXPECT_TRUE(is_green(with(0.010).pixel(48, 48))) << "in front";
+    EXPECT_FALSE(is_green(with(0.024).pixel(48, 48))) << "within";
+    EXPECT_FALSE(is_green(with(0.040).pixel(48, 48))) << "behind";
+    EXPECT_FALSE(is_green(with(0.010).pixel(48, 20))) << "beside it";
+  });
 }
 
 TEST(VolumeRenderer, DrawsEveryShapeOfATool) {
-  const TetMesh mesh = box(Vector3::Constant(0.022), Vector3::Constant(0.004));
-  Scene scene = scene_of(mesh);
-  scene.camera = camera_looking_at({kMiddle, 0.02}, {0, 0}, 96, 96, 1, true);
-  // Seen along y, at scale 96 pixels to 40 mm: x and z extents in pixels.
-  const auto extent = [&](const ToolShape& shape) {
-    scene.solids = {{shape, {{0.024, 0.005, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
-    const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
-    int wide = 0, high = 0;
-    for (int i = 0; i < 96; ++i) {
-      const auto is_green = [&](const std::uint8_t* pixel) { return pixel[1] > pixel[0] + 20; };
-      wide += is_green(picture.pixel(i, 48)) ? 1 : 0;
-      high += is_green(picture.pixel(48, i)) ? 1 : 0;
-    }
-    return std::pair(wide, high);
-  };
-  const auto near = [](int pixels, double mm) { return std::abs(pixels - mm * 96 / 40) <= 1.5; };
-  const auto [sphere_wide, sphere_high] = extent(Sphere{0.008});
-  EXPECT_TRUE(near(sphere_wide, 16) && near(sphere_high, 16)) << sphere_wide << ' ' << sphere_high;
-  const auto [rod_wide, rod_high] = extent(Capsule{0.005, 0.010});
-  EXPECT_TRUE(near(rod_wide, 10) && near(rod_high, 30)) << rod_wide << ' ' << rod_high;
-  const auto [box_wide, box_high] = extent(Box{{0.010, 0.002, 0.006}});
-  EXPECT_TRUE(near(box_wide, 20) && near(box_high, 12)) << box_wide << ' ' << box_high;
+  for_both_engines([] {
+    const TetMesh mesh = box(Vector3::Constant(0.022), Vector3::Constant(0.004));
+    Scene scene = scene_of(mesh);
+    scene.camera = camera_looking_at({kMiddle, 0.02}, {0, 0}, 96, 96, 1, true);
+    // Seen along y, at scale 96 pixels to 40 mm: x and z extents in pixels.
+    const auto extent = [&](const ToolShape& shape) {
+      scene.solids = {{shape, {{0.024, 0.005, 0.024}, Eigen::Quaterniond::Identity()}, {0, 255, 0}}};
+      const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
+      int wide = 0, high = 0;
+      for (int i = 0; i < 96; ++i) {
+        const auto is_green = [&](const std::uint8_t* pixel) { return pixel[1] > pixel[0] + 20; };
+        wide += is_green(picture.pixel(i, 48)) ? 1 : 0;
+        high += is_green(picture.pixel(48, i)) ? 1 : 0;
+      }
+      return std::pair(wide, high);
+    };
+    const auto near = [](int pixels, double mm) { return std::abs(pixels - mm * 96 / 40) <= 1.5; };
+    const auto [sphere_wide, sphere_high] = extent(Sphere{0.008});
+    EXPECT_TRUE(near(sphere_wide, 16) && near(sphere_high, 16)) << sphere_wide << ' ' << sphere_high;
+    const auto [rod_wide, rod_high] = extent(Capsule{0.005, 0.010});
+    EXPECT_TRUE(near(rod_wide, 10) && near(rod_high, 30)) << rod_wide << ' ' << rod_high;
+    const auto [box_wide, box_high] = extent(Box{{0.010, 0.002, 0.006}});
+    EXPECT_TRUE(near(box_wide, 20) && near(box_high, 12)) << box_wide << ' ' << box_high;
+  });
 }
 
 TEST(VolumeRenderer, TintsTissueByItsStress) {
-  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028}, {8, 1, 1});
-  Scene scene = scene_of(mesh);
-  scene.stress.emplace();
-  scene.stress->share = 1;
-  scene.stress->largest_pa = 1000;
-  for (const Vector3& node : mesh.nodes)
-    scene.stress->at_nodes_pa.push_back((node.x() - 0.010) / 0.028 * 1000);
-  const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
-  // Viridis: blue where there is none, yellow where there is most.
-  EXPECT_GT(picture.pixel(22, 48)[2], picture.pixel(22, 48)[0]);
-  EXPECT_GT(picture.pixel(74, 48)[0], 2 * picture.pixel(74, 48)[2]);
+  for_both_engines([] {
+    const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028}, {8, 1, 1});
+    Scene scene = scene_of(mesh);
+    scene.stress.emplace();
+    scene.stress->share = 1;
+    scene.stress->largest_pa = 1000;
+    for (const Vector3& node : mesh.nodes)
+      scene.stress->at_nodes_pa.push_back((node.x() - 0.010) / 0.028 * 1000);
+    const Picture picture = picture_of(constant_ct(60), white(1), mesh, scene);
+    // Viridis: blue where there is none, yellow where there is most.
+    EXPECT_GT(picture.pixel(22, 48)[2], picture.pixel(22, 48)[0]);
+    EXPECT_GT(picture.pixel(74, 48)[0], 2 * picture.pixel(74, 48)[2]);
+  });
 }
 
 TEST(VolumeRenderer, DrawsTheSurfaceAroundTheTissue) {
-  const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
-  Scene scene = scene_of(mesh);
-  scene.background = {0, 0, 0};
-  const Volume ct = constant_ct(60);
-  const Picture without = picture_of(ct, white(0.001), mesh, scene);
-  scene.surface = SurfaceSheet{{0, 200, 0}, 0.5};
-  const Picture with = picture_of(ct, white(0.001), mesh, scene);
-  EXPECT_LT(brightness(without, 48, 48), 8);
-  // The near side, and through it the far side.
-  EXPECT_GT(with.pixel(48, 48)[1], 90);
-  EXPECT_EQ(brightness(with, 2, 2), 0);
+  for_both_engines([] {
+    const TetMesh mesh = box({0.010, 0.018, 0.010}, {0.028, 0.012, 0.028});
+    Scene scene = scene_of(mesh);
+    scene.background = {0, 0, 0};
+    const Volume ct = constant_ct(60);
+    const Picture without = picture_of(ct, white(0.001), mesh, scene);
+    scene.surface = SurfaceSheet{{0, 200, 0}, 0.5};
+    const Picture with = picture_of(ct, white(0.001), mesh, scene);
+    EXPECT_LT(brightness(without, 48, 48), 8);
+    // The near side, and through it the far side.
+    EXPECT_GT(with.pixel(48, 48)[1], 90);
+    EXPECT_EQ(brightness(with, 2, 2), 0);
+  });
 }
 
 TEST(VolumeRenderer, RefusesATransferFunctionThatHidesEverything) {
-  VolumeRenderer renderer(shaded(constant_ct(50)), find_transfer_function("bone"), GpuUse::kOff);
-  try {
-    renderer.set_mesh(ball());
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_STREQ(error.what(),
-                 "the transfer function 'Bone' hides everything: it shows 151 to 3071 HU, and the CT in the "
-                 "mesh has 50 "
-                 "to 50 HU; choose another (--transfer), or look at whether the mesh belongs to this CT");
-  }
-  EXPECT_THROW(renderer.render({}, Scene()), UsageError) << "there is no mesh yet";
+  for_both_engines([] {
+    VolumeRenderer renderer(shaded(constant_ct(50)), find_transfer_function("bone"), drawn_by);
+    try {
+      renderer.set_mesh(ball());
+      FAIL();
+    } catch (const Error& error) {
+      EXPECT_STREQ(
+          error.what(),
+          "the transfer function 'Bone' hides everything: it shows 151 to 3071 HU, and the CT in the "
+          "mesh has 50 "
+          "to 50 HU; choose another (--transfer), or look at whether the mesh belongs to this CT");
+    }
+    EXPECT_THROW(renderer.render({}, Scene()), UsageError) << "there is no mesh yet";
+  });
 }
 
 TEST(VolumeRenderer, RefusesNumbersAndPicturesThatAreNone) {
-  VolumeRenderer renderer(shaded(constant_ct(50)), tissue(), GpuUse::kOff);
-  const TetMesh mesh = ball();
-  renderer.set_mesh(mesh);
-  Scene scene = scene_of(mesh);
-  EXPECT_THROW(renderer.render(std::vector<double>(7), scene), UsageError);
-  EXPECT_THROW(renderer.render(std::vector<double>(3 * mesh.nodes.size(), std::nan("")), scene), UsageError);
-  scene.width = 0;
-  EXPECT_THROW(renderer.render({}, scene), UsageError);
-  scene.width = 9000;
-  EXPECT_THROW(renderer.render({}, scene), UsageError);
+  for_both_engines([] {
+    VolumeRenderer renderer(shaded(constant_ct(50)), tissue(), drawn_by);
+    const TetMesh mesh = ball();
+    renderer.set_mesh(mesh);
+    Scene scene = scene_of(mesh);
+    EXPECT_THROW(renderer.render(std::vector<double>(7), scene), UsageError);
+    EXPECT_THROW(renderer.render(std::vector<double>(3 * mesh.nodes.size(), std::nan("")), scene),
+                 UsageError);
+    scene.width = 0;
+    EXPECT_THROW(renderer.render({}, scene), UsageError);
+    scene.width = 9000;
+    EXPECT_THROW(renderer.render({}, scene), UsageError);
+  });
 }
 
 TEST(VolumeRenderer, SurvivesElementsWithoutVolumeAndTurnedInsideOut) {
-  const TetMesh mesh = ball();
-  const Scene scene = scene_of(mesh);
-  VolumeRenderer renderer(shaded(ball_ct()), tissue(), GpuUse::kOff);
-  renderer.set_mesh(mesh);
-  renderer.render(displacement(mesh,
-                               [](const Vector3& node) -> Vector3 {
-                                 return {node.x(), 0.024, node.z()};
-                               }),
-                  scene);
-  renderer.render(displacement(mesh, [](const Vector3&) -> Vector3 { return kMiddle; }), scene);
-  renderer.render(displacement(mesh, [](const Vector3& node) -> Vector3 { return 2 * kMiddle - node; }),
-                  scene);
-  // And draws as ever afterwards.
-  EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+  for_both_engines([] {
+    const TetMesh mesh = ball();
+    const Scene scene = scene_of(mesh);
+    VolumeRenderer renderer(shaded(ball_ct()), tissue(), drawn_by);
+    renderer.set_mesh(mesh);
+    renderer.render(displacement(mesh,
+                                 [](const Vector3& node) -> Vector3 {
+                                   return {node.x(), 0.024, node.z()};
+                                 }),
+                    scene);
+    renderer.render(displacement(mesh, [](const Vector3&) -> Vector3 { return kMiddle; }), scene);
+    renderer.render(displacement(mesh, [](const Vector3& node) -> Vector3 { return 2 * kMiddle - node; }),
+                    scene);
+    // And draws as ever afterwards.
+    EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+  });
 }
 
 /// A graphics processor that works until it is to draw.
@@ -555,14 +598,18 @@ class FailingContext : public GlContext {
 };
 
 TEST(VolumeRenderer, GoesOnInSoftwareWhereTheGraphicsProcessorRunsOutOfMemory) {
-  VolumeRenderer renderer(shaded(ball_ct()), tissue(), GpuUse::kAuto,
-                          [] { return std::make_unique<FailingContext>(); });
-  EXPECT_THAT(renderer.notice(), HasSubstr("in software from now on"));
-  EXPECT_THAT(renderer.notice(), HasSubstr("out of memory"));
-  const TetMesh mesh = ball();
-  renderer.set_mesh(mesh);
-  const Scene scene = scene_of(mesh);
-  EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+  for_both_engines([] {
+    VolumeRenderer renderer(
+        shaded(ball_ct()), tissue(),
+        {GpuUse::kAuto, drawn_by.engine == Engine::kOpenGl ? Engine::kOpenGl : Engine::kAuto},
+        [] { return std::make_unique<FailingContext>(); });
+    EXPECT_THAT(renderer.notice(), HasSubstr("in software from now on"));
+    EXPECT_THAT(renderer.notice(), HasSubstr("out of memory"));
+    const TetMesh mesh = ball();
+    renderer.set_mesh(mesh);
+    const Scene scene = scene_of(mesh);
+    EXPECT_EQ(renderer.render({}, scene).rgb, picture_of(ball_ct(), tissue(), mesh, scene).rgb);
+  });
 }
 
 TEST(VolumeRenderer, DrawsTheSameOverEgl) {
@@ -576,6 +623,7 @@ TEST(VolumeRenderer, DrawsTheSameOverEgl) {
   }
   if (!there) GTEST_SKIP() << "there is no EGL device";
   there.reset();
+  drawn_by.engine = Engine::kOpenGl;
   const TetMesh mesh = ball();
   const Scene scene = scene_of(mesh);
   VolumeRenderer renderer(shaded(marked_ct()), tissue(), GpuUse::kAuto, maker);
@@ -611,6 +659,7 @@ void expect_golden(const std::string& name, const Picture& picture) {
 }
 
 TEST(GoldenFrames, AreTheSameToTheByte) {
+  drawn_by.engine = Engine::kOpenGl;
   const TetMesh mesh = ball();
   const Scene still = scene_of(mesh, {25, 15});
   expect_golden("still", picture_of(marked_ct(), tissue(), mesh, still));
@@ -636,6 +685,23 @@ TEST(GoldenFrames, AreTheSameToTheByte) {
     return bent(node) + Vector3(node.x() > kMiddle.x() ? 0.006 : -0.006, 0, 0) * depth;
   });
   expect_golden("opened", picture_of(marked_ct(), tissue(), after, rich, opened));
+}
+
+TEST(VolumeRenderer, TakesTheProcessorWhereNoGraphicsProcessorIsToBeUsed) {
+  const GpuMaker none = [] { return std::unique_ptr<GlContext>(); };
+  const GpuMaker broken = []() -> std::unique_ptr<GlContext> { throw Error("it is on fire"); };
+  const auto by = [](const EngineChoice& choice, const GpuMaker& maker) {
+    const VolumeRenderer renderer(shaded(constant_ct(50)), tissue(), choice, maker);
+    return std::pair(renderer.renderer(), renderer.notice());
+  };
+  EXPECT_THAT(by(GpuUse::kOff, broken).first, HasSubstr("processor, "));
+  EXPECT_EQ(by(GpuUse::kOff, broken).second, "");
+  EXPECT_THAT(by(GpuUse::kAuto, none).first, HasSubstr("processor, "));
+  EXPECT_EQ(by(GpuUse::kAuto, none).second, "");
+  EXPECT_THAT(by(GpuUse::kAuto, broken).first, HasSubstr("processor, "));
+  EXPECT_THAT(by(GpuUse::kAuto, broken).second, HasSubstr("it is on fire"));
+  EXPECT_THAT(by({GpuUse::kAuto, Engine::kOpenGl}, none).first, HasSubstr("llvmpipe"));
+  EXPECT_EQ(by({GpuUse::kAuto, Engine::kProcessor}, broken).second, "") << "it is not even asked";
 }
 
 TEST(AtNodes, IsTheMeanByVolume) {

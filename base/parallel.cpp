@@ -1,4 +1,4 @@
-#include "sim/drr/parallel.h"
+#include "base/parallel.h"
 
 #include <algorithm>
 #include <atomic>
@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace kiroku::sim {
+namespace kiroku {
 
 void for_each_part(std::size_t parts, unsigned threads, const std::function<void(std::size_t)>& do_part) {
   std::atomic<std::size_t> next = 0;
@@ -34,4 +34,4 @@ void for_each_part(std::size_t parts, unsigned threads, const std::function<void
   if (failure) std::rethrow_exception(failure);
 }
 
-}  // namespace kiroku::sim
+}  // namespace kiroku

@@ -1,0 +1,386 @@
+#include "sim/render/ray_caster.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <thread>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "sim/mesh/length_unit.h"
+#include "sim/render/colour_map.h"
+#include "sim/render/picture_triangles.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr std::size_t kPixels = std::size_t{kMarchTile} * kMarchTile;
+constexpr float kNothingMm = 1e30F;
+
+// How opaque a cell may be, as a byte: steps of a tenth of an octave from here on, which reach beyond the
+// most opaque that there is.
+constexpr double kLeastExtinction = 1e-6, kStepsPerOctave = 10;
+
+std::uint8_t opacity_byte(float extinction_per_mm) {
+  if (!(extinction_per_mm > 0)) return 0;
+  const double step =
+      1 + std::ceil(kStepsPerOctave * std::log2(double{extinction_per_mm} / kLeastExtinction));
+  return static_cast<std::uint8_t>(std::clamp(step, 1.0, 255.0));
+}
+/// The greatest byte that stands for no more than this; 0 where none does.
+std::int32_t greatest_byte(double extinction_per_mm) {
+  const double step = 1 + std::floor(kStepsPerOctave * std::log2(extinction_per_mm / kLeastExtinction));
+  return static_cast<std::int32_t>(std::clamp(step, 0.0, 254.0));
+}
+
+/// The greatest of any stretch of a list, in two look-ups.
+class GreatestWithin {
+ public:
+  explicit GreatestWithin(std::vector<std::uint8_t> values) : levels_{std::move(values)} {
+    for (std::size_t reach = 1; 2 * reach <= levels_[0].size(); reach *= 2) {
+      const std::vector<std::uint8_t>& last = levels_.back();
+      std::vector<std::uint8_t> level(levels_[0].size());
+      for (std::size_t i = 0; i + 2 * reach <= level.size(); ++i)
+        level[i] = std::max(last[i], last[i + reach]);
+      levels_.push_back(std::move(level));
+    }
+  }
+  [[nodiscard]] std::uint8_t of(std::size_t first, std::size_t last) const {
+    const auto number = static_cast<std::size_t>(std::bit_width(last - first + 1) - 1);
+    const std::vector<std::uint8_t>& level = levels_[number];
+    return std::max(level[first], level[last + 1 - (std::size_t{1} << number)]);
+  }
+
+ private:
+  std::vector<std::vector<std::uint8_t>> levels_;  // level n: of 2^n from each on
+};
+
+std::string name_of(InstructionSet set) {
+  return set == InstructionSet::kAvx512 ? "AVX-512" : set == InstructionSet::kAvx2 ? "AVX2" : "baseline";
+}
+
+/// Opaque things in the picture: triangles with what lights them.
+struct Solids {
+  std::vector<PictureTriangle> triangles;
+  std::vector<std::array<Vector3, 3>> normals;
+  std::vector<Rgb> colours;
+
+  Solids(const Scene& scene, const PixelRays& rays) {
+    for (const Solid& solid : scene.solids) {
+      const std::vector<SolidVertex> vertices = triangles_of(solid);
+      for (std::size_t at = 0; at < vertices.size(); at += 3) {
+        std::array<Vector3, 3> places, turned;
+        for (std::size_t corner = 0; corner < 3; ++corner) {
+          places[corner] = kMmPerM * scene.camera.view_m(vertices[at + corner].position_m);
+          turned[corner] = scene.camera.to_view * vertices[at + corner].normal;
+        }
+        // Their triangles are apart: pixels on an edge of two belong to both, and show the same.
+        std::optional<PictureTriangle> triangle = picture_triangle(places, {0, 1, 2}, rays);
+        if (!triangle) continue;
+        triangle->owns_edge = {true, true, true};
+        triangle->number = static_cast<std::uint32_t>(normals.size());
+        triangles.push_back(*triangle);
+        normals.push_back(turned);
+        colours.push_back(solid.colour);
+      }
+    }
+  }
+
+  /// As the shader of solids has it.
+  [[nodiscard]] Vector3 colour(const PictureTriangle& triangle, const PictureTriangle::Hit& hit,
+                               const Vector3& to_eye, const Vector3& light) const {
+    Vector3 n = Vector3::Zero();
+    for (std::size_t corner = 0; corner < 3; ++corner)
+      n += hit.shares[corner] * normals[triangle.number][corner];
+    n.normalize();
+    const Rgb& rgb = colours[triangle.number];
+    const double diffuse = std::max(n.dot(light), 0.0);
+    const double gloss = std::pow(std::max(n.dot((light + to_eye).normalized()), 0.0), 40);
+    return Vector3(rgb[0], rgb[1], rgb[2]) / 255 * (0.35 + 0.65 * diffuse) + Vector3::Constant(0.35 * gloss);
+  }
+};
+
+/// One square of the picture on its way.
+struct Square {
+  std::array<std::uint32_t, kPixels * kMarchLayers> entries;
+  std::array<double, kPixels * kMarchLayers> depths_mm;
+  std::array<std::uint8_t, kPixels> layers{};
+  std::array<float, kPixels> end_mm;
+  std::array<float, kPixels * 3> colour;
+
+  void enter(std::size_t pixel, std::uint32_t entry, double depth_mm) {
+    const std::size_t first = pixel * kMarchLayers;
+    std::size_t at = layers[pixel];
+    if (at == kMarchLayers) {
+      if (depth_mm >= depths_mm[first + at - 1]) return;
+      --at;
+    } else {
+      ++layers[pixel];
+    }
+    for (; at > 0 && depths_mm[first + at - 1] > depth_mm; --at) {
+      entries[first + at] = entries[first + at - 1];
+      depths_mm[first + at] = depths_mm[first + at - 1];
+    }
+    entries[first + at] = entry;
+    depths_mm[first + at] = depth_mm;
+  }
+};
+
+}  // namespace
+
+RayCaster::RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
+                     const RayCasterOptions& options)
+    : volume_(std::move(volume)),
+      transfer_(transfer),
+      threads_(options.threads > 0 ? options.threads : std::max(std::thread::hardware_concurrency(), 1U)),
+      march_(march_rays(options.instructions)),
+      name_("processor, " + std::to_string(threads_) + (threads_ == 1 ? " thread, " : " threads, ") +
+            name_of(options.instructions)) {
+  if (march_ == nullptr)
+    throw UsageError("this machine has no " + name_of(options.instructions) +
+                     ": take another set of instructions");
+  if (volume_->texels.size() / 4 >= std::size_t{std::numeric_limits<std::int32_t>::max()}) {
+    throw Error(
+        "the CT has more voxels than the ray caster can hold (2147483647): show a smaller part of it "
+        "with --mesh");
+  }
+  for (const TransferFunction::Entry& entry : transfer_.entries) {
+    tissue_.insert(tissue_.end(), entry.colour.begin(), entry.colour.end());
+    tissue_.push_back(entry.extinction_per_mm);
+  }
+  constexpr int kTintColours = 256;
+  for (int i = 0; i < kTintColours; ++i) {
+    for (const std::uint8_t part : viridis(i / double{kTintColours - 1}))
+      tint_colours_.push_back(static_cast<float>(part) / 255);
+    tint_colours_.push_back(1);
+  }
+  measure_opacity();
+}
+
+void RayCaster::measure_opacity() {
+  std::vector<std::uint8_t> bytes;
+  bytes.reserve(transfer_.entries.size());
+  for (const TransferFunction::Entry& entry : transfer_.entries)
+    bytes.push_back(opacity_byte(entry.extinction_per_mm));
+  const GreatestWithin greatest(std::move(bytes));
+  const auto& size = volume_->size;
+  const std::size_t row = size[0], plane = row * size[1];
+  constexpr std::size_t kBeyond = 3;  // lanes read four bytes at once
+  opacity_.assign(plane * size[2] + kBeyond, 0);
+  for_each_part(size[2] - 1, threads_, [&](std::size_t k) {
+    std::vector<std::array<std::uint16_t, 2>> columns(row);
+    for (std::size_t j = 0; j + 1 < size[1]; ++j) {
+      const std::uint16_t* const hu = volume_->texels.data() + 4 * (plane * k + row * j) + 3;
+      for (std::size_t i = 0; i < row; ++i) {
+        const std::uint16_t a = hu[4 * i], b = hu[4 * (i + row)], c = hu[4 * (i + plane)],
+                            d = hu[4 * (i + row + plane)];
+        columns[i] = {std::min(std::min(a, b), std::min(c, d)), std::max(std::max(a, b), std::max(c, d))};
+      }
+      for (std::size_t i = 0; i + 1 < row; ++i) {
+        const std::uint32_t least = std::min(columns[i][0], columns[i + 1][0]);
+        const std::uint32_t most = std::max(columns[i][1], columns[i + 1][1]);
+        // The entries that samples round to, and one more each way.
+        const auto entry = [](std::uint32_t texel) { return (texel * 4095U + 32767U) / 65535U; };
+        const std::size_t first = std::max(entry(least), 1U) - 1U;
+        const std::size_t last = std::min<std::size_t>(entry(most) + 1U, kHuEntries - 1);
+        opacity_[plane * k + row * j + i] = greatest.of(first, last);
+      }
+    }
+  });
+}
+
+void RayCaster::set_mesh(const PlacedMesh& mesh) {
+  cells_.assign(mesh.topology.cells.size(), MarchCell{});
+  for (std::size_t number = 0; number < cells_.size(); ++number) {
+    MarchCell& cell = cells_[number];
+    const CellLinks& links = mesh.topology.cells[number];
+    for (std::size_t corner = 0; corner < 4; ++corner) {
+      const std::uint32_t beyond = links.neighbours[corner];
+      cell.beyond[corner] = kMarchNone;
+      if (beyond == kNoCell) continue;
+      const auto& back = mesh.topology.cells[beyond].neighbours;
+      const auto face = std::ranges::find(back, static_cast<std::uint32_t>(number)) - back.begin();
+      cell.beyond[corner] = 4 * beyond + static_cast<std::uint32_t>(face);
+    }
+    cell.hidden = (links.nodes[0] & kEmptyCell) != 0 ? 1 : 0;
+    std::array<Vector3, 4> corners;
+    for (std::size_t corner = 0; corner < 4; ++corner)
+      corners[corner] = mesh.rest.nodes[mesh.rest.tetrahedra[number][corner]];
+    const std::array<float, 2> range = hu_range(*volume_, corners);
+    // The entries that samples round to, and one more each way.
+    const auto entry = [](double hu) {
+      return static_cast<std::ptrdiff_t>(std::clamp(hu - kLeastHu, 0.0, double(kHuEntries) - 1));
+    };
+    const auto first = transfer_.entries.begin() + entry(std::floor(double{range[0]}) - 1);
+    const auto last = transfer_.entries.begin() + entry(std::ceil(double{range[1]}) + 1) + 1;
+    cell.least_opacity =
+        opacity_byte(std::ranges::min_element(first, last, {}, &TransferFunction::Entry::extinction_per_mm)
+                         ->extinction_per_mm);
+  }
+}
+
+void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
+  for (std::size_t number = 0; number < cells_.size(); ++number) {
+    MarchCell& cell = cells_[number];
+    const CellGeometry& geometry = mesh.cells[number];
+    const CellLinks& links = mesh.topology.cells[number];
+    const std::array<std::uint32_t, 4> nodes{links.nodes[0] & ~kEmptyCell, links.nodes[1], links.nodes[2],
+                                             links.nodes[3]};
+    std::array<Float4, 4> turn;
+    for (std::size_t corner = 0; corner < 4; ++corner) {
+      turn[corner] = mesh.rotations4[nodes[corner]];
+      // Quaternions of one rotation have two signs: those of the corner 0 decide.
+      float same = 0;
+      for (std::size_t c = 0; c < 4; ++c) same += turn[0][c] * turn[corner][c];
+      if (same < 0) {
+        for (float& c : turn[corner]) c = -c;
+      }
+    }
+    for (std::size_t column = 0; column < 4; ++column) {
+      float* const corner = cell.corner[column];
+      corner[0] = column == 3 ? 1.0F : 0.0F;
+      for (std::size_t c = 0; c < 3; ++c) {
+        corner[c + 1] = geometry.barycentric[c][column];
+        corner[0] -= corner[c + 1];
+        cell.voxel[column][c] =
+            geometry.texture[c][column] * static_cast<float>(volume_->size[c]) - (column == 3 ? 0.5F : 0.0F);
+      }
+      cell.voxel[column][3] = 0;
+      for (std::size_t c = 0; c < 4; ++c) {
+        cell.turn[column][c] =
+            corner[0] * turn[0][c] + corner[1] * turn[1][c] + corner[2] * turn[2][c] + corner[3] * turn[3][c];
+      }
+      cell.tint[column] = 0;
+      for (std::size_t c = 0; scene.stress && c < 4; ++c) {
+        cell.tint[column] +=
+            corner[c] * static_cast<float>(scene.stress->at_nodes_pa[nodes[c]] / scene.stress->largest_pa);
+      }
+    }
+  }
+}
+
+MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const {
+  MarchScene march{};
+  march.volume = {volume_->texels.data(), opacity_.data(), {}, tissue_.data()};
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    march.volume.size[axis] = static_cast<std::int32_t>(volume_->size[axis]);
+  march.cells = cells_.data();
+  const Camera& camera = scene.camera;
+  const double scale = camera.parallel ? kMmPerM : 1;
+  for (int axis = 0; axis < 2; ++axis) {
+    march.half_extent[axis] = static_cast<float>(scale * camera.half_extent[axis]);
+    march.centre[axis] = static_cast<float>(scale * camera.centre[axis]);
+  }
+  march.one_over_size[0] = 1 / static_cast<float>(scene.width);
+  march.one_over_size[1] = 1 / static_cast<float>(scene.height);
+  march.height = scene.height;
+  march.parallel = camera.parallel ? 1 : 0;
+  const double spacing_mm = spacing_m * kMmPerM;
+  march.spacing_mm = static_cast<float>(spacing_mm);
+  march.ambient = static_cast<float>(transfer_.ambient);
+  march.diffuse = static_cast<float>(transfer_.diffuse);
+  march.specular = static_cast<float>(transfer_.specular);
+  march.shininess = static_cast<float>(transfer_.shininess);
+  const auto [flat, steep] = transfer_.edge_hu_per_mm;
+  march.edge_from = static_cast<float>(flat);
+  march.edge_scale = static_cast<float>(1 / (steep - flat));
+  constexpr double kStep = kGreatestGradientHuPerMm / 32767;
+  march.gradient_scale = static_cast<float>(kStep);
+  march.gradient_zero = static_cast<float>(32768 * kStep);
+  const Vector3 light = scene.to_light.normalized();
+  for (int axis = 0; axis < 3; ++axis) march.light[axis] = static_cast<float>(light[axis]);
+  for (int level = 0; level < 3; ++level) {
+    const double sections = double(2 << level);
+
+    march.sparse[level] = greatest_byte(-std::log2(1 - kFaint) / (sections * spacing_mm));
+  }
+  march.tinted = scene.stress ? 1 : 0;
+  march.tint_colours = tint_colours_.data();
+  march.tint_share = scene.stress ? static_cast<float>(scene.stress->share) : 0;
+  march.sheeted = scene.surface ? 1 : 0;
+  if (scene.surface) {
+    for (std::size_t c = 0; c < 3; ++c) march.sheet[c] = static_cast<float>(scene.surface->colour[c]) / 255;
+    march.sheet[3] = static_cast<float>(scene.surface->opacity);
+  }
+  const double distance_mm = (std::max(mesh.nearest_mm, 0.0) + mesh.farthest_mm) / 2;
+  const double pixel_mm = 2 * camera.half_extent.maxCoeff() / std::min(scene.width, scene.height) *
+                          (camera.parallel ? kMmPerM : distance_mm);
+  march.likeness = pixel_mm < volume_->spacing_m * kMmPerM ? static_cast<float>(kAlike / 255) : 0;
+  return march;
+}
+
+Picture RayCaster::draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
+  place_cells(mesh, scene);
+  const MarchScene march = march_scene(mesh, scene, spacing_m);
+  const PixelRays rays = pixel_rays(scene);
+  std::vector<PictureTriangle> faces;
+  for (const EntryFace& face : mesh.topology.surface) {
+    const std::array<Vector3, 3> corners{mesh.view_mm[face.nodes[0]], mesh.view_mm[face.nodes[1]],
+                                         mesh.view_mm[face.nodes[2]]};
+    if (std::optional<PictureTriangle> triangle = picture_triangle(corners, face.nodes, rays)) {
+      triangle->number = face.cell_and_corner;
+      faces.push_back(*triangle);
+    }
+  }
+  const Solids solids(scene, rays);
+  const TriangleTiles face_tiles(faces, scene.width, scene.height, kMarchTile),
+      solid_tiles(solids.triangles, scene.width, scene.height, kMarchTile);
+  const Vector3 light = scene.to_light.normalized();
+  const int across = (scene.width + kMarchTile - 1) / kMarchTile;
+  const int down = (scene.height + kMarchTile - 1) / kMarchTile;
+  Picture picture(scene.width, scene.height);
+  const auto draw_square = [&](std::size_t number) {
+    const auto square = std::make_unique<Square>();
+    MarchTile tile{};
+    tile.x0 = static_cast<std::int32_t>(number) % across * kMarchTile;
+    tile.y0 = static_cast<std::int32_t>(number) / across * kMarchTile;
+    tile.x1 = std::min(tile.x0 + kMarchTile, scene.width);
+    tile.y1 = std::min(tile.y0 + kMarchTile, scene.height);
+    square->end_mm.fill(kNothingMm);
+    for (std::size_t i = 0; i < square->colour.size(); ++i)
+      square->colour[i] = static_cast<float>(scene.background[i % 3]) / 255;
+    const auto each_pixel = [&](const PictureTriangle& triangle, const auto& visit) {
+      for (int y = std::max(triangle.y0, tile.y0); y < std::min(triangle.y1, tile.y1); ++y) {
+        for (int x = std::max(triangle.x0, tile.x0); x < std::min(triangle.x1, tile.x1); ++x) {
+          const double u = rays.u[static_cast<std::size_t>(x)], v = rays.v[static_cast<std::size_t>(y)];
+          const auto hit = triangle.hit(u, v);
+          if (hit) visit(static_cast<std::size_t>((y - tile.y0) * kMarchTile + x - tile.x0), *hit, u, v);
+        }
+      }
+    };
+    for (const std::uint32_t face : face_tiles.of(number)) {
+      each_pixel(faces[face], [&](std::size_t pixel, const PictureTriangle::Hit& hit, double, double) {
+        square->enter(pixel, faces[face].number, hit.depth_mm);
+      });
+    }
+    for (const std::uint32_t at : solid_tiles.of(number)) {
+      const PictureTriangle& triangle = solids.triangles[at];
+      each_pixel(triangle, [&](std::size_t pixel, const PictureTriangle::Hit& hit, double u, double v) {
+        const bool before_the_eye = rays.parallel || hit.depth_mm >= 1;
+        if (!before_the_eye || hit.depth_mm >= double{square->end_mm[pixel]}) return;
+        square->end_mm[pixel] = static_cast<float>(hit.depth_mm);
+        const Vector3 to_eye = rays.parallel ? Vector3(0, 0, 1) : Vector3(-u, -v, 1).normalized().eval();
+        const Vector3 colour = solids.colour(triangle, hit, to_eye, light);
+        for (std::size_t c = 0; c < 3; ++c)
+          square->colour[3 * pixel + c] = static_cast<float>(colour[static_cast<Eigen::Index>(c)]);
+      });
+    }
+    tile.entries = square->entries.data();
+    tile.layers = square->layers.data();
+    tile.end_mm = square->end_mm.data();
+    tile.colour = square->colour.data();
+    march_(march, tile);
+    for (int y = tile.y0; y < tile.y1; ++y) {
+      const float* colour = square->colour.data() + 3 * std::size_t(y - tile.y0) * kMarchTile;
+      std::uint8_t* const to = picture.pixel(tile.x0, y);
+      for (int i = 0; i < 3 * (tile.x1 - tile.x0); ++i)
+        to[i] = static_cast<std::uint8_t>(std::clamp(colour[i], 0.0F, 1.0F) * 255 + 0.5F);
+    }
+  };
+  for_each_part(static_cast<std::size_t>(across) * static_cast<std::size_t>(down), threads_, draw_square);
+  return picture;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,65 @@
+// Shaded pictures of a deformed CT on the processor, without OpenGL: the picture that volume_renderer.h
+// defines, of the same numbers. Tools, the tint by stress and the surface's sheet are drawn too.
+//
+// It differs from the OpenGL engine in two things. Where a cell of the CT (the room between the centres of
+// eight texels) is so faint that no HU within it could take more than kFaint of the light over two, four or
+// eight cross-sections, only every second, fourth or eighth of them is sampled there, for all of them.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/instruction_set.h"
+#include "sim/render/picture.h"
+#include "sim/render/placed_mesh.h"
+#include "sim/render/ray_march.h"
+#include "sim/render/scene.h"
+#include "sim/render/shaded_volume.h"
+#include "sim/render/transfer_function.h"
+
+namespace kiroku::sim {
+
+struct RayCasterOptions {
+  unsigned threads = 0;  // 0: as many as the machine has
+  InstructionSet instructions = best_instruction_set();
+};
+
+/// Belongs to the thread that made it. The same input gives the same bytes, whatever the number of threads
+/// and the set of instructions.
+class RayCaster {
+ public:
+  /// A share of the light.
+  static constexpr double kFaint = 0.02;
+  static constexpr double kAlike = 3;
+
+  /// kiroku::Error for a CT of 2^31 texels or more; kiroku::UsageError for instructions that are not there.
+  RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
+            const RayCasterOptions& options = {});
+
+  /// Of the mesh that is drawn from now on: what of it stays while it deforms.
+  void set_mesh(const PlacedMesh& mesh);
+  /// `mesh` is the one that was set, placed for the scene's camera; `spacing_m` more than 0. What the scene
+  /// says is valid.
+  Picture draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m);
+
+  /// "processor, 2 threads, AVX-512".
+  [[nodiscard]] const std::string& name() const { return name_; }
+
+ private:
+  void measure_opacity();
+  void place_cells(const PlacedMesh& mesh, const Scene& scene);
+  [[nodiscard]] MarchScene march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const;
+
+  std::shared_ptr<const ShadedVolume> volume_;
+  TransferFunction transfer_;
+  unsigned threads_;
+  MarchRays march_;
+  std::string name_;
+  std::vector<std::uint8_t> opacity_;
+  std::vector<float> tissue_, tint_colours_;
+  std::vector<MarchCell> cells_;
+};
+
+}  // namespace kiroku::sim

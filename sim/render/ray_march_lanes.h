@@ -1,0 +1,610 @@
+// The rays of a tile; see ray_march.h for what they compute. Included once by each file that compiles it.
+// Everything here has internal linkage: each file has its own instructions.
+//
+// Lanes are sixteen samples along one ray, in the compilers' own vector types, which GCC and Clang make of
+// what instructions there are. Each operation is IEEE 754's alone, none is fused or reassociated
+// (-ffp-contract=off), and roots and quotients are exact: so all sets of instructions give the same bits. A
+// sample passes two gates before it costs anything: its cell of the CT must show something, and where that is
+// faint, its cross-section must be one of those that stand for several. What passes waits until sixteen are
+// there.
+#pragma once
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+#include "sim/render/ray_march.h"
+
+namespace kiroku::sim {
+namespace {
+
+constexpr int kLanes = 16;
+using Real = float __attribute__((vector_size(64)));
+using Whole = std::int32_t __attribute__((vector_size(64)));
+using Four = float __attribute__((vector_size(16)));
+using FourWhole = std::int32_t __attribute__((vector_size(16)));
+
+constexpr float kFarMm = 1e30F;
+// What still comes through when a ray counts as ended: less than half a step of 8 bits.
+constexpr float kEndedShare = 0.0019F;
+constexpr float kEndedExtinction = 9.0398F;  // what leaves that share
+// No ray meets as many cells as this but one that rounding leads in circles.
+constexpr int kMostMet = 4096;
+
+#define KIROKU_INLINE inline __attribute__((always_inline))
+
+KIROKU_INLINE Real all(float x) { return Real{x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x}; }
+KIROKU_INLINE Whole all(std::int32_t x) { return Whole{x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x}; }
+KIROKU_INLINE Real counting() { return Real{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
+KIROKU_INLINE Whole counting_whole() { return Whole{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
+KIROKU_INLINE Real load(const float* from) {
+  Real x;
+  __builtin_memcpy(&x, from, sizeof x);
+  return x;
+}
+KIROKU_INLINE void store(float* to, Real x) { __builtin_memcpy(to, &x, sizeof x); }
+KIROKU_INLINE Real least(Real a, Real b) { return a < b ? a : b; }
+KIROKU_INLINE Real most(Real a, Real b) { return a > b ? a : b; }
+KIROKU_INLINE Real bits_as_real(Whole a) {
+  Real x;
+  __builtin_memcpy(&x, &a, sizeof x);
+  return x;
+}
+KIROKU_INLINE Whole bits_as_whole(Real a) {
+  Whole x;
+  __builtin_memcpy(&x, &a, sizeof x);
+  return x;
+}
+
+KIROKU_INLINE Whole truncated(Real a) { return __builtin_convertvector(a, Whole); }
+KIROKU_INLINE Real real(Whole a) { return __builtin_convertvector(a, Real); }
+#if defined(__AVX512F__)
+// With a mask of all lanes: GCC 12 warns of its own header otherwise (GCC bug 105593).
+KIROKU_INLINE Real root(Real a) { return _mm512_maskz_sqrt_ps(0xffff, a); }
+#elif defined(__AVX__)
+KIROKU_INLINE Real root(Real a) {
+  alignas(64) float x[kLanes];
+  store(x, a);
+  for (int i = 0; i < kLanes; i += 8) _mm256_store_ps(x + i, _mm256_sqrt_ps(_mm256_load_ps(x + i)));
+  return load(x);
+}
+#elif defined(__x86_64__)
+KIROKU_INLINE Real root(Real a) {
+  alignas(64) float x[kLanes];
+  store(x, a);
+  for (int i = 0; i < kLanes; i += 4) _mm_store_ps(x + i, _mm_sqrt_ps(_mm_load_ps(x + i)));
+  return load(x);
+}
+#else
+KIROKU_INLINE Real root(Real a) {
+  for (int i = 0; i < kLanes; ++i) a[i] = __builtin_sqrtf(a[i]);
+  return a;
+}
+#endif
+
+/// 2^x, for x from -126 to 126; what is below counts as -126. Relative error below 3e-7.
+KIROKU_INLINE Real power_of_two(Real x) {
+  x = most(x, all(-126.0F));
+  const Whole whole = truncated(x + (x < 0 ? all(-0.5F) : all(0.5F)));
+  const Real f = (x - real(whole)) * 0.693147180559945F;
+  // The exponential's series; f is at most 0.35.
+  const Real series =
+      1.0F + f * (1.0F + f * (0.5F + f * (1.0F / 6 + f * (1.0F / 24 + f * (1.0F / 120 + f * (1.0F / 720))))));
+  return series * bits_as_real((whole + 127) << 23);
+}
+/// The logarithm to base 2 of what is greater than 0. Error below 1e-6.
+KIROKU_INLINE Real logarithm(Real x) {
+  // x = m 2^e with m from sqrt(1/2) to sqrt(2).
+  const Whole bits = bits_as_whole(x) - 0x3f3504f3;
+  const Whole exponent = bits >> 23;
+  const Real m = bits_as_real((bits & 0x7fffff) + 0x3f3504f3);
+  const Real s = (m - 1.0F) / (m + 1.0F), q = s * s;
+  const Real series = s * (2.885390082F + q * (0.961796694F + q * (0.577078016F + q * 0.412198583F)));
+  return real(exponent) + series;
+}
+
+/// Lane i has what lane i - by had; the first ones have 0.
+template <int by>
+KIROKU_INLINE Real moved_up(Real a) {
+#if defined(__AVX512F__)
+  return (Real)_mm512_maskz_alignr_epi32(0xffff, (__m512i)a, _mm512_setzero_si512(), kLanes - by);
+#else
+  alignas(64) float x[2 * kLanes];
+  store(x, all(0.0F));
+  store(x + kLanes, a);
+  return load(x + kLanes - by);
+#endif
+}
+/// The sum of all lanes up to each.
+KIROKU_INLINE Real sums_up_to(Real a) {
+  a += moved_up<1>(a);
+  a += moved_up<2>(a);
+  a += moved_up<4>(a);
+  a += moved_up<8>(a);
+  return a;
+}
+KIROKU_INLINE float sum_of(Real a) { return sums_up_to(a)[kLanes - 1]; }
+
+/// Sixteen times four numbers: the numbers of each kind together.
+KIROKU_INLINE void transpose(const float* from, Real to[4]) {
+#if defined(__AVX512F__)
+  const __m512 a = load(from), b = load(from + 16), c = load(from + 32), d = load(from + 48);
+  // From each pair of four samples: kinds 0 and 1, kinds 2 and 3.
+  const __m512i low = _mm512_setr_epi32(0, 4, 8, 12, 16, 20, 24, 28, 1, 5, 9, 13, 17, 21, 25, 29);
+  const __m512i high = _mm512_setr_epi32(2, 6, 10, 14, 18, 22, 26, 30, 3, 7, 11, 15, 19, 23, 27, 31);
+  const __m512 ab01 = _mm512_permutex2var_ps(a, low, b), cd01 = _mm512_permutex2var_ps(c, low, d);
+  const __m512 ab23 = _mm512_permutex2var_ps(a, high, b), cd23 = _mm512_permutex2var_ps(c, high, d);
+  to[0] = _mm512_maskz_shuffle_f32x4(0xffff, ab01, cd01, 0x44);
+  to[1] = _mm512_maskz_shuffle_f32x4(0xffff, ab01, cd01, 0xee);
+  to[2] = _mm512_maskz_shuffle_f32x4(0xffff, ab23, cd23, 0x44);
+  to[3] = _mm512_maskz_shuffle_f32x4(0xffff, ab23, cd23, 0xee);
+#else
+  alignas(64) float kinds[4][kLanes];
+#if defined(__x86_64__)
+  for (int at = 0; at < kLanes; at += 4) {
+    __m128 a = _mm_loadu_ps(from + 4 * at), b = _mm_loadu_ps(from + 4 * at + 4),
+           c = _mm_loadu_ps(from + 4 * at + 8), d = _mm_loadu_ps(from + 4 * at + 12);
+    _MM_TRANSPOSE4_PS(a, b, c, d);
+    _mm_store_ps(kinds[0] + at, a);
+    _mm_store_ps(kinds[1] + at, b);
+    _mm_store_ps(kinds[2] + at, c);
+    _mm_store_ps(kinds[3] + at, d);
+  }
+#else
+  for (int i = 0; i < 4 * kLanes; ++i) kinds[i % 4][i / 4] = from[i];
+#endif
+  for (int kind = 0; kind < 4; ++kind) to[kind] = load(kinds[kind]);
+#endif
+}
+
+/// The eight numbers of two texels beside each other.
+#if defined(__AVX2__)
+using Eight = __m256;
+KIROKU_INLINE Eight two_texels(const std::uint16_t* at) {
+  return _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(at))));
+}
+KIROKU_INLINE Four low_half(Eight a) { return _mm256_castps256_ps128(a); }
+KIROKU_INLINE Four high_half(Eight a) { return _mm256_extractf128_ps(a, 1); }
+KIROKU_INLINE Eight scaled(Eight a, float by) { return _mm256_mul_ps(a, _mm256_set1_ps(by)); }
+KIROKU_INLINE Eight sum(Eight a, Eight b) { return _mm256_add_ps(a, b); }
+#else
+struct Eight {
+  Four low, high;
+};
+KIROKU_INLINE Eight two_texels(const std::uint16_t* at) {
+  return {Four{float(at[0]), float(at[1]), float(at[2]), float(at[3])},
+          Four{float(at[4]), float(at[5]), float(at[6]), float(at[7])}};
+}
+KIROKU_INLINE Four low_half(const Eight& a) { return a.low; }
+KIROKU_INLINE Four high_half(const Eight& a) { return a.high; }
+KIROKU_INLINE Eight scaled(const Eight& a, float by) { return {a.low * by, a.high * by}; }
+KIROKU_INLINE Eight sum(const Eight& a, const Eight& b) { return {a.low + b.low, a.high + b.high}; }
+#endif
+
+/// A bit for each lane whose number is not 0.
+KIROKU_INLINE unsigned lanes_of(Whole a) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask((__m512i)a, (__m512i)a);
+#elif defined(__AVX2__)
+  alignas(64) std::int32_t x[kLanes];
+  __builtin_memcpy(x, &a, sizeof x);
+  // Comparisons have set all bits of a lane, or none.
+  const auto half = [&](int at) {
+    return unsigned(
+        _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_load_si256(reinterpret_cast<const __m256i*>(x + at)))));
+  };
+  return half(0) | half(8) << 8U;
+#else
+  unsigned lanes = 0;
+  for (unsigned lane = 0; lane < kLanes; ++lane) lanes |= (a[lane] != 0 ? 1U : 0U) << lane;
+  return lanes;
+#endif
+}
+
+/// The bytes at the indices of the first `count` lanes; what is in the others is not told.
+KIROKU_INLINE Whole bytes_at(const std::uint8_t* bytes, Whole index, int count) {
+#if defined(__AVX512F__)
+  const auto lanes = static_cast<__mmask16>(count < kLanes ? (1U << unsigned(count)) - 1U : 0xffffU);
+  return (Whole)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)index, bytes, 1) & 0xff;
+#else
+  alignas(64) std::int32_t at[kLanes];
+  __builtin_memcpy(at, &index, sizeof at);
+#if defined(__AVX2__)
+  for (int i = 0; i < kLanes && i < count; i += 8) {
+    auto* const eight = reinterpret_cast<__m256i*>(at + i);
+    _mm256_store_si256(
+        eight, _mm256_i32gather_epi32(reinterpret_cast<const int*>(bytes), _mm256_load_si256(eight), 1));
+  }
+#else
+  for (int i = 0; i < kLanes && i < count; ++i) at[i] = bytes[at[i]];
+#endif
+  Whole found;
+  __builtin_memcpy(&found, at, sizeof found);
+  return found & 0xff;
+#endif
+}
+
+/// The lanes of `a` that are in `lanes`, one after the other.
+KIROKU_INLINE void append(float* to, Real a, unsigned lanes) {
+#if defined(__AVX512F__)
+  store(to, _mm512_maskz_compress_ps(static_cast<__mmask16>(lanes), a));
+#else
+  alignas(64) float x[kLanes];
+  store(x, a);
+  for (; lanes != 0; lanes &= lanes - 1) *to++ = x[__builtin_ctz(lanes)];
+#endif
+}
+
+/// Towards positive infinity; for what is within ±1e9.
+KIROKU_INLINE float ceiling(float x) {
+  const auto whole = float(std::int32_t(x));
+  return whole < x ? whole + 1 : whole;
+}
+/// The first cross-section at or beyond a depth.
+KIROKU_INLINE float section_from(float depth_mm, float per_mm) {
+  const float section = depth_mm * per_mm;
+  return section > 1e9F ? 1e9F : section > 0 ? ceiling(section) : 0;
+}
+
+KIROKU_INLINE Four four(const float* from) {
+  Four x;
+  __builtin_memcpy(&x, from, sizeof x);
+  return x;
+}
+KIROKU_INLINE float dot(const float* a, float x, float y, float z) { return a[0] * x + a[1] * y + a[2] * z; }
+
+/// Samples that wait to be shaded.
+struct Waiting {
+  static constexpr int kRoom = 3 * kLanes;
+  alignas(64) float place[3][kRoom] = {};
+  alignas(64) float turn[4][kRoom] = {};
+  alignas(64) float length_mm[kRoom] = {};  // that they stand for
+  alignas(64) float tint[kRoom] = {};
+  // Of those that are being shaded: the CT's texels, and what the transfer function makes of them.
+  alignas(64) float texels[4 * kLanes] = {};
+  alignas(64) float tissues[4 * kLanes] = {};
+  int count = 0;
+
+  void keep_from(int first) {
+    const auto move = [&](float* numbers) { store(numbers, load(numbers + first)); };
+    for (auto& numbers : place) move(numbers);
+    for (auto& numbers : turn) move(numbers);
+    move(length_mm);
+    move(tint);
+    count = count > first ? count - first : 0;
+  }
+};
+
+class Ray {
+ public:
+  Ray(const MarchScene& scene, Waiting& waiting, int x, int y) : scene_(scene), waiting_(waiting) {
+    const float s = (float(x) + 0.5F) * scene.one_over_size[0] * 2 - 1;
+    const float t = (float(scene.height - 1 - y) + 0.5F) * scene.one_over_size[1] * 2 - 1;
+    const float u = s * scene.half_extent[0] + scene.centre[0];
+    const float v = t * scene.half_extent[1] + scene.centre[1];
+    if (scene.parallel != 0) {
+      origin_[0] = u;
+      origin_[1] = v;
+    } else {
+      along_[0] = u;
+      along_[1] = v;
+    }
+    length_ = __builtin_sqrtf(along_[0] * along_[0] + along_[1] * along_[1] + 1);
+    section_mm_ = scene.spacing_mm * length_;
+    per_mm_ = 1 / scene.spacing_mm;
+    // Half way between the light and the eye.
+    float sum = 0;
+    for (int c = 0; c < 3; ++c) {
+      const float to_eye = (c < 2 ? -along_[c] : 1.0F) / length_;
+      between_[c] = scene.light[c] + to_eye;
+      sum += between_[c] * between_[c];
+    }
+    for (float& c : between_) c /= __builtin_sqrtf(sum);
+    for (Real& colour : sums_) colour = all(0.0F);
+  }
+
+  void follow(const std::uint32_t* entries, int layers, float end_mm, float* colour) {
+    waiting_.count = 0;
+    float next = 0;  // the cross-section that comes next
+    for (int layer = 0; layer < layers && through_ > kEndedShare; ++layer) {
+      if (!follow_layer(entries[layer], end_mm, next)) break;
+    }
+    if (through_ > kEndedShare && waiting_.count > 0) shade();
+    for (int c = 0; c < 3; ++c) colour[c] = sum_of(sums_[c]) + sheet_sum_[c] + through_ * colour[c];
+  }
+
+ private:
+  /// From where a ray enters the mesh to where it leaves it. Whether it goes on.
+  bool follow_layer(std::uint32_t entry, float end_mm, float& next) {
+    std::uint32_t number = entry >> 2U;
+    std::uint32_t from = entry & 3U;
+    bool entering = true;
+    for (int met = 0; met < kMostMet; ++met) {
+      const MarchCell& cell = scene_.cells[number];
+      const Four begin = begin_of(cell.corner), slope = slope_of(cell.corner);
+      const Four crossing = -begin / slope;
+      const FourWhole is_from = FourWhole{0, 1, 2, 3} == std::int32_t(from);
+      const Four leaving = ((slope < 0) & ~is_from) ? crossing : Four{kFarMm, kFarMm, kFarMm, kFarMm};
+      const float out01 = leaving[0] < leaving[1] ? leaving[0] : leaving[1];
+      const float out23 = leaving[2] < leaving[3] ? leaving[2] : leaving[3];
+      const float out_at = out01 < out23 ? out01 : out23;
+      if (!(out_at < kFarMm)) return true;  // a cell without volume
+      const int out01_corner = leaving[0] < leaving[1] ? 0 : 1,
+                out23_corner = leaving[2] < leaving[3] ? 2 : 3;
+      const int exit = out01 < out23 ? out01_corner : out23_corner;
+      if (entering) {
+        entering = false;
+        const float in_at = crossing[from];
+        const float first = section_from(in_at, per_mm_);
+        next = next > first ? next : first;
+        if (scene_.sheeted != 0 && in_at < end_mm) pass_sheet(cell, int(from), true);
+      }
+      const float stop = out_at < end_mm ? out_at : end_mm;
+      const float beyond = section_from(stop, per_mm_);
+      if (beyond > next) {
+        if (cell.hidden == 0) gather(cell, std::int32_t(next), std::int32_t(beyond));
+        next = beyond;
+      }
+      if (out_at >= end_mm || through_ <= kEndedShare) return false;
+      const std::uint32_t into = cell.beyond[exit];
+      if (into == kMarchNone) {
+        if (scene_.sheeted != 0) pass_sheet(cell, exit, false);
+        return true;
+      }
+      number = into >> 2U;
+      from = into & 3U;
+    }
+    return true;
+  }
+
+  KIROKU_INLINE Four begin_of(const float (&of)[4][4]) const {
+    return four(of[0]) * origin_[0] + four(of[1]) * origin_[1] + four(of[3]);
+  }
+  KIROKU_INLINE Four slope_of(const float (&of)[4][4]) const {
+    return four(of[0]) * along_[0] + four(of[1]) * along_[1] - four(of[2]);
+  }
+
+  /// The samples of a cell on the cross-sections [first, last).
+  void gather(const MarchCell& cell, std::int32_t first, std::int32_t last) {
+    const Four place = begin_of(cell.voxel), step = slope_of(cell.voxel);
+    const Four turn = begin_of(cell.turn), turning = slope_of(cell.turn);
+    const float tint = cell.tint[0] * origin_[0] + cell.tint[1] * origin_[1] + cell.tint[3];
+    const float tinting = cell.tint[0] * along_[0] + cell.tint[1] * along_[1] - cell.tint[2];
+    const MarchVolume& volume = scene_.volume;
+    // In most cells that are seen at all, everything is.
+    const bool dense = std::int32_t(cell.least_opacity) > scene_.sparse[0];
+    for (std::int32_t section = first; section < last; section += kLanes) {
+      const int left = last - section;
+      const Whole sections = all(section) + counting_whole();
+      const Real t = real(sections) * scene_.spacing_mm;
+      Real at[3];
+      Whole index = all(0);
+      for (int axis = 2; axis >= 0; --axis) {
+        at[axis] = place[axis] + t * step[axis];
+        // The bound comes second: it is also what becomes of a number that is none.
+        const Real last_texel = all(float(volume.size[axis]) - 1.001F);
+        at[axis] = least(most(at[axis], all(0.0F)), last_texel);
+        if (!dense) index = index * volume.size[axis] + truncated(at[axis]);
+      }
+      unsigned lanes = left < kLanes ? (1U << unsigned(left)) - 1U : 0xffffU;
+      Real length_mm = all(section_mm_);
+      if (!dense) {
+        const Whole opacity = bytes_at(volume.opacity, index, left);
+        // 1, 2, 4 or 8 less one.
+        const Whole sparse = (opacity <= scene_.sparse[0] ? all(1) : all(0)) |
+                             (opacity <= scene_.sparse[1] ? all(3) : all(0)) |
+                             (opacity <= scene_.sparse[2] ? all(7) : all(0));
+        lanes &= lanes_of((opacity > 0) & ((sections & sparse) == 0));
+        if (lanes == 0) continue;
+        length_mm = real(sparse + 1) * section_mm_;
+      }
+      const int count = waiting_.count;
+      for (int axis = 0; axis < 3; ++axis) append(waiting_.place[axis] + count, at[axis], lanes);
+      for (int c = 0; c < 4; ++c) append(waiting_.turn[c] + count, turn[c] + t * turning[c], lanes);
+      append(waiting_.length_mm + count, length_mm, lanes);
+      if (scene_.tinted != 0) append(waiting_.tint + count, tint + t * tinting, lanes);
+      waiting_.count += __builtin_popcount(lanes);
+      if (waiting_.count < kLanes) continue;
+      shade();
+      if (through_ <= kEndedShare) return;
+    }
+  }
+
+  /// The first sixteen that wait, or all.
+  void shade() {
+    int count = waiting_.count < kLanes ? waiting_.count : kLanes;
+    const MarchVolume& volume = scene_.volume;
+    alignas(64) float weights[4][kLanes], across[kLanes];
+    alignas(64) std::int32_t indices[kLanes];
+    Real part[3];
+    Whole index = all(0);
+    for (int axis = 2; axis >= 0; --axis) {
+      const Real at = load(waiting_.place[axis]);
+      const Whole whole = truncated(at);
+      part[axis] = at - real(whole);
+      index = index * volume.size[axis] + whole;
+    }
+    const Real less[3] = {1.0F - part[0], 1.0F - part[1], 1.0F - part[2]};
+    store(weights[0], less[1] * less[2]);
+    store(weights[1], part[1] * less[2]);
+    store(weights[2], less[1] * part[2]);
+    store(weights[3], part[1] * part[2]);
+    store(across, part[0]);
+    __builtin_memcpy(indices, &index, sizeof indices);
+    float* const texels = waiting_.texels;
+    float* const tissues = waiting_.tissues;
+    const std::size_t row = 4 * std::size_t(volume.size[0]), plane = row * std::size_t(volume.size[1]);
+    for (int i = 0; i < count; ++i) {
+      const std::uint16_t* const texel = volume.texels + 4 * std::size_t(indices[i]);
+      const Eight mean =
+          sum(sum(scaled(two_texels(texel), weights[0][i]), scaled(two_texels(texel + row), weights[1][i])),
+              sum(scaled(two_texels(texel + plane), weights[2][i]),
+                  scaled(two_texels(texel + row + plane), weights[3][i])));
+      const Four low = low_half(mean), found = low + (high_half(mean) - low) * across[i];
+      __builtin_memcpy(texels + 4 * i, &found, sizeof found);
+      const auto entry = std::int32_t(found[3] * (4095.0F / 65535) + 0.5F);
+      __builtin_memcpy(tissues + 4 * i, volume.tissue + 4 * entry, 4 * sizeof(float));
+      spent_ += volume.tissue[4 * entry + 3] * waiting_.length_mm[i];
+      // The ray ends within these sixteen.
+      if (spent_ > kEndedExtinction) count = i + 1;
+    }
+    Real texel[4], tissue[4];
+    transpose(texels, texel);
+    transpose(tissues, tissue);
+    if (scene_.tinted != 0) tint(tissue);
+    add(texel, tissue, count);
+    waiting_.keep_from(count);
+  }
+
+  /// Colours go towards that of the tint.
+  void tint(Real tissue[4]) const {
+    alignas(64) float colours[4 * kLanes];
+    const Real number = least(most(load(waiting_.tint), all(0.0F)), all(1.0F));
+    const Whole entries = truncated(number * 255.0F + 0.5F);
+    for (int i = 0; i < kLanes; ++i)
+      __builtin_memcpy(colours + 4 * i, scene_.tint_colours + 4 * entries[i], 4 * sizeof(float));
+    Real painted[4];
+    transpose(colours, painted);
+    for (int c = 0; c < 3; ++c)
+      tissue[c] = tissue[c] * (1 - scene_.tint_share) + painted[c] * scene_.tint_share;
+  }
+
+  /// Lights the first `count` samples and blends them over what is behind.
+  void add(const Real texel[4], const Real tissue[4], int count) {
+    Real g[3];
+    for (int c = 0; c < 3; ++c) g[c] = texel[c] * scene_.gradient_scale - scene_.gradient_zero;
+    const Real steep = root(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    const Real shaded = least(most((steep - scene_.edge_from) * scene_.edge_scale, all(0.0F)), all(1.0F));
+    const Real q0 = load(waiting_.turn[0]), q1 = load(waiting_.turn[1]), q2 = load(waiting_.turn[2]),
+               q3 = load(waiting_.turn[3]);
+    // v + 2 q x (q x v + w v) / |q|^2 over its length, towards where there is less: air, fat, outside.
+    const Real a0 = q1 * g[2] - q2 * g[1] + q3 * g[0], a1 = q2 * g[0] - q0 * g[2] + q3 * g[1],
+               a2 = q0 * g[1] - q1 * g[0] + q3 * g[2];
+    const Real square = most(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3, all(1e-20F));
+    const Real length = most(steep, all(1e-6F)), one_over = 1.0F / (square * length);
+    const Real twice = 2.0F * length * one_over, down = -square * one_over;
+    const Real n0 = (g[0] + twice * (q1 * a2 - q2 * a1)) * down,
+               n1 = (g[1] + twice * (q2 * a0 - q0 * a2)) * down,
+               n2 = (g[2] + twice * (q0 * a1 - q1 * a0)) * down;
+    const Real falling = most(n0 * scene_.light[0] + n1 * scene_.light[1] + n2 * scene_.light[2], all(0.0F));
+    const Real diffuse = 0.75F + shaded * (falling - 0.75F);
+    const Real half = most(n0 * between_[0] + n1 * between_[1] + n2 * between_[2], all(1e-6F));
+    const Real gloss = power_of_two(scene_.shininess * logarithm(half));
+    const Real lit = scene_.ambient + scene_.diffuse * diffuse, shine = scene_.specular * shaded * gloss;
+    Real taken = tissue[3] * load(waiting_.length_mm);
+    taken = real(counting_whole()) < float(count) ? taken : all(0.0F);
+    const Real after = through_ * power_of_two(-sums_up_to(taken));
+    Real before = moved_up<1>(after);
+    before[0] = through_;
+    const Real weight = before - after;
+    for (int c = 0; c < 3; ++c) sums_[c] += weight * (tissue[c] * lit + shine);
+    through_ = after[kLanes - 1];
+  }
+
+  /// A face of the surface, lit from outside.
+  void pass_sheet(const MarchCell& cell, int corner, bool entering) {
+    while (waiting_.count > 0) shade();
+    // Within the cell the barycentric coordinate of the corner opposite grows.
+    float n[3], sum = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      n[axis] = entering ? -cell.corner[axis][corner] : cell.corner[axis][corner];
+      sum += n[axis] * n[axis];
+    }
+    if (!(sum > 0)) return;
+    for (float& c : n) c /= __builtin_sqrtf(sum);
+    const float falling = dot(scene_.light, n[0], n[1], n[2]);
+    const float light = 0.35F + 0.65F * (falling > 0 ? falling : 0);
+    float gloss = 0;
+    if (entering) {
+      const float half = dot(between_, n[0], n[1], n[2]);
+      const float to_2 = half > 0 ? half * half : 0, to_4 = to_2 * to_2, to_8 = to_4 * to_4,
+                  to_16 = to_8 * to_8;
+      gloss = 0.3F * (to_16 * to_16 * to_8);
+    }
+    for (int c = 0; c < 3; ++c)
+      sheet_sum_[c] += through_ * scene_.sheet[3] * (scene_.sheet[c] * light + gloss);
+    through_ *= 1 - scene_.sheet[3];
+  }
+
+  const MarchScene& scene_;
+  Waiting& waiting_;
+  float origin_[2] = {0, 0}, along_[2] = {0, 0};
+  float length_ = 1, section_mm_ = 0, per_mm_ = 0;
+  float between_[3];
+  Real sums_[3];
+  float sheet_sum_[3] = {0, 0, 0};
+  float through_ = 1;
+  float spent_ = 0;  // extinction up to here
+};
+
+/// The pixels of a tile. Every second pixel of every second row is cast first, and the last of both. Between
+/// pixels that are alike, others are their mean; the rest is cast too.
+class Tile {
+ public:
+  Tile(const MarchScene& scene, const MarchTile& tile)
+      : scene_(scene), tile_(tile), width_(tile.x1 - tile.x0), height_(tile.y1 - tile.y0) {}
+
+  void draw() {
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        if (scene_.likeness <= 0 || (is_first(x, width_) && is_first(y, height_))) cast(x, y);
+      }
+    }
+    if (scene_.likeness <= 0) return;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        if (!(is_first(x, width_) && is_first(y, height_)) && !interpolate(x, y)) cast(x, y);
+      }
+    }
+  }
+
+ private:
+  static bool is_first(int at, int size) { return at % 2 == 0 || at == size - 1; }
+  static int number(int x, int y) { return y * kMarchTile + x; }
+
+  void cast(int x, int y) {
+    const int pixel = number(x, y);
+    const int layers = tile_.layers[pixel];
+    if (layers == 0) return;
+    Ray ray(scene_, waiting_, tile_.x0 + x, tile_.y0 + y);
+    ray.follow(tile_.entries + pixel * kMarchLayers, layers, tile_.end_mm[pixel], tile_.colour + 3 * pixel);
+  }
+
+  bool interpolate(int x, int y) {
+    const int left = is_first(x, width_) ? x : x - 1, right = is_first(x, width_) ? x : x + 1;
+    const int above = is_first(y, height_) ? y : y - 1, below = is_first(y, height_) ? y : y + 1;
+    const int pixel = number(x, y);
+    const int around[4] = {number(left, above), number(right, above), number(left, below),
+                           number(right, below)};
+    float least[3], most[3], sum[3] = {0, 0, 0};
+    for (int c = 0; c < 3; ++c) least[c] = most[c] = tile_.colour[3 * around[0] + c];
+    for (const int other : around) {
+      // Where the body ends or a tool is, nothing is between.
+      if (tile_.layers[other] != tile_.layers[pixel] || tile_.end_mm[other] < kFarMm) return false;
+      for (int c = 0; c < 3; ++c) {
+        const float colour = tile_.colour[3 * other + c];
+        sum[c] += colour;
+        least[c] = colour < least[c] ? colour : least[c];
+        most[c] = colour > most[c] ? colour : most[c];
+      }
+    }
+    if (tile_.layers[pixel] == 0 || tile_.end_mm[pixel] < kFarMm) return false;
+    for (int c = 0; c < 3; ++c) {
+      if (most[c] - least[c] > scene_.likeness) return false;
+    }
+    for (int c = 0; c < 3; ++c) tile_.colour[3 * pixel + c] = sum[c] * 0.25F;
+    return true;
+  }
+
+  const MarchScene& scene_;
+  const MarchTile& tile_;
+  int width_, height_;
+  Waiting waiting_;
+};
+
+void march_tile(const MarchScene& scene, const MarchTile& tile) { Tile(scene, tile).draw(); }
+
+#undef KIROKU_INLINE
+
+}  // namespace
+}  // namespace kiroku::sim

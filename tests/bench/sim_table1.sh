@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# Table 1 of the paper on interactive volume manipulation: frames a second of simulation and shading together, for four organs, without a graphics
+# processor, each beside OSMesa's picture of the same. Needs a folder of DICOM files and the labels of TotalSegmentator, as of LIDC-IDRI-0001:
+#   CT=FOLDER LABELS=FILE [SECONDS_EACH=5] [PICTURES=FOLDER] tests/bench/sim_table1.sh
+# Its last line is what docs/results/record.py takes:
+#   docs/results/record.py sim-table1 --machine NAME $(CT=… LABELS=… tests/bench/sim_table1.sh | tail -1)
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+bench=$root/build/release/tests/bench/sim_table1_bench
+[[ -x $bench ]] || { echo "no program at $bench: ninja -C build/release sim_table1_bench" >&2; exit 2; }
+[[ -n ${CT:-} && -n ${LABELS:-} ]] || { echo "set CT to a folder of DICOM files, LABELS to their segmentation" >&2; exit 2; }
+scratch=$(mktemp -d "${KIROKU_BENCH_DIR:-${TMPDIR:-/tmp}}/kiroku-bench.XXXXXX")
+trap 'rm -rf "$scratch"' EXIT
+pictures=${PICTURES:-$scratch}
+mkdir -p "$pictures"
+
+figures=
+for organ in liver right-kidney breast right-lung; do
+  "$bench" "$organ" --ct "$CT" --labels "$LABELS" --gpu off --seconds "${SECONDS_EACH:-5}" \
+    --picture "$pictures/$organ.png" --reference "$pictures/$organ-osmesa.png" | tee "$scratch/said"
+  figures+=" $(grep -oE '(fps|cpu|vertices|ssim|differing)=[0-9.]+' "$scratch/said" | sed "s/^/${organ#right-}_/" | tr '\n' ' ')"
+done
+echo $figures
