@@ -122,6 +122,18 @@ TEST_F(Witnesses, ANoteWithItsQuorumStaysWhereANewerOneLacksIt) {
   EXPECT_EQ(kiroku(kVerify).status, 0) << "its entries are witnessed, if not the newest ones";
 }
 
+TEST_F(Witnesses, ProveNothingByAnAlgorithmThatEnded) {
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  write_text(folder() / "algorithms.toml",
+             "[[algorithm]]\nname = \"sha256\"\n[[algorithm]]\nname = \"ed25519\"\nuntil = 2025-12-31\n");
+  Arguments later = kVerify;
+  later.insert(later.end(), {"--policy", "algorithms.toml"});
+  const ProcessResult told = kiroku(later);
+  EXPECT_EQ(told.status, 3);
+  EXPECT_THAT(told.out, HasSubstr("NOT witnessed as the policy asks"));
+  EXPECT_THAT(told.out, HasSubstr("cosignatures prove nothing any more"));
+}
+
 TEST_F(Witnesses, OneOfThreeIsNotEnough) {
   served_.pop_back();
   const ProcessResult asked = kiroku(ask());
