@@ -95,6 +95,12 @@ std::vector<Lift> lifts_of(const trainer::ExclusionBody& body, double height_m) 
       lift.fingers = fingers;
       lift.manner = manner;
       lift.lifted = trainer::lift_border(body.contact(), task, fingers, manner, height_m);
+      if (lift.lifted.wrist_n == 0) {
+        throw UsageError("fingertips do not touch the border of object " + object.name + " with " +
+                         std::to_string(fingers) + (fingers == 1 ? " finger" : " fingers, ") +
+                         (fingers == 1 ? "" : trainer::name_of(manner)) +
+                         ": lift further (--lift), or take a finer mesh (--vertices)");
+      }
       if (uniform) lift.uniform = trainer::lift_border(*uniform, task, fingers, manner, height_m);
       const Eigen::VectorXd& displacement_m = lift.lifted.displacement_m;
       lift.visible_share =
