@@ -19,9 +19,10 @@ class Opening {
     for (std::size_t t = 0; t < mesh_.tetrahedra.size(); ++t) {
       region_ = mesh_.regions[t];
       sim::Tetrahedron nodes = mesh_.tetrahedra[t];
-      const auto kept =
-          std::ranges::partition(nodes, [&](std::uint32_t node) { return above_m_[node] <= 0; });
-      cut(nodes, nodes.size() - kept.size());
+      // Not std::ranges::partition: Clang 14 does not compile the range that it returns.
+      const auto lost =
+          std::partition(nodes.begin(), nodes.end(), [&](std::uint32_t node) { return above_m_[node] <= 0; });
+      cut(nodes, static_cast<std::size_t>(lost - nodes.begin()));
     }
     return std::move(found_);
   }
