@@ -31,7 +31,8 @@ using trainer::Ending;
 class TrainingApi : public testing::Test {
  protected:
   using Organs = std::vector<std::shared_ptr<const trainer::ExclusionBody>>;
-  explicit TrainingApi(Organs served = {}) : organs(std::move(served)) {
+  explicit TrainingApi(Organs served = {}, const DeedPace::Limits& limits = TrainingOptions().pace)
+      : pace(limits), organs(std::move(served)) {
     routes.emplace([this](Router& router) { add_training_routes(router, room()); }, "root",
                    Role::kAdministrator);
   }
@@ -100,7 +101,7 @@ class TrainingApi : public testing::Test {
   }
 
   test::TemporaryFolder folder;
-  DeedPace::Limits pace = TrainingOptions().pace;
+  const DeedPace::Limits pace;
   test::MovedClock clock;
   std::mutex told_mutex;
   std::vector<std::string> told;
@@ -221,9 +222,13 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   EXPECT_EQ(kept().size(), 2U);
 }
 
+class PacedTraining : public TrainingApi {
+ protected:
+  PacedTraining() : TrainingApi({}, {2, std::chrono::seconds(10)}) {}
+};
+
 // Each attempt stays among the results, also one that is broken off at once.
-TEST_F(TrainingApi, AttemptsThatAreBrokenOffAgainAndAgainHaveTheirPace) {
-  pace = {2, std::chrono::seconds(10)};
+TEST_F(PacedTraining, AttemptsThatAreBrokenOffAgainAndAgainHaveTheirPace) {
   const auto broken_off = [&] {
     const auto client = connect();
     client->send_text(begin("Ueda"));
