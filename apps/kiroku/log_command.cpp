@@ -164,18 +164,19 @@ void add_log_command(Command& program) {
       "With --witnesses, exit status 3 where the log is whole and the policy's quorum of witnesses has not "
       "cosigned "
       "it. Only cosignatures over entries that are here count.");
+  command.explain(
       "With --policy, a log whose signatures or hash ended is unproven: no evidence record covers a log, so "
       "anybody can have written it since.");
-      command.on_run([request] {
-        const Home home = Home::open(request->home);
-        if (!request->verify && !request->against.empty())
-          throw UsageError("--against compares the log with a note: give --verify, too");
-        if (!request->verify && request->witnesses)
-          throw UsageError("--witnesses judges who cosigned the log: give --verify, too");
-        if (!request->verify && request->policy)
-          throw UsageError("--policy says by what the log is judged: give --verify, too");
-        return request->verify ? verify(home, *request) : list(home, request->json);
-      });
+  command.on_run([request] {
+    const Home home = Home::open(request->home);
+    if (!request->verify && !request->against.empty())
+      throw UsageError("--against compares the log with a note: give --verify, too");
+    if (!request->verify && request->witnesses)
+      throw UsageError("--witnesses judges who cosigned the log: give --verify, too");
+    if (!request->verify && request->policy)
+      throw UsageError("--policy says by what the log is judged: give --verify, too");
+    return request->verify ? verify(home, *request) : list(home, request->json);
+  });
 }
 
 }  // namespace kiroku::apps
