@@ -90,7 +90,9 @@ TEST(OpenedObject, HasTheWholesRegionsNumbersAndDisplacements) {
     double middle_m = 0;
     for (const std::uint32_t node : kept.mesh.tetrahedra[t]) middle_m += kept.mesh.nodes[node].z() / 4;
     // Layers of the grid are 6 cm high, so that the middle of its height is within the third.
-    if (middle_m < 0.12 || middle_m > 0.18) EXPECT_EQ(kept.mesh.regions[t], middle_m < 0.15 ? 1 : 2);
+    if (middle_m < 0.12 || middle_m > 0.18) {
+      EXPECT_EQ(kept.mesh.regions[t], middle_m < 0.15 ? 1 : 2);
+    }
   }
 }
 
