@@ -31,8 +31,11 @@ struct KeyText {
   std::string name;
   std::byte algorithm{};
   Bytes key;
+  std::uint32_t stated_id = 0;  // of a text that was parsed
   [[nodiscard]] std::string to_string() const;
-  /// Throws kiroku::UsageError naming what is wrong; a key identifier that is not the key's is.
+  [[nodiscard]] bool states_its_id() const { return stated_id == key_id_of(name, algorithm, key); }
+  /// Throws kiroku::UsageError naming what is wrong. Whether the algorithm, the key's length and then the
+  /// stated identifier are right is for the caller to say.
   static KeyText parse(std::string_view text);
 };
 

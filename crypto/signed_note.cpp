@@ -37,6 +37,7 @@ VerifierKey VerifierKey::parse(std::string_view text) {
   if (parsed.algorithm != kEd25519SignatureType) throw refuse("its algorithm is not Ed25519");
   Ed25519PublicKey key;
   if (parsed.key.size() != key.size()) throw refuse("its key has not 32 bytes");
+  if (!parsed.states_its_id()) throw refuse("its id does not belong to its name and key");
   std::ranges::copy(parsed.key, key.begin());
   return {parsed.name, key};
 }

@@ -244,6 +244,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                    if (known != nullptr && !known->opened) {
                      known->opened = number;
                      known->opening_line = opened.sha256;
+                     contents_.opened_by_case_device = contents_.device == case_device_;
                    } else if (known != nullptr && case_id_.empty() && known->opening_line != opened.sha256) {
                      known->further.push_back({number, opened.sha256});
                    }
