@@ -272,7 +272,7 @@ story('A new trainee', (step) => {
     });
     const said = page.getByRole('region', { name: 'What is said of it' });
     await said.getByText('Sealed with the attempt.').waitFor();
-    expect(await said.locator('form').count()).toBe(0);
+    await expect.poll(() => said.locator('form').count()).toBe(0);
     await said.getByText('The palm is missing.').waitFor();
     const certificate = await page.getByRole('link', { name: 'Certificate (PDF)' }).getAttribute('href');
     const answer = await visitor.context.request.get(new URL(certificate as string, trainer.signIn).href);

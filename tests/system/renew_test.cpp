@@ -134,9 +134,11 @@ TEST_F(Renew, ReportReceiptAndExcerptTellWhatTheRecordProves) {
       if (kind == "receipt") arguments.emplace_back("--receipt");
       ASSERT_EQ(kiroku(arguments).status, 0) << kind;
       const std::string page = read_text(path(kind + "-" + language + ".html"));
-      EXPECT_THAT(page, HasSubstr(language == "en" ? "by one time stamp" : "1個のタイムスタンプ")) << kind;
+      EXPECT_THAT(page,
+                  HasSubstr(language == "en" ? "By the recorder's own word all" : "1個のタイムスタンプ"))
+          << kind;
       EXPECT_THAT(page, HasSubstr(language == "en" ? "no outside clock stands behind these times"
-                                                   : "これらの時刻に外部の時計の裏付けはありません"));
+                                                   : "これらの時刻に外部の時計の裏付けはなく"));
     }
   }
   EXPECT_THAT(read_text(path("report-en.html")),

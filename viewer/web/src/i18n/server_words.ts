@@ -172,6 +172,7 @@ export const kServerSentences: readonly SentencePair[] = [
   ['only the user bound to {name}, or an administrator, may train so', '{name} に結び付けられた利用者か管理者だけが、この名前で訓練できます'],
   ["{name} trains as '{trainee}' already", '{name} はすでに「{trainee}」として訓練しています'],
   ['there is no trainee of that name whose results you may see', '結果を見られるその名前の訓練者はいません'],
+  ['many attempts were begun one after the other: begin the next one in {seconds} s', '試行が続けて始められました。次は {seconds} 秒後に始めてください'],
   ['{name} is training already', '{name} はすでに訓練中です'],
   ['all places for training are taken: try again when an attempt has ended', '訓練の空きがありません。どれかの試行が終わってから再試行してください'],
   ['this server makes no cases of attempts: start it with --seal', 'このサーバは試行を症例にしません。--seal を付けて起動してください'],
