@@ -121,7 +121,10 @@ export async function expectFits({ page, context }: Visitor, view: string, atEac
         await keepPicture(page, `tablet-${view}-${screen.width}`);
       }
       const fingers = coarse || screen.width <= kNarrow;
-      expect({ view, ...screen, ...(await measured(page, fingers)) }).toEqual({ view, ...screen, sideways: 0, beyond: [], small: [], outOfReach: [] });
+      // What a view loads, or says for a moment, may move or cover its controls: it is asked until it is at rest.
+      await expect
+        .poll(async () => ({ view, ...screen, ...(await measured(page, fingers)) }))
+        .toEqual({ view, ...screen, sideways: 0, beyond: [], small: [], outOfReach: [] });
       await atEach?.(screen);
     }
   } finally {
