@@ -117,8 +117,7 @@ int verify(const Home& home, const Request& request) {
     if (witnesses) std::cout << witnesses->text();
   }
   const int status = archive::exit_status(report.verdict);
-  const bool is_witnessed =
-      !witnesses || policy->asks_for_none() || (!witnesses->note.empty() && witnesses->witnessed.quorum);
+  const bool is_witnessed = !witnesses || witnesses->witnessed.quorum;
   return status == kDone && !is_witnessed ? kNoAnswer : status;
 }
 

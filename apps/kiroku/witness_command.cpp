@@ -16,6 +16,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/told_to_end.h"
+#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/utc_time.h"
 #include "crypto/cosignature.h"
@@ -90,11 +91,6 @@ int init(const Request& request) {
   return kDone;
 }
 
-/// The key of a log, and what its checkpoints call it. A device's own log has an origin of its own.
-std::string origin_of(const Request& request, const crypto::VerifierKey& key) {
-  return request.origin.value_or("kiroku/" + key.name() + "/log");
-}
-
 int trust(const Request& request) {
   const WitnessFolder witness{request.folder};
   witness.require();
@@ -104,9 +100,15 @@ int trust(const Request& request) {
     while (text.ends_with('\n')) text.pop_back();
   }
   const crypto::VerifierKey key = crypto::VerifierKey::parse(text);
-  const std::string origin = origin_of(request, key);
+  const std::string origin = request.origin.value_or(archive::log_origin(key.name()));
   witness::Store store(witness.database());
   const bool is_new = store.add_key(origin, key);
+  if (is_new && store.log(origin)->keys.size() > 1) {
+    print_error("kiroku",
+                "warning: several keys now speak for " + printable(origin) +
+                    ", which is right where one device changed its key. Two devices of one name would "
+                    "keep each other from being cosigned: give one of them another name");
+  }
   if (request.json) {
     print_json({{"origin", origin}, {"key", key.to_string()}, {"new", is_new}});
     return kDone;

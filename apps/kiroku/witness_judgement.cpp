@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <map>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -51,7 +50,8 @@ std::string sentence_of(const crypto::WitnessedNote::Cosigner& cosigner) {
     case State::kValid:
       return printable(cosigner.name) + " cosigned, at " + when(cosigner.check.time_s) + " by its clock";
     case State::kInvalid:
-      return printable(cosigner.name) + ": a line in its name is not its cosignature";
+      return printable(cosigner.name) +
+             ": a line in its name does not hold, or is of a time that has not come";
     case State::kAbsent:
       break;
   }
@@ -64,10 +64,12 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
                                      const std::vector<archive::OutsideNote>& notes) {
   WitnessJudgement judgement;
+  judgement.witnessed.quorum = policy.asks_for_none();
   const auto& logs = policy.logs();
   const bool is_meant =
       logs.empty() || std::ranges::any_of(logs, [&](const auto& log) { return log.key == device; });
   if (!is_meant) {
+    judgement.witnessed.quorum = false;
     judgement.unused.push_back("the policy names logs, and this device's key is none of them");
     return judgement;
   }
@@ -100,7 +102,7 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
         crypto::judge_witnesses(policy, candidate.note->text, static_cast<std::uint64_t>(now));
     // In the order of their entries: a later one tells more, unless it lacks the quorum that an earlier one
     // has.
-    if (!judgement.note.empty() && judgement.witnessed.quorum && !witnessed.quorum) continue;
+    if (judgement.witnessed.quorum && !witnessed.quorum) continue;
     judgement.note = candidate.note->name;
     judgement.entries = candidate.checkpoint.size;
     judgement.witnessed = std::move(witnessed);
@@ -132,7 +134,7 @@ nlohmann::ordered_json WitnessJudgement::json() const {
                          {"invalid", state == State::kInvalid}});
     if (state == State::kValid) cosigners.back()["time_s"] = cosigner.check.time_s;
   }
-  return {{"quorum", !note.empty() && witnessed.quorum},
+  return {{"quorum", witnessed.quorum},
           {"note", note.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(note)},
           {"entries", entries},
           {"witnesses", cosigners},

@@ -304,6 +304,13 @@ BeamFields beam_fields(const SampledPath& path, const BeamFieldTerms& terms) {
   const double field_m = radius_m + terms.margin_m;
   constexpr double kVoxelsOfRadius = 20, kLeastVoxelM = 0.00025, kMostVoxelM = 0.001;
   const double voxel_m = std::clamp(field_m / kVoxelsOfRadius, kLeastVoxelM, kMostVoxelM);
+  // What is further is no tumour's way, and would take more voxels than there is memory for.
+  constexpr double kMostExcursionM = 0.3, kMostFarM = 100;
+  const auto is_near = [](const Vector3& place) { return place.cwiseAbs().maxCoeff() < kMostFarM; };
+  if (!std::ranges::all_of(path.points_m, is_near) || excursion_m(path) > kMostExcursionM) {
+    throw Error("the path goes over " + number_text(1000 * excursion_m(path), 3) +
+                " mm, further than a tumour does (300 mm); look at its unit");
+  }
   if (path.points_m.size() < 10)
     throw Error("a path of fewer than ten places cannot be planned on and judged");
   const std::size_t half = path.points_m.size() / 2;
