@@ -78,7 +78,7 @@ struct BeamFieldTerms {
 };
 /// Volumes are counted in voxels of a twentieth of the field's radius, 0.25 to 1 mm. kiroku::Error for a
 /// tumour that is not from 0.001 to 10,000 ml, a margin that is not from 0 to 100 mm, a duty that is no part,
-/// and a path of fewer than ten places.
+/// a path over more than 300 mm, and one of fewer than ten places.
 BeamFields beam_fields(const SampledPath& path, const BeamFieldTerms& terms);
 
 }  // namespace kiroku::sim

@@ -184,6 +184,7 @@ TEST(BeamFields, RefuseWhatIsNone) {
   EXPECT_THAT(refusal({NAN, 0.005}), HasSubstr("the tumour's volume"));
   EXPECT_THAT(refusal({1e-6, -0.001}), HasSubstr("the margin"));
   EXPECT_THAT(refusal({1e-6, 0.005, 0}), HasSubstr("the gate's part of the time"));
+  EXPECT_THROW(beam_fields(breathing(0.31, 40), {1e-6, 0.005}), Error) << "another unit";
   EXPECT_THROW(beam_fields({0.04, std::vector<Vector3>(9, Vector3::Zero())}, {1e-6, 0.005}), Error);
 }
 
