@@ -117,6 +117,8 @@ function(kiroku_test target)
   if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|procedure|daemon|playback|viewer|compare|live|commands)")
     add_dependencies(${target} kiroku-decoder)
   endif()
+  # GoogleTest's macros hold the file's path. Without the checkout's own part, one checkout's objects serve another's build through the cache.
+  target_compile_options(${target} PRIVATE "-fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=")
   # Half of the time a test's compilation takes goes into these headers.
   if(ARG_OPTIMISED)
     target_precompile_headers(${target} REUSE_FROM kiroku_test_headers_optimised)
