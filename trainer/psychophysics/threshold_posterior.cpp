@@ -16,9 +16,18 @@ constexpr std::array<double, 4> kLapses{0, 0.02, 0.05, 0.1};
 constexpr std::size_t kShapes = kSpreads.size() * kLapses.size();
 /// Rates closer than this, as logarithms, are not told apart when the next one is chosen.
 constexpr double kLeastStep = 0.02;
+/// Thresholds at either end that have less probability than this together do not count when the next rate is
+/// chosen.
+constexpr double kNegligible = 1e-9;
 
 double log_threshold(std::size_t at) {
   return kLeastLog + (kGreatestLog - kLeastLog) * static_cast<double>(at) / double{kThresholds - 1};
+}
+
+/// (thresholds), summed over what the shape may be, of probabilities of states: (shapes x thresholds), column
+/// by column.
+Eigen::RowVectorXd marginal(const Eigen::VectorXd& probability) {
+  return Eigen::Map<const Eigen::MatrixXd>(probability.data(), kShapes, kThresholds).colwise().sum();
 }
 
 }  // namespace
@@ -80,9 +89,7 @@ void ThresholdPosterior::add(std::size_t rate, bool vibrating) {
 }
 
 ThresholdEstimate ThresholdPosterior::estimate() const {
-  // (shapes x thresholds), summed over what the threshold's shape may be.
-  const Eigen::RowVectorXd of_threshold =
-      Eigen::Map<const Eigen::MatrixXd>(probability_.data(), kShapes, kThresholds).colwise().sum();
+  const Eigen::RowVectorXd of_threshold = marginal(probability_);
   constexpr double kTail = (1 - kConfidence) / 2;
   const auto quantile = [&](double share) {
     double below = 0;
@@ -103,11 +110,20 @@ ThresholdEstimate ThresholdPosterior::estimate() const {
 
 std::size_t ThresholdPosterior::most_telling_rate() const {
   const Table& all = *table_;
-  Eigen::MatrixXd moments(probability_.size(), 3);
-  moments.col(0) = probability_;
-  moments.col(1) = probability_.cwiseProduct(all.log_hz);
-  moments.col(2) = moments.col(1).cwiseProduct(all.log_hz);
-  const Eigen::MatrixXd yes = all.of_candidates.transpose() * moments;
+  const Eigen::RowVectorXd of_threshold = marginal(probability_);
+  Eigen::Index first = 0, last = of_threshold.size() - 1;
+  for (double below = of_threshold[first]; below < kNegligible && first < last; below += of_threshold[first])
+    ++first;
+  for (double above = of_threshold[last]; above < kNegligible && first < last; above += of_threshold[last])
+    --last;
+  const Eigen::Index begin = first * Eigen::Index{kShapes},
+                     states = (last - first + 1) * Eigen::Index{kShapes};
+  const auto log_hz = all.log_hz.segment(begin, states);
+  Eigen::MatrixXd moments(states, 3);
+  moments.col(0) = probability_.segment(begin, states);
+  moments.col(1) = moments.col(0).cwiseProduct(log_hz);
+  moments.col(2) = moments.col(1).cwiseProduct(log_hz);
+  const Eigen::MatrixXd yes = all.of_candidates.middleRows(begin, states).transpose() * moments;
   const Eigen::RowVector3d total = moments.colwise().sum();
   Eigen::Index best = 0;
   double least = 0;
