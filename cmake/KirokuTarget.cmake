@@ -137,9 +137,12 @@ function(kiroku_test target)
     math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
   endif()
   set_property(GLOBAL APPEND PROPERTY KIROKU_TESTS_${ARG_LABEL} ${target})
-  # What measures real time runs alone (tests/README.md). A list as a property does not survive the discovery, so the label holds both words.
-  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "-*RealTime*" TEST_LIST ${target}_TESTS
+  # What measures real time runs alone, and what takes long in the nightly run (tests/README.md). A list as a property does not survive the discovery, so
+  # the label holds both words.
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "-*RealTime*:*Nightly*" TEST_LIST ${target}_TESTS
                        PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*Nightly*" TEST_LIST ${target}_NIGHTLY_TESTS
+                       PROPERTIES LABELS "${ARG_LABEL}-nightly" TIMEOUT ${ARG_TIMEOUT})
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*RealTime*" TEST_LIST ${target}_REAL_TIME_TESTS
                        PROPERTIES LABELS "${ARG_LABEL}-real-time" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ON)
 endfunction()

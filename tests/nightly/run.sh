@@ -14,7 +14,7 @@ source deploy/lib.sh
 
 # Name, then command. What continuous integration samples is done in full here.
 steps=(
-  "tests      deploy/test"
+  "tests      deploy/test --all"
   "tidy       tests/lint/run.sh --tidy"
   "alone      tests/nightly/preset.sh debug -L hostile|unit"
   "scripts    tests/system/stock_tools_test.sh build/release/apps/kiroku . --every-profile"

@@ -35,8 +35,7 @@ void expect_sound(const OrganMesh& result, std::size_t wanted, const BodyRegions
                                 std::to_string(result.quality.volume_m3 / labelled_m3(body.map)));
 }
 
-TEST(RealMesh, LungWithItsTumour) {
-  KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
+void expect_sound_lungs(std::initializer_list<std::size_t> vertices) {
   const test::Unpacked folder("sim/lung-ct/lidc-idri-0001-dicom.tar.xz");
   const VolumeFile file = read_volume(folder.path(), {});
   BodyRegions body = regions_of_labels(
@@ -44,13 +43,23 @@ TEST(RealMesh, LungWithItsTumour) {
       {{"lung", {organ_named("lung").labels}}});
   add_contours(body, read_contours(shared_data("sim/lung-ct/069.xml")), file);
   const double tumour_m3 = double(std::ranges::count(body.map.labels, 2)) * body.map.grid.spacing_m.prod();
-  for (const std::size_t wanted : {600U, 5000U, 20000U}) {
+  for (const std::size_t wanted : vertices) {
     const OrganMesh result = make_organ_mesh(body.map, {wanted, 2});
     expect_sound(result, wanted, body, wanted < 1000 ? 0.08 : 0.03);
     // Where the segmentation lets both lungs touch, they are one.
     EXPECT_LE(node_connected_parts(result.mesh).count, 2U);
     EXPECT_NEAR(result.quality.regions.at(2).volume_m3 / tumour_m3, 1, 0.35) << wanted;
   }
+}
+
+TEST(RealMesh, LungWithItsTumour) {
+  KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
+  expect_sound_lungs({600});
+}
+
+TEST(RealMeshNightly, FinerLungsWithTheirTumour) {
+  KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
+  expect_sound_lungs({5000, 20000});
 }
 
 TEST(RealMesh, LiverBecomesABodyThatHangs) {
