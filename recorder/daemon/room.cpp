@@ -2,48 +2,22 @@
 
 #include <algorithm>
 #include <condition_variable>
-#include <deque>
 #include <future>
 #include <mutex>
 #include <thread>
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "recorder/daemon/back_off.h"
+#include "recorder/daemon/rate_meter.h"
 
 namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::seconds kRuleInterval{1};
-constexpr std::chrono::seconds kFirstPause{1};
-constexpr std::chrono::seconds kLongestPause{60};
-constexpr std::chrono::seconds kRateWindow{60};
-// Nothing came for so long: the signal has paused.
-constexpr std::int64_t kSignalPauseNs = 1'000'000'000;
 // Recording ahead is begun anew after so long: MPEG-TS counts time to 26.5 hours (33 bits at 90 kHz), and a
 // case of a day shall fit behind it.
 constexpr std::int64_t kLongestStandbyNs = 2LL * 3600 * 1'000'000'000;
-
-/// Bytes a second over about the last minute.
-class RateMeter {
- public:
-  void add(Clock::Time now, std::uint64_t bytes) {
-    if (!samples_.empty() && now - samples_.back().when < std::chrono::seconds(1)) return;
-    samples_.push_back({now, bytes});
-    while (samples_.size() > 2 && now - samples_.front().when > kRateWindow) samples_.pop_front();
-  }
-  [[nodiscard]] double bytes_per_second() const {
-    if (samples_.size() < 2) return 0;
-    const std::chrono::duration<double> span = samples_.back().when - samples_.front().when;
-    return static_cast<double>(samples_.back().bytes - samples_.front().bytes) / span.count();
-  }
-
- private:
-  struct Sample {
-    Clock::Time when;
-    std::uint64_t bytes;
-  };
-  std::deque<Sample> samples_;
-};
 
 std::uint64_t total_bytes(const SessionStatus& status) {
   std::uint64_t bytes = 0;
@@ -65,22 +39,6 @@ std::string_view state_name(RoomState state) {
       return "recording";
     case RoomState::kClosing:
       return "closing";
-  }
-  return "";
-}
-
-std::string_view subject_state_name(SubjectState state) {
-  switch (state) {
-    case SubjectState::kNone:
-      return "none";
-    case SubjectState::kGiven:
-      return "given";
-    case SubjectState::kFound:
-      return "found";
-    case SubjectState::kLate:
-      return "late";
-    case SubjectState::kCarriedOver:
-      return "carried-over";
   }
   return "";
 }
@@ -126,16 +84,16 @@ struct Room::State {
     thread.join();
   }
 
+  [[nodiscard]] bool may_try() const { return back_off.may_try(time.now()); }
+
   void beat() { heartbeat = time.now().time_since_epoch().count(); }
 
   void run() {
     std::unique_lock lock(mutex);
     while (!ending) {
       beat();
-      const bool ahead = plan.rules.pre_roll.count() > 0 && time.now() >= not_before;
-      const auto is_wanted = [&] {
-        return ending || request || ((resume || again) && time.now() >= not_before);
-      };
+      const bool ahead = plan.rules.pre_roll.count() > 0 && may_try();
+      const auto is_wanted = [&] { return ending || request || ((resume || again) && may_try()); };
       if (!ahead) time.wait_for(changed, lock, kRuleInterval, is_wanted);
       if (ending) break;
       if (ahead) {
@@ -144,7 +102,7 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && !resume && !again && schedule_wants_a_case() && time.now() >= not_before) {
+      if (!request && !resume && !again && start_rules.schedule_wants_a_case(time.utc()) && may_try()) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
@@ -170,7 +128,7 @@ struct Room::State {
       request->identity.case_id = archive::new_case_id(time.utc());
       return std::move(request);
     }
-    if (time.now() < not_before) return {};
+    if (!may_try()) return {};
     if (!resume) return after_error();
     if (time.now() > begin_before) {
       status.not_resumed = true;
@@ -223,7 +181,7 @@ struct Room::State {
         again = Again{begun_for, plan_of_case, std::move(subject), std::move(profiles)};
       }
     }
-    return goes_on ? "; nothing is recorded until another one is begun" + next_try()
+    return goes_on ? "; nothing is recorded until another one is begun" + back_off.next_try()
                    : "; nothing is recorded any more: begin another one where the operation goes on";
   }
 
@@ -279,14 +237,6 @@ struct Room::State {
     return text;
   }
 
-  /// With the mutex held.
-  [[nodiscard]] bool schedule_wants_a_case() {
-    const bool in_window =
-        !plan.rules.schedule.empty() && plan.rules.schedule.contains(local_time(time.utc()));
-    if (!in_window) stopped_in_window = false;
-    return in_window && !stopped_in_window;
-  }
-
   /// Records without a case until one begins, and that one to its end.
   void record_ahead() {
     std::shared_ptr<Session> running;
@@ -296,8 +246,8 @@ struct Room::State {
       options.pre_roll = plan.rules.pre_roll;
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
-      back_off();
-      tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + next_try());
+      back_off.failed(time.now());
+      tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + back_off.next_try());
       return;
     }
     {
@@ -305,9 +255,9 @@ struct Room::State {
       session = running;
       status.state = RoomState::kStandby;
       status.session = {};
+      start_rules.forget_signal();
       if (ending) running->stop("shutdown");
     }
-    signal_since_ns.reset();
     std::string reason;
     try {
       end(running->run([&](const SessionStatus& now) {
@@ -331,9 +281,10 @@ struct Room::State {
       status.session = now;
       taken = next_request();
       if (!taken && !resume && !again) {
-        const bool scheduled = schedule_wants_a_case(), signalled = signal_wants_a_case(now);
+        const bool scheduled = start_rules.schedule_wants_a_case(time.utc()),
+                   signalled = start_rules.signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
-        if ((scheduled || signalled) && time.now() >= not_before) {
+        if ((scheduled || signalled) && may_try()) {
           taken = std::make_unique<Request>();
           taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
           taken->identity.case_id = archive::new_case_id(time.utc());
@@ -352,8 +303,8 @@ struct Room::State {
       decisions = decisions_for(*taken, subject);
       id = running.begin(std::move(subject), taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
-      back_off();
-      tell_problem("no case could be begun: " + std::string(error.what()) + next_try());
+      back_off.failed(time.now());
+      tell_problem("no case could be begun: " + std::string(error.what()) + back_off.next_try());
       taken->begun.set_exception(std::current_exception());
       return "";
     }
@@ -372,32 +323,12 @@ struct Room::State {
     return taken->first_reason;
   }
 
-  /// What is known of the procedure; nothing that goes wrong with it may end a recording, or keep one from
-  /// beginning.
-  std::optional<Bytes> find_subject() {
-    try {
-      if (const auto found = plan.procedure->find(begun_at)) return subject_json(*found);
-    } catch (const std::exception& error) {
-      tell_problem(std::string("procedure data cannot be looked up: ") + error.what());
-    }
-    return {};
-  }
-
-  /// For a case that begins now: what a person gave, else what is known of the procedure.
   std::optional<Bytes> subject_of(Request& asked) {
-    std::optional<Bytes> subject = std::move(asked.subject);
-    SubjectState state = subject ? SubjectState::kGiven : SubjectState::kNone;
-    begun_at = time.utc();
-    const bool carried_over = asked.identity.sealed_subject.has_value();
-    if (carried_over) state = SubjectState::kCarriedOver;
-    if (!subject && !carried_over && plan.procedure) {
-      subject = find_subject();
-      if (subject) state = SubjectState::kFound;
-    }
-    look_for_subject = !subject && !carried_over && plan.procedure;
+    CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject),
+                                                         asked.identity.sealed_subject.has_value());
     const std::lock_guard guard(mutex);
-    status.subject = state;
-    return subject;
+    status.subject = found.state;
+    return std::move(found.json);
   }
 
   /// In which form pictures of a case that begins now are archived: as those of the case with which it goes
@@ -449,21 +380,15 @@ struct Room::State {
 
   /// In the case and to people; recording does not wait for it.
   void state_missing_subject(Session& running) {
-    if (!look_for_subject) return;
-    plan.procedure->hurry();
-    std::string why = "the case begins without procedure data";
-    for (const ProcedureWay& way : plan.procedure->ways()) why += "; " + way.name + ": " + way.state;
-    running.subject_missing(why);
-    tell_problem(why);
+    const std::optional<std::string> why = case_subject.why_missing();
+    if (!why) return;
+    running.subject_missing(*why);
+    tell_problem(*why);
   }
 
-  /// Each second, until there is one.
   void look_for_late_subject(Session& running) {
-    if (!look_for_subject || time.now() < next_look) return;
-    next_look = time.now() + kRuleInterval;
-    const std::optional<Bytes> found = find_subject();
-    // A person may have given one meanwhile.
-    if (!found || !look_for_subject.exchange(false)) return;
+    const std::optional<Bytes> found = case_subject.late(time.now());
+    if (!found) return;
     running.late_subject(*found);
     tell_of_late_rule(running, *found);
     {
@@ -471,33 +396,6 @@ struct Room::State {
       status.subject = SubjectState::kLate;
     }
     if (listener.note) listener.note("procedure data came while the case ran");
-  }
-
-  /// With the mutex held.
-  [[nodiscard]] bool signal_wants_a_case(const SessionStatus& now) {
-    for (const StreamStatus& stream : now.streams) {
-      if (stream.name != plan.rules.start_on_signal) continue;
-      const bool present = stream.frames > 0 && now.now_ns - stream.last_ns < kSignalPauseNs;
-      if (!present) {
-        signal_since_ns.reset();
-        stopped_by_person = false;  // the next signal is another procedure
-      } else if (!signal_since_ns) {
-        signal_since_ns = now.now_ns;
-      }
-      return present && !stopped_by_person &&
-             now.now_ns - *signal_since_ns >= plan.rules.signal_lasts.count();
-    }
-    return false;
-  }
-
-  void back_off() {
-    pause = std::clamp<Clock::Duration>(2 * pause, kFirstPause, kLongestPause);
-    not_before = time.now() + pause;
-  }
-
-  [[nodiscard]] std::string next_try() const {
-    return "; the next try is in " +
-           std::to_string(std::chrono::duration_cast<std::chrono::seconds>(pause).count()) + " s";
   }
 
   /// One case from its beginning to its end.
@@ -538,30 +436,20 @@ struct Room::State {
   }
 
   void refuse_start(Request& asked, const std::string& why) {
-    back_off();
+    back_off.failed(time.now());
     tell_problem("no case could be begun: " + why +
                  (plan.rules.schedule.empty() && asked.reason != "resumed" && asked.reason != "after-error"
                       ? ""
-                      : next_try()));
+                      : back_off.next_try()));
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
-  }
-
-  /// The rule that ends the case now; "" while none does.
-  [[nodiscard]] std::string rule_to_end(const SessionStatus& now, const std::string& first_reason) const {
-    const RoomRules& rules = plan.rules;
-    if (now.now_ns - now.begins_ns >= (rules.longest_case - before).count()) return "longest-case";
-    const std::int64_t silent_since_ns = std::max(last_sign_of_life(now), now.decided_ns);
-    if (rules.stop_after_silence && now.now_ns - silent_since_ns > rules.stop_after_silence->count()) {
-      return "silence";
-    }
-    return first_reason == "schedule" && !rules.schedule.contains(local_time(time.utc())) ? "schedule" : "";
   }
 
   /// What is looked at a few times a second while a case runs. `first_reason` is why its operation was begun.
   void follow(Session& running, const SessionStatus& now, const std::string& first_reason) {
     beat();
-    if (const std::string rule = rule_to_end(now, first_reason); !rule.empty()) {
+    const RunningCase running_case{now, first_reason == "schedule", before, plan.session.video.size()};
+    if (const std::string rule = rule_to_end(plan.rules, running_case, time.utc()); !rule.empty()) {
       want_end();
       note_end();
       running.stop(rule);
@@ -586,15 +474,6 @@ struct Room::State {
     if (listener.warn) listener.warn(now.last_problem);
   }
 
-  [[nodiscard]] std::int64_t last_sign_of_life(const SessionStatus& now) const {
-    const std::size_t deciding = plan.session.video.empty() ? now.streams.size() : plan.session.video.size();
-    std::int64_t last_ns = 0;
-    for (std::size_t i = 0; i < std::min(deciding, now.streams.size()); ++i) {
-      last_ns = std::max(last_ns, now.streams[i].last_ns);
-    }
-    return last_ns;
-  }
-
   /// A closed case is never carried on, whatever the note says: a note that cannot be removed does no harm.
   void forget(const std::string& case_id) {
     if (!plan.running) return;
@@ -613,10 +492,9 @@ struct Room::State {
       tell_new_problem(result.last);
       // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
       if (by_itself) {
-        back_off();
+        back_off.failed(time.now());
       } else {
-        pause = {};
-        not_before = {};
+        back_off.succeeded();
       }
     }
     // First, so that whoever waits for the end finds everything done.
@@ -657,10 +535,10 @@ struct Room::State {
       // What was recorded ahead is no case, and the case before it was closed.
       if (status.state != RoomState::kStandby) ended = status.case_id;
       lasted = std::chrono::nanoseconds(status.session.now_ns - status.session.begins_ns);
-      back_off();
+      back_off.failed(time.now());
     }
     if (ended.empty()) {
-      sentence = "recording ahead ended: " + why + next_try();
+      sentence = "recording ahead ended: " + why + back_off.next_try();
     } else {
       sentence = "case " + ended +
                  " could not be closed; the recorder's next start brings it to its end: " + why +
@@ -706,14 +584,14 @@ struct Room::State {
   const RoomPlan plan;
   const RoomListener listener;
   const Clock& time;
+  CaseSubject case_subject{plan.procedure, [this](const std::string& sentence) { tell_problem(sentence); }};
   std::atomic<Clock::Duration::rep> heartbeat{0};
 
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
   bool ending = false;
-  bool stopped_in_window = false;  // by a person, so that the schedule rests
-  bool stopped_by_person = false;  // so that the signal that is there begins no other case
+  StartRules start_rules{plan.rules};
   std::unique_ptr<Request> request;
   std::optional<Resumption> resume;  // until that case has begun
   /// What the case after an error takes over.
@@ -734,13 +612,8 @@ struct Room::State {
   RoomStatus status;
   RateMeter rate;
 
-  std::optional<std::int64_t> signal_since_ns;  // on the clock of the session
-  UtcTime begun_at{};                           // of the case that runs
-  std::atomic<bool> look_for_subject = false;   // of that case: nobody gave one, none was known
-  std::chrono::nanoseconds before{0};           // recorded by the operation's earlier cases
-  Clock::Time next_look{};
-  Clock::Duration pause{};
-  Clock::Time not_before{};
+  std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
+  BackOff back_off;
   Clock::Time begin_before{};  // the case that is to be carried on
   std::thread thread;
 };
@@ -781,8 +654,7 @@ std::string Room::stop(const std::string& reason, bool wait) {
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;
-  state_->stopped_in_window = true;
-  state_->stopped_by_person = true;
+  state_->start_rules.stopped_by_person();
   if (wait) state_->changed.wait(lock, [&] { return state_->status.cases > before; });
   return id;
 }
@@ -812,7 +684,7 @@ void Room::add_subject(const Bytes& subject) {
   }
   session->late_subject(subject);
   state_->tell_of_late_rule(*session, subject);
-  state_->look_for_subject = false;
+  state_->case_subject.given_while_running();
   const std::lock_guard guard(state_->mutex);
   state_->status.subject = SubjectState::kLate;
 }

@@ -11,32 +11,15 @@
 #include <vector>
 
 #include "base/clock.h"
+#include "recorder/daemon/case_subject.h"
 #include "recorder/daemon/footswitch.h"
 #include "recorder/daemon/resumption.h"
-#include "recorder/daemon/schedule.h"
+#include "recorder/daemon/room_rules.h"
 #include "recorder/procedure/procedure_source.h"
 #include "recorder/procedure/profile_rules.h"
 #include "recorder/session.h"
 
 namespace kiroku::recorder {
-
-/// When a room starts and stops by itself.
-struct RoomRules {
-  Schedule schedule;  // records inside its windows
-  /// What was recorded so long before a case begins becomes part of it. Sources are open all the time then.
-  std::chrono::nanoseconds pre_roll{0};
-  /// A case begins when this stream (of pictures, or of vital signs) has delivered for `signal_lasts` without
-  /// a pause; "": never. Needs a pre-roll, which holds what was delivered meanwhile.
-  std::string start_on_signal;
-  std::chrono::nanoseconds signal_lasts = std::chrono::seconds(3);
-  /// A case in which no video (or, where there is none, no vital sign) came for so long is ended.
-  std::optional<std::chrono::nanoseconds> stop_after_silence;
-  /// A case is ended after so long; a forgotten one does not fill the disk.
-  std::chrono::nanoseconds longest_case = std::chrono::hours(24);
-  /// A case that was cut off less than this before the recorder starts is carried on by a new one; never, if
-  /// nothing. After a case that an error or a full disk ended, another one is tried for so long.
-  std::optional<std::chrono::nanoseconds> resume_within;
-};
 
 struct RoomPlan {
   std::string name;
@@ -54,11 +37,6 @@ struct RoomPlan {
   /// Why a case that was cut off is not carried on, for the status; "": none was, or it is.
   std::string not_resumed;
 };
-
-/// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, from
-/// them while it ran, or from the case that it carries on.
-enum class SubjectState { kNone, kGiven, kFound, kLate, kCarriedOver };
-std::string_view subject_state_name(SubjectState state);
 
 /// kIdle: nothing is recorded. kStandby: sources are recorded ahead, no case has begun.
 enum class RoomState { kIdle, kStandby, kStarting, kRecording, kClosing };

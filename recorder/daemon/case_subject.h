@@ -1,0 +1,55 @@
+// Whom the case of a room is about: somebody says so, or the room's procedure data do, also while it runs.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "base/clock.h"
+#include "base/utc_time.h"
+#include "recorder/procedure/procedure_source.h"
+
+namespace kiroku::recorder {
+
+/// Where the subject of a case came from: nowhere, from who started it, from the room's procedure data, from
+/// them while it ran, or from the case that it carries on.
+enum class SubjectState { kNone, kGiven, kFound, kLate, kCarriedOver };
+std::string_view subject_state_name(SubjectState state);
+
+/// The subject of one case after the other. Nothing that goes wrong with procedure data ends a recording, or
+/// keeps one from beginning: it is told. One thread uses it; given_while_running() is called from any.
+class CaseSubject {
+ public:
+  /// `source` null: nothing is looked for.
+  CaseSubject(std::shared_ptr<ProcedureSource> source, std::function<void(const std::string&)> tell)
+      : source_(std::move(source)), tell_(std::move(tell)) {}
+
+  struct Found {
+    std::optional<Bytes> json;  // as Session takes it
+    SubjectState state = SubjectState::kNone;
+  };
+  /// Of a case that begins at `now`: what a person gave, else what is known of the procedure.
+  /// `carried_over`: the case takes that of an earlier one.
+  Found at_beginning(UtcTime now, std::optional<Bytes> given, bool carried_over);
+  /// Why the case that begins has no subject though one is looked for; the ways to it are asked to hurry.
+  [[nodiscard]] std::optional<std::string> why_missing() const;
+  /// To be called again and again while the case runs: a subject that became known, once. Looks each second.
+  std::optional<Bytes> late(Clock::Time now);
+  /// A person gave one: nothing is looked for any more.
+  void given_while_running() { looked_for_ = false; }
+
+ private:
+  [[nodiscard]] std::optional<Bytes> find() const;
+
+  const std::shared_ptr<ProcedureSource> source_;
+  const std::function<void(const std::string&)> tell_;
+  UtcTime begun_at_{};
+  Clock::Time next_look_{};
+  std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
+};
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,108 @@
+#include "recorder/daemon/case_subject.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class KnownProcedure : public ProcedureSource {
+ public:
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime) const override {
+    ++asked;
+    if (fails) throw Error("the worklist's answer is cut off");
+    return known;
+  }
+  [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
+  void hurry() override { ++hurried; }
+  [[nodiscard]] std::vector<ProcedureWay> ways() const override {
+    return {{"worklist", false, "the server does not answer"}};
+  }
+
+  std::optional<ProcedureData> known;
+  bool fails = false;
+  mutable int asked = 0;
+  int hurried = 0;
+};
+
+class CaseSubjectTest : public testing::Test {
+ protected:
+  static ProcedureData somebody() {
+    ProcedureData data;
+    data.patient_id = "4711";
+    return data;
+  }
+  const std::shared_ptr<KnownProcedure> source = std::make_shared<KnownProcedure>();
+  std::vector<std::string> told;
+  CaseSubject subject{source, [this](const std::string& sentence) { told.push_back(sentence); }};
+};
+
+TEST_F(CaseSubjectTest, WhatAPersonGaveIsTakenAndNothingLookedFor) {
+  source->known = somebody();
+  const auto found = subject.at_beginning({}, to_bytes("{}"), false);
+  EXPECT_EQ(found.state, SubjectState::kGiven);
+  EXPECT_EQ(found.json, to_bytes("{}"));
+  EXPECT_EQ(source->asked, 0);
+  EXPECT_EQ(subject.why_missing(), std::nullopt);
+  EXPECT_EQ(subject.late(Clock::Time(1h)), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, WhatIsKnownIsFound) {
+  source->known = somebody();
+  const auto found = subject.at_beginning({}, {}, false);
+  EXPECT_EQ(found.state, SubjectState::kFound);
+  EXPECT_EQ(found.json, subject_json(somebody()));
+  EXPECT_EQ(subject.why_missing(), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, ACaseThatCarriesOnAnotherTakesItsSubject) {
+  source->known = somebody();
+  const auto found = subject.at_beginning({}, {}, true);
+  EXPECT_EQ(found.state, SubjectState::kCarriedOver);
+  EXPECT_EQ(found.json, std::nullopt);
+  EXPECT_EQ(source->asked, 0);
+}
+
+TEST_F(CaseSubjectTest, LooksEachSecondUntilSomethingIsKnownAndTellsItOnce) {
+  EXPECT_EQ(subject.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_EQ(subject.why_missing(),
+            "the case begins without procedure data; worklist: the server does not answer");
+  EXPECT_EQ(source->hurried, 1);
+  EXPECT_EQ(subject.late(Clock::Time(10s)), std::nullopt);
+  source->known = somebody();
+  EXPECT_EQ(subject.late(Clock::Time(10s + 999ms)), std::nullopt) << "not yet a second later";
+  EXPECT_EQ(source->asked, 2);
+  EXPECT_EQ(subject.late(Clock::Time(11s)), subject_json(somebody()));
+  EXPECT_EQ(subject.late(Clock::Time(12s)), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {
+  subject.at_beginning({}, {}, false);
+  subject.given_while_running();
+  source->known = somebody();
+  EXPECT_EQ(subject.late(Clock::Time(1h)), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, ASourceThatFailsIsToldAndKeepsNoCaseFromBeginning) {
+  source->fails = true;
+  EXPECT_EQ(subject.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_THAT(told, ElementsAre(HasSubstr("procedure data cannot be looked up: the worklist's answer")));
+}
+
+TEST_F(CaseSubjectTest, WithoutProcedureDataNothingIsMissed) {
+  CaseSubject alone({}, [this](const std::string& sentence) { told.push_back(sentence); });
+  EXPECT_EQ(alone.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_EQ(alone.why_missing(), std::nullopt);
+  EXPECT_EQ(alone.late(Clock::Time(1h)), std::nullopt);
+  EXPECT_THAT(told, IsEmpty());
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
