@@ -8,8 +8,8 @@
 
 #include "base/error.h"
 #include "base/printable.h"
-#include "recorder/daemon/back_off.h"
 #include "recorder/daemon/rate_meter.h"
+#include "recorder/daemon/retry_pause.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -84,7 +84,7 @@ struct Room::State {
     thread.join();
   }
 
-  [[nodiscard]] bool may_try() const { return back_off.may_try(time.now()); }
+  [[nodiscard]] bool may_try() const { return retry.may_try(time.now()); }
 
   void beat() { heartbeat = time.now().time_since_epoch().count(); }
 
@@ -181,7 +181,7 @@ struct Room::State {
         again = Again{begun_for, plan_of_case, std::move(subject), std::move(profiles)};
       }
     }
-    return goes_on ? "; nothing is recorded until another one is begun" + back_off.next_try()
+    return goes_on ? "; nothing is recorded until another one is begun" + retry.next_try()
                    : "; nothing is recorded any more: begin another one where the operation goes on";
   }
 
@@ -246,8 +246,8 @@ struct Room::State {
       options.pre_roll = plan.rules.pre_roll;
       running = std::make_shared<Session>(std::move(options));
     } catch (const std::exception& error) {
-      back_off.failed(time.now());
-      tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + back_off.next_try());
+      retry.failed(time.now());
+      tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + retry.next_try());
       return;
     }
     {
@@ -303,8 +303,8 @@ struct Room::State {
       decisions = decisions_for(*taken, subject);
       id = running.begin(std::move(subject), taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
-      back_off.failed(time.now());
-      tell_problem("no case could be begun: " + std::string(error.what()) + back_off.next_try());
+      retry.failed(time.now());
+      tell_problem("no case could be begun: " + std::string(error.what()) + retry.next_try());
       taken->begun.set_exception(std::current_exception());
       return "";
     }
@@ -436,11 +436,11 @@ struct Room::State {
   }
 
   void refuse_start(Request& asked, const std::string& why) {
-    back_off.failed(time.now());
+    retry.failed(time.now());
     tell_problem("no case could be begun: " + why +
                  (plan.rules.schedule.empty() && asked.reason != "resumed" && asked.reason != "after-error"
                       ? ""
-                      : back_off.next_try()));
+                      : retry.next_try()));
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
   }
@@ -492,9 +492,9 @@ struct Room::State {
       tell_new_problem(result.last);
       // A case that ends again and again as soon as it has begun must not fill the archive with beginnings.
       if (by_itself) {
-        back_off.failed(time.now());
+        retry.failed(time.now());
       } else {
-        back_off.succeeded();
+        retry.succeeded();
       }
     }
     // First, so that whoever waits for the end finds everything done.
@@ -535,10 +535,10 @@ struct Room::State {
       // What was recorded ahead is no case, and the case before it was closed.
       if (status.state != RoomState::kStandby) ended = status.case_id;
       lasted = std::chrono::nanoseconds(status.session.now_ns - status.session.begins_ns);
-      back_off.failed(time.now());
+      retry.failed(time.now());
     }
     if (ended.empty()) {
-      sentence = "recording ahead ended: " + why + back_off.next_try();
+      sentence = "recording ahead ended: " + why + retry.next_try();
     } else {
       sentence = "case " + ended +
                  " could not be closed; the recorder's next start brings it to its end: " + why +
@@ -613,7 +613,7 @@ struct Room::State {
   RateMeter rate;
 
   std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
-  BackOff back_off;
+  RetryPause retry;
   Clock::Time begin_before{};  // the case that is to be carried on
   std::thread thread;
 };

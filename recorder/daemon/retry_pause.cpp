@@ -1,4 +1,4 @@
-#include "recorder/daemon/back_off.h"
+#include "recorder/daemon/retry_pause.h"
 
 #include <algorithm>
 #include <chrono>
@@ -11,12 +11,12 @@ constexpr std::chrono::seconds kLongestPause{60};
 
 }  // namespace
 
-void BackOff::failed(Clock::Time now) {
+void RetryPause::failed(Clock::Time now) {
   pause_ = std::clamp<Clock::Duration>(2 * pause_, kFirstPause, kLongestPause);
   not_before_ = now + pause_;
 }
 
-std::string BackOff::next_try() const {
+std::string RetryPause::next_try() const {
   return "; the next try is in " +
          std::to_string(std::chrono::duration_cast<std::chrono::seconds>(pause_).count()) + " s";
 }

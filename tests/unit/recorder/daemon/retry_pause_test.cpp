@@ -1,4 +1,4 @@
-#include "recorder/daemon/back_off.h"
+#include "recorder/daemon/retry_pause.h"
 
 #include <gtest/gtest.h>
 
@@ -7,13 +7,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(BackOff, TriesAtOnceUntilSomethingFails) {
-  const BackOff fresh;
+TEST(RetryPause, TriesAtOnceUntilSomethingFails) {
+  const RetryPause fresh;
   EXPECT_TRUE(fresh.may_try(Clock::Time{}));
 }
 
-TEST(BackOff, WaitsTwiceAsLongAfterEachFailureAndAMinuteAtMost) {
-  BackOff waiting;
+TEST(RetryPause, WaitsTwiceAsLongAfterEachFailureAndAMinuteAtMost) {
+  RetryPause waiting;
   Clock::Time now(1h);
   for (const auto pause : {1s, 2s, 4s, 8s, 16s, 32s, 60s, 60s}) {
     waiting.failed(now);
@@ -24,8 +24,8 @@ TEST(BackOff, WaitsTwiceAsLongAfterEachFailureAndAMinuteAtMost) {
   }
 }
 
-TEST(BackOff, BeginsAnewAfterASuccess) {
-  BackOff waiting;
+TEST(RetryPause, BeginsAnewAfterASuccess) {
+  RetryPause waiting;
   waiting.failed(Clock::Time(1h));
   waiting.failed(Clock::Time(1h));
   waiting.succeeded();

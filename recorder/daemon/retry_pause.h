@@ -8,7 +8,7 @@
 namespace kiroku::recorder {
 
 /// A second after the first failure, twice as long after each further one, a minute at most.
-class BackOff {
+class RetryPause {
  public:
   void failed(Clock::Time now);
   void succeeded() { *this = {}; }
