@@ -207,6 +207,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   read_rooms(top, configuration);
   read_profile_rules(top, configuration);
   read_retention_rules(top, configuration.retention);
+  configuration.store = read_store(top);
   static_cast<void>(read_viewer(top));  // whether it is good; kirokud alone needs it (viewer_configuration.h)
   top.refuse_unknown_keys();
   return configuration;

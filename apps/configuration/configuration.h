@@ -5,12 +5,14 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "apps/configuration/retention_configuration.h"
 #include "apps/configuration/room_configuration.h"
+#include "apps/configuration/store_configuration.h"
 #include "timestamp/client.h"
 
 namespace kiroku::apps {
@@ -47,6 +49,7 @@ struct Configuration {
   StorageConfiguration storage;
   RetentionConfiguration retention;
   EvidenceConfiguration evidence;
+  std::optional<StoreConfiguration> store;
 };
 
 /// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a

@@ -8,6 +8,7 @@
 //   archive/<case>/  the recordings            archive/log/ the appliance log
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
+//   shipping.sqlite  what is in the store      store-credentials  the store's keys, mode 0600
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
@@ -60,6 +61,7 @@ class Home {
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
   [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
+  [[nodiscard]] std::filesystem::path shipping_file() const { return folder_ / "shipping.sqlite"; }
 
   /// Where a recorder that runs on this home is spoken to.
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;

@@ -57,6 +57,7 @@ struct Commands {
                                          {"tsa", kFull, add_tsa_command},
                                          {"log", kSmall, add_log_command},
                                          {"witness", kFull, add_witness_command},
+                                         {"ship", kFull, add_ship_command},
                                          {"view", kFull, add_view_command},
                                          {"user", kSmall, add_user_command},
                                          {"sim", kSim, add_sim_group},

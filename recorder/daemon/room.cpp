@@ -448,8 +448,8 @@ struct Room::State {
   /// What is looked at a few times a second while a case runs. `first_reason` is why its operation was begun.
   void follow(Session& running, const SessionStatus& now, const std::string& first_reason) {
     beat();
-    const RunningCase running_case{now, first_reason == "schedule", before, plan.session.video.size()};
-    if (const std::string rule = rule_to_end(plan.rules, running_case, time.utc()); !rule.empty()) {
+    const CaseSoFar so_far{now, first_reason == "schedule", before, plan.session.video.size()};
+    if (const std::string rule = rule_to_end(plan.rules, so_far, time.utc()); !rule.empty()) {
       want_end();
       note_end();
       running.stop(rule);

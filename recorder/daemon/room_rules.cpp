@@ -8,7 +8,7 @@ namespace {
 // Nothing came for so long: the signal has paused.
 constexpr std::int64_t kSignalPauseNs = 1'000'000'000;
 
-std::int64_t last_sign_of_life_ns(const RunningCase& running) {
+std::int64_t last_sign_of_life_ns(const CaseSoFar& running) {
   const auto& streams = running.status.streams;
   const std::size_t deciding = running.video_streams == 0 ? streams.size() : running.video_streams;
   std::int64_t last_ns = 0;
@@ -40,7 +40,7 @@ bool StartRules::signal_wants_a_case(const SessionStatus& now) {
   return false;
 }
 
-std::string rule_to_end(const RoomRules& rules, const RunningCase& running, UtcTime now) {
+std::string rule_to_end(const RoomRules& rules, const CaseSoFar& running, UtcTime now) {
   const SessionStatus& status = running.status;
   if (status.now_ns - status.begins_ns >= (rules.longest_case - running.before).count())
     return "longest-case";

@@ -52,7 +52,7 @@ class StartRules {
 };
 
 /// What there is to know of a running case, for the rules that end one.
-struct RunningCase {
+struct CaseSoFar {
   const SessionStatus& status;
   bool begun_by_schedule = false;      // its operation was
   std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
@@ -61,6 +61,6 @@ struct RunningCase {
 
 /// The rule that ends the case now, as the reason of its end: "longest-case", "silence", "schedule"; "" while
 /// none does.
-std::string rule_to_end(const RoomRules& rules, const RunningCase& running, UtcTime now);
+std::string rule_to_end(const RoomRules& rules, const CaseSoFar& running, UtcTime now);
 
 }  // namespace kiroku::recorder

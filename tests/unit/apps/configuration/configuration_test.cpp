@@ -217,6 +217,28 @@ TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
             "k.toml:2:12: 'replicas' has 'copies': write the whole path of an archive's copy");
 }
 
+TEST(Configuration, StoreNeedsAPlaceAndATime) {
+  EXPECT_FALSE(parse_configuration("", "k.toml").store);
+  const std::string whole =
+      "[store]\nendpoint = \"https://s.example\"\nbucket = \"recordings\"\nretain = \"3653d\"\n";
+  const auto store =
+      parse_configuration(whole + "appliance = \"or-1\"\nmegabytes_per_second = 20\n", "k.toml").store;
+  ASSERT_TRUE(store);
+  EXPECT_EQ(store->endpoint, "https://s.example");
+  EXPECT_EQ(store->retain, std::chrono::hours(24) * 3653);
+  EXPECT_EQ(store->region, "us-east-1");
+  EXPECT_EQ(store->credentials, "store-credentials");
+  EXPECT_EQ(store->appliance, "or-1");
+  EXPECT_EQ(store->megabytes_per_second, 20);
+  EXPECT_THAT(refusal("[store]\nendpoint = \"https://s.example\"\n"),
+              HasSubstr("needs 'endpoint', 'bucket' and 'retain'"));
+  EXPECT_THAT(refusal(whole + "appliance = \"OR 1\"\n"), HasSubstr("'appliance' is 'OR 1'"));
+  EXPECT_THAT(refusal(whole + "megabytes_per_second = 0\n"), HasSubstr("from 1 to"));
+  EXPECT_THAT(refusal("[store]\nretain = \"5m\"\n"), HasSubstr("an hour at least"));
+  EXPECT_THAT(refusal("[store]\nretain = \"40000d\"\n"), HasSubstr("36525d"));
+  EXPECT_THAT(refusal("[store]\nretain = \"30\"\n"), HasSubstr("does not say of what"));
+}
+
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {
   EXPECT_EQ(refusal("[recording]\nsegment = \"2s\"\n  bitrat = 4\n").substr(0, 37),
             "k.toml:3:3: unknown key 'bitrat' in [");

@@ -1,0 +1,198 @@
+// 'kiroku ship': copies of the archive in a store whose locks nobody can lift.
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/told_to_end.h"
+#include "archive/format/case_layout.h"
+#include "base/error.h"
+#include "base/printable.h"
+#include "fleet/shipper.h"
+#include "fleet/store_credentials.h"
+
+namespace kiroku::apps {
+namespace {
+
+constexpr std::chrono::seconds kLookInterval{5};
+constexpr std::chrono::seconds kLongestPause{60};
+
+struct Request {
+  std::optional<std::string> home;
+  bool follow = false, status = false, probe = false, json = false;
+};
+
+StoreConfiguration store_of(const Home& home) {
+  std::optional<StoreConfiguration> store = home.configuration().store;
+  if (!store) {
+    throw UsageError(
+        home.configuration_file().string() +
+        " names no store: write [store] with endpoint, bucket and retain (docs/how-to/ship-to-a-store.md)");
+  }
+  if (store->appliance.empty()) store->appliance = home.device().name();
+  if (!archive::is_short_name(store->appliance)) {
+    throw UsageError(
+        "the device's name '" + printable(store->appliance) +
+        "' cannot begin keys of a store: write appliance = \"...\" into [store], small letters and digits");
+  }
+  return std::move(*store);
+}
+
+fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of) {
+  fleet::StoreTerms terms;
+  terms.bytes_per_second = static_cast<std::uint64_t>(of.megabytes_per_second) * 1'000'000;
+  return {{of.endpoint, of.bucket, of.region, of.ca_file.empty() ? "" : home.folder() / of.ca_file},
+          fleet::read_credentials(home.folder() / of.credentials),
+          terms};
+}
+
+nlohmann::ordered_json json_of(const fleet::ShippingReport& report, const fleet::ShippingList::Totals& held) {
+  nlohmann::ordered_json json{{"sent", report.sent},       {"sent_bytes", report.sent_bytes},
+                              {"found", report.found},     {"in_store", held.objects},
+                              {"waiting", report.waiting}, {"waiting_bytes", report.waiting_bytes}};
+  if (report.waiting_since) json["waiting_since"] = format_utc(*report.waiting_since);
+  json["problems"] = report.problems;
+  return json;
+}
+
+std::string objects(std::uint64_t count) {
+  return std::to_string(count) + (count == 1 ? " object" : " objects");
+}
+
+int tell_status(const Request& request, const fleet::ShippingReport& report, fleet::ShippingList& list) {
+  const fleet::ShippingList::Totals held = list.confirmed();
+  if (request.json) {
+    print_json(json_of(report, held));
+  } else {
+    std::cout << "in the store   " << objects(held.objects) << ", " << format_bytes(held.bytes)
+              << ", each confirmed\n";
+    if (report.waiting == 0) {
+      std::cout << "not there yet  nothing\n";
+    } else {
+      std::cout << "not there yet  " << objects(report.waiting) << ", " << format_bytes(report.waiting_bytes)
+                << ", the oldest since " << format_utc(*report.waiting_since) << "\n";
+    }
+    for (const std::string& problem : report.problems) print_error("kiroku", problem);
+  }
+  return report.waiting == 0 && report.problems.empty() ? kDone : kNoAnswer;
+}
+
+int probe(const Request& request, fleet::ObjectStore& store, const std::string& appliance) {
+  const fleet::LockProbe found = fleet::probe_lock(store, appliance);
+  if (request.json) {
+    print_json({{"key", found.key},
+                {"holds", found.holds()},
+                {"told", !found.unlocked},
+                {"removed", found.removed},
+                {"replaced", found.replaced}});
+  } else {
+    std::cout << "put       " << found.key << ", locked for a minute\n"
+              << "told      " << (found.unlocked ? "no such lock" : "COMPLIANCE until then") << "\n"
+              << "removing  " << (found.removed ? "REMOVED it" : "was refused, or removed nothing") << "\n"
+              << "replacing " << (found.replaced ? "CHANGED it" : "left the first version as it was") << "\n"
+              << (found.holds() ? "The locks of this store hold against this access key.\n"
+                                : "The locks of this store DO NOT HOLD: it is no place for evidence.\n");
+  }
+  return found.holds() ? kDone : kNoAnswer;
+}
+
+/// True once it is told to end.
+bool rest(std::chrono::milliseconds pause) {
+  constexpr std::chrono::milliseconds kLook{100};
+  for (; pause.count() > 0 && !told_to_end(); pause -= kLook)
+    std::this_thread::sleep_for(std::min(kLook, pause));
+  return told_to_end();
+}
+
+/// Again and again until it is told to end; a store that is away is asked less and less often.
+int follow(fleet::Shipper& shipper, const Home& home) {
+  std::chrono::seconds pause = kLookInterval;
+  std::string told;
+  do {
+    std::string now;
+    try {
+      const fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
+      if (report.sent > 0)
+        std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
+      for (const std::string& problem : report.problems) now += (now.empty() ? "" : "; ") + problem;
+      pause = kLookInterval;
+    } catch (const fleet::StoreError& error) {
+      now = error.what();
+      pause = std::min(2 * pause, kLongestPause);
+    }
+    // The same trouble is told once, and that it is over.
+    if (now != told) {
+      if (now.empty()) {
+        std::cout << "the store takes everything again" << std::endl;
+      } else {
+        print_error("kiroku", now + "; recording goes on, and it is tried again");
+      }
+    }
+    told = now;
+  } while (!rest(pause));
+  return kDone;
+}
+
+int run(const Request& request) {
+  if (int{request.follow} + int{request.status} + int{request.probe} > 1)
+    throw UsageError("give one of --follow, --status and --probe");
+  const Home home = Home::open(request.home);
+  const StoreConfiguration of = store_of(home);
+  const fleet::ShippingTerms terms{of.appliance, of.retain};
+  fleet::ObjectStore store = open_store(home, of);
+  if (request.probe) return probe(request, store, of.appliance);
+  fleet::ShippingList list(home.shipping_file());
+  fleet::Shipper shipper(store, list, terms);
+  if (request.status) return tell_status(request, shipper.look(home.archive()), list);
+  list.take();
+  end_when_told();
+  if (request.follow) return follow(shipper, home);
+  fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
+  const fleet::ShippingReport left = shipper.look(home.archive());
+  report.waiting = left.waiting;
+  report.waiting_bytes = left.waiting_bytes;
+  report.waiting_since = left.waiting_since;
+  if (!request.json) {
+    std::cout << "sent           " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << "\n";
+    if (report.found > 0)
+      std::cout << "found          " << objects(report.found) << " that were there already\n";
+  }
+  return tell_status(request, report, list);
+}
+
+}  // namespace
+
+void add_ship_command(Command& program) {
+  Command& command = program.add_command("ship", "copies cases to a store whose locks nobody can lift");
+  command.explain(
+      "The store of [store] in kiroku.toml is an S3 store with Object Lock, such as Ceph. Every finished "
+      "file of every "
+      "case goes there while the case runs, locked for the time that [store] says, and counts once the store "
+      "has told "
+      "of its size, its SHA-256 and its lock. A copy of the store's prefix is an archive: kiroku-verify "
+      "judges it "
+      "alone. Recording never waits for the store.");
+  const auto request = std::make_shared<Request>();
+  command.flag("--follow", request->follow, "goes on until Ctrl-C, as kiroku-ship.service does");
+  command.flag("--status", request->status,
+               "only tells what is not in the store yet; asks nothing of the store");
+  command.flag("--probe", request->probe,
+               "only tries whether the store's locks hold, with an object of a minute");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  add_home_option(command, request->home);
+  command.example("kiroku ship", "copies what is not there yet, once");
+  command.example("kiroku ship --status", "what is not away yet, and since when");
+  command.example("kiroku ship --probe", "whether this store's locks can be relied on");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,360 @@
+#include "fleet/object_store.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <map>
+#include <pugixml.hpp>
+
+#include <curl/curl.h>
+
+#include "base/ascii.h"
+#include "base/printable.h"
+#include "crypto/encoding.h"
+
+namespace kiroku::fleet {
+namespace {
+
+constexpr std::size_t kLargestAnswer = 1U << 20;
+constexpr long kNotFound = 404, kForbidden = 403, kTooManyRequests = 429, kServerError = 500;
+constexpr const char* kMetadata = "x-amz-meta-kiroku-sha256";
+
+struct EasyDeleter {
+  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
+};
+struct ListDeleter {
+  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
+};
+
+/// The header lines of a request.
+class Headers {
+ public:
+  void add(const std::string& line) {
+    curl_slist* longer = curl_slist_append(list_.get(), line.c_str());
+    if (longer == nullptr) throw std::bad_alloc();
+    static_cast<void>(list_.release());
+    list_.reset(longer);
+  }
+  [[nodiscard]] curl_slist* get() const { return list_.get(); }
+
+ private:
+  std::unique_ptr<curl_slist, ListDeleter> list_;
+};
+
+struct Sending {
+  const crypto::ByteSource* body = nullptr;
+  std::uint64_t offset = 0;
+  std::exception_ptr failed;
+};
+
+struct Answer {
+  long status = 0;
+  std::map<std::string, std::string> headers;  // names in lower case
+  std::string body;
+  std::size_t most = kLargestAnswer;
+  bool too_large = false;
+
+  [[nodiscard]] std::string header(const std::string& name) const {
+    const auto found = headers.find(name);
+    return found == headers.end() ? "" : found->second;
+  }
+};
+
+std::size_t send_body(char* into, std::size_t size, std::size_t count, void* user) {
+  auto& sending = *static_cast<Sending*>(user);
+  try {
+    const std::size_t sent =
+        sending.body->read_at(sending.offset, std::as_writable_bytes(std::span(into, size * count)));
+    sending.offset += sent;
+    return sent;
+  } catch (...) {
+    sending.failed = std::current_exception();
+    return CURL_READFUNC_ABORT;
+  }
+}
+
+/// A request that is sent again (on a connection that the store had closed meanwhile) begins with the first
+/// byte.
+int rewind_body(void* user, curl_off_t offset, int origin) {
+  if (origin != SEEK_SET) return CURL_SEEKFUNC_CANTSEEK;
+  static_cast<Sending*>(user)->offset = static_cast<std::uint64_t>(offset);
+  return CURL_SEEKFUNC_OK;
+}
+
+std::size_t receive_body(char* data, std::size_t size, std::size_t count, void* user) {
+  auto& answer = *static_cast<Answer*>(user);
+  if (answer.body.size() + size * count > answer.most) {
+    answer.too_large = true;
+    return 0;
+  }
+  answer.body.append(data, size * count);
+  return size * count;
+}
+
+std::size_t receive_header(char* data, std::size_t size, std::size_t count, void* user) {
+  auto& answer = *static_cast<Answer*>(user);
+  const std::string_view line(data, size * count);
+  constexpr std::size_t kMostHeaders = 100;
+  const std::size_t colon = line.find(':');
+  if (line.starts_with("HTTP/")) {
+    answer.headers.clear();  // of "100 Continue"
+  } else if (colon != std::string_view::npos && answer.headers.size() < kMostHeaders) {
+    std::string_view value = line.substr(colon + 1);
+    const auto is_space = [](char c) { return c == ' ' || c == '\r' || c == '\n' || c == '\t'; };
+    while (!value.empty() && is_space(value.front())) value.remove_prefix(1);
+    while (!value.empty() && is_space(value.back())) value.remove_suffix(1);
+    answer.headers[lower_case(line.substr(0, colon))] = std::string(value);
+  }
+  return size * count;
+}
+
+/// The store's own word for what is wrong.
+std::string code_of(const std::string& body) {
+  pugi::xml_document document;
+  if (!document.load_buffer(body.data(), body.size())) return "";
+  return document.child("Error").child_value("Code");
+}
+
+/// Some stores tell nanoseconds, which do not matter.
+UtcTime time_of_lock(const std::string& text) {
+  const std::size_t point = text.find('.');
+  const std::optional<UtcTime> time =
+      parse_utc(point == std::string::npos ? text : text.substr(0, point) + "Z");
+  if (!time) throw Error("the store tells the end of a lock as '" + printable(text) + "', which is no time");
+  return *time;
+}
+
+/// "2036-11-23T15:00:00Z": stores take no fractions.
+std::string lock_text(UtcTime time) {
+  const std::string text = format_utc(std::chrono::floor<std::chrono::seconds>(time));
+  return text.substr(0, std::string_view("2036-11-23T15:00:00").size()) + "Z";
+}
+
+}  // namespace
+
+bool StoreError::passes() const {
+  return status_ == 0 || status_ == kTooManyRequests || status_ >= kServerError ||
+         code_ == "RequestTimeout" || code_ == "SlowDown";
+}
+
+bool is_plain_key(std::string_view key) {
+  return !key.empty() && key.front() != '/' && std::ranges::all_of(key, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
+           c == '_' || c == '/' || c == '-';
+  });
+}
+
+struct ObjectStore::State {
+  struct Ask {
+    std::string method;
+    std::string key = {}, query = {};
+    std::vector<std::string> headers = {};
+    const crypto::ByteSource* body = nullptr;
+    std::string sha256 = crypto::to_hex(crypto::sha256({}));
+    std::size_t most = kLargestAnswer;
+  };
+
+  [[nodiscard]] std::string where() const { return "bucket '" + address.bucket + "' of " + address.endpoint; }
+
+  Answer ask(const Ask& what) {
+    static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
+    if (!handle && initialised == CURLE_OK) handle.reset(curl_easy_init());
+    if (!handle) throw Error("cannot start libcurl");
+    curl_easy_reset(handle.get());  // keeps the connection
+    const auto set = [&](CURLoption option, auto value) {
+      if (const CURLcode result = curl_easy_setopt(handle.get(), option, value); result != CURLE_OK)
+        throw Error("cannot ask " + address.endpoint + ": " + curl_easy_strerror(result));
+    };
+    Answer answer;
+    answer.most = what.most;
+    Sending sending{what.body, 0, {}};
+    std::array<char, CURL_ERROR_SIZE> reason{};
+    const std::string url = address.endpoint + "/" + address.bucket +
+                            (what.key.empty() ? "" : "/" + what.key) +
+                            (what.query.empty() ? "" : "?" + what.query);
+    // libcurl copies both.
+    const std::string signing = "aws:amz:" + address.region + ":s3";
+    std::string user = credentials.access_key + ":" + std::string(credentials.secret_key.text());
+    set(CURLOPT_AWS_SIGV4, signing.c_str());
+    set(CURLOPT_USERPWD, user.c_str());
+    std::ranges::fill(user, '\0');
+    set(CURLOPT_URL, url.c_str());
+    set(CURLOPT_PROTOCOLS_STR, "http,https");
+    set(CURLOPT_NOSIGNAL, 1L);
+    set(CURLOPT_PROXY, "");
+    set(CURLOPT_USERAGENT, "kiroku");
+    if (!address.ca_file.empty()) set(CURLOPT_CAINFO, address.ca_file.c_str());
+    set(CURLOPT_CONNECTTIMEOUT, static_cast<long>(terms.connecting.count()));
+    set(CURLOPT_LOW_SPEED_LIMIT, 1L);
+    set(CURLOPT_LOW_SPEED_TIME, static_cast<long>(terms.silence.count()));
+    set(CURLOPT_WRITEFUNCTION, receive_body);
+    set(CURLOPT_WRITEDATA, &answer);
+    set(CURLOPT_HEADERFUNCTION, receive_header);
+    set(CURLOPT_HEADERDATA, &answer);
+    set(CURLOPT_ERRORBUFFER, reason.data());
+    Headers headers;
+    headers.add("x-amz-content-sha256: " + what.sha256);
+    for (const std::string& line : what.headers) headers.add(line);
+    if (what.body != nullptr) {
+      set(CURLOPT_UPLOAD, 1L);
+      set(CURLOPT_READFUNCTION, send_body);
+      set(CURLOPT_READDATA, &sending);
+      set(CURLOPT_SEEKFUNCTION, rewind_body);
+      set(CURLOPT_SEEKDATA, &sending);
+      set(CURLOPT_INFILESIZE_LARGE, static_cast<curl_off_t>(what.body->size()));
+      if (terms.bytes_per_second > 0)
+        set(CURLOPT_MAX_SEND_SPEED_LARGE, static_cast<curl_off_t>(terms.bytes_per_second));
+    } else if (what.method == "HEAD") {
+      set(CURLOPT_NOBODY, 1L);
+    } else {
+      set(CURLOPT_CUSTOMREQUEST, what.method.c_str());
+    }
+    set(CURLOPT_HTTPHEADER, headers.get());
+    const CURLcode result = curl_easy_perform(handle.get());
+    if (sending.failed) std::rethrow_exception(sending.failed);
+    if (answer.too_large)
+      throw Error("the answer of " + address.endpoint + " is longer than " + std::to_string(what.most) +
+                  " bytes");
+    if (result != CURLE_OK) {
+      throw StoreError("the store at " + address.endpoint + " does not answer: " +
+                           (reason[0] != '\0' ? reason.data() : curl_easy_strerror(result)),
+                       0, "");
+    }
+    curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &answer.status);
+    return answer;
+  }
+
+  /// What an answer that is no success means to who runs the appliance.
+  [[nodiscard]] StoreError refusal(const Answer& answer, const std::string& doing) const {
+    const std::string code = code_of(answer.body);
+    const auto is = [&](std::string_view name) { return code == name; };
+    std::string why;
+    if (is("NoSuchBucket")) {
+      why = "there is no such bucket: have the store's administrator make it, with Object Lock";
+    } else if (is("InvalidAccessKeyId")) {
+      why = "the store does not know the access key '" + printable(credentials.access_key) + "'";
+    } else if (is("SignatureDoesNotMatch")) {
+      why = "the secret key is not the one of access key '" + printable(credentials.access_key) +
+            "', or the store's region is not '" + address.region + "'";
+    } else if (is("RequestTimeTooSkewed")) {
+      why = "this machine's clock and the store's differ by more than the store accepts: set the clock";
+    } else if (is("AccessDenied") || (code.empty() && answer.status == kForbidden)) {
+      why = "access key '" + printable(credentials.access_key) + "' has no right to do this";
+    } else if (is("InvalidBucketState") || is("InvalidRequest")) {
+      why = "the bucket takes no locks: it must be made with Object Lock";
+    } else if (is("PermanentRedirect") || is("AuthorizationHeaderMalformed")) {
+      why = "the bucket is in another region than '" + address.region + "'";
+    } else {
+      why = "it answered with status " + std::to_string(answer.status) +
+            (code.empty() ? "" : ", " + printable(code));
+    }
+    return {"cannot " + doing + " in " + where() + ": " + why, answer.status, code};
+  }
+
+  const StoreAddress address;
+  const StoreCredentials credentials;
+  const StoreTerms terms;
+  std::unique_ptr<CURL, EasyDeleter> handle;
+};
+
+ObjectStore::ObjectStore(StoreAddress address, StoreCredentials credentials, StoreTerms terms)
+    : state_(new State{std::move(address), std::move(credentials), terms, {}}) {
+  const StoreAddress& asked = state_->address;
+  const bool is_http = asked.endpoint.starts_with("http://") || asked.endpoint.starts_with("https://");
+  const std::size_t host = asked.endpoint.find("//") + 2;
+  if (!is_http || asked.endpoint.size() <= host ||
+      asked.endpoint.find_first_of("/?#@ ", host) != std::string::npos) {
+    throw UsageError("the store's endpoint is '" + printable(asked.endpoint) +
+                     "': write https://HOST or https://HOST:PORT, without a path");
+  }
+  const auto fits = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '.' || c == '-';
+  };
+  if (asked.bucket.size() < 3 || asked.bucket.size() > 63 || !std::ranges::all_of(asked.bucket, fits)) {
+    throw UsageError("the store's bucket is '" + printable(asked.bucket) +
+                     "': a bucket's name has 3 to 63 small letters, digits, points and hyphens");
+  }
+  if (asked.region.empty() || !std::ranges::all_of(asked.region, fits))
+    throw UsageError("the store's region is '" + printable(asked.region) + "', which is none");
+}
+
+ObjectStore::~ObjectStore() = default;
+
+const StoreAddress& ObjectStore::address() const { return state_->address; }
+
+void ObjectStore::require_lockable() {
+  const Answer answer = state_->ask({.method = "GET", .query = "object-lock="});
+  if (answer.status == 200 && answer.body.find("<ObjectLockEnabled>Enabled<") != std::string::npos) return;
+  const std::string code = code_of(answer.body);
+  if (answer.status == 200 || code == "ObjectLockConfigurationNotFoundError") {
+    throw StoreError(
+        state_->where() + " has no Object Lock, so what is in it can be removed: it must be made with it",
+        answer.status, code);
+  }
+  throw state_->refusal(answer, "look at the locks");
+}
+
+std::string ObjectStore::put(const std::string& key, const crypto::ByteSource& body,
+                             const crypto::Sha256Digest& sha256, UtcTime lock_ends) {
+  if (!is_plain_key(key)) {
+    throw Error("'" + printable(key) +
+                "' cannot be the name of an object: stores take letters, digits, points, hyphens and "
+                "underlines alike");
+  }
+  const std::string hash = crypto::to_hex(sha256);
+  const Answer answer =
+      state_->ask({.method = "PUT",
+                   .key = key,
+                   .query = "",
+                   .headers = {"x-amz-object-lock-mode: COMPLIANCE",
+                               "x-amz-object-lock-retain-until-date: " + lock_text(lock_ends),
+                               std::string(kMetadata) + ": " + hash},
+                   .body = &body,
+                   .sha256 = hash});
+  if (answer.status != 200) throw state_->refusal(answer, "put " + key);
+  std::string version = answer.header("x-amz-version-id");
+  if (version.empty()) {
+    throw StoreError(state_->where() +
+                         " keeps no versions, so what is in it can be overwritten: it must be made with "
+                         "Object Lock",
+                     answer.status, "");
+  }
+  return version;
+}
+
+std::optional<StoredObject> ObjectStore::look(const std::string& key, const std::string& version) {
+  const Answer answer =
+      state_->ask({.method = "HEAD", .key = key, .query = version.empty() ? "" : "versionId=" + version});
+  if (answer.status == kNotFound) return {};
+  if (answer.status != 200) throw state_->refusal(answer, "look at " + key);
+  StoredObject object;
+  const std::string length = answer.header("content-length");
+  if (std::from_chars(length.data(), length.data() + length.size(), object.bytes).ec != std::errc())
+    throw Error("the store does not say how long " + key + " is");
+  object.version = answer.header("x-amz-version-id");
+  object.sha256 = answer.header(kMetadata);
+  object.compliance = answer.header("x-amz-object-lock-mode") == "COMPLIANCE";
+  if (const std::string ends = answer.header("x-amz-object-lock-retain-until-date"); !ends.empty())
+    object.lock_ends = time_of_lock(ends);
+  return object;
+}
+
+Bytes ObjectStore::get(const std::string& key, const std::string& version, std::size_t most) {
+  const Answer answer = state_->ask({.method = "GET",
+                                     .key = key,
+                                     .query = version.empty() ? "" : "versionId=" + version,
+                                     .most = std::max(most, kLargestAnswer)});
+  if (answer.status != 200) throw state_->refusal(answer, "get " + key);
+  if (answer.body.size() > most) throw Error(key + " is longer than " + std::to_string(most) + " bytes");
+  return to_bytes(answer.body);
+}
+
+bool ObjectStore::remove(const std::string& key, const std::string& version) {
+  const Answer answer =
+      state_->ask({.method = "DELETE", .key = key, .query = version.empty() ? "" : "versionId=" + version});
+  if (answer.status >= kServerError) throw state_->refusal(answer, "remove " + key);
+  return answer.status < 300;
+}
+
+}  // namespace kiroku::fleet

@@ -1,0 +1,102 @@
+// One bucket of an S3 store with Object Lock, spoken to by libcurl, which signs each request (AWS Signature
+// Version 4). What is put is locked in COMPLIANCE mode, which no user of the store can shorten (Amazon S3 API
+// Reference, "Object Lock"). Objects are put whole, never in parts: stores ignore a lock that is asked for
+// with a multipart upload.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "base/utc_time.h"
+#include "crypto/byte_source.h"
+#include "crypto/hash.h"
+#include "crypto/secret.h"
+
+namespace kiroku::fleet {
+
+struct StoreAddress {
+  std::string endpoint;           // "https://store.hospital.example", with a port or without, no path
+  std::string bucket;             // [a-z0-9.-], 3 to 63
+  std::string region;             // as the store is configured; Ceph's default is "us-east-1"
+  std::filesystem::path ca_file;  // PEM, the roots that sign the store's certificate; empty: the system's
+};
+
+struct StoreCredentials {
+  std::string access_key;
+  crypto::Secret secret_key;
+};
+
+struct StoreTerms {
+  std::uint64_t bytes_per_second = 0;  // most that is sent; 0: no limit
+  std::chrono::seconds connecting{10};
+  /// An answer or a transfer that stands still for so long has failed.
+  std::chrono::seconds silence{60};
+};
+
+/// The store did not do what it was asked. what() says what that means and what to do about it.
+class StoreError : public Error {
+ public:
+  StoreError(const std::string& sentence, long status, std::string code)
+      : Error(sentence), status_(status), code_(std::move(code)) {}
+  /// HTTP status; 0 where no answer came.
+  [[nodiscard]] long status() const { return status_; }
+  /// The store's own word, such as "NoSuchBucket"; "" where it gave none.
+  [[nodiscard]] const std::string& code() const { return code_; }
+  /// Whether the same request may succeed later with nothing else changed.
+  [[nodiscard]] bool passes() const;
+
+ private:
+  long status_;
+  std::string code_;
+};
+
+/// One version of an object as the store tells of it.
+struct StoredObject {
+  std::uint64_t bytes = 0;
+  std::string version;
+  std::string sha256;                // hexadecimal, as it was put by this program; "" of other objects
+  bool compliance = false;           // locked in COMPLIANCE mode
+  std::optional<UtcTime> lock_ends;  // whichever the mode
+};
+
+/// Not thread-safe: one connection, which is kept open.
+class ObjectStore {
+ public:
+  /// Reaches nothing yet. Throws kiroku::UsageError for an address that is none.
+  ObjectStore(StoreAddress address, StoreCredentials credentials, StoreTerms terms = {});
+  ~ObjectStore();
+  ObjectStore(const ObjectStore&) = delete;
+  ObjectStore& operator=(const ObjectStore&) = delete;
+
+  [[nodiscard]] const StoreAddress& address() const;
+
+  /// Throws StoreError where the bucket is not there, cannot be seen, or has no Object Lock.
+  void require_lockable();
+  /// Puts a version of `key` ([A-Za-z0-9._/-]) that is locked until `lock_ends`. `sha256` is that of all of
+  /// `body`: the store refuses a body of another hash. Returns the version. Throws StoreError,
+  /// kiroku::IoError of `body`.
+  std::string put(const std::string& key, const crypto::ByteSource& body, const crypto::Sha256Digest& sha256,
+                  UtcTime lock_ends);
+  /// A version of `key`, the newest where `version` is empty; nothing where there is none.
+  std::optional<StoredObject> look(const std::string& key, const std::string& version = {});
+  /// All of a version's bytes. Throws kiroku::Error where there are more than `most`.
+  Bytes get(const std::string& key, const std::string& version, std::size_t most);
+  /// Asks the store to remove a version; whether it did. Throws StoreError where it did not answer.
+  bool remove(const std::string& key, const std::string& version);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Whether stores of every make take the key as it is.
+bool is_plain_key(std::string_view key);
+
+}  // namespace kiroku::fleet

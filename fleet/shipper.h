@@ -1,0 +1,77 @@
+// Copying an archive into a store, object by object, while it grows. Object keys are the archive's own paths
+// below the appliance's name, so that a copy of that prefix is an archive, which kiroku-verify judges alone:
+//
+//   or-1/20261126T091502Z-3f9c21ab/segments/endoscope/00000000.ts.age   a file of a case
+//   or-1/20261126T091502Z-3f9c21ab/ledger.jsonl                         its ledger, once the case is closed
+//   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 whole lines of a ledger that grows,
+//   from byte 4096 or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log,
+//   which always grows or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
+//
+// The ledger goes last, so a case in the store never claims what is not there. An object counts once the
+// store has told of it with its size, its SHA-256 and its lock. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/clock.h"
+#include "fleet/object_store.h"
+#include "fleet/shipping_list.h"
+
+namespace kiroku::fleet {
+
+struct ShippingTerms {
+  std::string appliance;  // [a-z0-9-], what its keys begin with
+  /// How long each object is locked, from when it is put.
+  std::chrono::hours retention{0};
+};
+
+/// What one pass did, and what it left.
+struct ShippingReport {
+  std::uint64_t sent = 0, sent_bytes = 0;        // put, and confirmed
+  std::uint64_t found = 0;                       // were in the store already, which the list did not know
+  std::uint64_t waiting = 0, waiting_bytes = 0;  // not in the store yet
+  std::optional<UtcTime> waiting_since;          // when the oldest of them was written
+  /// What could not be shipped, a sentence each; the rest was.
+  std::vector<std::string> problems;
+};
+
+class Shipper {
+ public:
+  /// What is given must outlive it. `time` says when locks end.
+  Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, const Clock& time = Clock::system());
+
+  /// Ships what is not in the store yet: of every case and of the appliance log in `archive`, oldest first.
+  /// Ends early once `is_ended`. Throws StoreError where the store does not take anything, what is not away
+  /// is shipped next time.
+  ShippingReport ship(const std::filesystem::path& archive, const std::function<bool()>& is_ended);
+  /// The same without asking the store.
+  ShippingReport look(const std::filesystem::path& archive);
+
+ private:
+  struct Pass;
+  ObjectStore& store_;
+  ShippingList& list_;
+  const ShippingTerms terms_;
+  const Clock& time_;
+};
+
+/// What became of an object that was put under a lock of a minute, to find out whether the store's locks
+/// hold.
+struct LockProbe {
+  std::string key, version;
+  bool removed = false;   // the store removed the locked version
+  bool replaced = false;  // after another put of the same key, the first version's bytes were others, or gone
+  bool unlocked = false;  // the store told of no lock, of another mode, or of an earlier end
+  [[nodiscard]] bool holds() const { return !removed && !replaced && !unlocked; }
+};
+/// Puts it below "probe/" of the appliance, asks the store to remove and to replace it, and looks. Throws
+/// StoreError.
+LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clock& time = Clock::system());
+
+}  // namespace kiroku::fleet

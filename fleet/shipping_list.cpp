@@ -1,0 +1,86 @@
+#include "fleet/shipping_list.h"
+
+#include <cerrno>
+#include <fcntl.h>
+#include <sys/file.h>
+
+#include "base/error.h"
+
+namespace kiroku::fleet {
+namespace {
+
+constexpr archive::SqliteFile::Schema kSchema{
+    "list of what is in the store",
+    "CREATE TABLE object (key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, changed_us INTEGER NOT NULL, sha256 "
+    "TEXT NOT NULL,"
+    " version TEXT NOT NULL, lock_ends_us INTEGER NOT NULL, confirmed INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE grown (recording TEXT PRIMARY KEY, bytes INTEGER NOT NULL) WITHOUT ROWID;"
+    "PRAGMA user_version = 1;",
+    1,
+    "SELECT key, object.bytes, changed_us, sha256, version, lock_ends_us, confirmed, recording, grown.bytes "
+    "FROM object, grown LIMIT 1"};
+
+std::int64_t microseconds(UtcTime time) { return time.time_since_epoch().count(); }
+UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microseconds(microseconds)); }
+
+}  // namespace
+
+ShippingList::ShippingList(const std::filesystem::path& file)
+    : path_(file), is_new_(!std::filesystem::exists(file)), file_(archive::SqliteFile::open(file, kSchema)) {
+  auto counted = file_->statement("SELECT count(*) FROM object");
+  if (counted.step() && counted.integer(0) == 0) is_new_ = true;
+}
+
+void ShippingList::take() {
+  const std::filesystem::path lock = path_.string() + ".lock";
+  lock_ = Descriptor(::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (lock_.number() < 0) throw IoError("open", lock, errno);
+  if (::flock(lock_.number(), LOCK_EX | LOCK_NB) == 0) return;
+  if (errno != EWOULDBLOCK) throw IoError("lock", lock, errno);
+  throw UsageError(
+      "another 'kiroku ship' is at work on this home, kiroku-ship.service perhaps: there is nothing to do");
+}
+
+std::optional<ShippedObject> ShippingList::find(const std::string& key) {
+  auto found = file_->statement(
+      "SELECT bytes, changed_us, sha256, version, lock_ends_us, confirmed FROM object WHERE key = ?");
+  found.bind(std::string_view(key));
+  if (!found.step()) return {};
+  return ShippedObject{{static_cast<std::uint64_t>(found.integer(0)), time_of(found.integer(1))},
+                       found.text(2),
+                       found.text(3),
+                       time_of(found.integer(4)),
+                       found.integer(5) != 0};
+}
+
+void ShippingList::put(const std::string& key, const ShippedObject& object) {
+  auto put = file_->statement("INSERT OR REPLACE INTO object VALUES (?, ?, ?, ?, ?, ?, ?)");
+  put.bind(std::string_view(key))
+      .bind(static_cast<std::int64_t>(object.file.bytes))
+      .bind(microseconds(object.file.changed))
+      .bind(std::string_view(object.sha256))
+      .bind(std::string_view(object.version))
+      .bind(microseconds(object.lock_ends))
+      .bind(std::int64_t{object.confirmed});
+  put.step();
+}
+
+std::uint64_t ShippingList::grown(const std::string& recording) {
+  auto found = file_->statement("SELECT bytes FROM grown WHERE recording = ?");
+  found.bind(std::string_view(recording));
+  return found.step() ? static_cast<std::uint64_t>(found.integer(0)) : 0;
+}
+
+void ShippingList::set_grown(const std::string& recording, std::uint64_t bytes) {
+  auto put = file_->statement("INSERT OR REPLACE INTO grown VALUES (?, ?)");
+  put.bind(std::string_view(recording)).bind(static_cast<std::int64_t>(bytes));
+  put.step();
+}
+
+ShippingList::Totals ShippingList::confirmed() {
+  auto summed = file_->statement("SELECT count(*), coalesce(sum(bytes), 0) FROM object WHERE confirmed");
+  summed.step();
+  return {static_cast<std::uint64_t>(summed.integer(0)), static_cast<std::uint64_t>(summed.integer(1))};
+}
+
+}  // namespace kiroku::fleet

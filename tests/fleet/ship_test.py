@@ -1,0 +1,244 @@
+#!/usr/bin/env python3
+"""Ships cases to a real Ceph store with Object Lock, and holds `kiroku ship` to what it promises.
+
+Usage: tests/fleet/ship_test.py PROGRAMS
+  PROGRAMS  the folder of kiroku and kiroku-verify, such as build/release/apps
+
+Exit status: 0 everything holds, 1 something does not, 77 Ceph is not installed.
+"""
+import contextlib
+import hashlib
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as xml
+
+HERE = pathlib.Path(__file__).resolve().parent
+USER = "testaccess:testsecret0123456789"
+EMPTY = hashlib.sha256(b"").hexdigest()
+
+
+def require(condition, sentence):
+    if not condition:
+        sys.exit(f"FAILED: {sentence}")
+
+
+class Store:
+    """The store as its administrator sees it, by curl alone."""
+
+    def __init__(self, endpoint):
+        self.endpoint = endpoint
+
+    def ask(self, method, path, *headers):
+        command = ["curl", "-sS", "-m", "60", "-X", method, "--aws-sigv4", "aws:amz:us-east-1:s3", "--user", USER,
+                   "-H", f"x-amz-content-sha256: {EMPTY}", "-w", "\n%{http_code}", self.endpoint + path]
+        for header in headers:
+            command += ["-H", header]
+        body, _, status = subprocess.run(command, check=True, capture_output=True).stdout.rpartition(b"\n")
+        return int(status), body
+
+    def make_bucket(self, name, locked=True):
+        status, body = self.ask("PUT", f"/{name}", *(["x-amz-bucket-object-lock-enabled: true"] if locked else []))
+        require(status == 200, f"the bucket {name} was not made: {body}")
+
+    def versions(self, bucket):
+        """Every version of every object: {key: [version, ...]}."""
+        found, after = {}, ""
+        while True:
+            status, body = self.ask("GET", f"/{bucket}?{after}versions=")
+            require(status == 200, f"cannot list {bucket}: {body}")
+            tree = xml.fromstring(body)
+            space = tree.tag[: tree.tag.index("}") + 1]
+            for version in tree.iter(space + "Version"):
+                found.setdefault(version.findtext(space + "Key"), []).append(version.findtext(space + "VersionId"))
+            if tree.findtext(space + "IsTruncated") != "true":
+                return found
+            after = f"key-marker={tree.findtext(space + 'NextKeyMarker')}&"
+
+    def get(self, bucket, key):
+        status, body = self.ask("GET", f"/{bucket}/{key}")
+        require(status == 200, f"cannot get {key}: {status}")
+        return body
+
+
+class Appliance:
+    def __init__(self, programs, folder, endpoint, bucket):
+        self.programs, self.home = programs, folder
+        self.environment = dict(os.environ, KIROKU_HOME=str(folder))
+        self.kiroku("init", "--demo")
+        (folder / "store-credentials").touch(mode=0o600)
+        (folder / "store-credentials").write_text("access_key = testaccess\nsecret_key = testsecret0123456789\n")
+        with open(folder / "kiroku.toml", "a", encoding="utf-8") as toml:
+            toml.write(f'\n[store]\nendpoint = "{endpoint}"\nbucket = "{bucket}"\nretain = "1d"\nappliance = "or-1"\n')
+
+    def command(self, *words):
+        return [str(self.programs / "kiroku"), *words]
+
+    def ask(self, *words):
+        return subprocess.run(self.command(*words), env=self.environment, capture_output=True, text=True, timeout=120)
+
+    def kiroku(self, *words):
+        done = self.ask(*words)
+        require(done.returncode == 0, f"kiroku {' '.join(words)} left with {done.returncode}: {done.stderr}")
+        return done.stdout
+
+    def record(self, seconds):
+        return subprocess.Popen(
+            self.command("record", "--endoscope", "synthetic:endoscope?size=160x120&rate=10", "--vitals",
+                         "synthetic:patient", "--duration", f"{seconds}s", "--json"),
+            env=self.environment, stdout=subprocess.PIPE, text=True)
+
+    def recorded(self, seconds):
+        recording = self.record(seconds)
+        require(recording.wait(timeout=120) == 0, "recording failed")
+        return pathlib.Path(json.loads(recording.stdout.read())["case"]).name
+
+    def archive_files(self):
+        archive = self.home / "archive"
+        return {str(file.relative_to(archive)): file for file in archive.rglob("*")
+                if file.is_file() and not file.name.startswith(".") and ".part" not in file.name}
+
+
+def eventually(condition, sentence):
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    sys.exit(f"FAILED: {sentence}, and did not within a minute")
+
+
+def closed_cases_are_whole_in_the_store(appliance, store):
+    case = appliance.recorded(4)
+    told = json.loads(appliance.kiroku("ship", "--json"))
+    require(told["waiting"] == 0 and not told["problems"], f"something was left: {told}")
+    keys = store.versions("recordings")
+    # The log's ledger always grows; all else stands under its own name.
+    wanted = {f"or-1/{name}" for name in appliance.archive_files() if name != "log/ledger.jsonl"}
+    require(wanted <= set(keys), f"not in the store: {sorted(wanted - set(keys))[:5]}")
+    others = {key for key in set(keys) - wanted if not key.startswith("or-1/growing/log/")}
+    require(not others, f"nobody asked for {sorted(others)[:5]}")
+    require(told["sent"] == len(keys), f"{told['sent']} objects sent, and {len(keys)} are there")
+    with tempfile.TemporaryDirectory() as copy:
+        for key in keys:
+            if key.startswith(f"or-1/{case}/"):
+                file = pathlib.Path(copy, key)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(store.get("recordings", key))
+        judged = subprocess.run([str(appliance.programs / "kiroku-verify"), f"{copy}/or-1/{case}", "--device",
+                                 str(appliance.home / "device.pub"), "--own-authority",
+                                 str(appliance.home / "own-authority.pem")], capture_output=True, text=True)
+        require(judged.returncode == 0 and "\nINTACT" in judged.stdout,
+                f"the store's copy is not intact: {judged.stdout}{judged.stderr}")
+    growth = b"".join(store.get("recordings", key) for key in sorted(keys) if key.startswith("or-1/growing/log/"))
+    require(growth == (appliance.home / "archive/log/ledger.jsonl").read_bytes(), "the log's parts are not the log")
+
+
+def nothing_is_put_twice(appliance, store):
+    before = store.versions("recordings")
+    again = json.loads(appliance.kiroku("ship", "--json"))
+    require(again["sent"] == 0, f"sent again: {again}")
+    # Without its list it asks the store.
+    (appliance.home / "shipping.sqlite").unlink()
+    found = json.loads(appliance.kiroku("ship", "--json"))
+    require(found["sent"] == 0 and found["found"] == len(before), f"not found again: {found}, of {len(before)}")
+    require(store.versions("recordings") == before, "there are more versions than before")
+
+
+def a_killed_shipper_goes_on(appliance, store):
+    case = appliance.recorded(6)
+    for wait in (0.05, 0.1, 0.2, 0.4):
+        shipping = subprocess.Popen(appliance.command("ship"), env=appliance.environment, stdout=subprocess.DEVNULL)
+        time.sleep(wait)
+        shipping.kill()
+        shipping.wait()
+    told = json.loads(appliance.kiroku("ship", "--json"))
+    require(told["waiting"] == 0, f"something was left: {told}")
+    doubled = [key for key, versions in store.versions("recordings").items()
+               if key.startswith(f"or-1/{case}/") and len(versions) > 1]
+    require(not doubled, f"put twice: {doubled}")
+
+
+def a_running_case_goes_meanwhile(appliance, store):
+    recording = appliance.record(20)
+    following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment,
+                                 stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    known = set(store.versions("recordings"))
+
+    def grows():
+        new = set(store.versions("recordings")) - known
+        return any("/growing/2" in key for key in new) and any("/segments/endoscope/" in key for key in new)
+
+    eventually(grows, "segments and lines of the running case did not come")
+    require(recording.poll() is None, "the case ended before anything of it was in the store: nothing is shown")
+    second = appliance.ask("ship")
+    require(second.returncode == 2 and "another 'kiroku ship' is at work" in second.stderr,
+            f"a second one was not refused: {second.stderr}")
+    require(recording.wait(timeout=120) == 0, "recording failed")
+    case = pathlib.Path(json.loads(recording.stdout.read())["case"]).name
+    eventually(lambda: f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "the closed ledger did not come")
+    following.send_signal(signal.SIGTERM)
+    require(following.wait(timeout=60) == 0, f"it did not end: {following.stderr.read()}")
+
+
+def locks_hold(appliance, store):
+    require("The locks of this store hold" in appliance.kiroku("ship", "--probe"), "the locks were not told to hold")
+    key, versions = next((key, versions) for key, versions in store.versions("recordings").items() if "/segments/" in key)
+    status, body = store.ask("DELETE", f"/recordings/{key}?versionId={versions[0]}",
+                             "x-amz-bypass-governance-retention: true")
+    require(status == 403, f"the store's user could remove {key}: {status} {body}")
+
+
+def what_is_wrong_is_said(appliance, store):
+    toml = appliance.home / "kiroku.toml"
+    good = toml.read_text(encoding="utf-8")
+
+    def refused(change, sentence):
+        toml.write_text(change(good), encoding="utf-8")
+        told = appliance.ask("ship")
+        require(told.returncode == 2 and sentence in told.stderr, f"expected '{sentence}': {told.returncode} {told.stderr}")
+        toml.write_text(good, encoding="utf-8")
+
+    refused(lambda text: text.replace('bucket = "recordings"', 'bucket = "nowhere"'), "there is no such bucket")
+    store.make_bucket("unlocked", locked=False)
+    refused(lambda text: text.replace('bucket = "recordings"', 'bucket = "unlocked"'), "has no Object Lock")
+    refused(lambda text: text.replace("http://127.0.0.1:", "http://127.0.0.2:1"), "does not answer")
+    refused(lambda text: text[: text.rindex("[store]")], "names no store")
+    credentials = appliance.home / "store-credentials"
+    whole = credentials.read_text(encoding="utf-8")
+    credentials.write_text(whole.replace("testsecret", "other"), encoding="utf-8")
+    refused(lambda text: text, "the secret key is not the one of access key 'testaccess'")
+    credentials.write_text(whole.replace("testaccess", "nobody"), encoding="utf-8")
+    refused(lambda text: text, "does not know the access key 'nobody'")
+    credentials.write_text(whole, encoding="utf-8")
+    credentials.chmod(0o644)
+    refused(lambda text: text, "can be read or written by others than their owner")
+    credentials.chmod(0o600)
+
+
+def main():
+    programs = pathlib.Path(sys.argv[1]).resolve()
+    scratch = pathlib.Path(tempfile.mkdtemp(prefix="kiroku-fleet-"))
+    with contextlib.ExitStack() as at_end:
+        at_end.callback(shutil.rmtree, scratch, ignore_errors=True)
+        at_end.callback(subprocess.run, [HERE / "store.sh", "down", scratch / "store"])
+        started = subprocess.run([HERE / "store.sh", "up", scratch / "store"], stdout=subprocess.PIPE, text=True)
+        if started.returncode != 0:
+            print(started.stdout, end="")
+            sys.exit(77 if started.returncode == 77 else 1)
+        store = Store(started.stdout.strip())
+        store.make_bucket("recordings")
+        appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
+        for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
+                        a_running_case_goes_meanwhile, locks_hold, what_is_wrong_is_said):
+            promise(appliance, store)
+            print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

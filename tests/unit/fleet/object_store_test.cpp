@@ -1,0 +1,167 @@
+#include "fleet/object_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/support/scripted_server.h"
+
+namespace kiroku::fleet {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+using testing::Property;
+using testing::ThrowsMessage;
+
+StoreCredentials keys() { return {"or-1-key", crypto::Secret::copy_of("not to be told")}; }
+
+ObjectStore store_at(const std::string& endpoint) {
+  return ObjectStore({endpoint, "recordings", "us-east-1", {}}, keys());
+}
+
+std::string endpoint_of(const test::ScriptedServer& server) {
+  return "http://127.0.0.1:" + std::to_string(server.port());
+}
+
+std::string refusal(const std::string& status, const std::string& code) {
+  return test::http_answer(status, "application/xml",
+                           "<?xml version=\"1.0\"?><Error><Code>" + code + "</Code></Error>");
+}
+
+std::string head_answer(const std::string& headers) {
+  return "HTTP/1.1 200 OK\r\nConnection: close\r\n" + headers + "\r\n";
+}
+
+/// What require_lockable() says of such an answer.
+std::string said_of(const std::string& answer) {
+  const test::ScriptedServer server(answer);
+  ObjectStore store = store_at(endpoint_of(server));
+  try {
+    store.require_lockable();
+  } catch (const StoreError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ObjectStore, RefusesAddressesThatAreNone) {
+  for (const char* endpoint : {"store.example", "ftp://store.example", "https://",
+                               "https://store.example/path", "https://a@b", "http://a b"})
+    EXPECT_THROW(store_at(endpoint), UsageError) << endpoint;
+  EXPECT_THROW(ObjectStore({"https://store.example", "Recordings", "us-east-1", {}}, keys()), UsageError);
+  EXPECT_THROW(ObjectStore({"https://store.example", "re", "us-east-1", {}}, keys()), UsageError);
+  EXPECT_THROW(ObjectStore({"https://store.example", "recordings", "", {}}, keys()), UsageError);
+  EXPECT_NO_THROW(ObjectStore({"https://store.example:7480", "recordings", "eu-1", {}}, keys()));
+}
+
+TEST(ObjectStore, KeysAreThoseThatEveryStoreTakes) {
+  EXPECT_TRUE(is_plain_key("or-1/20261126T091502Z-3f9c21ab/segments/endoscope/00000000.ts.age"));
+  for (const char* key : {"", "/a", "a b", "a+b", "a?b", "a%20b", "\xc3\xa9", "a\nb"})
+    EXPECT_FALSE(is_plain_key(key)) << key;
+}
+
+TEST(ObjectStore, SignsAndNeverTellsTheSecret) {
+  const test::ScriptedServer server(test::http_answer(
+      "200 OK", "application/xml", "<C><ObjectLockEnabled>Enabled</ObjectLockEnabled></C>"));
+  ObjectStore store = store_at(endpoint_of(server));
+  store.require_lockable();
+  EXPECT_THAT(
+      server.last_request(),
+      AllOf(
+          HasSubstr("GET /recordings?object-lock="),
+          HasSubstr("Authorization: AWS4-HMAC-SHA256 Credential=or-1-key/"),
+          HasSubstr("x-amz-content-sha256: e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
+          Not(HasSubstr("not to be told"))));
+}
+
+TEST(ObjectStore, SaysWhatARefusalMeans) {
+  EXPECT_THAT(said_of(refusal("404 Not Found", "NoSuchBucket")), HasSubstr("there is no such bucket"));
+  EXPECT_THAT(said_of(refusal("404 Not Found", "ObjectLockConfigurationNotFoundError")),
+              HasSubstr("has no Object Lock"));
+  EXPECT_THAT(said_of(test::http_answer("200 OK", "application/xml", "<ObjectLockConfiguration/>")),
+              HasSubstr("has no Object Lock"));
+  EXPECT_THAT(said_of(refusal("403 Forbidden", "InvalidAccessKeyId")),
+              HasSubstr("does not know the access key 'or-1-key'"));
+  EXPECT_THAT(said_of(refusal("403 Forbidden", "SignatureDoesNotMatch")),
+              HasSubstr("the secret key is not the one of"));
+  EXPECT_THAT(said_of(refusal("403 Forbidden", "RequestTimeTooSkewed")), HasSubstr("set the clock"));
+  EXPECT_THAT(said_of(refusal("403 Forbidden", "AccessDenied")), HasSubstr("has no right to do this"));
+  EXPECT_THAT(said_of(refusal("301 Moved", "PermanentRedirect")),
+              HasSubstr("in another region than 'us-east-1'"));
+  EXPECT_THAT(said_of(refusal("418 Teapot", "Brew\x1b[2J")),
+              AllOf(HasSubstr("status 418"), Not(HasSubstr("\x1b"))));
+  EXPECT_THAT(said_of(test::http_answer("500 Oops", "text/html", "<html>")), HasSubstr("status 500"));
+}
+
+TEST(ObjectStore, KnowsWhatMayPass) {
+  const auto passes = [](long status, const char* code) { return StoreError("", status, code).passes(); };
+  EXPECT_TRUE(passes(0, ""));
+  EXPECT_TRUE(passes(503, "SlowDown"));
+  EXPECT_TRUE(passes(429, ""));
+  EXPECT_TRUE(passes(400, "RequestTimeout"));
+  EXPECT_FALSE(passes(403, "AccessDenied"));
+  EXPECT_FALSE(passes(404, "NoSuchBucket"));
+}
+
+TEST(ObjectStore, AStoreThatIsNotThereIsSaidToBe) {
+  std::string url;
+  {
+    const test::ScriptedServer gone("");
+    url = endpoint_of(gone);
+  }
+  ObjectStore store = store_at(url);
+  EXPECT_THAT([&] { store.require_lockable(); }, ThrowsMessage<StoreError>(HasSubstr("does not answer")));
+}
+
+TEST(ObjectStore, ReadsWhatAVersionIs) {
+  const test::ScriptedServer server(
+      head_answer("Content-Length: 4711\r\nx-amz-version-id: v1\r\nX-Amz-Meta-Kiroku-Sha256: abc\r\n"
+                  "x-amz-object-lock-mode: COMPLIANCE\r\n"
+                  "x-amz-object-lock-retain-until-date: 2036-11-23T15:00:00.123456789Z\r\n"));
+  ObjectStore store = store_at(endpoint_of(server));
+  const auto object = store.look("or-1/x", "v1");
+  ASSERT_TRUE(object);
+  EXPECT_THAT(server.last_request(), HasSubstr("HEAD /recordings/or-1/x?versionId=v1"));
+  EXPECT_EQ(object->bytes, 4711U);
+  EXPECT_EQ(object->version, "v1");
+  EXPECT_EQ(object->sha256, "abc");
+  EXPECT_TRUE(object->compliance);
+  EXPECT_EQ(object->lock_ends, parse_utc("2036-11-23T15:00:00Z"));
+}
+
+TEST(ObjectStore, AnotherModeIsNoLock) {
+  test::ScriptedServer server(head_answer("Content-Length: 1\r\nx-amz-object-lock-mode: GOVERNANCE\r\n"));
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_FALSE(store.look("a")->compliance);
+  EXPECT_EQ(store.look("a")->lock_ends, std::nullopt);
+}
+
+TEST(ObjectStore, WhatIsNotThereIsNothingAndWhatMakesNoSenseIsRefused) {
+  test::ScriptedServer server("HTTP/1.1 404 Not Found\r\nConnection: close\r\n\r\n");
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_EQ(store.look("a"), std::nullopt);
+  server.answer_with(head_answer("Content-Length: 1\r\nx-amz-object-lock-retain-until-date: never\r\n"));
+  EXPECT_THAT([&] { store.look("a"); }, ThrowsMessage<Error>(HasSubstr("'never', which is no time")));
+  server.answer_with("HTTP/1.1 403 Forbidden\r\nConnection: close\r\n\r\n");
+  EXPECT_THAT([&] { store.look("a"); }, ThrowsMessage<StoreError>(HasSubstr("has no right")));
+}
+
+TEST(ObjectStore, TakesNoMoreThanItAskedFor) {
+  test::ScriptedServer server(test::http_answer("200 OK", "binary", std::string(5000, 'x')));
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_EQ(store.get("a", "", 5000).size(), 5000U);
+  EXPECT_THAT([&] { store.get("a", "", 4999); }, ThrowsMessage<Error>(HasSubstr("longer than 4999 bytes")));
+  server.answer_with(test::http_answer("200 OK", "binary", std::string(2U << 20, 'x')));
+  EXPECT_THAT([&] { store.get("a", "", 4999); }, ThrowsMessage<Error>(HasSubstr("is longer than")));
+}
+
+TEST(ObjectStore, PutsNothingUnderAKeyThatStoresReadDifferently) {
+  ObjectStore store = store_at("http://127.0.0.1:9");
+  EXPECT_THAT([&] { store.put("a b", *crypto::memory_source({}), crypto::sha256({}), {}); },
+              ThrowsMessage<Error>(HasSubstr("'a b' cannot be the name of an object")));
+}
+
+}  // namespace
+}  // namespace kiroku::fleet
