@@ -279,6 +279,7 @@ ObjectStore::ObjectStore(StoreAddress address, StoreCredentials credentials, Sto
     throw UsageError("the store's region is '" + printable(asked.region) + "', which is none");
 }
 
+ObjectStore::ObjectStore(ObjectStore&& other) noexcept = default;
 ObjectStore::~ObjectStore() = default;
 
 const StoreAddress& ObjectStore::address() const { return state_->address; }

@@ -72,6 +72,8 @@ class ObjectStore {
   /// Reaches nothing yet. Throws kiroku::UsageError for an address that is none.
   ObjectStore(StoreAddress address, StoreCredentials credentials, StoreTerms terms = {});
   ~ObjectStore();
+  ObjectStore(ObjectStore&& other) noexcept;
+  ObjectStore& operator=(ObjectStore&&) = delete;
   ObjectStore(const ObjectStore&) = delete;
   ObjectStore& operator=(const ObjectStore&) = delete;
 

@@ -12,6 +12,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/store.h"
 #include "archive/format/case_layout.h"
 #include "archive/reading/case_reader.h"
 #include "archive/storage/file_system.h"
@@ -19,6 +20,7 @@
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "base/printable.h"
+#include "fleet/stored_copy.h"
 #include "recorder/checkpoint_stamper.h"
 
 namespace kiroku::apps {
@@ -196,6 +198,38 @@ class Eraser {
   archive::RetentionOptions options_;
 };
 
+/// Copies of the home's cases elsewhere: in replicas, and in the store.
+class Copies {
+ public:
+  Copies(const Home& home, const Configuration& configuration) : replicas_(configuration.retention.replicas) {
+    if (!configuration.store) return;
+    const StoreConfiguration of = store_of(home);
+    appliance_ = of.appliance;
+    store_.emplace(open_store(home, of));
+    list_.emplace(home.shipping_file());
+  }
+
+  /// Nothing if one of them holds all of the stream that the case still has; else why none does, a sentence.
+  std::optional<std::string> why_none_holds(const Candidate& candidate) {
+    if (!store_) return why_not_replicated(candidate.folder, candidate.stream, replicas_);
+    std::optional<std::string> why;
+    try {
+      why = fleet::why_not_stored(*store_, *list_, appliance_, candidate.folder, candidate.stream, utc_now());
+    } catch (const fleet::StoreError& error) {
+      why = error.what();
+    }
+    if (!why || replicas_.empty()) return why;
+    const auto not_replicated = why_not_replicated(candidate.folder, candidate.stream, replicas_);
+    return not_replicated ? *why + "; " + *not_replicated : not_replicated;
+  }
+
+ private:
+  const std::vector<fs::path>& replicas_;
+  std::string appliance_;
+  std::optional<fleet::ObjectStore> store_;
+  std::optional<fleet::ShippingList> list_;
+};
+
 std::string told(const Candidate& candidate, const archive::Erasure& erased) {
   const std::string what = erased.segments == 0
                                ? "nothing of " + candidate.stream + " was left to erase"
@@ -212,23 +246,26 @@ int run(const Request& request) {
   }
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
-  const RetentionConfiguration& retention = configuration.retention;
   Refusals refusals;
-  const std::vector<Candidate> candidates =
-      request.due ? what_is_due(home, retention.rules, refusals) : what_was_named(home, request, refusals);
+  const std::vector<Candidate> candidates = request.due
+                                                ? what_is_due(home, configuration.retention.rules, refusals)
+                                                : what_was_named(home, request, refusals);
   std::optional<Eraser> eraser;
-  if (!candidates.empty()) eraser.emplace(home, configuration);
+  std::optional<Copies> copies;
+  if (!candidates.empty()) {
+    eraser.emplace(home, configuration);
+    if (!request.only_copy) copies.emplace(home, configuration);
+  }
   ordered_json cases = ordered_json::array(), kept = ordered_json::array();
   const auto take = [&](const Candidate& candidate) {
     const std::string name = candidate.folder.filename().string();
     const bool may_go = request.only_copy ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
-    const auto only_copy =
-        may_go ? std::nullopt : why_not_replicated(candidate.folder, candidate.stream, retention.replicas);
+    const auto only_copy = may_go ? std::nullopt : copies->why_none_holds(candidate);
     if (only_copy) {
       kept.push_back({{"case", name}, {"stream", candidate.stream}, {"reason", *only_copy}});
       if (!request.json) {
-        print_error("kiroku", name + ": " + candidate.stream + " is kept, for no replica holds it (" +
+        print_error("kiroku", name + ": " + candidate.stream + " is kept, for nothing else holds it (" +
                                   *only_copy + ")" +
                                   (request.due ? "" : "; --only-copy erases it all the same"));
       }
@@ -276,16 +313,16 @@ void add_erase_command(Command& program) {
                  "only what was opened longer ago: 30d, or 12h, 90m");
   command.flag("--due", request->due,
                "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
-  command.flag("--only-copy", request->only_copy, "also what no replica holds");
+  command.flag("--only-copy", request->only_copy, "also what nothing else holds");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Bytes go, hashes stay: 'kiroku verify' goes on proving everything else and says how many segments "
       "were "
       "erased by which policy. That they are erased is signed and time-stamped before the first byte goes. "
-      "There is no way back. A case that is not closed is refused. What no replica of [storage] in "
-      "kiroku.toml "
-      "holds, byte for byte, is kept, and the exit status is 1, unless --only-copy is given. Where several "
+      "There is no way back. A case that is not closed is refused. What neither a replica of [storage] in "
+      "kiroku.toml holds, byte for byte, nor the store of [store], confirmed and locked, is kept, and the "
+      "exit status is 1, unless --only-copy is given. Where several "
       "cases "
       "are asked for, one that cannot be read or written keeps the others from nothing: it is named, and the "
       "exit status is 2.");

@@ -13,12 +13,10 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
-#include "archive/format/case_layout.h"
 #include "base/error.h"
-#include "base/printable.h"
 #include "fleet/shipper.h"
-#include "fleet/store_credentials.h"
 
 namespace kiroku::apps {
 namespace {
@@ -30,30 +28,6 @@ struct Request {
   std::optional<std::string> home;
   bool follow = false, status = false, probe = false, json = false;
 };
-
-StoreConfiguration store_of(const Home& home) {
-  std::optional<StoreConfiguration> store = home.configuration().store;
-  if (!store) {
-    throw UsageError(
-        home.configuration_file().string() +
-        " names no store: write [store] with endpoint, bucket and retain (docs/how-to/ship-to-a-store.md)");
-  }
-  if (store->appliance.empty()) store->appliance = home.device().name();
-  if (!archive::is_short_name(store->appliance)) {
-    throw UsageError(
-        "the device's name '" + printable(store->appliance) +
-        "' cannot begin keys of a store: write appliance = \"...\" into [store], small letters and digits");
-  }
-  return std::move(*store);
-}
-
-fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of) {
-  fleet::StoreTerms terms;
-  terms.bytes_per_second = static_cast<std::uint64_t>(of.megabytes_per_second) * 1'000'000;
-  return {{of.endpoint, of.bucket, of.region, of.ca_file.empty() ? "" : home.folder() / of.ca_file},
-          fleet::read_credentials(home.folder() / of.credentials),
-          terms};
-}
 
 nlohmann::ordered_json json_of(const fleet::ShippingReport& report, const fleet::ShippingList::Totals& held) {
   nlohmann::ordered_json json{{"sent", report.sent},       {"sent_bytes", report.sent_bytes},

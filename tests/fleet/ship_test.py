@@ -194,6 +194,18 @@ def locks_hold(appliance, store):
     require(status == 403, f"the store's user could remove {key}: {status} {body}")
 
 
+def what_the_store_holds_may_be_erased(appliance, store):
+    case = appliance.recorded(4)
+    erase = ("erase", case, "--stream", "endoscope", "--policy", "reviewed")
+    kept = appliance.ask(*erase)
+    require(kept.returncode == 1 and "is not in the store yet" in kept.stderr, f"erased its only copy: {kept.stderr}")
+    appliance.kiroku("ship")
+    require("erased 2 segments of endoscope" in appliance.kiroku(*erase), "what the store holds was not erased")
+    told = json.loads(appliance.kiroku("ship", "--json"))
+    require(told["waiting"] == 0 and not told["problems"], f"the ledger that tells of it did not follow: {told}")
+    require(f"or-1/{case}/segments/endoscope/00000000.ts.age" in store.versions("recordings"), "the store lost it, too")
+
+
 def what_is_wrong_is_said(appliance, store):
     toml = appliance.home / "kiroku.toml"
     good = toml.read_text(encoding="utf-8")
@@ -235,7 +247,7 @@ def main():
         store.make_bucket("recordings")
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
         for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
-                        a_running_case_goes_meanwhile, locks_hold, what_is_wrong_is_said):
+                        a_running_case_goes_meanwhile, locks_hold, what_the_store_holds_may_be_erased, what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)
 

@@ -105,7 +105,7 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   const ProcessResult only_copy =
       kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "10ms"});
   EXPECT_EQ(only_copy.status, 1);
-  EXPECT_THAT(only_copy.err, AllOf(HasSubstr("no replica holds it"), HasSubstr("--only-copy")));
+  EXPECT_THAT(only_copy.err, AllOf(HasSubstr("nothing else holds it"), HasSubstr("--only-copy")));
   EXPECT_EQ(verified(folder)["verdict"], "intact");
   const nlohmann::json erased = kiroku_json({"erase", "--json", "--stream", "endoscope", "--policy",
                                              "room: at once", "--older-than", "10ms", "--only-copy"});
