@@ -23,8 +23,10 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/store.h"
 #include "base/error.h"
 #include "crypto/secret.h"
+#include "fleet/shipper.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
 #include "recorder/daemon/disk_hours.h"
@@ -314,6 +316,24 @@ Check check_worklist(const RoomConfiguration& room) {
   return {Health::kGood, subject, lists, ""};
 }
 
+/// An object of a minute tells whether the store's locks hold.
+Check check_store(const Home& home) {
+  const StoreConfiguration of = store_of(home);
+  const std::string bucket = "bucket '" + of.bucket + "' of " + of.endpoint;
+  fleet::ObjectStore store = open_store(home, of);
+  try {
+    if (!fleet::probe_lock(store, of.appliance).holds()) {
+      return {Health::kBad, "store", bucket + " did not hold an object for the minute that it was locked",
+              "what is there can be removed: 'kiroku ship --probe' says how; have it put right, or take "
+              "another store"};
+    }
+  } catch (const fleet::StoreError& error) {
+    return {Health::kWarning, "store", error.what(),
+            "cases are recorded without it, and go there once it takes them"};
+  }
+  return {Health::kGood, "store", bucket + " holds what it locks", ""};
+}
+
 /// What `kiroku status` and doctor say of the disk is one figure: kirokud's where it runs, which knows what
 /// rooms really write, else by what they are configured for.
 recorder::DiskHours disk_hours(const Home& home, const Configuration& configuration,
@@ -393,6 +413,10 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   }
   for (const RoomConfiguration& room : configuration.rooms) {
     if (room.procedure.worklist) out.add(check_worklist(room));
+  }
+  if (configuration.store) {
+    out.examine("store", "look at [store] of kiroku.toml and at its file of credentials",
+                [&] { return check_store(home); });
   }
   const std::optional<nlohmann::json> status = running_recorder(home, configuration, out);
   if (!configuration.rooms.empty()) {

@@ -188,6 +188,7 @@ def a_running_case_goes_meanwhile(appliance, store):
 
 def locks_hold(appliance, store):
     require("The locks of this store hold" in appliance.kiroku("ship", "--probe"), "the locks were not told to hold")
+    require("holds what it locks" in appliance.ask("doctor").stdout, "kiroku doctor says nothing of the store")
     key, versions = next((key, versions) for key, versions in store.versions("recordings").items() if "/segments/" in key)
     status, body = store.ask("DELETE", f"/recordings/{key}?versionId={versions[0]}",
                              "x-amz-bypass-governance-retention: true")
