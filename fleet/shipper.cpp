@@ -19,6 +19,8 @@ using archive::ReadableFile;
 /// Most of a ledger that goes away at once.
 constexpr std::uint64_t kLargestGrowth = 4U << 20;
 constexpr std::size_t kOffsetDigits = 12;
+/// So many objects are entered into the list at once.
+constexpr std::uint64_t kKeptTogether = 64;
 constexpr std::string_view kLogFolder = "log";
 
 /// Bytes of a file from `begin` on, as many as it had.
@@ -96,26 +98,29 @@ struct Shipper::Pass {
            *stored.lock_ends >= std::chrono::floor<std::chrono::seconds>(object.lock_ends);
   }
 
+  /// An earlier process put it, and could not enter it any more, or the list is another: nothing is put
+  /// twice.
+  bool take_up(const std::string& key, const StoredObject& there, ShippedObject object) {
+    if (there.sha256 != object.sha256 || there.bytes != object.file.bytes || !there.compliance ||
+        !there.lock_ends)
+      return false;
+    object.version = there.version;
+    object.lock_ends = *there.lock_ends;
+    shipper.list_.enter(key, object);
+    ++report.found;
+    return true;
+  }
+
   /// Puts what `source` holds, and asks the store about it before it counts.
   void send(const std::string& key, const crypto::ByteSource& source, const FileState& state) {
-    ShippedObject object{state, "", "", shipper.time_.utc() + shipper.terms_.retention, false};
+    ShippingList& list = shipper.list_;
     const crypto::Sha256Digest hash = hash_of(source);
-    object.sha256 = crypto::to_hex(hash);
-    const std::optional<ShippedObject> known = shipper.list_.find(key);
-    // The program ended between the put and its note, or the list is another: nothing is put twice.
-    if (shipper.list_.is_new() || (known && !known->confirmed)) {
+    ShippedObject object{state, crypto::to_hex(hash), "", shipper.time_.utc() + shipper.terms_.retention};
+    if (list.may_be_behind() && !list.find(key)) {
       const std::optional<StoredObject> there = shipper.store_.look(key);
-      if (there && there->sha256 == object.sha256 && there->bytes == state.bytes && there->compliance &&
-          there->lock_ends) {
-        object.version = there->version;
-        object.lock_ends = *there->lock_ends;
-        object.confirmed = true;
-        shipper.list_.put(key, object);
-        ++report.found;
-        return;
-      }
+      if (there && take_up(key, *there, object)) return;
     }
-    shipper.list_.put(key, object);
+    list.before_putting();
     object.version = shipper.store_.put(key, source, hash, object.lock_ends);
     const std::optional<StoredObject> stored = shipper.store_.look(key, object.version);
     if (!stored || !is_as_put(*stored, object)) {
@@ -123,9 +128,8 @@ struct Shipper::Pass {
                   format_utc(object.lock_ends) +
                   ": its locks cannot be relied on ('kiroku ship --probe' tries them)");
     }
-    object.confirmed = true;
-    shipper.list_.put(key, object);
-    ++report.sent;
+    list.enter(key, object);
+    if (++report.sent % kKeptTogether == 0) list.keep();
     report.sent_bytes += state.bytes;
   }
 
@@ -141,7 +145,7 @@ struct Shipper::Pass {
     if (!status) return;
     const FileState state{opening.file->size(), status->last_change};
     const std::optional<ShippedObject> known = shipper.list_.find(key);
-    if (known && known->confirmed && known->file == state) return;
+    if (known && known->file == state) return;
     if (is_ended == nullptr) return wait(state);
     send(key, *opening.file, state);
   }
@@ -152,6 +156,8 @@ struct Shipper::Pass {
     if (!opening.file) return;
     const auto status = archive::real_reading().status(folder.path() / archive::kLedgerFile);
     std::uint64_t begin = shipper.list_.grown(recording);
+    if (is_ended != nullptr && shipper.list_.may_be_behind())
+      begin = grown_in_store(*opening.file, recording, begin);
     while (!ended()) {
       const std::uint64_t end = std::min(opening.file->size(), begin + kLargestGrowth);
       const std::uint64_t bytes = begin < end ? whole_lines(*opening.file, begin, end) : 0;
@@ -160,6 +166,26 @@ struct Shipper::Pass {
       if (is_ended == nullptr) return wait(state);
       send(growth_key(prefix(), recording, begin), Stretch(*opening.file, begin, bytes), state);
       begin += bytes;
+      shipper.list_.set_grown(recording, begin);
+      // A part that is put again would have other lines by then.
+      shipper.list_.keep();
+    }
+  }
+
+  /// The parts that are in the store from byte `begin` on, which the list does not know: up to where they
+  /// reach.
+  std::uint64_t grown_in_store(const ReadableFile& ledger, const std::string& recording,
+                               std::uint64_t begin) {
+    for (;;) {
+      const std::string key = growth_key(prefix(), recording, begin);
+      const std::optional<StoredObject> there = shipper.store_.look(key);
+      if (!there || there->bytes == 0 || there->bytes > ledger.size() - begin) return begin;
+      const Stretch part(ledger, begin, there->bytes);
+      if (!take_up(key, *there, {{there->bytes, {}}, crypto::to_hex(hash_of(part)), "", {}})) {
+        throw Error(key + " in the store is no part of " + ledger.path().string() +
+                    ": another appliance ships under the same name, or this one was restored from a copy");
+      }
+      begin += there->bytes;
       shipper.list_.set_grown(recording, begin);
     }
   }
@@ -225,7 +251,17 @@ Shipper::Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, co
 ShippingReport Shipper::ship(const fs::path& archive, const std::function<bool()>& is_ended) {
   store_.require_lockable();
   Pass pass{*this, archive, &is_ended, {}};
-  pass.run();
+  try {
+    pass.run();
+  } catch (...) {
+    list_.keep();
+    throw;
+  }
+  if (pass.ended() || !pass.report.problems.empty()) {
+    list_.keep();
+  } else {
+    list_.finish();
+  }
   return pass.report;
 }
 

@@ -12,13 +12,16 @@ namespace {
 constexpr archive::SqliteFile::Schema kSchema{
     "list of what is in the store",
     "CREATE TABLE object (key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, changed_us INTEGER NOT NULL, sha256 "
-    "TEXT NOT NULL,"
-    " version TEXT NOT NULL, lock_ends_us INTEGER NOT NULL, confirmed INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE grown (recording TEXT PRIMARY KEY, bytes INTEGER NOT NULL) WITHOUT ROWID;"
+    "TEXT NOT "
+    "NULL, version TEXT NOT NULL, lock_ends_us INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE grown (recording TEXT PRIMARY KEY, up_to INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE state (unfinished INTEGER NOT NULL);"
+    "INSERT INTO state VALUES (1);"
     "PRAGMA user_version = 1;",
     1,
-    "SELECT key, object.bytes, changed_us, sha256, version, lock_ends_us, confirmed, recording, grown.bytes "
-    "FROM object, grown LIMIT 1"};
+    "SELECT key, bytes, changed_us, sha256, version, lock_ends_us, recording, up_to, unfinished FROM object, "
+    "grown, state "
+    "LIMIT 1"};
 
 std::int64_t microseconds(UtcTime time) { return time.time_since_epoch().count(); }
 UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microseconds(microseconds)); }
@@ -26,9 +29,9 @@ UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microse
 }  // namespace
 
 ShippingList::ShippingList(const std::filesystem::path& file)
-    : path_(file), is_new_(!std::filesystem::exists(file)), file_(archive::SqliteFile::open(file, kSchema)) {
-  auto counted = file_->statement("SELECT count(*) FROM object");
-  if (counted.step() && counted.integer(0) == 0) is_new_ = true;
+    : path_(file), may_be_behind_(true), file_(archive::SqliteFile::open(file, kSchema)) {
+  auto state = file_->statement("SELECT unfinished FROM state");
+  may_be_behind_ = !state.step() || state.integer(0) != 0;
 }
 
 void ShippingList::take() {
@@ -41,44 +44,74 @@ void ShippingList::take() {
       "another 'kiroku ship' is at work on this home, kiroku-ship.service perhaps: there is nothing to do");
 }
 
+void ShippingList::begin() {
+  if (!open_) open_.emplace(*file_);
+}
+
+void ShippingList::set_unfinished(bool unfinished) {
+  begin();
+  auto set = file_->statement("UPDATE state SET unfinished = ?");
+  set.bind(std::int64_t{unfinished});
+  set.step();
+  unfinished_ = unfinished;
+}
+
+void ShippingList::before_putting() {
+  if (unfinished_) return;
+  set_unfinished(true);
+  keep();
+}
+
+void ShippingList::keep() {
+  if (!open_) return;
+  open_->commit();
+  open_.reset();
+}
+
+void ShippingList::finish() {
+  if (unfinished_ || may_be_behind_) set_unfinished(false);
+  keep();
+  may_be_behind_ = false;
+}
+
 std::optional<ShippedObject> ShippingList::find(const std::string& key) {
-  auto found = file_->statement(
-      "SELECT bytes, changed_us, sha256, version, lock_ends_us, confirmed FROM object WHERE key = ?");
+  auto found =
+      file_->statement("SELECT bytes, changed_us, sha256, version, lock_ends_us FROM object WHERE key = ?");
   found.bind(std::string_view(key));
   if (!found.step()) return {};
   return ShippedObject{{static_cast<std::uint64_t>(found.integer(0)), time_of(found.integer(1))},
                        found.text(2),
                        found.text(3),
-                       time_of(found.integer(4)),
-                       found.integer(5) != 0};
+                       time_of(found.integer(4))};
 }
 
-void ShippingList::put(const std::string& key, const ShippedObject& object) {
-  auto put = file_->statement("INSERT OR REPLACE INTO object VALUES (?, ?, ?, ?, ?, ?, ?)");
+void ShippingList::enter(const std::string& key, const ShippedObject& object) {
+  begin();
+  auto put = file_->statement("INSERT OR REPLACE INTO object VALUES (?, ?, ?, ?, ?, ?)");
   put.bind(std::string_view(key))
       .bind(static_cast<std::int64_t>(object.file.bytes))
       .bind(microseconds(object.file.changed))
       .bind(std::string_view(object.sha256))
       .bind(std::string_view(object.version))
-      .bind(microseconds(object.lock_ends))
-      .bind(std::int64_t{object.confirmed});
+      .bind(microseconds(object.lock_ends));
   put.step();
 }
 
 std::uint64_t ShippingList::grown(const std::string& recording) {
-  auto found = file_->statement("SELECT bytes FROM grown WHERE recording = ?");
+  auto found = file_->statement("SELECT up_to FROM grown WHERE recording = ?");
   found.bind(std::string_view(recording));
   return found.step() ? static_cast<std::uint64_t>(found.integer(0)) : 0;
 }
 
 void ShippingList::set_grown(const std::string& recording, std::uint64_t bytes) {
+  begin();
   auto put = file_->statement("INSERT OR REPLACE INTO grown VALUES (?, ?)");
   put.bind(std::string_view(recording)).bind(static_cast<std::int64_t>(bytes));
   put.step();
 }
 
-ShippingList::Totals ShippingList::confirmed() {
-  auto summed = file_->statement("SELECT count(*), coalesce(sum(bytes), 0) FROM object WHERE confirmed");
+ShippingList::Totals ShippingList::totals() {
+  auto summed = file_->statement("SELECT count(*), coalesce(sum(bytes), 0) FROM object");
   summed.step();
   return {static_cast<std::uint64_t>(summed.integer(0)), static_cast<std::uint64_t>(summed.integer(1))};
 }

@@ -21,29 +21,38 @@ struct FileState {
   bool operator==(const FileState&) const = default;
 };
 
+/// The store told of it with this size, hash and lock after it was put.
 struct ShippedObject {
   FileState file;
   std::string sha256;   // hexadecimal
-  std::string version;  // the store's; "" while it is only being sent
+  std::string version;  // the store's
   UtcTime lock_ends;
-  /// The store told of it with this size, hash and lock after it was put.
-  bool confirmed = false;
 };
 
+/// Writing is put together: one flush of the disk for each object would take longer than sending it. What a
+/// crash loses of the list the store still tells.
 class ShippingList {
  public:
-  /// Opens or makes the file. `is_new` says whether there was none, or a damaged one that was set aside: the
-  /// store may hold what the list does not know.
+  /// Opens or makes the file.
   explicit ShippingList(const std::filesystem::path& file);
 
   /// From now on this process alone ships by the list, so that nothing is put twice. Throws
   /// kiroku::UsageError where another one does, kiroku::IoError.
   void take();
 
-  [[nodiscard]] bool is_new() const { return is_new_; }
+  /// Whether the store may hold what the list does not know: the list is new, or a process that shipped by it
+  /// died.
+  [[nodiscard]] bool may_be_behind() const { return may_be_behind_; }
+  /// Before something is put into the store. Durable when it returns.
+  void before_putting();
+  /// Everything that was entered so far survives a crash.
+  void keep();
+  /// The same; and the list knows all that was put.
+  void finish();
+
   /// What is known of the object with this key.
   [[nodiscard]] std::optional<ShippedObject> find(const std::string& key);
-  void put(const std::string& key, const ShippedObject& object);
+  void enter(const std::string& key, const ShippedObject& object);
   /// How far a ledger that still grows is in the store, in bytes from its beginning.
   [[nodiscard]] std::uint64_t grown(const std::string& recording);
   void set_grown(const std::string& recording, std::uint64_t bytes);
@@ -51,13 +60,17 @@ class ShippingList {
   struct Totals {
     std::uint64_t objects = 0, bytes = 0;
   };
-  [[nodiscard]] Totals confirmed();
+  [[nodiscard]] Totals totals();
 
  private:
+  void begin();
+  void set_unfinished(bool unfinished);
+
   const std::filesystem::path path_;
-  bool is_new_;
+  bool may_be_behind_, unfinished_ = false;
   Descriptor lock_;
   std::unique_ptr<archive::SqliteFile> file_;
+  std::optional<archive::SqliteFile::Transaction> open_;  // after file_, which it uses
 };
 
 }  // namespace kiroku::fleet

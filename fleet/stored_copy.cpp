@@ -15,7 +15,7 @@ namespace {
 std::optional<std::string> object_problem(ObjectStore& store, ShippingList& list, const std::string& key,
                                           std::uint64_t bytes, const std::string& sha256, UtcTime now) {
   const std::optional<ShippedObject> shipped = list.find(key);
-  if (!shipped || !shipped->confirmed) return key + " is not in the store yet";
+  if (!shipped) return key + " is not in the store yet";
   const std::optional<StoredObject> stored = store.look(key, shipped->version);
   if (!stored) return key + " is not in the store any more";
   if (stored->bytes != bytes || stored->sha256 != sha256)

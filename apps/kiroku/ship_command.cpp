@@ -43,7 +43,7 @@ std::string objects(std::uint64_t count) {
 }
 
 int tell_status(const Request& request, const fleet::ShippingReport& report, fleet::ShippingList& list) {
-  const fleet::ShippingList::Totals held = list.confirmed();
+  const fleet::ShippingList::Totals held = list.totals();
   if (request.json) {
     print_json(json_of(report, held));
   } else {

@@ -15,54 +15,73 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-const ShippedObject kSent{{4711, UtcTime(7us)}, "abc", "v1", UtcTime(1h), true};
+const ShippedObject kSent{{4711, UtcTime(7us)}, "abc", "v1", UtcTime(1h)};
 
-TEST(ShippingList, RemembersWhatIsInTheStore) {
+class ShippingListTest : public testing::Test {
+ protected:
   const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "shipping.sqlite";
+};
+
+TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
   {
-    ShippingList list(folder.path() / "shipping.sqlite");
-    EXPECT_TRUE(list.is_new());
+    ShippingList list(file);
+    EXPECT_TRUE(list.may_be_behind());
     EXPECT_FALSE(list.find("or-1/a"));
-    list.put("or-1/a", kSent);
+    list.before_putting();
+    list.enter("or-1/a", kSent);
     list.set_grown("log", 4096);
+    list.finish();
+    EXPECT_FALSE(list.may_be_behind());
   }
-  ShippingList list(folder.path() / "shipping.sqlite");
-  EXPECT_FALSE(list.is_new());
+  ShippingList list(file);
+  EXPECT_FALSE(list.may_be_behind());
   const auto found = list.find("or-1/a");
   ASSERT_TRUE(found);
   EXPECT_EQ(found->file, kSent.file);
   EXPECT_EQ(found->sha256, "abc");
   EXPECT_EQ(found->version, "v1");
   EXPECT_EQ(found->lock_ends, kSent.lock_ends);
-  EXPECT_TRUE(found->confirmed);
   EXPECT_EQ(list.grown("log"), 4096U);
   EXPECT_EQ(list.grown("another"), 0U);
+  EXPECT_EQ(list.totals().objects, 1U);
+  EXPECT_EQ(list.totals().bytes, 4711U);
 }
 
-TEST(ShippingList, CountsWhatTheStoreConfirmed) {
-  const test::TemporaryFolder folder;
-  ShippingList list(folder.path() / "shipping.sqlite");
-  list.put("or-1/a", kSent);
-  ShippedObject sending = kSent;
-  sending.confirmed = false;
-  list.put("or-1/b", sending);
-  EXPECT_EQ(list.confirmed().objects, 1U);
-  EXPECT_EQ(list.confirmed().bytes, 4711U);
+TEST_F(ShippingListTest, AfterAProcessThatDiedTheStoreMayHoldMore) {
+  {
+    ShippingList list(file);
+    list.finish();
+  }
+  {
+    ShippingList list(file);
+    EXPECT_FALSE(list.may_be_behind());
+    list.before_putting();
+    list.enter("or-1/a", kSent);
+    list.keep();
+    list.enter("or-1/b", kSent);
+  }
+  ShippingList list(file);
+  EXPECT_TRUE(list.may_be_behind());
+  EXPECT_TRUE(list.find("or-1/a"));
+  EXPECT_FALSE(list.find("or-1/b")) << "was not kept";
+  list.finish();
+  EXPECT_FALSE(ShippingList(file).may_be_behind());
 }
 
-TEST(ShippingList, ADamagedOneIsMadeAnewAndKnowsIt) {
-  const test::TemporaryFolder folder;
-  const auto file = folder.path() / "shipping.sqlite";
-  { ShippingList(file).put("or-1/a", kSent); }
+TEST_F(ShippingListTest, ADamagedOneIsMadeAnewAndMayBeBehind) {
+  {
+    ShippingList list(file);
+    list.enter("or-1/a", kSent);
+    list.finish();
+  }
   std::ofstream(file, std::ios::binary) << std::string(8192, 'x');
   ShippingList list(file);
-  EXPECT_TRUE(list.is_new());
+  EXPECT_TRUE(list.may_be_behind());
   EXPECT_FALSE(list.find("or-1/a"));
 }
 
-TEST(ShippingList, OneProcessShipsAtATime) {
-  const test::TemporaryFolder folder;
-  const auto file = folder.path() / "shipping.sqlite";
+TEST_F(ShippingListTest, OneProcessShipsAtATime) {
   ShippingList second(file);
   {
     ShippingList first(file);
