@@ -19,6 +19,7 @@
 #include <unistd.h>
 #include <vector>
 
+#include "crypto/cosignature.h"
 #include "crypto/encoding.h"
 #include "tests/support/build_paths.h"
 #include "tests/support/hostile_case.h"
