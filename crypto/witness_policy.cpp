@@ -149,7 +149,8 @@ class WitnessPolicy::Parser {
 
   void define(const std::string& name, Member member) {
     if (name == kNone) fail("'none' is no name");
-    if (!names_.emplace(name, policy_.members_.size()).second) fail(beginning_of(name) + " is defined already");
+    if (!names_.emplace(name, policy_.members_.size()).second)
+      fail(beginning_of(name) + " is defined already");
     policy_.members_.push_back(std::move(member));
   }
   [[nodiscard]] std::size_t defined(std::string_view name) const {
