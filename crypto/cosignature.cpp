@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "crypto/note_format.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -27,7 +26,7 @@ CosignerKey::CosignerKey(std::string name, const Ed25519PublicKey& key) : name_(
 CosignerKey CosignerKey::parse(std::string_view text) {
   const KeyText parsed = KeyText::parse(text);
   const auto refuse = [&](const std::string& why) -> UsageError {
-    return UsageError("\"" + std::string(text) + "\" is no key of a witness: " + why);
+    return UsageError(quoted_key_text(text) + " is no key of a witness: " + why);
   };
   if (parsed.algorithm == std::byte{0x01})
     throw refuse("it is the key of a log; ask the witness for its own");
@@ -59,8 +58,11 @@ std::string cosign(std::string_view text, const std::string& name, const Signing
 }
 
 CosignatureCheck check_cosignature(std::string_view note, const CosignerKey& cosigner) {
+  return check_cosignature(parse_note(note), cosigner);
+}
+
+CosignatureCheck check_cosignature(const NoteParts& parts, const CosignerKey& cosigner) {
   using State = CosignatureCheck::State;
-  const NoteParts parts = parse_note(note);
   const auto line = std::ranges::find_if(parts.lines, [&](const SignatureLine& each) {
     return each.name == cosigner.name() && each.key_id == cosigner.key_id();
   });

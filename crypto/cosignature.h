@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 
+#include "crypto/note_format.h"
 #include "crypto/signed_note.h"
 #include "crypto/signing_key.h"
 
@@ -48,6 +49,8 @@ struct CosignatureCheck {
 };
 /// `note` is the whole note; one that is no signed note has no cosignatures.
 CosignatureCheck check_cosignature(std::string_view note, const CosignerKey& cosigner);
+/// The same of a note that was parsed already, for whoever asks for many witnesses.
+CosignatureCheck check_cosignature(const NoteParts& parts, const CosignerKey& cosigner);
 
 /// Origin, size and root of a log that is not ours: extension lines are allowed, and say nothing here.
 std::optional<Checkpoint> parse_extended_checkpoint(std::string_view text);

@@ -75,9 +75,15 @@ std::string KeyText::to_string() const {
          to_base64(typed_key, Base64Padding::kPadded);
 }
 
+std::string quoted_key_text(std::string_view text) {
+  constexpr std::size_t kMost = 200;
+  const bool is_long = text.size() > kMost;
+  return "\"" + std::string(text.substr(0, kMost)) + (is_long ? "\u2026" : "") + "\"";
+}
+
 KeyText KeyText::parse(std::string_view text) {
   const auto refuse = [&](const std::string& why) -> UsageError {
-    return UsageError("\"" + std::string(text) + "\" is no verifier key (<name>+<id>+<key>): " + why);
+    return UsageError(quoted_key_text(text) + " is no verifier key (<name>+<id>+<key>): " + why);
   };
   const std::size_t first_plus = text.find('+');
   const std::size_t second_plus =

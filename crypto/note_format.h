@@ -39,6 +39,9 @@ struct KeyText {
   static KeyText parse(std::string_view text);
 };
 
+/// Its beginning, in quotation marks: what is no key may be a file of megabytes.
+std::string quoted_key_text(std::string_view text);
+
 struct SignatureLine {
   std::string name;
   std::uint32_t key_id = 0;

@@ -32,7 +32,7 @@ std::string VerifierKey::to_string() const {
 VerifierKey VerifierKey::parse(std::string_view text) {
   const KeyText parsed = KeyText::parse(text);
   const auto refuse = [&](const std::string& why) -> UsageError {
-    return UsageError("\"" + std::string(text) + "\" is no verifier key (<name>+<id>+<key>): " + why);
+    return UsageError(quoted_key_text(text) + " is no verifier key (<name>+<id>+<key>): " + why);
   };
   if (parsed.algorithm != kEd25519SignatureType) throw refuse("its algorithm is not Ed25519");
   Ed25519PublicKey key;

@@ -25,6 +25,12 @@ std::vector<std::string_view> items_of(std::string_view line) {
   }
 }
 
+/// Its beginning: a word of a file that is no policy may have megabytes.
+std::string beginning_of(std::string_view item) {
+  constexpr std::size_t kMost = 100;
+  return "'" + std::string(item.substr(0, kMost)) + (item.size() > kMost ? "\u2026'" : "'");
+}
+
 bool is_allowed(char c) {
   const auto octet = static_cast<unsigned char>(c);
   return octet == '\t' || octet == '\n' || (octet >= 0x20 && octet != 0x7f);
@@ -68,7 +74,7 @@ class WitnessPolicy::Parser {
     if (what == "witness") return take_witness(items);
     if (what == "group") return take_group(items);
     if (what == "quorum") return take_quorum(items);
-    fail("'" + std::string(what) + "' is none of log, witness, group, quorum");
+    fail(beginning_of(what) + " is none of log, witness, group, quorum");
   }
 
   void require_room(std::size_t count) const {
@@ -105,7 +111,7 @@ class WitnessPolicy::Parser {
       require_room(grouped_.size());
       const std::size_t member = defined(items[i]);
       if (!grouped_.emplace(member, line_).second)
-        fail("'" + std::string(items[i]) + "' is in a group already: one witness would count twice");
+        fail(beginning_of(items[i]) + " is in a group already: one witness would count twice");
       group.members.push_back(member);
     }
     const std::string_view threshold = items[2];
@@ -118,7 +124,7 @@ class WitnessPolicy::Parser {
           std::from_chars(threshold.data(), threshold.data() + threshold.size(), group.threshold);
       if (failure != std::errc() || end != threshold.data() + threshold.size() || group.threshold < 1 ||
           group.threshold > group.members.size()) {
-        fail("'" + std::string(threshold) + "' is neither all nor any, nor a number from 1 to " +
+        fail(beginning_of(threshold) + " is neither all nor any, nor a number from 1 to " +
              std::to_string(group.members.size()));
       }
     }
@@ -143,12 +149,13 @@ class WitnessPolicy::Parser {
 
   void define(const std::string& name, Member member) {
     if (name == kNone) fail("'none' is no name");
-    if (!names_.emplace(name, policy_.members_.size()).second) fail("'" + name + "' is defined already");
+    if (!names_.emplace(name, policy_.members_.size()).second)
+      fail(beginning_of(name) + " is defined already");
     policy_.members_.push_back(std::move(member));
   }
   [[nodiscard]] std::size_t defined(std::string_view name) const {
     const auto found = names_.find(name);
-    if (found == names_.end()) fail("'" + std::string(name) + "' is not defined on a line before");
+    if (found == names_.end()) fail(beginning_of(name) + " is not defined on a line before");
     return found->second;
   }
 
@@ -184,8 +191,9 @@ bool WitnessPolicy::is_met(const std::vector<bool>& has_cosigned) const {
 WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s) {
   WitnessedNote judged;
   std::vector<bool> has_cosigned;
+  const NoteParts parts = parse_note(note);
   for (const WitnessPolicy::Witness& witness : policy.witnesses()) {
-    CosignatureCheck check = check_cosignature(note, witness.key);
+    CosignatureCheck check = check_cosignature(parts, witness.key);
     const bool counts = check.state == CosignatureCheck::State::kValid && check.time_s <= now_s + kMostAheadS;
     if (check.state == CosignatureCheck::State::kValid && !counts)
       check.state = CosignatureCheck::State::kInvalid;

@@ -117,6 +117,19 @@ std::string url_of(const crypto::WitnessPolicy::Witness& witness) {
   return witness.url + (witness.url.ends_with('/') ? "" : "/") + "add-checkpoint";
 }
 
+/// The line of an answer that is this witness's cosignature on the note; "" where there is none. An answer
+/// with a blank line would end the note's text elsewhere, and its lines would sign another text.
+std::string cosignature_in(const std::string& answer, const std::string& note,
+                           const crypto::CosignerKey& cosigner) {
+  const crypto::NoteParts parts = crypto::parse_note(note + answer);
+  if (parts.text != crypto::parse_note(note).text) return "";
+  if (crypto::check_cosignature(parts, cosigner).state != crypto::CosignatureCheck::State::kValid) return "";
+  const auto line = std::ranges::find_if(parts.lines, [&](const crypto::SignatureLine& each) {
+    return each.name == cosigner.name() && each.key_id == cosigner.key_id();
+  });
+  return crypto::signature_line(line->name, line->key_id, line->signature);
+}
+
 /// Of one witness, which knows the log up to `known`.
 CosigningOutcome outcome_of(const LogToShow& log, const crypto::WitnessPolicy::Witness& witness,
                             const AskWitness& ask) {
@@ -144,15 +157,8 @@ CosigningOutcome outcome_of(const LogToShow& log, const crypto::WitnessPolicy::W
       outcome.why = "answered " + std::to_string(reply.status) + ": " + first_line(reply.body);
       return outcome;
     }
-    if (crypto::check_cosignature(log.note + reply.body, witness.key).state !=
-        crypto::CosignatureCheck::State::kValid) {
-      outcome.why = "answered with something that is not its cosignature";
-      return outcome;
-    }
-    for (const crypto::SignatureLine& line : crypto::parse_note(log.note + reply.body).lines) {
-      if (line.name == witness.key.name() && line.key_id == witness.key.key_id())
-        outcome.line = crypto::signature_line(line.name, line.key_id, line.signature);
-    }
+    outcome.line = cosignature_in(reply.body, log.note, witness.key);
+    if (outcome.line.empty()) outcome.why = "answered with something that is not its cosignature";
     return outcome;
   }
   outcome.why = "names another size each time it is asked";

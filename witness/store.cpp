@@ -1,6 +1,7 @@
 #include "witness/store.h"
 
 #include <algorithm>
+#include <charconv>
 
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -17,19 +18,30 @@ constexpr archive::SqliteFile::Schema kSchema{"witness's database",
                                               "CREATE TABLE latest (origin TEXT PRIMARY KEY, size TEXT NOT "
                                               "NULL, root TEXT NOT NULL, note TEXT NOT NULL);"
                                               "PRAGMA user_version = 1;",
-                                              1, "SELECT origin, size, root, note FROM latest LIMIT 1",
-                                              false};
+                                              1, "SELECT origin, size, root, note FROM latest LIMIT 1", false,
+                                              // An old copy would cosign a second history.
+                                              "nothing tells any more what this witness cosigned, so make a "
+                                              "new one with 'kiroku witness init', and give its key to "
+                                              "those who rely on it"};
 
 std::string hash_of(const std::string& origin) { return crypto::to_hex(crypto::sha256(bytes_of(origin))); }
+
+std::uint64_t size_of(const std::string& text, const std::string& origin) {
+  std::uint64_t size = 0;
+  const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), size);
+  if (failure != std::errc() || end != text.data() + text.size())
+    throw Error("the witness's database holds no size for '" + origin + "': " + kSchema.advice);
+  return size;
+}
 
 std::optional<Latest> latest_of(archive::SqliteFile& database, const std::string& origin) {
   auto row = database.statement("SELECT size, root, note FROM latest WHERE origin = ?");
   row.bind(origin);
   if (!row.step()) return std::nullopt;
-  Latest latest{std::stoull(row.text(0)), {}, row.text(2)};
+  Latest latest{size_of(row.text(0), origin), {}, row.text(2)};
   const auto root = crypto::from_hex(row.text(1));
   if (!root || root->size() != latest.root.size())
-    throw Error("the witness's database holds no root for '" + origin + "'; put back a copy of it");
+    throw Error("the witness's database holds no root for '" + origin + "': " + kSchema.advice);
   std::ranges::copy(*root, latest.root.begin());
   return latest;
 }
@@ -46,7 +58,10 @@ std::optional<KnownLog> known(archive::SqliteFile& database, const std::string& 
 
 }  // namespace
 
-Store::Store(const std::filesystem::path& file) : database_(archive::SqliteFile::open(file, kSchema)) {}
+void Store::make(const std::filesystem::path& file) { archive::SqliteFile::open(file, kSchema); }
+
+Store::Store(const std::filesystem::path& file)
+    : database_(archive::SqliteFile::open_existing(file, kSchema)) {}
 
 bool Store::add_key(const std::string& origin, const crypto::VerifierKey& key) {
   const std::lock_guard lock(mutex_);

@@ -29,8 +29,11 @@ struct KnownLog {
 
 class Store {
  public:
-  /// Opens or makes the database. A damaged one is refused, never made anew: what it knew keeps the witness
-  /// from cosigning two histories. Throws kiroku::UsageError, kiroku::Error.
+  /// Makes the database of a new witness, or leaves the one that is there. Throws kiroku::UsageError,
+  /// kiroku::Error.
+  static void make(const std::filesystem::path& file);
+  /// One that is absent, empty or damaged is refused, never made anew: what it knew keeps the witness from
+  /// cosigning two histories. Throws kiroku::UsageError, kiroku::Error.
   explicit Store(const std::filesystem::path& file);
 
   /// One more key of a log; false where it is known already.

@@ -30,7 +30,8 @@ class Witness {
   /// 200 with a signature line; 400 for what is no submission, or an old size above the checkpoint's; 404 for
   /// a log that is not known; 403 where none of the log's keys signed, or one did wrongly; 409, with the size
   /// that is known as text/x.tlog.size, for another old size; 422 where the proof does not hold. What was
-  /// cosigned is durable before the answer. Throws kiroku::Error where it cannot be stored.
+  /// cosigned is durable before the answer. What was cosigned less than a minute ago is answered with the
+  /// same line. Throws kiroku::Error where it cannot be stored.
   [[nodiscard]] Answer add_checkpoint(std::string_view body);
   /// The newest checkpoint of the log, with the log's signature and the witness's; 404 where there is none.
   /// `origin_hash` is the SHA-256 of the log's origin, in hex.

@@ -1,5 +1,9 @@
+#include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <memory>
+#include <string_view>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -17,11 +21,13 @@
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "base/printable.h"
 #include "base/utc_time.h"
 
 namespace kiroku::apps {
 namespace {
 
+namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 struct Request {
@@ -32,44 +38,94 @@ struct Request {
   bool verify = false, json = false;
 };
 
+/// The text of a field, in quotation marks where it could be read as several: whoever may invite a guest
+/// chooses the guest's name.
+std::string shown(const std::string& text) {
+  constexpr std::size_t kMost = 1'000;
+  const bool is_long = text.size() > kMost;
+  const std::string beginning = printable(text.substr(0, kMost));
+  const bool is_one = beginning.find_first_of(" \"=") == std::string::npos;
+  return (is_one ? beginning : ordered_json(beginning).dump()) +
+         (is_long ? "\u2026 (" + std::to_string(text.size()) + " bytes; --json has all)" : "");
+}
+
 /// What an entry says beyond its number, time and type: "case=… size=…".
 std::string details(const std::string& line) {
   std::string out;
-  const ordered_json entry = ordered_json::parse(line, nullptr, false);
-  if (!entry.is_object()) return printable(line);
+  const ordered_json entry = ordered_json::parse(line);
   for (const auto& [key, value] : entry.items()) {
     if (key == "type" || key == "seq" || key == "utc" || key == "mono_ns") continue;
-    out +=
-        (out.empty() ? "" : "  ") + key + "=" + (value.is_string() ? value.get<std::string>() : value.dump());
+    out += (out.empty() ? "" : "  ") + key + "=" +
+           (value.is_string() ? shown(value.get<std::string>()) : value.dump());
   }
-  return printable(out);
+  return out;
 }
 
-int list(const Home& home, bool json) {
-  if (json) {
-    ordered_json entries = ordered_json::array();
-    archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-      entries.push_back(ordered_json::parse(line.json));
-    });
-    print_json({{"log", home.log_folder().string()}, {"entries", entries}});
-    return kDone;
-  }
-  std::vector<std::vector<std::string>> rows{{"entry", "when", "what", ""}};
-  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-    rows.push_back({std::to_string(line.seq), format_local(line.utc), line.type, details(line.json)});
+std::string as_json(const ordered_json& value) {
+  return printable_json(value.dump(-1, ' ', false, ordered_json::error_handler_t::replace));
+}
+
+/// An object whose "entries" has an entry a line; nothing is held of a line that was printed.
+void list_as_json(const fs::path& log) {
+  std::cout << "{\n  \"log\": " << as_json(log.string()) << ",\n  \"entries\": [";
+  const char* before = "\n    ";
+  archive::for_each_log_line(log, [&](const archive::LogLine& line) {
+    std::cout << std::exchange(before, ",\n    ") << as_json(ordered_json::parse(line.json));
   });
-  std::cout << format_table(rows, "rlll", 0);
+  std::cout << "\n  ]\n}\n";
+}
+
+/// What a column lacks; nothing where a line that came since is wider.
+std::string padding(std::size_t width, std::size_t used) {
+  return std::string(width - std::min(width, used), ' ');
+}
+
+void list_as_table(const fs::path& log, std::uint64_t entries, std::size_t widest_type) {
+  const std::size_t digits = std::max(std::string_view("entry").size(), std::to_string(entries).size());
+  const std::size_t when = format_local(UtcTime{}).size();
+  const auto row = [&](const std::string& entry, const std::string& time, const std::string& what,
+                       const std::string& more) {
+    std::string line = padding(digits, entry.size()) + entry + "  " + time + padding(when, time.size()) +
+                       "  " + what + padding(widest_type, what.size()) + "  " + more;
+    line.erase(line.find_last_not_of(' ') + 1);
+    std::cout << line << "\n";
+  };
+  row("entry", "when", "what", "");
+  archive::for_each_log_line(log, [&](const archive::LogLine& line) {
+    row(std::to_string(line.seq), format_local(line.utc), line.type, details(line.json));
+  });
+}
+
+/// Twice through the log, so that it is judged before a line is printed, and nothing of it is held.
+int list(const Home& home, bool json) {
+  const fs::path log = home.log_folder();
+  std::uint64_t entries = 0;
+  std::size_t widest_type = std::string_view("what").size();
+  archive::for_each_log_line(log, [&](const archive::LogLine& line) {
+    ++entries;
+    widest_type = std::max(widest_type, line.type.size());
+  });
+  if (json) {
+    list_as_json(log);
+  } else {
+    list_as_table(log, entries, widest_type);
+  }
   return kDone;
 }
 
-/// Notes that may hold cosignatures: those that were given, and the home's own.
-std::vector<archive::OutsideNote> notes_for_witnesses(const Home& home,
-                                                      const archive::VerifyOptions& options) {
-  std::vector<archive::OutsideNote> notes = options.against;
+/// The newest note that witnesses cosigned, as 'kiroku witness ask' left it. Nobody named it, so what lies in
+/// its place and is none (a pipe, a folder) keeps the log from nothing.
+std::optional<archive::OutsideNote> witnessed_note(const Home& home) {
+  const fs::path file = home.newest_witnessed_note();
   std::error_code ignored;
-  if (std::filesystem::exists(home.newest_witnessed_note(), ignored))
-    notes.push_back(load_outside_note(home.newest_witnessed_note()));
-  return notes;
+  if (!fs::exists(file, ignored)) return std::nullopt;
+  try {
+    if (fs::is_regular_file(file, ignored)) return load_outside_note(file);
+    print_error("kiroku", "warning: " + file.string() + " is no file, so the log was not compared with it");
+  } catch (const Error& error) {
+    print_error("kiroku", std::string("warning: the log was not compared: ") + error.what());
+  }
+  return std::nullopt;
 }
 
 bool counts_now(const evidence::Policy& algorithms) {
@@ -88,18 +144,21 @@ int verify(const Home& home, const Request& request) {
   options.devices = {home.device()};
   options.trust = &trust;
   for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
+  std::optional<archive::OutsideNote> witnessed = witnessed_note(home);
   std::optional<evidence::Policy> algorithms;
   if (request.policy) {
     algorithms = read_policy(*request.policy);
     options.policy = &*algorithms;
   }
+  std::vector<archive::OutsideNote> notes = options.against;  // that may hold cosignatures
+  if (witnessed) notes.push_back(*witnessed);
+  // What the device signed and gave away binds it, whoever cosigned it.
+  if (witnessed && is_of_log(*witnessed, home.device())) options.against.push_back(std::move(*witnessed));
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
   std::optional<WitnessJudgement> witnesses;
-  if (policy)
-    witnesses =
-        judge_log_witnesses(home.log_folder(), home.device(), *policy, notes_for_witnesses(home, options));
+  if (policy) witnesses = judge_log_witnesses(home.log_folder(), home.device(), *policy, notes);
   // Cosignatures are by Ed25519 over roots of SHA-256, as the log's own signatures are.
   if (witnesses && algorithms && !counts_now(*algorithms)) {
     witnesses->witnessed.quorum = false;
@@ -156,6 +215,9 @@ void add_log_command(Command& program) {
       "signed two logs, whatever is here now. A note of another log, or not signed by this home's device, "
       "could "
       "not be compared: exit status 3.");
+  command.explain(
+      "The checkpoint that 'kiroku witness ask' left in the home is compared with the log, too, as if it was "
+      "given with --against.");
   command.example("kiroku log --verify", "tells whether the log is whole");
   command.example("kiroku log --verify --against kept.note",
                   "tells also whether it goes on from a note that was kept elsewhere");

@@ -74,11 +74,11 @@ int init(const Request& request) {
   std::error_code failed;
   fs::create_directories(witness.folder, failed);
   if (failed) throw IoError("create", witness.folder, failed.value());
+  witness::Store::make(witness.database());
   const crypto::SigningKey key = crypto::SigningKey::generate();
   const crypto::CosignerKey public_key(request.name, key.public_key());
   write_new(witness.key_file(), key.to_pem(nullptr).bytes(), kOwnerOnly);
   write_new(witness.public_key_file(), bytes_of(public_key.to_string() + "\n"), 0666);
-  const witness::Store made(witness.database());
   if (request.json) {
     print_json({{"folder", request.folder}, {"key", public_key.to_string()}});
     return kDone;

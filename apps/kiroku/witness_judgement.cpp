@@ -9,6 +9,7 @@
 #include "apps/common/format.h"
 #include "archive/format/case_layout.h"
 #include "archive/writing/appliance_log.h"
+#include "base/json_or_null.h"
 #include "base/printable.h"
 #include "base/utc_time.h"
 #include "crypto/merkle_tree.h"
@@ -22,6 +23,7 @@ struct Candidate {
   const archive::OutsideNote* note;
   crypto::Checkpoint checkpoint;
   bool holds = false;
+  std::optional<UtcTime> utc_behind;  // of the entry that follows its entries
 };
 
 /// A note of this log by this device; why not, into `unused`.
@@ -38,7 +40,27 @@ std::optional<Candidate> candidate_of(const archive::OutsideNote& note, const cr
                      "\", not of this log");
     return std::nullopt;
   }
-  return Candidate{&note, *checkpoint};
+  if (checkpoint->size == 0) {
+    // Every history goes on from nothing.
+    unused.push_back(note.name + " says nothing of witnesses: it is of a log without entries");
+    return std::nullopt;
+  }
+  return Candidate{&note, *checkpoint, false, std::nullopt};
+}
+
+std::string count_of(std::uint64_t entries) {
+  return std::to_string(entries) + (entries == 1 ? " entry" : " entries");
+}
+
+/// Why a note tells nothing of the entries that are here.
+std::string misfit_of(const Candidate& candidate, std::uint64_t entries) {
+  const std::uint64_t stated = candidate.checkpoint.size;
+  const std::string says_nothing = candidate.note->name + " says nothing of witnesses here: ";
+  if (stated > entries) {
+    return says_nothing + "it is of " + count_of(stated) + ", and here are " + std::to_string(entries) +
+           ". Entries were taken away, or this is a copy from before";
+  }
+  return says_nothing + "it was not signed of the entries that this log begins with";
 }
 
 std::string when(std::uint64_t time_s) {
@@ -60,11 +82,16 @@ std::string sentence_of(const crypto::WitnessedNote::Cosigner& cosigner) {
 
 }  // namespace
 
+bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& device) {
+  std::vector<std::string> why;
+  return candidate_of(note, device, why).has_value();
+}
+
 WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
                                      const std::vector<archive::OutsideNote>& notes) {
   WitnessJudgement judgement;
-  judgement.witnessed.quorum = policy.asks_for_none();
+  judgement.witnessed.quorum = judgement.asks_for_none = policy.asks_for_none();
   const auto& logs = policy.logs();
   const bool is_meant =
       logs.empty() || std::ranges::any_of(logs, [&](const auto& log) { return log.key == device; });
@@ -80,22 +107,19 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
   }
   std::ranges::sort(candidates, {}, [](const Candidate& each) { return each.checkpoint.size; });
   crypto::MerkleFrontier tree;
-  auto next = candidates.begin();
-  const auto compare = [&] {
-    for (; next != candidates.end() && next->checkpoint.size <= tree.size(); ++next)
-      next->holds = next->checkpoint.size == tree.size() && next->checkpoint.root == tree.root();
-  };
-  compare();
+  auto next = candidates.begin(), last_reached = next;
   archive::for_each_log_line(log_folder, [&](const archive::LogLine& line) {
+    // The first entry behind what was reached with the entry before.
+    for (; last_reached != next; ++last_reached) last_reached->utc_behind = line.utc;
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
-    compare();
+    for (; next != candidates.end() && next->checkpoint.size == tree.size(); ++next)
+      next->holds = next->checkpoint.root == tree.root();
   });
+  judgement.log_entries = tree.size();
   const auto now = std::chrono::duration_cast<std::chrono::seconds>(utc_now().time_since_epoch()).count();
   for (const Candidate& candidate : candidates) {
     if (!candidate.holds) {
-      judgement.unused.push_back(candidate.note->name +
-                                 " says nothing of witnesses here: it was not signed of the "
-                                 "entries that this log begins with");
+      judgement.unused.push_back(misfit_of(candidate, tree.size()));
       continue;
     }
     crypto::WitnessedNote witnessed =
@@ -105,6 +129,7 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
     if (judgement.witnessed.quorum && !witnessed.quorum) continue;
     judgement.note = candidate.note->name;
     judgement.entries = candidate.checkpoint.size;
+    judgement.first_unwitnessed = candidate.utc_behind;
     judgement.witnessed = std::move(witnessed);
   }
   return judgement;
@@ -115,13 +140,19 @@ std::string WitnessJudgement::text() const {
   if (note.empty()) {
     text = "Witnesses: nothing shows that anybody cosigned this log.\n";
   } else {
-    text = std::string("Witnesses: the first ") + std::to_string(entries) +
-           (entries == 1 ? " entry is " : " entries are ") + (witnessed.quorum ? "" : "NOT ") +
+    text = std::string("Witnesses: the first ") + std::to_string(entries) + " of " + count_of(log_entries) +
+           (entries == 1 ? " is " : " are ") + (witnessed.quorum ? "" : "NOT ") +
            "witnessed as the policy asks (" + printable(note) + ").\n";
+    if (first_unwitnessed) {
+      const std::uint64_t rest = log_entries - entries;
+      text += std::string("  Of the ") + (rest == 1 ? "one" : std::to_string(rest)) +
+              " behind them only the device speaks: from " + format_local(*first_unwitnessed) + " on.\n";
+    }
     for (const crypto::WitnessedNote::Cosigner& cosigner : witnessed.cosigners)
       text += "  " + sentence_of(cosigner) + "\n";
   }
-  for (const std::string& why : unused) text += "  " + why + "\n";
+  if (asks_for_none) text += "  The policy asks for no witness, so none is needed.\n";
+  for (const std::string& why : unused) text += "  " + printable(why) + "\n";
   return text;
 }
 
@@ -136,7 +167,10 @@ nlohmann::ordered_json WitnessJudgement::json() const {
   }
   return {{"quorum", witnessed.quorum},
           {"note", note.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(note)},
+          {"asks_for_none", asks_for_none},
           {"entries", entries},
+          {"log_entries", log_entries},
+          {"unwitnessed_since", or_null(first_unwitnessed)},
           {"witnesses", cosigners},
           {"unused", unused}};
 }

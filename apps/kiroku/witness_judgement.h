@@ -3,20 +3,26 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
 #include "archive/verify/verify_options.h"
+#include "base/utc_time.h"
 #include "crypto/signed_note.h"
 #include "crypto/witness_policy.h"
 
 namespace kiroku::apps {
 
 struct WitnessJudgement {
-  std::string note;           // the one that tells most; empty where none could be used
-  std::uint64_t entries = 0;  // of the log that it covers
+  std::string note;               // the one that tells most; empty where none could be used
+  std::uint64_t entries = 0;      // of the log that it covers
+  std::uint64_t log_entries = 0;  // all that are here
+  /// When the first entry that it does not cover was made, by the recorder's clock.
+  std::optional<UtcTime> first_unwitnessed;
+  bool asks_for_none = false;  // the policy: then a quorum says nothing
   crypto::WitnessedNote witnessed;
   std::vector<std::string> unused;  // why other notes tell nothing, a sentence each
 
@@ -25,9 +31,12 @@ struct WitnessJudgement {
   [[nodiscard]] nlohmann::ordered_json json() const;
 };
 
+/// Whether the device signed the note as a checkpoint of its log.
+bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& device);
+
 /// Only a note counts that the device signed of this very log, and whose root is that of the log's first
-/// entries. Of several the one with a quorum and most entries is told. kiroku::Error where the log cannot be
-/// read.
+/// entries, of which there must be one. Of several the one with a quorum and most entries is told.
+/// kiroku::Error where the log cannot be read.
 WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
                                      const std::vector<archive::OutsideNote>& notes);

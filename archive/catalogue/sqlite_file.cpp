@@ -15,6 +15,10 @@ bool is_damage(int code) {
   return code == SQLITE_CORRUPT || code == SQLITE_NOTADB || code == SQLITE_ERROR;
 }
 
+[[noreturn]] void throw_damaged(const fs::path& file, const SqliteFile::Schema& schema) {
+  throw UsageError("the " + std::string(schema.what) + " " + file.string() + " is damaged: " + schema.advice);
+}
+
 }  // namespace
 
 SqliteFile::Transaction::~Transaction() {
@@ -28,10 +32,9 @@ void SqliteFile::Transaction::commit() {
   committed_ = true;
 }
 
-SqliteFile::SqliteFile(fs::path file) : file_(std::move(file)) {
+SqliteFile::SqliteFile(fs::path file, int flags) : file_(std::move(file)) {
   sqlite3* raw = nullptr;
-  const int result =
-      sqlite3_open_v2(file_.c_str(), &raw, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  const int result = sqlite3_open_v2(file_.c_str(), &raw, SQLITE_OPEN_READWRITE | flags, nullptr);
   database_.reset(raw);
   if (result != SQLITE_OK) {
     throw SqliteError(database_.get(), file_);
@@ -69,8 +72,10 @@ bool SqliteFile::prepare(const Schema& schema) {
       transaction.commit();
     }
     if (version() != schema.version) {
-      throw UsageError("the " + std::string(schema.what) + " " + file_.string() +
-                       " was made by a newer version: use that, or remove the file");
+      throw UsageError(
+          "the " + std::string(schema.what) + " " + file_.string() +
+          " was made by a newer version: use that" +
+          (schema.rebuildable ? ", or remove the file" : std::string("; else ") + schema.advice));
     }
     statement(schema.probe).step();
     return true;
@@ -83,12 +88,9 @@ bool SqliteFile::prepare(const Schema& schema) {
 }
 
 std::unique_ptr<SqliteFile> SqliteFile::open(const fs::path& file, const Schema& schema) {
-  std::unique_ptr<SqliteFile> opened(new SqliteFile(file));
+  std::unique_ptr<SqliteFile> opened(new SqliteFile(file, SQLITE_OPEN_CREATE));
   if (!opened->prepare(schema)) {
-    if (!schema.rebuildable) {
-      throw UsageError("the " + std::string(schema.what) + " " + file.string() +
-                       " is damaged: put back a copy of it, or move it away and begin anew");
-    }
+    if (!schema.rebuildable) throw_damaged(file, schema);
     opened.reset();
     fs::path aside = file;
     aside += ".damaged";
@@ -97,12 +99,31 @@ std::unique_ptr<SqliteFile> SqliteFile::open(const fs::path& file, const Schema&
     if (error) {
       throw IoError("set aside the damaged " + std::string(schema.what), file, error.value());
     }
-    opened.reset(new SqliteFile(file));
+    opened.reset(new SqliteFile(file, SQLITE_OPEN_CREATE));
     if (!opened->prepare(schema)) {
       throw Error("cannot make a " + std::string(schema.what) + " at " + file.string() +
                   ": check the disk it is on");
     }
   }
+  return opened;
+}
+
+std::unique_ptr<SqliteFile> SqliteFile::open_existing(const fs::path& file, const Schema& schema) {
+  std::error_code failed;
+  const std::uintmax_t size = fs::file_size(file, failed);
+  if (failed) {
+    throw UsageError("the " + std::string(schema.what) + " " + file.string() + " cannot be read (" +
+                     failed.message() + "): " + schema.advice);
+  }
+  if (size == 0) throw_damaged(file, schema);
+  std::unique_ptr<SqliteFile> opened(new SqliteFile(file, 0));
+  bool is_sound = false;
+  try {
+    is_sound = opened->version() != 0 && opened->prepare(schema);
+  } catch (const SqliteError& error) {
+    if (!is_damage(error.code())) throw;
+  }
+  if (!is_sound) throw_damaged(file, schema);
   return opened;
 }
 

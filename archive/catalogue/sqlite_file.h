@@ -23,11 +23,16 @@ class SqliteFile {
     const char* probe;  // a statement that only works on these tables
     /// Whether what is in it can be made anew from elsewhere; a damaged file that cannot is refused.
     bool rebuildable = true;
+    /// What to do where a file that cannot be made anew is damaged, or of another version.
+    const char* advice = "put back a copy of it, or move it away and begin anew";
   };
   /// Opens or makes the file; a damaged one, or one with other tables, is set aside as .damaged and made
   /// anew if it is rebuildable. Throws kiroku::UsageError for one of another version, or damaged and not
   /// rebuildable, kiroku::Error where there can be none.
   static std::unique_ptr<SqliteFile> open(const std::filesystem::path& file, const Schema& schema);
+  /// Of a file whose loss must be noticed: one that is absent or empty is refused as a damaged one is, and
+  /// nothing is ever set aside or made.
+  static std::unique_ptr<SqliteFile> open_existing(const std::filesystem::path& file, const Schema& schema);
   SqliteFile(const SqliteFile&) = delete;
   SqliteFile& operator=(const SqliteFile&) = delete;
 
@@ -48,7 +53,7 @@ class SqliteFile {
   };
 
  private:
-  explicit SqliteFile(std::filesystem::path file);
+  SqliteFile(std::filesystem::path file, int flags);
   void execute(const char* sql);
   std::int64_t version();
   bool passes_quick_check();

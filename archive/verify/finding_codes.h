@@ -154,6 +154,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "why"},
     {"gap-beyond-end", Severity::kUnproven,
      "a gap is stated to end more than 2 s after both close and the last segment of its stream"},
+    {"erased-never-recorded", Severity::kTampered,
+     "segments are stated to be erased that the ledger never had"},
     {"segment-in-future", Severity::kUnproven,
      "a counted segment of a stream that is recorded as it comes ends more than 2 s after its entry was "
      "written"},
@@ -182,6 +184,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segments-sparse", Severity::kNote,
      "segments hold far fewer frames than is usual in their stream, or than one a second, or none of a "
      "monitor's holds a sample"},
+    {"segment-within-gap", Severity::kNote,
+     "segments with pictures lie in time that a gap of their stream says was not recorded"},
     {"monitor-silent", Severity::kNote,
      "a monitor's segments hold no sample for more than a minute; nobody states that as a gap"},
     {"stream-shorter", Severity::kNote,

@@ -72,6 +72,7 @@ LogContents LogWalk::run() {
     erased_now_.reset();
     told_now_.reset();
     closed_now_.reset();
+    opened_now_ = false;
     take(line, number);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
@@ -152,6 +153,7 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
     known.closed = {closed_now_->size, closed_now_->root, number};
     known.final_token = closed_now_->final_token;
   }
+  if (opened_now_ && has_its_own) known.erased = false;
   known.vouched = known.vouched || has_its_own;
   if (!known.further.empty() && known.further.back().entry == number) {
     known.further.back().vouched = has_its_own;
@@ -240,6 +242,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                    LoggedCase* known = logged(opened.case_id);
                    if (known != nullptr) {
                      told_now_ = opened.case_id;
+                     opened_now_ = true;
                    }
                    if (known != nullptr && !known->opened) {
                      known->opened = number;
@@ -251,14 +254,16 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                  },
                  [&](const CaseCheckpointEntry& checkpoint) {
                    note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
-                   if (contents_.cases.contains(checkpoint.case_id)) {
+                   if (LoggedCase* known = logged(checkpoint.case_id)) {
+                     known->told = known->told.value_or(number);
                      told_now_ = checkpoint.case_id;
                    }
                  },
                  [&](const CaseClosedEntry& closed) {
                    const KnownRoot root{closed.size, closed.root, number};
                    note_root(closed.case_id, root);
-                   if (logged(closed.case_id) != nullptr) {
+                   if (LoggedCase* known = logged(closed.case_id)) {
+                     known->told = known->told.value_or(number);
                      told_now_ = closed.case_id;
                      closed_now_ = closed;
                    }

@@ -40,6 +40,7 @@ struct FurtherOpening {
 /// What a log says of one case.
 struct LoggedCase {
   std::optional<std::uint64_t> opened;  // entry of case-opened
+  std::optional<std::uint64_t> told;    // first entry of a checkpoint or an end of it
   crypto::Sha256Digest opening_line{};  // SHA-256 of entry 0 of the case
   std::vector<FurtherOpening> further;  // with other first lines; where all cases are kept
   std::vector<KnownRoot> roots;         // of case-checkpoint and case-closed
@@ -47,6 +48,7 @@ struct LoggedCase {
   std::optional<crypto::Sha256Digest> final_token;
   /// The whole case, by an entry that was signed before another followed. A line that nobody signed then
   /// excuses nothing: anybody who can write to the disk can add one, and the next start signs what follows.
+  /// No erasure excuses what was opened behind it.
   bool erased = false;
   /// Whether any entry of the log about the case was signed before another followed.
   bool vouched = false;
@@ -113,6 +115,7 @@ class LogWalk {
   std::int64_t last_mono_ns_ = 0;
   std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
   std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once
+  bool opened_now_ = false;                    // whether it opens the case that it tells of
   std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
   std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
   std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this

@@ -71,6 +71,11 @@ void OutsideNotes::judge(const OutsideNote& note) {
                    note.name + " does not hold, so nothing was compared with it: " + opened.explanation);
     return;
   }
+  if (checkpoint->size == 0) {
+    findings_->add("outside-note-unchecked", {},
+                   note.name + " is of no entry, and everything begins with none, so it was not compared");
+    return;
+  }
   notes_.push_back({note.name, std::move(*checkpoint)});
 }
 

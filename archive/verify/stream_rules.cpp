@@ -160,11 +160,21 @@ void StreamRules::take(const GapEntry& gap, std::uint64_t entry) {
 }
 
 void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
-  findings_->add("segments-erased", {std::string(kLedgerFile), entry},
-                 digits(erased.last_index - erased.first_index + 1) + " segments of " + report_.info.name +
-                     " (" + digits(erased.first_index) + " to " + digits(erased.last_index) +
-                     ") were erased by policy: " + erased.policy);
   erased_.add(erased.first_index, erased.last_index);
+  // Behind close no segment comes any more; an excerpt does not show how many there are.
+  const std::uint64_t entered = whole_case_ ? next_index_.value_or(0) : erased.last_index + 1;
+  if (erased.last_index >= entered) {
+    findings_->add("erased-never-recorded", {std::string(kLedgerFile), entry},
+                   "entry " + digits(entry) + " says that segments of " + report_.info.name + " up to " +
+                       digits(erased.last_index) + " were erased, and the ledger has " + digits(entered) +
+                       " of them: what was never recorded was not erased");
+  }
+  if (erased.first_index >= entered) return;
+  const std::uint64_t last = std::min(erased.last_index, entered - 1);
+  findings_->add("segments-erased", {std::string(kLedgerFile), entry},
+                 digits(last - erased.first_index + 1) + " segments of " + report_.info.name + " (" +
+                     digits(erased.first_index) + " to " + digits(last) + ") were erased by the policy \"" +
+                     erased.policy + "\", as the recorder states it");
 }
 
 void StreamRules::take_interruption() {
@@ -227,7 +237,8 @@ std::optional<Span> StreamRules::uncovered(Span hole) const {
 void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry) {
   const std::int64_t duration_ns = segment.span.end_ns - segment.span.start_ns;
   if (of_pictures_ && segment.complete && segment.counted && duration_ns > 0) {
-    fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, duration_ns});
+    fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, segment.span.start_ns,
+                         duration_ns, segment.frames > 0});
   }
   if (!of_marks_ && info_->timing == "arrival" && segment.counted && duration_ns > kLongestCountedSegmentNs) {
     findings_->add("segment-too-long", {std::string(kLedgerFile), entry},
@@ -309,6 +320,28 @@ void StreamRules::check_fillings() {
   }
 }
 
+// Whoever reads the gap believes that there is no film of it.
+void StreamRules::check_pictures_in_gaps() {
+  std::uint64_t count = 0;
+  const Filling* first = nullptr;
+  for (const Filling& each : fillings_) {
+    if (!each.has_pictures || each.duration_ns <= kSeamToleranceNs) continue;
+    const std::int64_t end_ns = each.start_ns + each.duration_ns;
+    const auto after =
+        std::upper_bound(gaps_.begin(), gaps_.end(), each.start_ns,
+                         [](std::int64_t start_ns, const Span& gap) { return start_ns < gap.start_ns; });
+    if (after == gaps_.begin() || std::prev(after)->end_ns < end_ns) continue;
+    ++count;
+    if (first == nullptr) first = &each;
+  }
+  if (first == nullptr) return;
+  findings_->add("segment-within-gap", {std::string(kLedgerFile), first->entry},
+                 digits(count) + (count == 1 ? " segment" : " segments") + " of " + report_.info.name +
+                     " with pictures, the first of them number " + digits(first->index) + " from " +
+                     text_of({first->start_ns, first->start_ns + first->duration_ns}) +
+                     ", lie in time that a gap says was not recorded: there are pictures of it");
+}
+
 void StreamRules::check_ends(const Span& recorded) {
   if (of_marks_) {
     return;  // has segments only where somebody did something
@@ -372,6 +405,7 @@ void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_
     check_gaps_end(*recorded);
   }
   check_fillings();
+  check_pictures_in_gaps();
   for (const Hole& hole : holes_) {
     const std::optional<Span> left = uncovered(hole.span);
     // A gap may be entered before the segment in front of it, and so before the lines of an excerpt.

@@ -7,6 +7,7 @@
 //   earlier.
 // - A stream that is recorded as it comes has something, or a gap, from the case's beginning to its end.
 // - No gap ends later than both the case and the stream's last segment: that time has not come.
+// - No segment with pictures lies wholly in a gap, and none is erased that was never entered.
 // - A segment without counts is one that recovery found: a `recovered` stands before it.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
 //   around it; one that recovery found, by that.
@@ -98,7 +99,8 @@ class StreamRules {
   /// What a segment holds against its length.
   struct Filling {
     std::uint64_t entry = 0, index = 0, frames = 0;  // those that were dropped among them: they are stated
-    std::int64_t duration_ns = 0;
+    std::int64_t start_ns = 0, duration_ns = 0;
+    bool has_pictures = false;  // that were not dropped
     [[nodiscard]] double rate() const { return static_cast<double>(frames) * 1e9 / double(duration_ns); }
   };
   void count_filling(const SegmentEntry& segment, std::uint64_t entry);
@@ -107,6 +109,8 @@ class StreamRules {
   void check_length(const Span& recorded);
   void check_gaps_end(const Span& recorded);
   void check_fillings();
+  /// Pictures of a time that a gap says was not recorded; gaps must be joined.
+  void check_pictures_in_gaps();
   void check_seam(const SegmentEntry& segment, std::uint64_t entry);
   /// Of a segment's file of this stream; nothing for any other path.
   [[nodiscard]] std::optional<std::uint64_t> index_of(const std::string& path) const;

@@ -399,13 +399,13 @@ std::string what_lies_instead(const std::filesystem::path& folder) {
                                                               : "";
 }
 
-/// Of a case that the log opened in `entry` and that is not in the archive.
-void report_missing(const std::string& case_id, std::uint64_t entry, bool vouched,
+/// Of a case that the log opened, or tells of, in `entry` and that is not in the archive.
+void report_missing(const std::string& case_id, std::string_view deed, std::uint64_t entry, bool vouched,
                     const std::filesystem::path& archive, FindingList& findings) {
   const Place place{std::string(kLedgerFile), entry};
-  const std::string text = "case " + case_id + " was opened (entry " + std::to_string(entry) +
-                           " of the log), was not erased, and is not in " + archive.string() +
-                           what_lies_instead(archive / case_id);
+  const std::string text = "case " + case_id + " was " + std::string(deed) + " (entry " +
+                           std::to_string(entry) + " of the log), was not erased, and is not in " +
+                           archive.string() + what_lies_instead(archive / case_id);
   if (vouched) {
     findings.add("case-missing", place, text);
   } else {
@@ -424,13 +424,18 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
   std::uint64_t not_looked_for = 0;
   for (const auto& [case_id, logged] : log.cases) {
     if (!logged.opened) {
+      // Its opening could not be entered, on a full disk say; the log knows it all the same.
+      const LyingThere there = search && logged.told ? look_at(archive / case_id) : LyingThere{true, {}};
+      if (!logged.erased && !there.unreadable && !there.opening_line) {
+        report_missing(case_id, "recorded", *logged.told, logged.vouched, archive, findings);
+      }
       continue;
     }
     const Place opened{std::string(kLedgerFile), logged.opened};
     not_looked_for += search || logged.erased ? 0 : 1 + logged.further.size();
     const LyingThere there = search ? look_at(archive / case_id) : LyingThere{};
     if (search && !logged.erased && !there.may_be(logged.opening_line)) {
-      report_missing(case_id, *logged.opened, logged.vouched, archive, findings);
+      report_missing(case_id, "opened", *logged.opened, logged.vouched, archive, findings);
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", opened, "the log knows no end of case " + case_id);
     }
@@ -438,7 +443,7 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
       // Of several cases under one identifier one alone can be there.
       for (const FurtherOpening& each : logged.further) {
         if (!there.may_be(each.opening_line)) {
-          report_missing(case_id, each.entry, each.vouched, archive, findings);
+          report_missing(case_id, "opened", each.entry, each.vouched, archive, findings);
         }
       }
     }

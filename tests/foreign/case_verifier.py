@@ -37,7 +37,7 @@ class Stream:
         self.interrupted, self.recovered, self.cut = not whole_case, False, None
         self.first, self.end, self.begin = None, None, 0
         self.segments = self.frames = self.dropped = self.bytes = 0
-        self.holes, self.gaps, self.fillings, self.erased = [], [], [], []
+        self.holes, self.gaps, self.fillings, self.with_pictures, self.erased = [], [], [], [], []
         self.silence = None
         self.longest_silence = self.latest_gap = 0
         self.entered = set()
@@ -109,6 +109,8 @@ class Stream:
     def _fill(self, segment, frames, counted, duration):
         if self.of_pictures and segment["complete"] and counted and duration > 0:
             self.fillings.append((frames + segment["dropped"], duration))
+            if frames > 0 and duration > SEAM:
+                self.with_pictures.append((segment["start_ns"], segment["end_ns"]))
         if not self.of_marks and self.info["timing"] == "arrival" and counted and duration > LONGEST_SEGMENT:
             self.report("segment-too-long", segment["file"])
         if not self.of_pictures and not self.of_marks:
@@ -128,8 +130,12 @@ class Stream:
         self.gaps.append((gap["start_ns"], gap["end_ns"]))
 
     def take_erased(self, erased):
-        self.report("segments-erased", erased["stream"])
         self.erased.append((erased["first_index"], erased["last_index"]))
+        entered = (self.next_index or 0) if self.whole_case else erased["last_index"] + 1
+        if erased["last_index"] >= entered:
+            self.report("erased-never-recorded", erased["stream"])
+        if erased["first_index"] < entered:
+            self.report("segments-erased", erased["stream"])
 
     def interrupt(self):
         self.cut, self.interrupted = None, True
@@ -137,15 +143,18 @@ class Stream:
     def totals(self):
         return {"segments": self.segments, "frames": self.frames, "dropped": self.dropped, "bytes": self.bytes}
 
-    def uncovered(self, begin, end):
-        """What of a hole lies behind the joined gap in which it begins; None where that is no more than a seam."""
+    def joined(self):
         joined = []
         for start, stop in sorted(self.gaps):
             if joined and start <= joined[-1][1] + SEAM:
                 joined[-1][1] = max(joined[-1][1], stop)
             else:
                 joined.append([start, stop])
-        before = [gap for gap in joined if gap[0] <= begin + SEAM]
+        return joined
+
+    def uncovered(self, begin, end):
+        """What of a hole lies behind the joined gap in which it begins; None where that is no more than a seam."""
+        before = [gap for gap in self.joined() if gap[0] <= begin + SEAM]
         begin = max([begin] + [gap[1] for gap in before[-1:]])
         return (begin, end) if end - begin > SEAM else None
 
@@ -155,6 +164,8 @@ class Stream:
         if recorded and self.latest_gap - max(recorded[1], self.end or 0) > GAP_BEYOND_END:
             self.report("gap-beyond-end", self.info["name"])
         self._check_fillings()
+        if any(gap[0] <= begin and end <= gap[1] for gap in self.joined() for begin, end in self.with_pictures):
+            self.report("segment-within-gap", self.info["name"])
         for begin, end in self.holes:
             left = self.uncovered(begin, end)
             if left and lines_begin is not None and left[1] <= lines_begin + SEAM:

@@ -875,6 +875,29 @@ def retention(world):
     return world.write(erased(world))
 
 
+@reaches("erased-never-recorded")
+def erased_what_never_was(world):
+    case = world.sound()
+    case.add("erased", 20_300 * MS, stream="endoscope", first_index=4, last_index=900, policy="room pictures after a day")
+    case.checkpoint()
+    return world.write(case)
+
+
+@reaches("erased-never-recorded", "segments-erased")
+def erased_more_than_there_was(world):
+    case = erased(world)
+    case.find("erased").fields["last_index"] = 700
+    return world.write(case)
+
+
+@reaches("segment-within-gap", "gap")
+def pictures_of_a_gap(world):
+    case = world.sound()
+    end = case.steps.index(case.find("close"))
+    case.steps.insert(end, Entry("gap", 20_035 * MS, {"stream": "endoscope", "start_ns": 2 * SECOND, "end_ns": 18 * SECOND, "cause": "signal-lost"}))
+    return world.write(case)
+
+
 @reaches("segments-erased", "erased-file-present")
 def retention_cut_off(world):
     return world.write(erased(world, False))
@@ -1264,6 +1287,49 @@ def case_erased(world):
     given = the_log(world, change)
     (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
     return given
+
+
+@reaches("case-missing")
+def erased_before_it_was_opened(world):
+    def change(log, written):
+        log.steps[2:2] = [Entry("erased", 59 * SECOND, {"case": written.case.id, "policy": "after ten years"}), Checkpoint()]
+    given = the_log(world, change)
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches()
+def erased_and_opened_again_by_nobody(world):
+    def change(log, written):
+        log.signed("erased", 90 * SECOND, case=written.case.id, policy="after ten years")
+        log.add("case-opened", 91 * SECOND, case=written.case.id, sha256=hashlib.sha256(written.lines[0]).hexdigest())
+        log.signed("access", 92 * SECOND, case="*", what="unlocked", who="sato")
+    given = the_log(world, change)
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches("case-missing")
+def removed_and_never_entered_as_opened(world):
+    def change(log, written):
+        del log.steps[2:4]
+    given = the_log(world, change)
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches()
+def there_and_never_entered_as_opened(world):
+    def change(log, written):
+        del log.steps[2:4]
+    return the_log(world, change)
+
+
+@reaches("outside-note-unchecked")
+def note_of_nothing(world):
+    given = the_log(world)
+    (world.folder / "kept.note").write_bytes(world.device.checkpoint("kiroku/or3/log", 0, hashlib.sha256(b"").digest()))
+    return dataclasses.replace(given, against=[world.folder / "kept.note"])
 
 
 @reaches("cases-not-looked-for")

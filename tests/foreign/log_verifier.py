@@ -78,6 +78,8 @@ class LogRead:
             if erased and own:
                 erased.erased = True
             if told:
+                if own and kind == "case-opened":
+                    told.erased = False
                 if closed and (own or not told.closed):
                     told.closed, told.final_token = closed, entry.get("final_token")
                 told.vouched = told.vouched or own
@@ -160,6 +162,8 @@ def _look_for_cases(log, path):
     unknown = False
     for name, case in log.cases.items():
         if case.opened is None:
+            if case.roots and search and not case.erased and not _has_ledger(archive / name):
+                report("case-missing" if case.vouched else "log-entry-doubted", name)
             continue
         if not search and not case.erased:
             unknown = True
@@ -174,6 +178,13 @@ def _look_for_cases(log, path):
             report("log-case-erased", name)
     if unknown:
         report("cases-not-looked-for", "no case lies beside the log")
+
+
+def _has_ledger(folder):
+    try:
+        return b"\n" in (folder / "ledger.jsonl").read_bytes()
+    except OSError:
+        return False
 
 
 def _holds(folder, opening_line):

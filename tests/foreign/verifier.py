@@ -296,6 +296,9 @@ class Folder:
             if not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
                 self.report("outside-note-invalid", name)
                 continue
+            if checkpoint.size == 0:
+                self.report("outside-note-unchecked", name)
+                continue
             seen.append((name, checkpoint))
         for i, (name, one) in enumerate(seen):
             if any((o.origin, o.size) == (one.origin, one.size) and o.root != one.root for _, o in seen[:i]):

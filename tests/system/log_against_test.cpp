@@ -171,5 +171,29 @@ TEST_F(LogAgainst, ACaseIsComparedWithItsReceipt) {
   EXPECT_REFUSED(kiroku({"verify", case_.string(), second.string(), "--against", receipt}), "one by one");
 }
 
+// Who may invite a guest chooses the guest's name.
+TEST_F(LogAgainst, ATextOfTheLogCannotBeTakenForTwoFields) {
+  const std::string boot = lines_of(home()).front();
+  const std::string long_text(3'000, 'w');
+  const auto access = [](int seq, const std::string& what) {
+    return R"({"type":"access","seq":)" + std::to_string(seq) +
+           R"(,"utc":"2026-08-05T09:15:02.000000Z","mono_ns":1,"case":"*","what":")" + what +
+           R"(","who":"a-surgeon"})" + "\n";
+  };
+  write_text(log_of(home()) / "ledger.jsonl", boot + "\n" + access(1, "invited Y  who=a-director") +
+                                                  access(2, "a\\u202eb c") + access(3, long_text));
+  const std::string listed = kiroku({"log"}).out;
+  EXPECT_THAT(listed, HasSubstr(R"(case=*  what="invited Y  who=a-director"  who=a-surgeon)"));
+  EXPECT_THAT(listed, HasSubstr(R"(\\u{202E}b c)")) << "and shows what turns a line round";
+  EXPECT_THAT(listed, HasSubstr("\u2026 (3000 bytes; --json has all)  who=a-surgeon"));
+  EXPECT_THAT(listed, testing::Not(HasSubstr(std::string(1'100, 'w'))));
+  const nlohmann::json entries = kiroku_json({"log", "--json"})["entries"];
+  ASSERT_EQ(entries.size(), 4U);
+  EXPECT_EQ(entries[3]["what"], long_text);
+  EXPECT_EQ(entries[2]["what"],
+            "a\u202e"
+            "b c");
+}
+
 }  // namespace
 }  // namespace kiroku::test

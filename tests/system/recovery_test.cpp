@@ -116,8 +116,8 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   const nlohmann::json report = verified(folder);
   EXPECT_EQ(report["verdict"], "intact-with-gaps");
   EXPECT_THAT(report["findings"].dump(),
-              AllOf(HasSubstr("segments-erased"), HasSubstr("erased by policy: room: at once")));
-  EXPECT_THAT(kiroku({"log"}).out, HasSubstr("stream=endoscope  policy=room: at once"));
+              AllOf(HasSubstr("segments-erased"), HasSubstr(R"(erased by the policy \"room: at once\")")));
+  EXPECT_THAT(kiroku({"log"}).out, HasSubstr(R"(stream=endoscope  policy="room: at once")"));
 }
 
 // The nightly erasure goes on where one folder is damaged, and says which.

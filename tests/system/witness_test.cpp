@@ -1,6 +1,7 @@
 // Witnesses of an appliance log, by the programs that people run.
 #include <filesystem>
 #include <memory>
+#include <sys/stat.h>
 
 #include "tests/system/program_test.h"
 
@@ -108,6 +109,56 @@ TEST_F(Witnesses, ACopyFromBeforeIsToldAndASecondHistoryIsNotCosigned) {
   EXPECT_EQ(judged.status, 1) << judged.out;
   EXPECT_THAT(judged.out, HasSubstr("outside-note-forked"));
   EXPECT_THAT(judged.out, HasSubstr("was not signed of the entries that this log begins with"));
+}
+
+// The device's own signature is on what was cosigned: a log that is not that one is not whole.
+TEST_F(Witnesses, ALogThatIsShorterThanWhatTheHomesNoteIsOfIsTampered) {
+  fs::copy(home() / "archive/log", folder() / "before", fs::copy_options::recursive);
+  EXPECT_FALSE(record().empty());
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+  fs::remove_all(home() / "archive/log");
+  fs::rename(folder() / "before", home() / "archive/log");
+  for (const Arguments& arguments : {kVerify, Arguments{"log", "--verify"}}) {
+    const ProcessResult cut = kiroku(arguments);
+    EXPECT_EQ(cut.status, 1) << cut.out;
+    EXPECT_THAT(cut.out, HasSubstr("outside-note-rolled-back"));
+  }
+  EXPECT_THAT(kiroku(kVerify).out, HasSubstr("Entries were taken away, or this is a copy from before"));
+}
+
+TEST_F(Witnesses, APipeInThePlaceOfTheHomesNoteKeepsTheLogFromNothing) {
+  fs::create_directories(home() / "witnessed");
+  ASSERT_EQ(::mkfifo((home() / "witnessed/log.note").c_str(), 0600), 0);
+  const ProcessResult judged = kiroku({"log", "--verify"});
+  EXPECT_EQ(judged.status, 0) << judged.out;
+  EXPECT_THAT(judged.err, HasSubstr("is no file, so the log was not compared with it"));
+  EXPECT_EQ(kiroku(kVerify).status, 3);
+}
+
+TEST_F(Witnesses, HowMuchOfTheLogNobodyWitnessedIsSaid) {
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  EXPECT_THAT(kiroku(kVerify).out, testing::Not(HasSubstr("only the device speaks")));
+  EXPECT_FALSE(record().empty());
+  EXPECT_THAT(kiroku(kVerify).out, HasSubstr("behind them only the device speaks: from 20"));
+  Arguments as_json = kVerify;
+  as_json.emplace_back("--json");
+  const nlohmann::json judged = kiroku_json(as_json)["witnesses"];
+  EXPECT_GT(judged["log_entries"], judged["entries"]);
+  EXPECT_THAT(judged["unwitnessed_since"].get<std::string>(), testing::StartsWith("20"));
+}
+
+// It would cosign a second history of every log that it is told of again.
+TEST_F(Witnesses, OneThatLostItsMemoryDoesNotBeginAnew) {
+  const std::string folder = path("witness-a");
+  served_.clear();
+  fs::resize_file(fs::path(folder) / "witness.sqlite", 0);
+  const Arguments trust{"witness", "trust", folder, (home() / "device.pub").string()};
+  EXPECT_REFUSED(kiroku(trust), "make a new one with 'kiroku witness init'");
+  fs::remove(fs::path(folder) / "witness.sqlite");
+  EXPECT_REFUSED(kiroku(trust), "make a new one with 'kiroku witness init'");
+  EXPECT_REFUSED(kiroku({"witness", "serve", folder}), "make a new one with 'kiroku witness init'");
+  EXPECT_FALSE(fs::exists(fs::path(folder) / "witness.sqlite"));
 }
 
 TEST_F(Witnesses, ANoteWithItsQuorumStaysWhereANewerOneLacksIt) {

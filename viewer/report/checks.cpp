@@ -60,6 +60,7 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
       if (found("log-algorithm-ended")) return Answer::kUnknown;
       return found("log-case-open") ? Answer::kInPart : Answer::kYes;
     case Check::kStreams:
+      if (!excerpt && nothing_recorded(verification)) return Answer::kNo;
       return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart
                                                                                             : Answer::kYes;
     case Check::kContents:
@@ -100,6 +101,13 @@ void withhold_what_ended(std::vector<CheckAnswer>& answers) {
 }
 
 }  // namespace
+
+bool nothing_recorded(const archive::VerificationReport& verification) {
+  const auto is_recorded = [](const archive::StreamReport& stream) {
+    return stream.info.kind != "events" && stream.segments > 0;
+  };
+  return !verification.streams.empty() && std::ranges::none_of(verification.streams, is_recorded);
+}
 
 Tone tone_of(Answer answer) {
   switch (answer) {

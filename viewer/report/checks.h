@@ -49,6 +49,9 @@ struct CheckAnswer {
 std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verification, const Given& given,
                                        bool excerpt);
 
+/// Whether no stream of pictures or vital signs has a segment: then no gap makes it a recording.
+bool nothing_recorded(const archive::VerificationReport& verification);
+
 /// Which question a finding of this code belongs to; nothing for a code that is none.
 std::optional<Check> check_of(std::string_view code);
 /// What the code means, as a sentence; the code itself where it is none of the format's.

@@ -1,8 +1,11 @@
 #include "viewer/report/document_parts.h"
 
 #include <algorithm>
+#include <chrono>
+#include <optional>
 #include <utility>
 
+#include "base/utc_time.h"
 #include "viewer/report/figures_in_words.h"
 #include "viewer/report/texts.h"
 
@@ -150,6 +153,19 @@ Statement verdict_statement(const ReportInput& input) {
   if (!input.verification.contents || input.verification.contents->opened == 0)
     statement.remarks.push_back(say(input.language, "scope.remark-unopened"));
   return statement;
+}
+
+std::string identifier_words(const ReportInput& input, const std::string& identifier) {
+  constexpr std::size_t kTimeDigits = 16;  // 20260805T091502Z
+  constexpr auto kUsual = std::chrono::minutes(10);
+  if (!input.facts.opened_at || identifier.size() < kTimeDigits) return identifier;
+  const auto part = [&](std::size_t begin, std::size_t count) { return identifier.substr(begin, count); };
+  const std::optional<UtcTime> named =
+      parse_utc(part(0, 4) + "-" + part(4, 2) + "-" + part(6, 2) + "T" + part(9, 2) + ":" + part(11, 2) +
+                ":" + part(13, 2) + ".000000Z");
+  const UtcTime opened = input.facts.opened_at->utc;
+  if (named && opened - *named <= kUsual && *named - opened <= kUsual) return identifier;
+  return say(input.language, "case.id.other-time", {identifier});
 }
 
 Document empty_document(const ReportInput& input, std::string title) {

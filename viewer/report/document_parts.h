@@ -26,5 +26,8 @@ Table facts_table();
 void add_fact(Table& table, std::string name, std::string value, Face face = Face::kText);
 /// Whether the device's key is among the given ones, in words.
 std::string device_trust_words(const ReportInput& input);
+/// A case's identifier begins with a time, which whoever made the case chose: says so where it is more than
+/// ten minutes from the opening's.
+std::string identifier_words(const ReportInput& input, const std::string& identifier);
 
 }  // namespace kiroku::report

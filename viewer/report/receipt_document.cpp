@@ -41,7 +41,7 @@ Document make_receipt(const ReportInput& input) {
   add(Paragraph{words("receipt.lead")});
 
   Table table = facts_table();
-  add_fact(table, words("case.id"), document.identifier);
+  add_fact(table, words("case.id"), identifier_words(input, document.identifier));
   if (facts.opened_at)
     add_fact(table, words("case.opened"), words("case.by-device", {utc_time(facts.opened_at->utc)}));
   add_fact(

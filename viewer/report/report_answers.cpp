@@ -60,6 +60,9 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
+  const bool is_excused = gravest == nullptr || gravest->severity <= archive::Severity::kGap;
+  if (answered.check == Check::kStreams && answered.answer == Answer::kNo && is_excused)
+    return words("check.streams.nothing");
   if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt)
     return words("check.files.unasked");
   if (gravest == nullptr) {

@@ -13,7 +13,7 @@ std::string ReportMaker::reason() const {
   if (reason == "disk-full") return words("reason.disk-full");
   if (reason == "recovered") return words("reason.recovered");
   if (const auto later = archive::announced_by(reason)) return words("reason.to-be-carried-on", {*later});
-  return plain_text(reason);
+  return words("reason.other", {plain_text(reason)});
 }
 
 std::string ReportMaker::held_words() const {
@@ -62,7 +62,7 @@ void ReportMaker::add_case() {
   heading("heading.case");
   const CaseFacts& facts = in_.facts;
   Table table = facts_table();
-  add_fact(table, words("case.id"), document_.identifier);
+  add_fact(table, words("case.id"), identifier_words(in_, document_.identifier));
   if (const auto earlier = facts.opening ? archive::carried_on_by(*facts.opening) : std::nullopt) {
     add_fact(table, words("case.carries-on"), words("case.carries-on.text", {earlier->case_id}));
   }

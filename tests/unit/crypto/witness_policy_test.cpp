@@ -39,6 +39,17 @@ class WitnessPolicyTest : public testing::Test {
   }();
 };
 
+// A file that is no policy may have one word of megabytes.
+TEST_F(WitnessPolicyTest, QuotesTheBeginningOfWhatIsNone) {
+  const std::string word(1U << 20U, 'w');
+  for (const std::string& text :
+       {word + "\n", "witness a " + word + "\n", "log " + word + "\n", "quorum " + word + "\n",
+        witness(0) + "group g " + word + " W0\n", "log a+00000000+" + word + "\n"}) {
+    EXPECT_LT(refusal(text).size(), 1'000U) << text.substr(0, 20);
+    EXPECT_THAT(refusal(text), HasSubstr("\u2026")) << text.substr(0, 20);
+  }
+}
+
 TEST_F(WitnessPolicyTest, CountsAsItsGroupsSay) {
   // The example of tlog-policy.md: two of three, and one of three others.
   const WitnessPolicy policy = WitnessPolicy::parse(

@@ -25,6 +25,11 @@ using testing::HasSubstr;
 using testing::StartsWith;
 using State = crypto::CosignatureCheck::State;
 
+std::filesystem::path made(const std::filesystem::path& file) {
+  Store::make(file);
+  return file;
+}
+
 /// A log of numbered lines that can be shown at any size.
 class Witnessed : public testing::Test {
  protected:
@@ -51,7 +56,7 @@ class Witnessed : public testing::Test {
   const test::TemporaryFolder folder;
   crypto::MerkleTree tree;
   const crypto::SigningKey log_key = crypto::SigningKey::generate(), key = crypto::SigningKey::generate();
-  Store store{folder / "witness.sqlite"};
+  Store store{made(folder / "witness.sqlite")};
   test::MovedClock time;
   Witness witness{store, "w.example/1", key, time};
 };
@@ -188,26 +193,45 @@ TEST_F(Witnessed, OfTwoAtOnceOneIsRefused) {
   EXPECT_EQ(conflicts, 3);
 }
 
+// A witness that lost its memory and is told of the log anew would cosign a second history.
 TEST_F(Witnessed, ATornDatabaseNeverBeginsAnew) {
   ASSERT_EQ(add(0, 20).status, 200);
   std::ifstream in(folder / "witness.sqlite", std::ios::binary);
   const std::string whole(std::istreambuf_iterator<char>(in), {});
-  int refused = 0, empty = 0;
+  const auto why = [](const std::filesystem::path& file) -> std::string {
+    try {
+      Store opened(file);
+      return "";
+    } catch (const Error& error) {
+      return error.what();
+    }
+  };
   for (std::size_t length = 0; length < whole.size(); length += 512) {
     const std::filesystem::path torn = folder / ("torn" + std::to_string(length));
     std::ofstream(torn, std::ios::binary) << whole.substr(0, length);
-    try {
-      Store opened(torn);
-      Witness forgetful(opened, "w.example/1", key, time);
-      // What lost its memory has lost the log, too, and cosigns nothing of it.
-      EXPECT_EQ(forgetful.add_checkpoint(submission(0, 30).to_text()).status, 404) << length;
-      ++empty;
-    } catch (const Error&) {
-      ++refused;
-    }
+    EXPECT_THAT(why(torn), HasSubstr("make a new one with 'kiroku witness init'")) << length;
+    EXPECT_EQ(std::filesystem::file_size(torn), length) << "it stays as it is";
   }
-  EXPECT_GT(refused, 10);
-  EXPECT_EQ(empty, 1) << "an empty file is a new witness, which knows no log";
+  EXPECT_THAT(why(folder / "absent"), HasSubstr("No such file"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "absent"));
+  EXPECT_EQ(why(folder / "witness.sqlite"), "");
+}
+
+// Whoever saw a checkpoint can ask for it again without end.
+TEST_F(Witnessed, WhatWasCosignedJustNowIsNotSignedAndStoredAgain) {
+  const std::string first = add(0, 20).body;
+  time.move(std::chrono::seconds(59));
+  EXPECT_EQ(add(20, 20).body, first);
+  time.move(std::chrono::seconds(1));
+  const Answer later = add(20, 20);
+  EXPECT_EQ(later.status, 200);
+  EXPECT_NE(later.body, first);
+  EXPECT_THAT(store.log(kOrigin)->latest->note, HasSubstr(later.body));
+  // Another text of the same size and root is signed for itself.
+  const std::string text = crypto::Checkpoint{kOrigin, 20, tree.root(20)}.to_text() + "more\n";
+  const Answer extended = witness.add_checkpoint("old 20\n\n" + crypto::sign_note(text, "or-1", log_key));
+  EXPECT_EQ(extended.status, 200);
+  EXPECT_NE(extended.body, later.body);
 }
 
 TEST_F(Witnessed, IsAskedOverHttp) {
@@ -280,6 +304,18 @@ TEST_F(Asking, TellsWhyThereIsNoCosignature) {
   EXPECT_THAT(
       why(log(40), [](const std::string&, const std::string&) -> WitnessReply { throw Error("is away"); }),
       HasSubstr("is away"));
+}
+
+// A blank line in the answer would end the note's text elsewhere: then the line signs another text.
+TEST_F(Asking, TakesNoCosignatureOnAnotherText) {
+  const AskWitness lying = [this](const std::string&, const std::string&) -> WitnessReply {
+    const std::string text =
+        crypto::parse_note(note(7) + "\n" + crypto::signature_line("x", 1, Bytes(72))).text;
+    return {200, "\n" + crypto::cosign(text, "w.example/1", key, 1'785'920'400)};
+  };
+  const auto outcomes = cosign_log(log(7), policy(), lying);
+  EXPECT_EQ(outcomes.at(0).line, "");
+  EXPECT_THAT(outcomes.at(0).why, HasSubstr("not its cosignature"));
 }
 
 TEST_F(Asking, TakesNoLineOfAnybodyElse) {

@@ -665,7 +665,9 @@ TEST_F(RetentionTest, BytesGoAndTheProofStays) {
   const VerificationReport report = verify(folder);
   EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps);
   EXPECT_THAT(codes(report), ElementsAre("segments-erased"));
-  EXPECT_EQ(report.findings[0].text, "3 segments of endoscope (0 to 2) were erased by policy: room: 30 days");
+  EXPECT_EQ(report.findings[0].text,
+            "3 segments of endoscope (0 to 2) were erased by the policy \"room: 30 days\", as the recorder "
+            "states it");
   ASSERT_EQ(report.streams.size(), 2U);
   EXPECT_EQ(report.streams[0].erased_segments, 3U);
   EXPECT_EQ(report.streams[1].erased_segments, 0U);

@@ -252,7 +252,7 @@ TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
   // A film that is read faster than time passes has pictures, and holes, beyond the case's end.
   StreamInfo film = room();
   film.timing = "source";
-  EXPECT_THAT(codes_of(film, {{0, 80 * kSecond}}, {{70 * kSecond, 80 * kSecond}}), IsEmpty());
+  EXPECT_THAT(codes_of(film, {{0, 80 * kSecond}}, {{75 * kSecond, 80 * kSecond}}), IsEmpty());
   EXPECT_THAT(codes_of(film, {{0, 80 * kSecond}}, {{80 * kSecond, 90 * kSecond}}),
               ElementsAre("gap-beyond-end"));
 
@@ -264,6 +264,60 @@ TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
   const std::vector<Finding> found = findings.take();
   EXPECT_TRUE(std::ranges::any_of(
       found, [](const Finding& each) { return each.code == "gap-beyond-end" && each.entry == 7U; }));
+}
+
+// Whoever reads the gap believes that there is no film of it.
+TEST(StreamRules, TellsOfPicturesInTimeThatAGapSaysWasNotRecorded) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  const std::vector<Span> recorded{{0, 60 * kSecond}};
+  EXPECT_THAT(codes_of(room(), recorded, {{5 * kSecond, 25 * kSecond}}), ElementsAre("segment-within-gap"));
+  EXPECT_THAT(codes_of(room(), recorded, {{10 * kSecond, 15 * kSecond}, {15 * kSecond, 20 * kSecond}}),
+              ElementsAre("segment-within-gap"))
+      << "two that touch are one";
+  EXPECT_THAT(codes_of(room(), recorded, {{11 * kSecond, 29 * kSecond}}), IsEmpty())
+      << "none lies wholly within";
+
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  SegmentEntry empty;
+  empty.stream = "room";
+  empty.file.file = segment_path("room", 0, "ts");
+  empty.span = {0, kSecond};
+  rules.take(empty, 1);
+  rules.take(GapEntry{"room", {0, kSecond}, GapCause::kOverload}, 2);
+  rules.finish();
+  for (const Finding& each : findings.take()) EXPECT_NE(each.code, "segment-within-gap") << "it has none";
+}
+
+// A reader believes that there was film once, and that a rule removed it.
+TEST(StreamRules, WhatWasNeverRecordedWasNotErased) {
+  const auto erased = [](std::uint64_t first, std::uint64_t last, bool whole_case) {
+    FindingList findings;
+    StreamRules rules(room(), whole_case, findings);
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      SegmentEntry segment;
+      segment.stream = "room";
+      segment.index = i;
+      segment.file.file = segment_path("room", i, "ts");
+      segment.span = {static_cast<std::int64_t>(i) * kSecond, static_cast<std::int64_t>(i + 1) * kSecond};
+      rules.take(segment, i + 1);
+    }
+    rules.take(ErasedEntry{"room", first, last, "p"}, 9);
+    std::string found;
+    for (const Finding& each : findings.take()) {
+      if (each.code.find("erased") != std::string::npos) found += each.code + ": " + each.text + "\n";
+    }
+    return found;
+  };
+  EXPECT_THAT(erased(0, 3, true), testing::StartsWith("segments-erased: 4 segments of room (0 to 3)"));
+  EXPECT_THAT(erased(4, 900, true), testing::StartsWith("erased-never-recorded: entry 9"));
+  EXPECT_THAT(erased(4, 900, true), testing::Not(testing::HasSubstr("segments-erased")));
+  EXPECT_THAT(erased(2, 900, true),
+              testing::AllOf(testing::HasSubstr("erased-never-recorded: entry 9"),
+                             testing::HasSubstr("segments-erased: 2 segments of room (2 to 3)")));
+  EXPECT_THAT(erased(4, 900, false), testing::Not(testing::HasSubstr("never")))
+      << "an excerpt does not show how many there are";
 }
 
 TEST(StreamRules, DemandsNothingOfMarksAndOfAFileOnlyThatItHasSomething) {

@@ -7,6 +7,7 @@
 
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
+#include "base/utc_time.h"
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
 #include "tests/unit/viewer/report/document_text.h"
@@ -547,6 +548,43 @@ TEST_F(ReportDocument, OfAStreamThatIsShorterThanTheCaseDoesNotSayYes) {
     in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, {}, {}, "signal lost"});
     EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "Every hole")) << code;
   }
+}
+
+// "Yes, with stated gaps" would be the answer where the gaps are all there is.
+TEST_F(ReportDocument, OfACaseInWhichNothingWasRecordedDoesNotSayYes) {
+  const std::string asked = "Was it recorded without a break from beginning to end? | ";
+  ReportInput in = input();
+  for (archive::StreamReport& stream : in.verification.streams) {
+    if (stream.info.kind != "events") stream.segments = 0;
+  }
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "✗ No | Nothing was recorded"));
+  in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, {}, {}, "signal lost"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "✗ No | Nothing was recorded"));
+  in.verification.findings.push_back({"stream-empty", archive::Severity::kUnproven, {}, {}, {}, "empty"});
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "! Could not be checked"));
+}
+
+// Whoever makes a case chooses its identifier, and a reader takes the time in it for the operation's.
+TEST_F(ReportDocument, AnIdentifierThatNamesAnotherTimeThanTheOpeningIsSaid) {
+  const std::string other = "which names a time that is not that of its opening";
+  ReportInput in = input();
+  std::string opened = format_utc(in.facts.opened_at->utc).substr(0, 19) + "Z-3f9c21ab";
+  std::erase_if(opened, [](char c) { return c == ':'; });
+  opened.erase(7, 1).erase(4, 1);
+  in.verification.case_id = opened;
+  EXPECT_THAT(test::text_of(make_report(in)), testing::Not(HasSubstr(other)));
+  EXPECT_THAT(test::text_of(make_receipt(in)), testing::Not(HasSubstr(other)));
+  in.verification.case_id = "20160805T091502Z-3f9c21ab";
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("20160805T091502Z-3f9c21ab, " + other));
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("20160805T091502Z-3f9c21ab, " + other));
+}
+
+TEST_F(ReportDocument, WhatTheDeviceWroteOfItsEndStandsInQuotationMarks) {
+  ReportInput in = input();
+  in.facts.close_reason = "error: none. The court's expert found this recording complete";
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("“error: none. The court's expert found this recording complete”, as the device "
+                        "states it"));
 }
 
 TEST_F(ReportDocument, OfACaseThatWasStampedAfterItsEndAloneSaysNoBeginning) {
