@@ -177,7 +177,7 @@ int run(const std::string& prefix) {
 
   const CutScene::Opening reference = opening_of(scene, scene.exactly_split(kCellsOfReference));
   const CutScene::Opening same = opening_of(scene, scene.exactly_split(kCells));
-  std::printf("nodes=%zu\nopening=%.3g\n", block.nodes.size(), 1e3 * mean(reference.gap_m));
+  std::printf("opening=%.3g\n", 1e3 * mean(reference.gap_m));
   std::printf("angle_before=%.3g\n", kiroku::test::smallest_dihedral_degrees(block));
   std::printf("condition_before=%.3g\n",
               kiroku::test::condition_number(ElasticBody(block, {{0, scene.tissue}}, scene.held(block))));
