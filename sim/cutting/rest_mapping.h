@@ -1,4 +1,4 @@
-// From the deformed body, where a blade is seen to move, back to the rest shape, which is what is cut.
+// Between the deformed body, where a blade is seen to move, and the rest shape, which is what is cut.
 #pragma once
 
 #include <vector>
@@ -22,8 +22,16 @@ class RestMapping {
   [[nodiscard]] BladePose to_rest(const BladePose& deformed) const {
     return {to_rest(deformed.tip), to_rest(deformed.heel)};
   }
+  /// The way back.
+  [[nodiscard]] Vector3 to_deformed(const Vector3& rest_m) const;
+  [[nodiscard]] BladePose to_deformed(const BladePose& rest) const {
+    return {to_deformed(rest.tip), to_deformed(rest.heel)};
+  }
 
  private:
+  [[nodiscard]] Vector3 mapped(const Vector3& point_m, const std::vector<Vector3>& from_m,
+                               const std::vector<Vector3>& to_m) const;
+
   const VertexPreservingCut& shape_;
   std::vector<Vector3> deformed_m_;  // (|V|)
   std::vector<Face> surface_;

@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include <Eigen/LU>
+
 #include "base/error.h"
 #include "base/number_text.h"
 #include "sim/contact/near_tools.h"
@@ -19,6 +21,7 @@ constexpr int kMostNewtonSteps = 50;
 constexpr double kSmallestPart = 1.0 / 256;  // of a step's motion
 constexpr int kMostStepHalvings = 33;        // of Newton's step
 constexpr double kSufficientDecrease = 1e-4;
+constexpr double kOnFace = 1e-9;         // weights within an element may miss its face by rounding
 constexpr double kHoldRounding = 1e-14;  // of where a held node is to be, in lengths of the body
 
 /// Zero where nothing is free.
@@ -60,6 +63,81 @@ CorotationalManipulation::CorotationalManipulation(const CorotationalBody& body,
   const ContactSolver refuses_options_without_sense(
       neighbourhood({}, Eigen::MatrixXd(load_n_.size(), 0), surface_m(state_.displacement_m)), {}, options_);
   result_ = report(state_);
+}
+
+CorotationalManipulation::CorotationalManipulation(const CorotationalBody& body,
+                                                   const Eigen::VectorXd& load_n,
+                                                   const CorotationalManipulation& previous)
+    : body_(body),
+      load_n_(load_n),
+      tools_(previous.tools_),
+      options_(previous.options_),
+      surface_(body.linear()),
+      holder_of_(body.linear().mesh().nodes.size(), kNobody),
+      state_(previous.state_),
+      result_(previous.result_) {
+  if (holder_of_.size() != previous.holder_of_.size()) {
+    throw UsageError("a manipulation of " + std::to_string(previous.holder_of_.size()) +
+                     " nodes cannot go on with a body of " + std::to_string(holder_of_.size()));
+  }
+  const auto touchable = [this](std::uint32_t node) {
+    return surface_.place_of[node] != TouchableSurface::kNowhere;
+  };
+  for (const Hold& hold : previous.holds_) {
+    Hold kept{hold.tool, hold.pose, {}, {}};
+    for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
+      if (!touchable(hold.nodes[i])) continue;
+      kept.nodes.push_back(hold.nodes[i]);
+      kept.positions_m.push_back(hold.positions_m[i]);
+      holder_of_[hold.nodes[i]] = hold.tool;
+    }
+    if (!kept.nodes.empty()) holds_.push_back(std::move(kept));
+  }
+  std::erase_if(result_.bound, [this](const BoundNode& bound) { return holder_of_[bound.node] == kNobody; });
+  state_.displacement_m = carried_over_m(previous);
+  // Contacts are found anew where a node that was pressed is no longer there.
+  const bool all_there =
+      std::ranges::all_of(result_.contacts, [&](const Contact& contact) { return touchable(contact.node); });
+  if (!all_there) {
+    state_.solver.reset();
+    state_.pressing.clear();
+    state_.contact_n.setZero();
+    result_.contacts.clear();
+  }
+  severed_n_ =
+      where_free(body_.inner_force_n(state_.displacement_m) - load_n_ - state_.contact_n, free_now());
+  const std::vector<OptionalPose> poses = state_.poses;
+  step(poses);
+  severed_n_.resize(0);
+}
+
+/// Where the nodes are, (3 |V|): what the cut has moved lies where the tissue there lay.
+Eigen::VectorXd CorotationalManipulation::carried_over_m(const CorotationalManipulation& previous) const {
+  const TetMesh &now = body_.linear().mesh(), &before = previous.body_.linear().mesh();
+  const Eigen::VectorXd& before_m = previous.state_.displacement_m;
+  const std::vector<bool> used = nodes_in_use(now);
+  Eigen::VectorXd carried_m = before_m;
+  for (std::size_t node = 0; node < now.nodes.size(); ++node) {
+    // What has lost its last element, or has fallen off, is back at rest.
+    if (!used[node]) carried_m.segment<3>(first_row(node)).setZero();
+    if (!used[node] || now.nodes[node] == before.nodes[node]) continue;
+    for (const Tetrahedron& corners : before.tetrahedra) {
+      Eigen::Matrix3d sides, moved;
+      const auto of = [&](std::size_t corner) -> Vector3 {
+        return before_m.segment<3>(first_row(corners[corner]));
+      };
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        const auto corner = static_cast<std::size_t>(i) + 1;
+        sides.col(i) = before.nodes[corners[corner]] - before.nodes[corners[0]];
+        moved.col(i) = of(corner) - of(0);
+      }
+      const Vector3 weights = sides.inverse() * (now.nodes[node] - before.nodes[corners[0]]);
+      if (weights.minCoeff() < -kOnFace || weights.sum() > 1 + kOnFace) continue;
+      carried_m.segment<3>(first_row(node)) = of(0) + moved * weights;
+      break;
+    }
+  }
+  return carried_m;
 }
 
 Vector3 CorotationalManipulation::position_m(std::uint32_t node,
@@ -140,8 +218,8 @@ std::vector<bool> CorotationalManipulation::free_now() const {
   return free;
 }
 
-/// What tools did that have let go since or are taken away, (3 |V|): it is taken back bit by bit where the
-/// body would otherwise jump too far.
+/// What tools did that have let go since or are taken away, and what elements bore that a cut took out,
+/// (3 |V|): it is taken back bit by bit where the body would otherwise jump too far.
 Eigen::VectorXd CorotationalManipulation::fading_n(std::span<const OptionalPose> poses) const {
   Eigen::VectorXd force_n = Eigen::VectorXd::Zero(load_n_.size());
   for (const BoundNode& bound : result_.bound) {
@@ -151,6 +229,7 @@ Eigen::VectorXd CorotationalManipulation::fading_n(std::span<const OptionalPose>
     if (!poses[contact.tool] && holder_of_[contact.node] == kNobody)
       force_n.segment<3>(first_row(contact.node)) += contact.force_n;
   }
+  if (severed_n_.size() != 0) force_n += severed_n_;
   return force_n;
 }
 

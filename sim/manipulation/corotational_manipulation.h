@@ -29,6 +29,12 @@ class CorotationalManipulation {
   CorotationalManipulation(const CorotationalBody& body, const Eigen::VectorXd& load_n,
                            std::vector<Tool> tools, const ContactOptions& options = {});
 
+  /// Goes on where `previous` is, with a body of the same nodes that a cut has left of its body: what is held
+  /// stays held, and what the lost elements bore is taken back bit by bit. kiroku::UsageError for another
+  /// number of nodes; kiroku::Error where no equilibrium is found.
+  CorotationalManipulation(const CorotationalBody& body, const Eigen::VectorXd& load_n,
+                           const CorotationalManipulation& previous);
+
   std::size_t grasp(std::size_t tool, const Pose& pose);
   void release(std::size_t tool);
   [[nodiscard]] std::size_t held_by(std::size_t tool) const;
@@ -74,6 +80,7 @@ class CorotationalManipulation {
         : stiffness(std::move(matrix)), factor(stiffness, free, order) {}
   };
 
+  [[nodiscard]] Eigen::VectorXd carried_over_m(const CorotationalManipulation& previous) const;
   [[nodiscard]] std::vector<OptionalPose> poses_between(std::span<const OptionalPose> to, double part) const;
   [[nodiscard]] std::vector<bool> free_now() const;
   [[nodiscard]] Eigen::VectorXd fading_n(std::span<const OptionalPose> poses) const;
@@ -99,6 +106,7 @@ class CorotationalManipulation {
   std::vector<Hold> holds_;               // in the order of the grasps
   std::vector<std::uint32_t> holder_of_;  // (|V|), kNobody for most
   State state_;
+  Eigen::VectorXd severed_n_;  // (3 |V|), what a cut has just taken away; empty for nothing
   ManipulationResult result_;
   int factorisations_ = 0;
 };

@@ -43,6 +43,7 @@ class JsonField {
   [[nodiscard]] std::string text() const;
   [[nodiscard]] bool is_text() const { return value_->is_string(); }
   [[nodiscard]] bool is_object() const { return value_->is_object(); }
+  [[nodiscard]] bool is_array() const { return value_->is_array(); }
   [[nodiscard]] Vector3 vector() const;  // of three numbers
 
   [[nodiscard]] const std::string& path() const { return path_; }

@@ -9,7 +9,6 @@
 #include "base/number_text.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/model/json_field.h"
-#include "sim/plan/plan_body.h"
 #include "sim/plan/written_pose.h"
 
 namespace kiroku::sim {
@@ -29,6 +28,8 @@ constexpr std::array<std::pair<const char*, PlanAction>, 6> kActions{{{"grasp", 
                                                                       {"hold", PlanAction::kHold},
                                                                       {"cut", PlanAction::kCut},
                                                                       {"release", PlanAction::kRelease}}};
+
+constexpr std::array<std::pair<const char*, bool>, 2> kCurveShapes{{{"spline", true}, {"polyline", false}}};
 
 /// The value of a word of such a table; refused with all words.
 template <typename Value, std::size_t kSize>
@@ -295,7 +296,7 @@ class PlanReader {
         check_motions(field, step);
         break;
       case PlanAction::kCut:
-        field.expect_object({"do", "name", "tool", "path"});
+        field.expect_object({"do", "name", "tool", "path", "curve"});
         read_cut(field, step);
         break;
       case PlanAction::kHold:
@@ -348,13 +349,40 @@ class PlanReader {
   }
 
   void read_cut(const JsonField& field, PlanStep& step) {
-    if (plan_.corotational) field.fail(kTurningBodyIsNotCut);
     const JsonField named = field.member("tool");
     const std::size_t tool = tool_of(named);
     if (plan_.tools[tool].kind != ToolKind::kScalpel) {
       named.fail("is '" + named.text() + "', a " + name_of(plan_.tools[tool].kind) + ": only a scalpel cuts");
     }
-    step.motions.push_back({tool, path_of(field.member("path"), std::nullopt)});
+    if (field.has("path") == field.has("curve"))
+      field.fail("must have either 'path', where the scalpel goes, or 'curve', drawn on the organ at rest");
+    if (field.has("path")) {
+      step.motions.push_back({tool, path_of(field.member("path"), std::nullopt)});
+      return;
+    }
+    const JsonField drawn = field.member("curve");
+    step.curve = curve_of(drawn);
+    try {
+      step.motions.push_back(cut_along(plan_, tool, *step.curve));
+    } catch (const Error& error) {
+      drawn.fail(std::string("cannot be cut: ") + error.what());
+    }
+  }
+
+  [[nodiscard]] CutCurve curve_of(const JsonField& field) const {
+    field.expect_object({"through", "shape", "depth", "direction"});
+    CutCurve curve;
+    for (const JsonField& handle : field.member("through").elements())
+      curve.handles_m.push_back(place_m(handle));
+    if (const auto shape = field.optional_member("shape")) curve.smooth = word_of(*shape, kCurveShapes);
+    const JsonField depth = field.member("depth");
+    if (depth.is_array()) {
+      for (const JsonField& one : depth.elements()) curve.depth_m.push_back(metres(one));
+    } else {
+      curve.depth_m.push_back(metres(depth));
+    }
+    if (const auto direction = field.optional_member("direction")) curve.direction = direction->vector();
+    return curve;
   }
 
   std::vector<std::string>& errors_;
@@ -369,6 +397,23 @@ const char* name_of(ToolKind kind) { return word_for(kind, kKinds); }
 const char* name_of(PlanAction action) { return word_for(action, kActions); }
 bool binds(ToolKind kind) { return kind == ToolKind::kForceps || kind == ToolKind::kPin; }
 bool touches(ToolKind kind) { return !binds(kind) && kind != ToolKind::kScalpel; }
+
+Pose pose_of_blade(const BladePose& blade) {
+  return {blade.tip, Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), blade.heel - blade.tip)};
+}
+
+PlanMotion cut_along(const Plan& plan, std::size_t scalpel, const CutCurve& curve) {
+  const PlanTool& tool = plan.tools.at(scalpel);
+  if (tool.kind != ToolKind::kScalpel)
+    throw Error("'" + tool.tool.name + "' does not cut: only a scalpel does");
+  std::vector<KeyFrame> frames;
+  for (const BladePose& blade :
+       blade_along(curve, plan.body.mesh, tool.edge_m, mean_surface_edge_m(plan.body.mesh))) {
+    const double at_s = written_time(plan.time_step_s * static_cast<double>(frames.size()));
+    frames.push_back({at_s, pose_of_blade(blade)});
+  }
+  return {scalpel, ToolPath(std::move(frames))};
+}
 
 std::string title_of(const Plan& plan, const PlanStep& step) {
   if (!step.name.empty()) return step.name;

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/cutting/cut_curve.h"
 #include "sim/manipulation/tool.h"
 #include "sim/model/body_model.h"
 #include "sim/plan/tool_path.h"
@@ -56,6 +57,9 @@ struct PlanStep {
   std::string name;                 // "clip the artery"; empty where the plan gives none
   std::vector<PlanMotion> motions;  // of grasp, retract, press and cut; a grasp's path has one frame
   std::vector<std::size_t> released;
+  /// Of a cut that is drawn on the organ at rest: the scalpel's motion is what cut_along() makes of it, in
+  /// the rest shape, however the organ lies meanwhile.
+  std::optional<CutCurve> curve;
   double duration_s = 0;
 };
 
@@ -63,11 +67,17 @@ struct Plan {
   std::string name;
   std::filesystem::path volume;  // what pictures show; empty for none
   BodyModel body;
-  bool corotational = false;  // for large rotations; such a plan has no cuts
+  bool corotational = false;  // for large rotations
   std::vector<PlanTool> tools;
   std::vector<PlanStep> steps;
   double time_step_s = 0.05;
 };
+
+/// Of a scalpel whose edge is there; how it is turned about its edge does not matter.
+Pose pose_of_blade(const BladePose& blade);
+/// Of a cut that is drawn, one time step from each pose to the next; about one edge of the surface between
+/// two. kiroku::Error as blade_along() throws it, and where the tool is no scalpel.
+PlanMotion cut_along(const Plan& plan, std::size_t scalpel, const CutCurve& curve);
 
 /// What a step is called: its name, or what it does with which tools ("retract forceps").
 std::string title_of(const Plan& plan, const PlanStep& step);

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "base/error.h"
 #include "sim/manipulation/corotational_manipulation.h"
 
 namespace kiroku::sim {
@@ -76,7 +75,17 @@ class TurningBody : public HandledBody<CorotationalBody, CorotationalManipulatio
                     [&](const CorotationalBody& body) {
                       return CorotationalManipulation(body, body.linear().weight_n(plan.body.gravity_m_s2),
                                                       std::move(tools));
-                    }) {}
+                    }),
+        plan_(plan) {}
+  /// Goes on where `previous` is.
+  TurningBody(const Plan& plan, TetMesh bearing, const CorotationalManipulation& previous)
+      : HandledBody(std::make_shared<const CorotationalBody>(std::move(bearing), plan.body.materials,
+                                                             plan.body.constraints),
+                    [&](const CorotationalBody& body) {
+                      return CorotationalManipulation(body, body.linear().weight_n(plan.body.gravity_m_s2),
+                                                      previous);
+                    }),
+        plan_(plan) {}
 
   [[nodiscard]] std::unique_ptr<PlanBody> copy() const override {
     return std::make_unique<TurningBody>(*this);
@@ -85,9 +94,12 @@ class TurningBody : public HandledBody<CorotationalBody, CorotationalManipulatio
     return body().stress_pa(displacement_m);
   }
   [[nodiscard]] std::span<const std::uint32_t> surface() const override { return hands().surface().nodes; }
-  [[nodiscard]] std::unique_ptr<PlanBody> after_cut(TetMesh /*bearing*/) const override {
-    throw Error(kTurningBodyIsNotCut);
+  [[nodiscard]] std::unique_ptr<PlanBody> after_cut(TetMesh bearing) const override {
+    return std::make_unique<TurningBody>(plan_, std::move(bearing), hands());
   }
+
+ private:
+  const Plan& plan_;
 };
 
 }  // namespace

@@ -46,9 +46,4 @@ class PlanBody {
 /// The plan's organ as it lies under its weight. The plan must outlive it. kiroku::Error for a body that
 /// cannot be solved for, as ElasticBody throws it.
 std::unique_ptr<PlanBody> plan_body(const Plan& plan, std::vector<Tool> tools);
-
-/// Why a step of a corotational plan cannot be a cut, after what names the step.
-inline constexpr const char* kTurningBodyIsNotCut =
-    "cannot cut: a plan with \"corotational\": true has no cuts; leave that out, or cut in a plan without it";
-
 }  // namespace kiroku::sim

@@ -47,6 +47,22 @@ void add_rotation(ordered_json& pose, const Eigen::Quaterniond& orientation) {
   pose["rotation"] = {{"axis", numbers(rotation.axis)}, {"degrees", rotation.degrees}};
 }
 
+ordered_json curve_json(const CutCurve& curve, LengthUnit unit) {
+  ordered_json out{{"through", ordered_json::array()}};
+  for (const Vector3& handle_m : curve.handles_m)
+    out["through"].push_back(numbers(written_position(handle_m, unit)));
+  if (!curve.smooth) out["shape"] = "polyline";
+  std::vector<double> depths;
+  for (const double depth_m : curve.depth_m) depths.push_back(written_position({depth_m, 0, 0}, unit).x());
+  if (depths.size() == 1) {
+    out["depth"] = depths.front();
+  } else {
+    out["depth"] = depths;
+  }
+  if (curve.direction) out["direction"] = numbers(*curve.direction);
+  return out;
+}
+
 ordered_json path_json(const PlanMotion& motion, LengthUnit unit, bool there_already) {
   ordered_json path = ordered_json::array();
   Eigen::Quaterniond before = Eigen::Quaterniond::Identity();
@@ -89,7 +105,10 @@ ordered_json step_json(const Plan& plan, const PlanStep& step, std::vector<std::
     case PlanAction::kRetract:
     case PlanAction::kPress:
     case PlanAction::kCut:
-      if (step.motions.size() == 1) {
+      if (step.curve) {
+        out["tool"] = name(step.motions.front().tool);
+        out["curve"] = curve_json(*step.curve, unit);
+      } else if (step.motions.size() == 1) {
         const PlanMotion& motion = step.motions.front();
         out["tool"] = name(motion.tool);
         out["path"] = path_json(motion, unit, there[motion.tool] != 0);

@@ -120,6 +120,7 @@ void PlanRun::begin_step() {
   const PlanStep& step = plan_.steps[step_];
   for (const PlanMotion& motion : step.motions) {
     frame_.poses[motion.tool] = motion.path.at(0);
+    if (step.curve) show_blade(motion);
     if (step.action == PlanAction::kGrasp) body_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
   }
   for (const std::size_t tool : step.released) {
@@ -137,6 +138,16 @@ void PlanRun::advance(double local_s) {
   local_s_ = local_s;
   frame_.time_s = step_begins_s_ + local_s;
   balance();
+  for (const PlanMotion& motion : step.motions) {
+    if (step.curve) show_blade(motion);
+  }
+}
+
+/// Where the organ, as it lies, has what is cut in the rest shape.
+void PlanRun::show_blade(const PlanMotion& motion) {
+  if (!shape_) shape_.emplace(plan_.body.mesh, plan_.body.constraints);
+  const RestMapping mapping(shape_->geometry(), frame_.displacement_m);
+  frame_.poses[motion.tool] = pose_of_blade(mapping.to_deformed(blade(motion, local_s_)));
 }
 
 void PlanRun::finish_step() {
@@ -166,8 +177,12 @@ BladePose PlanRun::blade(const PlanMotion& motion, double local_s) const {
 void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
   if (!shape_) shape_.emplace(plan_.body.mesh, plan_.body.constraints);
   const RestMapping mapping(shape_->geometry(), frame_.displacement_m);
-  if (!blade_rest_) blade_rest_ = mapping.to_rest(blade(motion, from_s));
-  const BladePose to = mapping.to_rest(blade(motion, to_s));
+  const auto at_rest = [&](double local_s) {
+    const BladePose there = blade(motion, local_s);
+    return plan_.steps[step_].curve ? there : mapping.to_rest(there);
+  };
+  if (!blade_rest_) blade_rest_ = at_rest(from_s);
+  const BladePose to = at_rest(to_s);
   const CutShape::Step done = shape_->cut(SweepSurface(*blade_rest_, to));
   blade_rest_ = to;
   StepFigures& figures = figures_.back();

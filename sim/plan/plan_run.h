@@ -70,6 +70,7 @@ class PlanRun {
   void advance(double local_s);
   void finish_step();
   void cut(const PlanMotion& motion, double from_s, double to_s);
+  void show_blade(const PlanMotion& motion);
   void balance();
   void record();
   [[nodiscard]] BladePose blade(const PlanMotion& motion, double local_s) const;

@@ -15,11 +15,6 @@ namespace {
 constexpr std::size_t kMostKept = 32;
 constexpr std::ptrdiff_t kMostCutsKept = 2;
 
-/// Times of key frames: whole numbers of these, which read well.
-constexpr double kTimesPerSecond = 1e6;
-
-double written_time(double time_s) { return std::round(time_s * kTimesPerSecond) / kTimesPerSecond; }
-
 }  // namespace
 
 PlanSession::PlanSession(Plan plan, const std::function<void(double time_s)>& progress)
@@ -133,6 +128,64 @@ void PlanSession::cut(std::size_t scalpel, std::span<const Pose> path) {
   add(std::move(step));
 }
 
+PlanStep PlanSession::drawn_cut(std::size_t scalpel, const CutCurve& curve) const {
+  CutCurve written = curve;
+  const LengthUnit unit = plan_.body.unit;
+  for (Vector3& handle_m : written.handles_m)
+    handle_m = written_position(handle_m, unit) / units_per_metre(unit);
+  for (double& depth_m : written.depth_m)
+    depth_m = written_position({depth_m, 0, 0}, unit).x() / units_per_metre(unit);
+  PlanStep step;
+  step.action = PlanAction::kCut;
+  step.motions.push_back(cut_along(plan_, scalpel, written));
+  step.duration_s = step.motions.front().path.duration_s();
+  step.curve = std::move(written);
+  return step;
+}
+
+void PlanSession::cut(std::size_t scalpel, const CutCurve& curve) {
+  end_motion();
+  add(drawn_cut(scalpel, curve));
+}
+
+void PlanSession::change_cut(std::size_t number, const CutCurve& curve) {
+  end_motion();
+  if (number >= plan_.steps.size() || !plan_.steps[number].curve)
+    throw Error("step " + std::to_string(number) +
+                " is no cut along a curve, so that it has no handles to move");
+  const PlanStep before = plan_.steps[number];
+  PlanStep step = drawn_cut(before.motions.front().tool, curve);
+  step.name = before.name;
+  replace(number, std::move(step));
+  changed_.push_back({before, number, plan_.steps.size()});
+  undone_.clear();
+}
+
+/// From before the step on everything is carried out again; as it was where that cannot be.
+void PlanSession::replace(std::size_t number, PlanStep step) {
+  std::vector<PlanStep> later(plan_.steps.begin() + static_cast<std::ptrdiff_t>(number), plan_.steps.end());
+  const auto go_on_from = [&](std::vector<PlanStep> steps) {
+    if (plan_.steps.size() > number) {
+      while (plan_.steps.size() > number + 1) {
+        take_last();
+        before_.pop_back();
+      }
+      take_last();
+      go_back();
+    }
+    for (PlanStep& one : steps) carry_out(std::move(one));
+  };
+  std::vector<PlanStep> changed = later;
+  changed.front() = std::move(step);
+  try {
+    go_on_from(std::move(changed));
+  } catch (const Error&) {
+    go_on_from(std::move(later));
+    throw;
+  }
+  given_ = std::min(given_, number);
+}
+
 void PlanSession::begin_motion(std::vector<PlacedTool> tools) {
   assert(!tools.empty());
   end_motion();
@@ -236,7 +289,15 @@ std::vector<std::string> PlanSession::end_motion() {
 bool PlanSession::undo() {
   end_motion();
   if (plan_.steps.empty()) return false;
-  undone_.push_back(take_last());
+  if (!changed_.empty() && changed_.back().steps == plan_.steps.size()) {
+    const Changed change = std::move(changed_.back());
+    changed_.pop_back();
+    PlanStep now = plan_.steps[change.number];
+    replace(change.number, change.step);
+    undone_.push_back({std::move(now), change.number});
+    return true;
+  }
+  undone_.push_back({take_last(), {}});
   go_back();
   given_ = std::min(given_, plan_.steps.size());
   return true;
@@ -245,9 +306,15 @@ bool PlanSession::undo() {
 bool PlanSession::redo() {
   end_motion();
   if (undone_.empty()) return false;
-  PlanStep step = std::move(undone_.back());
+  Undone undone = std::move(undone_.back());
   undone_.pop_back();
-  carry_out(std::move(step));
+  if (undone.instead_of) {
+    const PlanStep before = plan_.steps[*undone.instead_of];
+    replace(*undone.instead_of, std::move(undone.step));
+    changed_.push_back({before, *undone.instead_of, plan_.steps.size()});
+  } else {
+    carry_out(std::move(undone.step));
+  }
   return true;
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -44,6 +45,11 @@ class PlanSession {
   void hold(double duration_s);
   /// Along these poses, at least two, one time step from each to the next.
   void cut(std::size_t scalpel, std::span<const Pose> path);
+  /// As cut_along() has it.
+  void cut(std::size_t scalpel, const CutCurve& curve);
+  /// Another curve, or another depth, for a cut that was drawn: from before it on everything is carried out
+  /// again. undo() gives the curve back that was there.
+  void change_cut(std::size_t step, const CutCurve& curve);
 
   /// Begins a step in which these tools move together. One that is not at the organ yet comes to where its
   /// pose says; the others begin where they are.
@@ -55,7 +61,7 @@ class PlanSession {
   std::vector<std::string> end_motion();
   [[nodiscard]] bool moving() const { return moving_; }
 
-  /// The last step, which redo() does again. False where there is none.
+  /// The last deed, a step or a change of one, which redo() does again. False where there is none.
   bool undo();
   bool redo();
   /// Another number whenever a step has come, gone or ended.
@@ -64,7 +70,20 @@ class PlanSession {
   [[nodiscard]] bool can_redo() const { return !undone_.empty(); }
 
  private:
+  /// A step that was undone, or another form of the step of that number.
+  struct Undone {
+    PlanStep step;
+    std::optional<std::size_t> instead_of;
+  };
+  /// What a step was before it was changed, while the plan had so many steps.
+  struct Changed {
+    PlanStep step;
+    std::size_t number = 0, steps = 0;
+  };
+
   void add(PlanStep step);
+  void replace(std::size_t number, PlanStep step);
+  [[nodiscard]] PlanStep drawn_cut(std::size_t scalpel, const CutCurve& curve) const;
   void carry_out(PlanStep step);
   void remember();
   void go_back();
@@ -78,7 +97,8 @@ class PlanSession {
   std::unique_ptr<PlanRun> run_;
   /// As it was before each step; nothing where that is to be computed anew.
   std::vector<std::unique_ptr<const PlanRun>> before_;
-  std::vector<PlanStep> undone_;  // the last is redone first
+  std::vector<Undone> undone_;    // the last is redone first
+  std::vector<Changed> changed_;  // the last is undone first, once the steps after it are
   bool moving_ = false;
   std::uint64_t revision_ = 0;
 };

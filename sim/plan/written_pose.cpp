@@ -31,6 +31,11 @@ WrittenRotation written_rotation(const Eigen::Quaterniond& orientation) {
           rounded(turn.angle() * 180 / std::numbers::pi, kParts)};
 }
 
+double written_time(double time_s) {
+  constexpr double kTimesPerSecond = 1e6;
+  return std::round(time_s * kTimesPerSecond) / kTimesPerSecond;
+}
+
 Pose as_written(const Pose& pose, LengthUnit unit) {
   Pose written;
   written.position_m = written_position(pose.position_m, unit) / units_per_metre(unit);

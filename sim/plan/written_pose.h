@@ -17,6 +17,9 @@ Vector3 written_position(const Vector3& position_m, LengthUnit unit);
 /// To 1e-6 of the axis and 1e-6 degrees.
 WrittenRotation written_rotation(const Eigen::Quaterniond& orientation);
 
+/// Times of key frames: whole microseconds, which read well.
+double written_time(double time_s);
+
 /// The pose that a document states which comes nearest to this one: a tool that is moved by hand goes through
 /// such poses only, so that the plan that is saved moves it to the same bits.
 Pose as_written(const Pose& pose, LengthUnit unit);

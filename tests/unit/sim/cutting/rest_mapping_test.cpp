@@ -33,6 +33,7 @@ TEST_F(RestMappingTest, BringsPointsInsideBackExactly) {
     const Vector3 rest(0.1 * (test::uniform(random) - 0.5), 0.06 * (test::uniform(random) - 0.5),
                        0.04 * (test::uniform(random) - 0.5));
     EXPECT_LE((mapping.to_rest(deformed(rest)) - rest).norm(), 1e-14);
+    EXPECT_LE((mapping.to_deformed(rest) - deformed(rest)).norm(), 1e-14);
   }
   // A node belongs to many tetrahedra.
   for (const Vector3& node : shape_.mesh().nodes)
@@ -47,6 +48,9 @@ TEST_F(RestMappingTest, TakesPointsOutsideAlongWithTheNearestOfTheSurface) {
   const BladePose found = mapping.to_rest(BladePose{rest.tip + move_m_, rest.heel + move_m_});
   EXPECT_LE((found.tip - rest.tip).norm(), 1e-15);
   EXPECT_LE((found.heel - rest.heel).norm(), 1e-15);
+  const BladePose back = mapping.to_deformed(rest);
+  EXPECT_LE((back.tip - rest.tip - move_m_).norm(), 1e-15);
+  EXPECT_LE((back.heel - rest.heel - move_m_).norm(), 1e-15);
 }
 
 TEST_F(RestMappingTest, HasNoJumpAtTheSurface) {

@@ -133,6 +133,126 @@ TEST_F(PlanRunTest, CutsAndTheCutOpensWhenPulled) {
   EXPECT_GT(right - left, 0.001);
 }
 
+/// On the block's upper side, across it.
+constexpr const char* kDrawnCut =
+    R"({"do": "cut", "tool": "knife", "curve": {"through": [[22.3, -0.1, 20], [22.6, 10, 20], [22.3, 20.1, 20]],
+                                               "depth": DEPTH}})";
+std::string drawn_cut(const char* depth) {
+  std::string text = kDrawnCut;
+  return text.replace(text.find("DEPTH"), 5, depth);
+}
+constexpr const char* kPulled =
+    R"({"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+       {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [43, 10, 10]}]})";
+
+double left_m3(const PlanRun& run) {
+  double sum_m3 = 0;
+  for (std::size_t t = 0; t < run.mesh().tetrahedra.size(); ++t) sum_m3 += signed_volume_m3(run.mesh(), t);
+  return sum_m3;
+}
+
+/// How much farther the upper edge is stretched between x = 15 and 30 mm than the lower one.
+double opening_m(const PlanRun& run) {
+  const auto moved_m = [&](int i, int k) {
+    return run.frame().displacement_m[static_cast<Eigen::Index>(3 * (i + 9 * 2 + 45 * k))];
+  };
+  return moved_m(6, 4) - moved_m(3, 4) - (moved_m(6, 0) - moved_m(3, 0));
+}
+
+TEST_F(PlanRunTest, ACutThatIsDrawnIsMadeInTheRestShapeHoweverTheOrganLies) {
+  // First pulled, then cut; and the other way round: the same shape is left, and it lies the same way.
+  const Plan later = plan_of(("[" + std::string(kPulled) + "," + drawn_cut("9") + "]").c_str());
+  PlanRun pulled(later);
+  bool shown = false;
+  while (pulled.next()) {
+    const OptionalPose& knife = pulled.frame().poses[kKnifeTool];
+    if (!knife) continue;
+    shown = true;
+    // The picture shows the blade where the pulled tissue is, farther from what holds it.
+    EXPECT_GT(knife->position_m.x(), 0.0232);
+    EXPECT_NEAR(knife->position_m.z(), 0.011, 0.001);
+  }
+  EXPECT_TRUE(shown);
+  const Plan first = plan_of(("[" + drawn_cut("9") + "," + kPulled + "]").c_str());
+  PlanRun cut(first);
+  while (cut.next()) {
+  }
+  EXPECT_EQ(pulled.mesh().nodes, cut.mesh().nodes);
+  EXPECT_EQ(pulled.mesh().tetrahedra, cut.mesh().tetrahedra);
+  EXPECT_LT((pulled.frame().displacement_m - cut.frame().displacement_m).norm(), 1e-9);
+  EXPECT_GT(opening_m(pulled), 5e-4);
+}
+
+TEST_F(PlanRunTest, ADeeperCutOpensFarther) {
+  double before_m = 0;
+  for (const char* depth : {"5", "10", "15", "[5, 15, 5]"}) {
+    const Plan plan = plan_of(("[" + drawn_cut(depth) + "," + kPulled + "]").c_str());
+    PlanRun run(plan);
+    while (run.next()) {
+    }
+    const double now_m = opening_m(run);
+    if (depth[0] == '[') {
+      EXPECT_LT(now_m, before_m) << "less deep than all of it at 15 mm";
+    } else {
+      EXPECT_GT(now_m, 1.1 * before_m) << depth;
+    }
+    EXPECT_GT(left_m3(run), 0.85 * 0.04 * 0.02 * 0.02);
+    before_m = now_m;
+  }
+}
+
+TEST_F(PlanRunTest, ACurveThatCannotBeCutIsToldWithItsPath) {
+  const auto errors = [&](const std::string& curve) {
+    json document = json::parse(R"({
+      "mesh": "block.msh", "length_unit": "mm",
+      "materials": [{"region": "all", "young_modulus_pa": 5000, "poisson_ratio": 0.4}],
+      "fixed": [{"box": [[0, 0, 0], [0, 20, 20]]}], "tools": {"knife": {"kind": "scalpel", "edge": 40}}})");
+    document["steps"] = json::parse(R"([{"do": "cut", "tool": "knife"}])");
+    document["steps"][0].update(json::parse(curve));
+    return read_plan_text(document.dump(), folder_ / "plan.json").errors;
+  };
+  const auto one = [](const std::string& text) { return testing::ElementsAre(HasSubstr(text)); };
+  EXPECT_THAT(errors("{}"), one("steps[0] must have either 'path', where the scalpel goes, or 'curve'"));
+  EXPECT_THAT(
+      errors(R"({"curve": {"through": [[20, 0, 20], [20, 20, 20]], "depth": 50}})"),
+      one("steps[0].curve cannot be cut: a depth of 50 mm needs a blade whose edge is longer: it has 40 mm"));
+  EXPECT_THAT(errors(R"({"curve": {"through": [[20, 0, 20], [20, 20, 60]], "depth": 5}})"),
+              one("steps[0].curve cannot be cut: handle 1 is 40 mm off the organ's surface"));
+  EXPECT_THAT(errors(R"({"curve": {"through": [[20, 0, 20], [20, 20, 20]], "depth": -5}})"),
+              one("steps[0].curve.depth is -5: it must be greater than 0"));
+  EXPECT_THAT(errors(R"({"curve": {"through": [[20, 0, 20], [20, 20, 20]], "depth": 5, "shape": "arc"}})"),
+              one("steps[0].curve.shape is 'arc': it must be one of spline, polyline"));
+  EXPECT_THAT(
+      errors(R"({"curve": {"through": [[20, 0, 20], [20, 20, 20]], "depth": 5, "direction": [0, 0, 1]}})"),
+      one("steps[0].curve cannot be cut: the direction of the cut leads along the organ's surface or out"));
+}
+
+TEST_F(PlanRunTest, ACorotationalOrganIsCutWhileItIsHeld) {
+  // Bent sideways by more than linear elements can take, then cut on the side that is stretched.
+  const std::string bent = R"({"do": "grasp", "tool": "forceps", "at": {"position": [40, 10, 10]}},
+    {"do": "retract", "tool": "forceps", "path": [{"at_s": 1, "position": [36, 10, -4],
+                                                  "rotation": {"axis": [0, 1, 0], "degrees": 40}}]})";
+  const Plan plan =
+      plan_of(("[" + bent + "," + drawn_cut("9") + R"(,{"do": "hold", "duration_s": 0.5}])").c_str(), true);
+  PlanRun run(plan);
+  double before_m = 0;
+  while (run.next()) {
+    if (run.frame().step == 1) before_m = opening_m(run);
+  }
+  EXPECT_GT(run.figures()[2].tetrahedra_removed, 20U);
+  EXPECT_GT(opening_m(run), before_m + 5e-4) << "it opens as soon as it is cut";
+  EXPECT_EQ(run.frame().tools[kForcepsTool].nodes, 25U) << "what is held stays held";
+  const Eigen::Index end = 3 * (8 + 9 * 2 + 45 * 2);
+  EXPECT_LT((run.frame().displacement_m.segment<3>(end) - Vector3(-0.004, 0, -0.014)).norm(), 1e-9);
+  // The balance does not depend on what was cut when: cut first and bent then, it lies the same way.
+  const Plan first = plan_of(("[" + drawn_cut("9") + "," + bent + "]").c_str(), true);
+  PlanRun cut(first);
+  while (cut.next()) {
+  }
+  EXPECT_EQ(run.mesh().nodes, cut.mesh().nodes);
+  EXPECT_LT((run.frame().displacement_m - cut.frame().displacement_m).lpNorm<Eigen::Infinity>(), 1e-7);
+}
+
 TEST_F(PlanRunTest, SaysWhereItCouldNotGoOn) {
   EXPECT_THAT(failure(plan_of(R"([{"do": "hold", "duration_s": 0.5},
       {"do": "press", "tool": "thumb", "path": [{"at_s": 0, "position": [30, 10, 40]}, {"at_s": 1, "position": [30, 10, 29]}]}])")),

@@ -150,6 +150,73 @@ TEST_F(PlanSessionTest, GoesBackFurtherThanItRemembers) {
   EXPECT_EQ(session.plan().steps.size(), 2U);
 }
 
+TEST_F(PlanSessionTest, ACutThatWasDrawnIsChangedAfterwardsAsIfItHadBeenDrawnSo) {
+  CutCurve curve{{Vector3(0.0223, 0, 0.02), Vector3(0.0225, 0.02, 0.02)}, true, {0.006}, {}};
+  PlanSession session(read(tooled_));
+  const std::size_t scalpel = tool(session, "scalpel");
+  session.cut(scalpel, curve);
+  const Eigen::VectorXd shallow = session.frame().displacement_m;
+  const std::vector<Vector3> shallow_nodes = session.mesh().nodes;
+  expect_saved_plan_ends_here(session);
+  session.hold(0.2);
+  // Deeper and farther on, though a step has come since: nothing is left of the first cut.
+  CutCurve deeper = curve;
+  deeper.depth_m = {0.013};
+  deeper.handles_m[1].x() = 0.0275;
+  session.change_cut(2, deeper);
+  ASSERT_THAT(session.plan().steps, SizeIs(4));
+  expect_saved_plan_ends_here(session);
+  PlanSession at_once(read(tooled_));
+  at_once.cut(scalpel, deeper);
+  at_once.hold(0.2);
+  EXPECT_EQ(session.frame().displacement_m, at_once.frame().displacement_m);
+  EXPECT_EQ(session.mesh().tetrahedra, at_once.mesh().tetrahedra);
+  EXPECT_NE(session.mesh().nodes, shallow_nodes);
+  // Undone as a whole, done again, and undone with what came before it.
+  EXPECT_TRUE(session.undo());
+  EXPECT_EQ(session.mesh().nodes, shallow_nodes);
+  EXPECT_EQ(session.frame().displacement_m, shallow);
+  ASSERT_THAT(session.plan().steps, SizeIs(4));
+  EXPECT_TRUE(session.redo());
+  EXPECT_EQ(session.frame().displacement_m, at_once.frame().displacement_m);
+  EXPECT_TRUE(session.undo());
+  EXPECT_TRUE(session.undo());
+  EXPECT_TRUE(session.undo());
+  ASSERT_THAT(session.plan().steps, SizeIs(2));
+  EXPECT_TRUE(session.redo());
+  EXPECT_EQ(session.mesh().nodes, shallow_nodes);
+  EXPECT_TRUE(session.redo());
+  EXPECT_TRUE(session.redo());
+  EXPECT_EQ(session.frame().displacement_m, at_once.frame().displacement_m);
+  EXPECT_FALSE(session.redo());
+}
+
+TEST_F(PlanSessionTest, AChangeThatCannotBeLeavesTheCutAsItWas) {
+  const CutCurve curve{{Vector3(0.0223, 0, 0.02), Vector3(0.0225, 0.02, 0.02)}, true, {0.006}, {}};
+  PlanSession session(read(tooled_));
+  session.cut(tool(session, "scalpel"), curve);
+  session.grasp({tool(session, "forceps 1"), at(34, 10, 20)});
+  const Eigen::VectorXd before = session.frame().displacement_m;
+  CutCurve outside = curve;
+  outside.handles_m[0].z() = 0.08;
+  EXPECT_THROW(session.change_cut(2, outside), Error);
+  EXPECT_THROW(session.change_cut(1, curve), Error) << "a retraction has no handles";
+  EXPECT_THROW(session.change_cut(7, curve), Error);
+  // The cut can be made right through, but what is grasped afterwards has fallen off then.
+  CutCurve through = curve;
+  through.depth_m = {0.03};
+  through.direction = Vector3(0, 0, -1);
+  try {
+    session.change_cut(2, through);
+    ADD_FAILURE() << "not refused";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("steps[3] (grasp): "));
+  }
+  EXPECT_EQ(session.frame().displacement_m, before);
+  ASSERT_THAT(session.plan().steps, SizeIs(4));
+  expect_saved_plan_ends_here(session);
+}
+
 TEST_F(PlanSessionTest, FingersThatNeverTouchAreLeftOut) {
   PlanSession session(read(tooled_));
   const std::size_t one = tool(session, "finger 1"), two = tool(session, "finger 2");

@@ -154,16 +154,11 @@ TEST_F(PlanTest, AVolumeThatCannotBeLookedAtIsAnErrorWithItsPath) {
   EXPECT_THROW((void)read_plan(folder_ / "round"), IoError);
 }
 
-TEST_F(PlanTest, ReadsWhetherTheOrganTurnsAndRefusesItsCuts) {
+TEST_F(PlanTest, ReadsWhetherTheOrganTurns) {
   EXPECT_FALSE(read(plan_).plan->corotational);
-  EXPECT_THAT(
-      errors_with("/corotational", true),
-      ElementsAre("steps[4] cannot cut: a plan with \"corotational\": true has no cuts; leave that out, "
-                  "or cut in a plan without it"));
   EXPECT_THAT(errors_with("/corotational", "yes"),
               ElementsAre("corotational is of type string where true or false is expected"));
   plan_["corotational"] = true;
-  plan_["steps"].erase(4);
   const PlanReading reading = read(plan_);
   ASSERT_THAT(reading.errors, IsEmpty());
   EXPECT_TRUE(reading.plan->corotational);
