@@ -83,7 +83,8 @@ struct SimCommands {
                                          {"render", kFull, add_sim_render_command},
                                          {"transfer", kFull, add_sim_transfer_command},
                                          {"drr-film", kFull, add_sim_drr_film_command},
-                                         {"overlay", kFull, add_sim_overlay_command}});
+                                         {"overlay", kFull, add_sim_overlay_command},
+                                         {"fit-series", kFull, add_sim_fit_series_command}});
   }
 };
 

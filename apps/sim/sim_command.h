@@ -21,5 +21,6 @@ void add_sim_render_command(Command& sim);
 void add_sim_transfer_command(Command& sim);
 void add_sim_drr_film_command(Command& sim);
 void add_sim_overlay_command(Command& sim);
+void add_sim_fit_series_command(Command& sim);
 
 }  // namespace kiroku::apps

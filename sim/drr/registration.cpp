@@ -28,13 +28,7 @@ struct Correlation {
 using Parameters = std::array<double, 6>;  // translation, m; rotation, rad
 
 Eigen::Isometry3d motion_of(const Parameters& at, const Vector3& centre_m) {
-  const Vector3 rotation(at[3], at[4], at[5]);
-  const double angle = rotation.norm();
-  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-  motion.translate(centre_m + Vector3(at[0], at[1], at[2]));
-  if (angle > 0) motion.rotate(Eigen::AngleAxisd(angle, rotation / angle));
-  motion.translate(-centre_m);
-  return motion;
+  return rigid_motion({at[0], at[1], at[2]}, {at[3], at[4], at[5]}, centre_m);
 }
 
 /// A level of the search: pixels, and the steps it begins and ends with as parts of a pixel.
@@ -83,40 +77,63 @@ ProjectionImage binned(const ProjectionImage& image, std::size_t factor) {
   return result;
 }
 
+Eigen::Isometry3d rigid_motion(const Vector3& translation_m, const Vector3& rotation_rad,
+                               const Vector3& centre_m) {
+  const double angle = rotation_rad.norm();
+  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+  motion.translate(centre_m + translation_m);
+  if (angle > 0) motion.rotate(Eigen::AngleAxisd(angle, rotation_rad / angle));
+  motion.translate(-centre_m);
+  return motion;
+}
+
 Registration register_rigidly(const ProjectionImage& radiograph, const ProjectionGeometry& geometry,
                               const Vector3& centre_m,
                               const std::function<ProjectionImage(const ProjectionGeometry&)>& project,
                               const std::function<void(std::size_t, std::size_t)>& progress) {
-  if (radiograph.columns != geometry.columns() || radiograph.rows != geometry.rows()) {
+  const std::array<RegistrationView, 1> views{{{radiograph, geometry}}};
+  return register_rigidly(views, centre_m, project, progress);
+}
+
+Registration register_rigidly(std::span<const RegistrationView> views, const Vector3& centre_m,
+                              const std::function<ProjectionImage(const ProjectionGeometry&)>& project,
+                              const std::function<void(std::size_t, std::size_t)>& progress) {
+  for (const auto& [radiograph, geometry] : views) {
+    if (radiograph.columns == geometry.columns() && radiograph.rows == geometry.rows()) continue;
     throw Error("the radiograph has " + std::to_string(radiograph.columns) + " x " +
                 std::to_string(radiograph.rows) + " pixels, the geometry " +
                 std::to_string(geometry.columns()) + " x " + std::to_string(geometry.rows()) +
                 "; give the geometry that it was made with");
   }
   Registration result;
-  const auto similarity = [&](const ProjectionImage& image, const ProjectionGeometry& seen_by,
-                              const Parameters& at) {
-    ++result.projections;
-    return gradient_correlation(image, project(seen_by.of_moved_patient(motion_of(at, centre_m))));
+  const auto similarity = [&](std::span<const RegistrationView> seen, const Parameters& at) {
+    double sum = 0;
+    for (const auto& [radiograph, geometry] : seen) {
+      ++result.projections;
+      sum += gradient_correlation(radiograph, project(geometry.of_moved_patient(motion_of(at, centre_m))));
+    }
+    return sum / static_cast<double>(seen.size());
   };
   Parameters best{};
-  result.similarity_before = similarity(radiograph, geometry, best);
+  result.similarity_before = similarity(views, best);
   for (std::size_t number = 0; number < kLevels.size(); ++number) {
     const Level& level = kLevels[number];
-    const std::size_t factor =
-        std::max<std::size_t>(std::min(geometry.columns(), geometry.rows()) / level.most_pixels, 1);
-    const ProjectionGeometry coarse = geometry.binned(factor);
-    const ProjectionImage image = binned(radiograph, factor);
+    std::vector<RegistrationView> coarse;
+    for (const auto& [radiograph, geometry] : views) {
+      const std::size_t factor =
+          std::max<std::size_t>(std::min(geometry.columns(), geometry.rows()) / level.most_pixels, 1);
+      coarse.push_back({binned(radiograph, factor), geometry.binned(factor)});
+    }
     // What a pixel is at the patient.
-    const PixelPoint centre = coarse.project(centre_m).value_or(PixelPoint{0, 0, 1});
-    const double pixel_m = centre.depth_m * coarse.pixel_rays().along_row.norm();
-    double value = similarity(image, coarse, best);
+    const PixelPoint centre = coarse.front().geometry.project(centre_m).value_or(PixelPoint{0, 0, 1});
+    const double pixel_m = centre.depth_m * coarse.front().geometry.pixel_rays().along_row.norm();
+    double value = similarity(coarse, best);
     double step_m = level.first_step * pixel_m;
     for (std::size_t round = 0; round < kMostRounds && step_m >= level.last_step * pixel_m; ++round) {
       if (progress) progress(number * kMostRounds + round, kLevels.size() * kMostRounds);
       const Parameters before = best;
       const auto try_at = [&](const Parameters& at) {
-        const double found = similarity(image, coarse, at);
+        const double found = similarity(coarse, at);
         if (!(found > value)) return false;
         value = found;
         best = at;
@@ -140,7 +157,7 @@ Registration register_rigidly(const ProjectionImage& radiograph, const Projectio
       try_at(further);
     }
   }
-  result.similarity_after = similarity(radiograph, geometry, best);
+  result.similarity_after = similarity(views, best);
   // Coarse pixels may have misled it.
   if (result.similarity_after < result.similarity_before) {
     best = {};

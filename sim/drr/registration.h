@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 
 #include "sim/drr/ct_projector.h"
 
@@ -34,5 +35,20 @@ Registration register_rigidly(const ProjectionImage& radiograph, const Projectio
                               const Vector3& centre_m,
                               const std::function<ProjectionImage(const ProjectionGeometry&)>& project,
                               const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// One of several radiographs of a patient who lay still, each with a geometry of its own.
+struct RegistrationView {
+  ProjectionImage radiograph;
+  ProjectionGeometry geometry;
+};
+/// The same from several sides at once: the mean similarity of all views becomes as great as can be found.
+/// One view at least.
+Registration register_rigidly(std::span<const RegistrationView> views, const Vector3& centre_m,
+                              const std::function<ProjectionImage(const ProjectionGeometry&)>& project,
+                              const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// translate(centre + translation) rotate translate(-centre); `rotation_rad` is axis times angle.
+Eigen::Isometry3d rigid_motion(const Vector3& translation_m, const Vector3& rotation_rad,
+                               const Vector3& centre_m);
 
 }  // namespace kiroku::sim

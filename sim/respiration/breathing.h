@@ -28,11 +28,17 @@ struct GroupMotion {
   double amplitude_m = 0;
   double phase_s = 0;                // w: so much earlier than the waveform
   std::optional<Vector3> direction;  // of length 1, for all its nodes; absent: each along its outward normal
+  double baseline_m = 0;             // moved so far where the waveform is zero, at the time zero
+  double drift_m_per_s = 0;          // how fast that baseline moves
+
+  [[nodiscard]] double moved_m(const Waveform& waveform, double time_s) const {
+    return amplitude_m * waveform.at(time_s + phase_s) + baseline_m + drift_m_per_s * time_s;
+  }
 };
 
 struct BreathingMotion {
-  GroupMotion rib_cage{0.003, 0, std::nullopt};
-  GroupMotion diaphragm{0.01, 0.6, std::nullopt};
+  GroupMotion rib_cage{0.003, 0, std::nullopt, 0, 0};
+  GroupMotion diaphragm{0.01, 0.6, std::nullopt, 0, 0};
 };
 
 /// A lung held and moved at its groups, factorised. Not thread-safe.
@@ -64,13 +70,12 @@ class BreathingCycle {
   /// (3 |V|), m, from the rest shape.
   [[nodiscard]] Eigen::VectorXd displacement_m(double time_s) const;
   /// How far rib cage and diaphragm have moved along their directions.
-  [[nodiscard]] double rib_cage_m(double time_s) const { return moved_m(motion_.rib_cage, time_s); }
-  [[nodiscard]] double diaphragm_m(double time_s) const { return moved_m(motion_.diaphragm, time_s); }
+  [[nodiscard]] double rib_cage_m(double time_s) const { return motion_.rib_cage.moved_m(waveform_, time_s); }
+  [[nodiscard]] double diaphragm_m(double time_s) const {
+    return motion_.diaphragm.moved_m(waveform_, time_s);
+  }
 
  private:
-  [[nodiscard]] double moved_m(const GroupMotion& motion, double time_s) const {
-    return motion.amplitude_m * waveform_.at(time_s + motion.phase_s);
-  }
   BreathingMotion motion_;
   Waveform waveform_;
   Eigen::VectorXd rib_cage_, diaphragm_;  // responses

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLargestAmplitudeM = 0.2, kLongestPhaseS = 60;
+constexpr double kLargestAmplitudeM = 0.2, kLongestPhaseS = 60, kSecondsPerMinute = 60;
 constexpr std::int64_t kMostPhases = 10000;
 
 double within(const JsonField& field, double least, double most) {
@@ -159,8 +159,12 @@ class BreathingReader {
   }
 
   void read_motion(const JsonField& field, GroupMotion& motion) {
-    field.expect_object({"amplitude", "phase_s", "direction"});
+    field.expect_object({"amplitude", "phase_s", "direction", "baseline", "drift_per_min"});
     const double most = kLargestAmplitudeM * units_;
+    if (const auto baseline = field.optional_member("baseline"))
+      motion.baseline_m = within(*baseline, -most, most) / units_;
+    if (const auto drift = field.optional_member("drift_per_min"))
+      motion.drift_m_per_s = within(*drift, -most, most) / units_ / kSecondsPerMinute;
     if (const auto amplitude = field.optional_member("amplitude"))
       motion.amplitude_m = within(*amplitude, -most, most) / units_;
     if (const auto phase = field.optional_member("phase_s"))
@@ -189,6 +193,8 @@ nlohmann::ordered_json motion_json(const GroupMotion& motion, double units) {
   } else {
     object["direction"] = "normal";
   }
+  if (motion.baseline_m != 0) object["baseline"] = motion.baseline_m * units;
+  if (motion.drift_m_per_s != 0) object["drift_per_min"] = motion.drift_m_per_s * units * kSecondsPerMinute;
   return object;
 }
 
@@ -227,7 +233,8 @@ BreathingModel read_breathing_model(const fs::path& file) {
   return BreathingReader(root, file.parent_path(), materials_given).take();
 }
 
-std::string with_motion(const fs::path& file, const BreathingMotion& motion, const fs::path& folder) {
+std::string with_motion(const fs::path& file, const BreathingMotion& motion, const fs::path& folder,
+                        std::optional<double> cycle_s) {
   nlohmann::ordered_json document = nlohmann::ordered_json::parse(read_document(file));
   const double units = document.at("length_unit") == "m" ? 1 : units_per_metre(LengthUnit::kMillimetre);
   const auto rename = [&](nlohmann::ordered_json& object, const char* key) {
@@ -240,6 +247,7 @@ std::string with_motion(const fs::path& file, const BreathingMotion& motion, con
   if (!document.contains("breathing")) document["breathing"] = nlohmann::ordered_json::object();
   nlohmann::ordered_json& breathing = document["breathing"];
   rename(breathing, "trace");
+  if (cycle_s) breathing["cycle_s"] = *cycle_s;
   breathing["rib_cage"] = motion_json(motion.rib_cage, units);
   breathing["diaphragm"] = motion_json(motion.diaphragm, units);
   constexpr int kIndent = 1;

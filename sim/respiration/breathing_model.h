@@ -41,8 +41,8 @@ struct BreathingModel {
 BreathingModel read_breathing_model(const std::filesystem::path& file);
 
 /// The same document with another motion, for a file in `folder`: the files that it names are named from
-/// there.
+/// there. `cycle_s` replaces the cycle of a sine.
 std::string with_motion(const std::filesystem::path& file, const BreathingMotion& motion,
-                        const std::filesystem::path& folder);
+                        const std::filesystem::path& folder, std::optional<double> cycle_s = {});
 
 }  // namespace kiroku::sim

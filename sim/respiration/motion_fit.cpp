@@ -117,13 +117,19 @@ class TumourFit {
   }
 
  private:
+  /// What is given and not sought.
+  static double baseline_m(const GroupMotion& motion, double time_s) {
+    return motion.baseline_m + motion.drift_m_per_s * time_s;
+  }
   [[nodiscard]] Eigen::VectorXd residual_of(const Vector3& rib_cage_m, double rib_cage_s,
                                             const Vector3& diaphragm_m, double diaphragm_s) const {
     Eigen::VectorXd residual_m(residuals());
     for (std::size_t i = 0; i < positions_.size(); ++i) {
       const RadiographPosition& seen = positions_[i];
       const Vector3 place_m = rest_m_ + model_.waveform.at(seen.time_s + rib_cage_s) * rib_cage_m +
-                              model_.waveform.at(seen.time_s + diaphragm_s) * diaphragm_m;
+                              model_.waveform.at(seen.time_s + diaphragm_s) * diaphragm_m +
+                              baseline_m(model_.motion.rib_cage, seen.time_s) * rib_cage_ +
+                              baseline_m(model_.motion.diaphragm, seen.time_s) * own_diaphragm_;
       const auto projected = views_[seen.view].project(place_m);
       // Behind the source lies nothing that a step may go to.
       constexpr double kFarPixels = 1e9;

@@ -318,6 +318,9 @@ ShapeFitResult fit_shape(const BreathingModel& model, const LabelMap& second, co
     result.motion.rib_cage.amplitude_m = factors[0];
     result.motion.diaphragm.amplitude_m = factors[1];
   }
+  // All that moved between the two shapes is in the amplitudes.
+  for (GroupMotion* const motion : {&result.motion.rib_cage, &result.motion.diaphragm})
+    motion->baseline_m = motion->drift_m_per_s = 0;
   const Eigen::VectorXd modelled_m = SurfaceFit::sum_of(responses, factors, still_m.size());
   record("model", placement, modelled_m);
   if (const std::size_t inverted = result.steps.back().inverted; inverted > 0) {
