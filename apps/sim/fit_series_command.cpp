@@ -127,9 +127,9 @@ nlohmann::ordered_json json_of(const FitSeriesRequest& request, const sim::Serie
   if (fit.refusal.empty()) {
     object["pose"] = {
         {"translation_mm", vector_json(kMillimetres * fit.translation_m)},
-        {"translation_error_mm", vector_json(deviations_mm(fit.pose_covariance.topLeftCorner<3, 3>()))},
+        {"translation_scatter_mm", vector_json(deviations_mm(fit.pose_covariance.topLeftCorner<3, 3>()))},
         {"rotation_degrees", vector_json(degrees(1) * fit.rotation_rad)},
-        {"rotation_error_degrees",
+        {"rotation_scatter_degrees",
          vector_json(degrees(1) / kMillimetres *
                      deviations_mm(fit.pose_covariance.bottomRightCorner<3, 3>()))}};
     if (fit.waveform.periodic()) object["cycle_s"] = fit.waveform.duration_s();
@@ -184,16 +184,17 @@ void print_group(const char* name, const sim::GroupMotion& motion, const sim::Wa
 
 void print_fit(const FitSeriesRequest& request, const sim::SeriesFit& fit,
                const std::optional<sim::TumourTrack>& track, double took_s) {
-  const sim::Vector3 mm = kMillimetres * fit.translation_m, turn = degrees(1) * fit.rotation_rad,
-                     mm_error = deviations_mm(fit.pose_covariance.topLeftCorner<3, 3>());
+  const sim::Vector3 mm = kMillimetres * fit.translation_m, turn = degrees(1) * fit.rotation_rad;
   std::cout << printable(request.output) << ": fitted to " << fit.moments.size() << " moments in "
             << request.geometries.size() << (request.geometries.size() == 1 ? " view, in " : " views, in ")
             << number_text(took_s, 3) << " s\n  the patient lay " << number_text(mm.x(), 3) << ", "
             << number_text(mm.y(), 3) << ", " << number_text(mm.z(), 3)
-            << " mm to the left, back and head (+/- " << number_text(mm_error.x(), 2) << ", "
-            << number_text(mm_error.y(), 2) << ", " << number_text(mm_error.z(), 2) << "), turned by "
-            << number_text(turn.x(), 3) << ", " << number_text(turn.y(), 3) << ", "
-            << number_text(turn.z(), 3) << " degrees about these\n";
+            << " mm to the left, back and head, turned by " << number_text(turn.x(), 3) << ", "
+            << number_text(turn.y(), 3) << ", " << number_text(turn.z(), 3) << " degrees about these\n";
+  if (request.geometries.size() == 1) {
+    std::cout << "  from one view neither the depth nor a turn is sure: either can be off by millimetres and "
+                 "degrees, and the amplitudes with them\n";
+  }
   if (fit.waveform.periodic())
     std::cout << "  a breath lasts " << number_text(fit.waveform.duration_s(), 4) << " s\n";
   print_group("rib cage   ", fit.motion.rib_cage, fit.rib_cage);
@@ -310,10 +311,11 @@ void add_sim_fit_series_command(Command& sim) {
       "pose: "
       "pictures of it are to be made with --aligned-geometry.");
   command.explain(
-      "Radiographs that the CT does not explain (another patient or geometry, mirrored or turned pictures, "
-      "exchanged dark and light) and a series without breathing are refused with the numbers and with what "
-      "was "
-      "tried; nothing is written, and the exit status is 1.");
+      "Radiographs that the CT does not explain (another geometry, mirrored or turned pictures, exchanged "
+      "dark "
+      "and light) and a series without breathing are refused with the numbers and with what was tried; "
+      "nothing "
+      "is written, and the exit status is 1. Another patient of the same build is not always told apart.");
   command.example(
       "kiroku sim fit-series ct/ lung.json --radiographs fluoroscopy.dcm -g front.json -o fitted.json "
       "--track tumour.csv",

@@ -49,7 +49,8 @@ struct SeriesFit {
   /// From where the CT has the patient to where they lay; about BreathingScene::middle_m().
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   Vector3 translation_m = Vector3::Zero(), rotation_rad = Vector3::Zero();
-  /// Of translation and rotation, by how the pictures' wishes differ (each picture one vote).
+  /// Of translation and rotation, by how the pictures' wishes differ (each picture one vote): their scatter
+  /// alone, which is far smaller than the error of the pose.
   Eigen::Matrix<double, 6, 6> pose_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   std::vector<SeriesMoment> moments;
   double similarity_before = 0;  // mean pictures and the CT as it lies
