@@ -198,19 +198,30 @@ struct Shipper::Pass {
     std::vector<ListedFile> files = folder.list();
     // What the ledger names stands in the store before the ledger does.
     std::ranges::stable_partition(files, [](const ListedFile& each) { return !is_ledger(each); });
+    bool all_there = true;
     for (const ListedFile& each : files) {
       if (ended()) return;
       if (each.kind == ListedFile::Kind::kFolder) continue;
       // A segment that is being written; one that stays incomplete keeps its name, and goes when the case is
       // closed.
       if (each.path.ends_with(archive::kPartSuffix) && !closed) continue;
-      if (each.kind != ListedFile::Kind::kRegular) {
-        report.problems.push_back((folder.path() / each.path).string() +
-                                  " is no regular file: it was not shipped");
-      } else if (is_ledger(each) && !closed) {
-        growth(folder, name);
-      } else {
-        file(folder, each, prefix() + name + "/" + each.path);
+      const std::string key = prefix() + name + "/" + each.path;
+      try {
+        if (each.kind != ListedFile::Kind::kRegular)
+          throw Error((folder.path() / each.path).string() + " is no regular file: it was not shipped");
+        if (!is_ledger(each)) {
+          file(folder, each, key);
+        } else if (!closed) {
+          growth(folder, name);
+        } else if (all_there) {
+          file(folder, each, key);
+        }
+      } catch (const StoreError&) {
+        throw;
+      } catch (const Error& error) {
+        report.problems.emplace_back(error.what());
+        // No ledger names a file that no store could have.
+        if (is_plain_key(key)) all_there = false;
       }
     }
   }

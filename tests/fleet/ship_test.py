@@ -211,6 +211,28 @@ def what_the_store_holds_may_be_erased(appliance, store):
     require(f"or-1/{case}/segments/endoscope/00000000.ts.age" in store.versions("recordings"), "the store lost it, too")
 
 
+def a_file_that_cannot_go_keeps_no_other_from_going(appliance, store):
+    case = appliance.recorded(2)
+    folder = appliance.home / "archive" / case
+    (folder / "a stray file").write_text("of somebody")
+    told = appliance.ask("ship", "--json")
+    require(told.returncode == 3 and "cannot be the name of an object" in told.stdout, f"not told: {told.stdout}")
+    require(f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "it kept the case from the store")
+    (folder / "a stray file").unlink()
+    # Without one of its segments the ledger would claim what is not there.
+    case = appliance.recorded(2)
+    segment = next((appliance.home / "archive" / case / "segments/endoscope").iterdir())
+    segment.rename(segment.with_suffix(".kept"))
+    segment.symlink_to(segment.with_suffix(".kept"))
+    told = appliance.ask("ship", "--json")
+    require(told.returncode == 3 and "is no regular file" in told.stdout, f"not told: {told.stdout}")
+    require(f"or-1/{case}/ledger.jsonl" not in store.versions("recordings"), "the ledger went without its segment")
+    segment.unlink()
+    segment.with_suffix(".kept").rename(segment)
+    appliance.kiroku("ship")
+    require(f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "the ledger did not follow")
+
+
 def what_is_wrong_is_said(appliance, store):
     toml = appliance.home / "kiroku.toml"
     good = toml.read_text(encoding="utf-8")
@@ -252,7 +274,8 @@ def main():
         store.make_bucket("recordings")
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
         for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
-                        a_running_case_goes_meanwhile, locks_hold, what_the_store_holds_may_be_erased, what_is_wrong_is_said):
+                        a_running_case_goes_meanwhile, locks_hold, what_the_store_holds_may_be_erased,
+                        a_file_that_cannot_go_keeps_no_other_from_going, what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)
 
