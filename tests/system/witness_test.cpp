@@ -66,9 +66,9 @@ TEST_F(Witnesses, CosignTheLogAndTheVerifierSaysWho) {
   EXPECT_FALSE(record().empty());
   const nlohmann::json again = kiroku_json(ask({"--json"}));
   EXPECT_TRUE(again["quorum"]);
-  Arguments json = kVerify;
-  json.emplace_back("--json");
-  const nlohmann::json judged = kiroku_json(json)["witnesses"];
+  Arguments as_json = kVerify;
+  as_json.emplace_back("--json");
+  const nlohmann::json judged = kiroku_json(as_json)["witnesses"];
   EXPECT_TRUE(judged["quorum"]);
   EXPECT_EQ(judged["entries"], again["entries"]);
   EXPECT_EQ(judged["witnesses"].size(), 3U);
