@@ -29,6 +29,12 @@ std::vector<archive::GapEntry> RecordedCase::gaps(const std::string& stream) con
   return found;
 }
 
+std::vector<archive::GapEntry> RecordedCase::gaps_but_overload(const std::string& stream) const {
+  std::vector<archive::GapEntry> left = gaps(stream);
+  std::erase_if(left, [](const archive::GapEntry& gap) { return gap.cause == archive::GapCause::kOverload; });
+  return left;
+}
+
 Bytes RecordedCase::plaintext(const archive::SegmentEntry& segment) const {
   const auto source = crypto::open_file_source(folder_ / segment.file.file);
   Bytes plain;

@@ -21,6 +21,9 @@ class RecordedCase {
 
   [[nodiscard]] std::vector<archive::SegmentEntry> segments(const std::string& stream) const;
   [[nodiscard]] std::vector<archive::GapEntry> gaps(const std::string& stream) const;
+  /// Those that something else than a busy machine is the cause of: a test that shares its cores asserts no
+  /// speed.
+  [[nodiscard]] std::vector<archive::GapEntry> gaps_but_overload(const std::string& stream) const;
   /// Entries of one type, in order.
   template <typename Entry>
   [[nodiscard]] std::vector<Entry> all() const {
