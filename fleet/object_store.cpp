@@ -17,7 +17,8 @@ namespace kiroku::fleet {
 namespace {
 
 constexpr std::size_t kLargestAnswer = 1U << 20;
-constexpr long kNotFound = 404, kForbidden = 403, kTooManyRequests = 429, kServerError = 500;
+constexpr long kBadRequest = 400, kForbidden = 403, kNotFound = 404, kTooLarge = 413, kTooManyRequests = 429,
+               kServerError = 500;
 constexpr const char* kMetadata = "x-amz-meta-kiroku-sha256";
 
 struct EasyDeleter {
@@ -136,6 +137,10 @@ std::string lock_text(UtcTime time) {
 bool StoreError::passes() const {
   return status_ == 0 || status_ == kTooManyRequests || status_ >= kServerError ||
          code_ == "RequestTimeout" || code_ == "SlowDown";
+}
+
+bool StoreError::is_of_one_object() const {
+  return !passes() && (status_ == kBadRequest || status_ == kTooLarge);
 }
 
 bool is_plain_key(std::string_view key) {
@@ -297,22 +302,21 @@ void ObjectStore::require_lockable() {
 }
 
 std::string ObjectStore::put(const std::string& key, const crypto::ByteSource& body,
-                             const crypto::Sha256Digest& sha256, UtcTime lock_ends) {
+                             const crypto::Sha256Digest& sha256, std::optional<UtcTime> lock_ends) {
   if (!is_plain_key(key)) {
-    throw Error("'" + printable(key) +
-                "' cannot be the name of an object: stores take letters, digits, points, hyphens and "
-                "underlines alike");
+    throw Error(
+        "'" + printable(key) +
+        "' cannot be the name of an object: stores take letters, digits, points, hyphens and underlines "
+        "alike");
   }
   const std::string hash = crypto::to_hex(sha256);
-  const Answer answer =
-      state_->ask({.method = "PUT",
-                   .key = key,
-                   .query = "",
-                   .headers = {"x-amz-object-lock-mode: COMPLIANCE",
-                               "x-amz-object-lock-retain-until-date: " + lock_text(lock_ends),
-                               std::string(kMetadata) + ": " + hash},
-                   .body = &body,
-                   .sha256 = hash});
+  std::vector<std::string> headers{std::string(kMetadata) + ": " + hash};
+  if (lock_ends) {
+    headers.emplace_back("x-amz-object-lock-mode: COMPLIANCE");
+    headers.push_back("x-amz-object-lock-retain-until-date: " + lock_text(*lock_ends));
+  }
+  const Answer answer = state_->ask(
+      {.method = "PUT", .key = key, .headers = std::move(headers), .body = &body, .sha256 = hash});
   if (answer.status != 200) throw state_->refusal(answer, "put " + key);
   std::string version = answer.header("x-amz-version-id");
   if (version.empty()) {

@@ -51,6 +51,9 @@ class StoreError : public Error {
   [[nodiscard]] const std::string& code() const { return code_; }
   /// Whether the same request may succeed later with nothing else changed.
   [[nodiscard]] bool passes() const;
+  /// Whether it says something of the one object alone (too large, other bytes than were announced), and
+  /// others may go.
+  [[nodiscard]] bool is_of_one_object() const;
 
  private:
   long status_;
@@ -81,11 +84,11 @@ class ObjectStore {
 
   /// Throws StoreError where the bucket is not there, cannot be seen, or has no Object Lock.
   void require_lockable();
-  /// Puts a version of `key` ([A-Za-z0-9._/-]) that is locked until `lock_ends`. `sha256` is that of all of
-  /// `body`: the store refuses a body of another hash. Returns the version. Throws StoreError,
-  /// kiroku::IoError of `body`.
+  /// Puts a version of `key` ([A-Za-z0-9._/-]) that is locked until `lock_ends`, or by nothing but what the
+  /// bucket's own rule is. `sha256` is that of all of `body`: the store refuses a body of another hash.
+  /// Returns the version. Throws StoreError, kiroku::IoError of `body`.
   std::string put(const std::string& key, const crypto::ByteSource& body, const crypto::Sha256Digest& sha256,
-                  UtcTime lock_ends);
+                  std::optional<UtcTime> lock_ends);
   /// A version of `key`, the newest where `version` is empty; nothing where there is none.
   std::optional<StoredObject> look(const std::string& key, const std::string& version = {});
   /// All of a version's bytes. Throws kiroku::Error where there are more than `most`.

@@ -19,6 +19,9 @@ using archive::ReadableFile;
 /// Most of a ledger that goes away at once.
 constexpr std::uint64_t kLargestGrowth = 4U << 20;
 constexpr std::size_t kOffsetDigits = 12;
+/// A folder that was changed so recently may be changed again without another time: file systems tell time in
+/// steps.
+constexpr std::chrono::seconds kSettled{2};
 /// So many objects are entered into the list at once.
 constexpr std::uint64_t kKeptTogether = 64;
 constexpr std::string_view kLogFolder = "log";
@@ -71,7 +74,60 @@ std::string growth_key(const std::string& prefix, const std::string& recording, 
   return prefix + "growing/" + recording + "/" + digits;
 }
 
-bool is_ledger(const ListedFile& file) { return file.path == archive::kLedgerFile; }
+/// In this order files go: what lines name, the lines, what was signed of them. So whatever the store holds
+/// when the appliance is destroyed is what a recorder that was cut off could have left.
+enum class Turn { kNamedByLines, kLedger, kOfLines };
+Turn turn_of(const ListedFile& file) {
+  if (file.path == archive::kLedgerFile) return Turn::kLedger;
+  return file.path.starts_with(std::string(archive::kCheckpointsFolder) + "/") ? Turn::kOfLines
+                                                                               : Turn::kNamedByLines;
+}
+
+/// Of a checkpoint's note; 0 for any other name.
+std::uint64_t lines_of_note(const ListedFile& file) {
+  return archive::size_of_note_name(std::string_view(file.path).substr(file.path.rfind('/') + 1)).value_or(0);
+}
+
+std::uint64_t lines_in(const crypto::ByteSource& source) {
+  Bytes buffer(64U << 10);
+  std::uint64_t offset = 0, lines = 0;
+  while (const std::size_t read = source.read_at(offset, buffer)) {
+    lines += static_cast<std::uint64_t>(
+        std::count(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(read), std::byte{'\n'}));
+    offset += read;
+  }
+  return lines;
+}
+
+/// How a recording's folder is: its ledger, and when anything in it was made, renamed or removed last. Files
+/// are never written again once they have their names.
+struct FolderState {
+  std::string text;
+  UtcTime newest;
+};
+void take_in(const fs::path& folder, const std::string& name, int levels, FolderState& state) {
+  const archive::FileReading& files = archive::real_reading();
+  const auto take = [&](const std::string& what, const archive::FileStatus& status) {
+    state.text += what + " " + std::to_string(status.last_change.time_since_epoch().count()) + " " +
+                  std::to_string(status.bytes) + "\n";
+    state.newest = std::max(state.newest, status.last_change);
+  };
+  const auto of_folder = files.status(folder);
+  if (!of_folder) return;
+  take(name, *of_folder);
+  if (const auto ledger = files.status(folder / archive::kLedgerFile))
+    take(name + std::string(archive::kLedgerFile), *ledger);
+  if (levels == 0) return;
+  for (const std::string& each : files.names_in(folder)) {
+    if (files.is_folder(folder / each)) take_in(folder / each, name + each + "/", levels - 1, state);
+  }
+}
+FolderState state_of(const fs::path& folder) {
+  constexpr int kLevels = 2;  // segments/<stream>
+  FolderState state;
+  take_in(folder, "", kLevels, state);
+  return state;
+}
 
 }  // namespace
 
@@ -150,86 +206,103 @@ struct Shipper::Pass {
     send(key, *opening.file, state);
   }
 
-  /// The lines of a ledger that were added since the last look.
-  void growth(const CaseFolder& folder, const std::string& recording) {
-    const archive::FileOpening opening = folder.open_file(archive::kLedgerFile);
-    if (!opening.file) return;
-    const auto status = archive::real_reading().status(folder.path() / archive::kLedgerFile);
-    std::uint64_t begin = shipper.list_.grown(recording);
-    if (is_ended != nullptr && shipper.list_.may_be_behind())
-      begin = grown_in_store(*opening.file, recording, begin);
+  /// The lines of a ledger that were added since the last look. How many lines of it are in the store then.
+  std::uint64_t growth(const ReadableFile& ledger, const std::string& recording) {
+    ShippingList::Grown grown = shipper.list_.grown(recording);
+    const auto status = archive::real_reading().status(ledger.path());
     while (!ended()) {
-      const std::uint64_t end = std::min(opening.file->size(), begin + kLargestGrowth);
-      const std::uint64_t bytes = begin < end ? whole_lines(*opening.file, begin, end) : 0;
-      if (bytes == 0) return;
+      const std::uint64_t end = std::min(ledger.size(), grown.bytes + kLargestGrowth);
+      const std::uint64_t bytes = grown.bytes < end ? whole_lines(ledger, grown.bytes, end) : 0;
+      if (bytes == 0) break;
       const FileState state{bytes, status ? status->last_change : UtcTime{}};
-      if (is_ended == nullptr) return wait(state);
-      send(growth_key(prefix(), recording, begin), Stretch(*opening.file, begin, bytes), state);
-      begin += bytes;
-      shipper.list_.set_grown(recording, begin);
+      if (is_ended == nullptr) {
+        wait(state);
+        break;
+      }
+      const std::string key = growth_key(prefix(), recording, grown.bytes);
+      if (const std::optional<StoredObject> there = shipper.store_.look(key)) {
+        take_up_part(key, *there, ledger, recording, grown);
+        continue;
+      }
+      const Stretch part(ledger, grown.bytes, bytes);
+      send(key, part, state);
+      grown = {grown.bytes + bytes, grown.lines + lines_in(part)};
+      shipper.list_.set_grown(recording, grown);
       // A part that is put again would have other lines by then.
       shipper.list_.keep();
     }
+    return grown.lines;
   }
 
-  /// The parts that are in the store from byte `begin` on, which the list does not know: up to where they
-  /// reach.
-  std::uint64_t grown_in_store(const ReadableFile& ledger, const std::string& recording,
-                               std::uint64_t begin) {
-    for (;;) {
-      const std::string key = growth_key(prefix(), recording, begin);
-      const std::optional<StoredObject> there = shipper.store_.look(key);
-      if (!there || there->bytes == 0 || there->bytes > ledger.size() - begin) return begin;
-      const Stretch part(ledger, begin, there->bytes);
-      if (!take_up(key, *there, {{there->bytes, {}}, crypto::to_hex(hash_of(part)), "", {}})) {
-        throw Error(key + " in the store is no part of " + ledger.path().string() +
-                    ": another appliance ships under the same name, or this one was restored from a copy");
-      }
-      begin += there->bytes;
-      shipper.list_.set_grown(recording, begin);
+  /// A part that is in the store and not in the list: an earlier process put it. Of anything else a ledger
+  /// with two endings would come.
+  void take_up_part(const std::string& key, const StoredObject& there, const ReadableFile& ledger,
+                    const std::string& recording, ShippingList::Grown& grown) {
+    const bool fits = there.bytes > 0 && there.bytes <= ledger.size() - grown.bytes;
+    const Stretch part(ledger, grown.bytes, fits ? there.bytes : 0);
+    if (!fits || !take_up(key, there, {{there.bytes, {}}, crypto::to_hex(hash_of(part)), "", {}})) {
+      throw Error(key + " in the store is no part of " + ledger.path().string() +
+                  ": another appliance ships under the same name, or this one was restored from an old copy");
     }
+    grown = {grown.bytes + there.bytes, grown.lines + lines_in(part)};
+    shipper.list_.set_grown(recording, grown);
   }
 
   void recording(const std::string& name) {
-    const CaseFolder folder = CaseFolder::open(archive / name);
-    const bool is_log = name == kLogFolder;
-    const auto tail = is_log ? std::nullopt : archive::read_ledger_tail(folder.path());
+    const fs::path place = archive / name;
+    const FolderState state = state_of(place);
+    if (shipper.list_.whole(name) == state.text) return;
+    const CaseFolder folder = CaseFolder::open(place);
+    const auto tail = name == kLogFolder ? std::nullopt : archive::read_ledger_tail(place);
     const bool closed = tail && tail->closed;
+    // What its lines name was there before them, and so is listed after it was opened.
+    const archive::FileOpening ledger = folder.open_file(archive::kLedgerFile);
     std::vector<ListedFile> files = folder.list();
-    // What the ledger names stands in the store before the ledger does.
-    std::ranges::stable_partition(files, [](const ListedFile& each) { return !is_ledger(each); });
-    bool all_there = true;
+    std::ranges::stable_sort(files, {}, turn_of);
+    std::uint64_t lines = closed ? tail->entries : shipper.list_.grown(name).lines;
+    bool all_there = true, all_whole = true;
     for (const ListedFile& each : files) {
       if (ended()) return;
       if (each.kind == ListedFile::Kind::kFolder) continue;
       // A segment that is being written; one that stays incomplete keeps its name, and goes when the case is
       // closed.
       if (each.path.ends_with(archive::kPartSuffix) && !closed) continue;
+      const Turn turn = turn_of(each);
       const std::string key = prefix() + name + "/" + each.path;
-      try {
-        if (each.kind != ListedFile::Kind::kRegular)
-          throw Error((folder.path() / each.path).string() + " is no regular file: it was not shipped");
-        if (!is_ledger(each)) {
-          file(folder, each, key);
-        } else if (!closed) {
-          growth(folder, name);
-        } else if (all_there) {
-          file(folder, each, key);
-        }
-      } catch (const StoreError&) {
-        throw;
-      } catch (const Error& error) {
+      const auto failed = [&](const Error& error) {
         report.problems.emplace_back(error.what());
+        all_whole = false;
         // No ledger names a file that no store could have.
         if (is_plain_key(key)) all_there = false;
+      };
+      // A note may be of lines that came after the ledger was opened.
+      if (turn != Turn::kNamedByLines && (!all_there || lines_of_note(each) > lines)) {
+        all_whole = false;
+        continue;
+      }
+      try {
+        if (each.kind != ListedFile::Kind::kRegular)
+          throw Error((place / each.path).string() + " is no regular file: it was not shipped");
+        if (turn != Turn::kLedger || closed) {
+          file(folder, each, key);
+        } else if (ledger.file) {
+          lines = growth(*ledger.file, name);
+        }
+      } catch (const StoreError& error) {
+        if (!error.is_of_one_object()) throw;
+        failed(error);
+      } catch (const Error& error) {
+        failed(error);
       }
     }
+    if (is_ended != nullptr && !ended() && all_whole && state.newest + kSettled < shipper.time_.utc())
+      shipper.list_.set_whole(name, state.text);
   }
 
   /// What goes wrong with one recording keeps no other from being shipped; what the store refuses does.
-  void recording_of(const std::string& name) {
+  void guarded(const std::function<void()>& work) {
     try {
-      recording(name);
+      work();
     } catch (const StoreError&) {
       throw;
     } catch (const Error& error) {
@@ -244,15 +317,23 @@ struct Shipper::Pass {
     if (archive::real_reading().is_folder(archive / kLogFolder)) names.emplace_back(kLogFolder);
     for (const std::string& name : names) {
       if (ended()) return;
-      recording_of(name);
+      guarded([&] { recording(name); });
     }
-    if (!archive::real_reading().is_folder(archive / archive::kEvidenceFolder)) return;
-    const CaseFolder evidence = CaseFolder::open(archive / archive::kEvidenceFolder);
-    for (const ListedFile& each : evidence.list()) {
+    if (archive::real_reading().is_folder(archive / archive::kEvidenceFolder)) guarded([&] { evidence(); });
+  }
+
+  void evidence() {
+    const std::string name(archive::kEvidenceFolder);
+    const FolderState state = state_of(archive / name);
+    if (shipper.list_.whole(name) == state.text) return;
+    const CaseFolder folder = CaseFolder::open(archive / name);
+    for (const ListedFile& each : folder.list()) {
       if (ended()) return;
       if (each.kind == ListedFile::Kind::kRegular && each.path.ends_with(".ers"))
-        file(evidence, each, prefix() + std::string(archive::kEvidenceFolder) + "/" + each.path);
+        file(folder, each, prefix() + name + "/" + each.path);
     }
+    if (is_ended != nullptr && state.newest + kSettled < shipper.time_.utc())
+      shipper.list_.set_whole(name, state.text);
   }
 };
 
@@ -287,16 +368,24 @@ LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clo
   const UtcTime ends = time.utc() + std::chrono::minutes(1);
   const std::string text = "kiroku tries this store's locks\n";
   const std::string other = "kiroku tries to replace what is locked\n";
-  const auto body = [](const std::string& of) { return crypto::memory_source(bytes_of(of)); };
+  const auto put = [&](const std::string& key, const std::string& what, std::optional<UtcTime> until) {
+    return store.put(key, *crypto::memory_source(bytes_of(what)), crypto::sha256(bytes_of(what)), until);
+  };
+  const auto removes = [&](const std::string& key, const std::string& version) {
+    return store.remove(key, version) && !store.look(key, version);
+  };
   LockProbe probe;
   probe.key = appliance + "/probe/" + format_utc_compact(time.utc());
-  probe.version = store.put(probe.key, *body(text), crypto::sha256(bytes_of(text)), ends);
+  // A refusal says something of locks only where what is not locked can be removed.
+  const std::string free = probe.key + ".free";
+  probe.may_remove = removes(free, put(free, text, {}));
+  probe.version = put(probe.key, text, ends);
   const auto stored = store.look(probe.key, probe.version);
   probe.unlocked = !stored || !stored->compliance || !stored->lock_ends ||
                    *stored->lock_ends < std::chrono::floor<std::chrono::seconds>(ends);
-  probe.removed = store.remove(probe.key, probe.version) && !store.look(probe.key, probe.version);
+  probe.removed = removes(probe.key, probe.version);
   if (probe.removed) return probe;
-  store.put(probe.key, *body(other), crypto::sha256(bytes_of(other)), ends);
+  put(probe.key, other, ends);
   constexpr std::size_t kMost = 4096;
   probe.replaced = store.get(probe.key, probe.version, kMost) != to_bytes(text);
   return probe;

@@ -7,8 +7,9 @@
 //   from byte 4096 or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log,
 //   which always grows or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
 //
-// The ledger goes last, so a case in the store never claims what is not there. An object counts once the
-// store has told of it with its size, its SHA-256 and its lock. Not thread-safe.
+// Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,
+// whenever it is made, is what a recorder that was cut off could have left. An object counts once the store
+// has told of it with its size, its SHA-256 and its lock. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -65,13 +66,16 @@ class Shipper {
 /// hold.
 struct LockProbe {
   std::string key, version;
-  bool removed = false;   // the store removed the locked version
-  bool replaced = false;  // after another put of the same key, the first version's bytes were others, or gone
-  bool unlocked = false;  // the store told of no lock, of another mode, or of an earlier end
-  [[nodiscard]] bool holds() const { return !removed && !replaced && !unlocked; }
+  bool may_remove = false;  // the store removed an object without a lock: its refusals say something
+  bool removed = false;     // the store removed the locked version
+  bool replaced = false;    // after another put of the same key, the first version's bytes were others
+  bool unlocked = false;    // the store told of no lock, of another mode, or of an earlier end
+  [[nodiscard]] bool fails() const { return removed || replaced || unlocked; }
+  [[nodiscard]] bool holds() const { return may_remove && !fails(); }
 };
-/// Puts it below "probe/" of the appliance, asks the store to remove and to replace it, and looks. Throws
-/// StoreError.
+/// Puts it below "probe/" of the appliance, asks the store to remove and to replace it, and looks; before,
+/// the same with an object that nothing locks. Neither fails() nor holds(): the access key may remove
+/// nothing, or the bucket locks everything by itself, and nothing was shown. Throws StoreError.
 LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clock& time = Clock::system());
 
 }  // namespace kiroku::fleet

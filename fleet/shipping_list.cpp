@@ -14,14 +14,16 @@ constexpr archive::SqliteFile::Schema kSchema{
     "CREATE TABLE object (key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, changed_us INTEGER NOT NULL, sha256 "
     "TEXT NOT "
     "NULL, version TEXT NOT NULL, lock_ends_us INTEGER NOT NULL) WITHOUT ROWID;"
-    "CREATE TABLE grown (recording TEXT PRIMARY KEY, up_to INTEGER NOT NULL) WITHOUT ROWID;"
+    "CREATE TABLE grown (recording TEXT PRIMARY KEY, up_to INTEGER NOT NULL, lines INTEGER NOT NULL) WITHOUT "
+    "ROWID;"
+    "CREATE TABLE whole (folder TEXT PRIMARY KEY, state TEXT NOT NULL) WITHOUT ROWID;"
     "CREATE TABLE state (unfinished INTEGER NOT NULL);"
     "INSERT INTO state VALUES (1);"
     "PRAGMA user_version = 1;",
     1,
-    "SELECT key, bytes, changed_us, sha256, version, lock_ends_us, recording, up_to, unfinished FROM object, "
-    "grown, state "
-    "LIMIT 1"};
+    "SELECT key, bytes, changed_us, sha256, version, lock_ends_us, recording, up_to, lines, folder, "
+    "whole.state, unfinished "
+    "FROM object, grown, whole, state LIMIT 1"};
 
 std::int64_t microseconds(UtcTime time) { return time.time_since_epoch().count(); }
 UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microseconds(microseconds)); }
@@ -97,16 +99,32 @@ void ShippingList::enter(const std::string& key, const ShippedObject& object) {
   put.step();
 }
 
-std::uint64_t ShippingList::grown(const std::string& recording) {
-  auto found = file_->statement("SELECT up_to FROM grown WHERE recording = ?");
+ShippingList::Grown ShippingList::grown(const std::string& recording) {
+  auto found = file_->statement("SELECT up_to, lines FROM grown WHERE recording = ?");
   found.bind(std::string_view(recording));
-  return found.step() ? static_cast<std::uint64_t>(found.integer(0)) : 0;
+  if (!found.step()) return {};
+  return {static_cast<std::uint64_t>(found.integer(0)), static_cast<std::uint64_t>(found.integer(1))};
 }
 
-void ShippingList::set_grown(const std::string& recording, std::uint64_t bytes) {
+void ShippingList::set_grown(const std::string& recording, const Grown& grown) {
   begin();
-  auto put = file_->statement("INSERT OR REPLACE INTO grown VALUES (?, ?)");
-  put.bind(std::string_view(recording)).bind(static_cast<std::int64_t>(bytes));
+  auto put = file_->statement("INSERT OR REPLACE INTO grown VALUES (?, ?, ?)");
+  put.bind(std::string_view(recording))
+      .bind(static_cast<std::int64_t>(grown.bytes))
+      .bind(static_cast<std::int64_t>(grown.lines));
+  put.step();
+}
+
+std::string ShippingList::whole(const std::string& recording) {
+  auto found = file_->statement("SELECT state FROM whole WHERE folder = ?");
+  found.bind(std::string_view(recording));
+  return found.step() ? found.text(0) : "";
+}
+
+void ShippingList::set_whole(const std::string& recording, const std::string& state) {
+  begin();
+  auto put = file_->statement("INSERT OR REPLACE INTO whole VALUES (?, ?)");
+  put.bind(std::string_view(recording)).bind(std::string_view(state));
   put.step();
 }
 

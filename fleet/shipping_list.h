@@ -53,9 +53,15 @@ class ShippingList {
   /// What is known of the object with this key.
   [[nodiscard]] std::optional<ShippedObject> find(const std::string& key);
   void enter(const std::string& key, const ShippedObject& object);
-  /// How far a ledger that still grows is in the store, in bytes from its beginning.
-  [[nodiscard]] std::uint64_t grown(const std::string& recording);
-  void set_grown(const std::string& recording, std::uint64_t bytes);
+  /// How far a ledger that still grows is in the store, from its beginning.
+  struct Grown {
+    std::uint64_t bytes = 0, lines = 0;
+  };
+  [[nodiscard]] Grown grown(const std::string& recording);
+  void set_grown(const std::string& recording, const Grown& grown);
+  /// How a folder was when all of it was in the store, as the shipper writes it; "" where it was not yet.
+  [[nodiscard]] std::string whole(const std::string& recording);
+  void set_whole(const std::string& recording, const std::string& state);
 
   struct Totals {
     std::uint64_t objects = 0, bytes = 0;

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <vector>
 
-#include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/reading/case_reader.h"
+#include "archive/verify/found_files.h"
 #include "crypto/encoding.h"
 
 namespace kiroku::fleet {
@@ -33,18 +33,10 @@ std::optional<std::string> why_not_stored(ObjectStore& store, ShippingList& list
                                           UtcTime now) {
   const std::string prefix = appliance + "/" + case_folder.filename().string() + "/";
   const archive::CaseReader reader = archive::CaseReader::open(case_folder);
-  const archive::CaseFolder folder = archive::CaseFolder::open(case_folder);
-  const archive::FileOpening ledger = folder.open_file(archive::kLedgerFile);
-  if (!ledger.file) throw Error((case_folder / archive::kLedgerFile).string() + " " + ledger.explanation);
-  crypto::Sha256 hash;
-  Bytes block(1U << 18);
-  std::uint64_t bytes = 0;
-  while (const std::size_t got = ledger.file->read_at(bytes, block)) {
-    hash.update(ByteView(block).first(got));
-    bytes += got;
-  }
-  if (auto problem = object_problem(store, list, prefix + std::string(archive::kLedgerFile), bytes,
-                                    crypto::to_hex(hash.finish()), now))
+  const archive::FileReference ledger =
+      archive::measure_file(archive::real_reading(), case_folder / archive::kLedgerFile);
+  if (auto problem = object_problem(store, list, prefix + std::string(archive::kLedgerFile), ledger.bytes,
+                                    crypto::to_hex(ledger.sha256), now))
     return problem;
   std::vector<archive::ErasedEntry> erased;
   reader.for_each([&](const archive::CaseEntry& entry) {

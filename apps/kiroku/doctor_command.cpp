@@ -322,7 +322,14 @@ Check check_store(const Home& home) {
   const std::string bucket = "bucket '" + of.bucket + "' of " + of.endpoint;
   fleet::ObjectStore store = open_store(home, of);
   try {
-    if (!fleet::probe_lock(store, of.appliance).holds()) {
+    const fleet::LockProbe found = fleet::probe_lock(store, of.appliance);
+    if (!found.fails() && !found.holds()) {
+      return {Health::kWarning, "store",
+              bucket +
+                  " removes nothing for this access key, locked or not: whether its locks hold was not shown",
+              "such a key is well; 'kiroku ship --probe' with one that may remove objects shows it, once"};
+    }
+    if (found.fails()) {
       return {Health::kBad, "store", bucket + " did not hold an object for the minute that it was locked",
               "what is there can be removed: 'kiroku ship --probe' says how; have it put right, or take "
               "another store"};

@@ -206,7 +206,7 @@ class Copies {
     const StoreConfiguration of = store_of(home);
     appliance_ = of.appliance;
     store_.emplace(open_store(home, of));
-    list_.emplace(home.shipping_file());
+    list_.emplace(shipping_list_file(home, of));
   }
 
   /// Nothing if one of them holds all of the stream that the case still has; else why none does, a sentence.

@@ -8,7 +8,7 @@
 //   archive/<case>/  the recordings            archive/log/ the appliance log
 //   catalogue.sqlite                           users.sqlite, viewer.pem, viewer.key of the viewer
 //   stamping.sqlite  time-stamps still wanted  identity.txt only with --demo
-//   shipping.sqlite  what is in the store      store-credentials  the store's keys, mode 0600
+//   shipping-*.sqlite  what is in a store      store-credentials  the store's keys, mode 0600
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
@@ -61,7 +61,10 @@ class Home {
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
   [[nodiscard]] std::filesystem::path stamping_file() const { return folder_ / "stamping.sqlite"; }
-  [[nodiscard]] std::filesystem::path shipping_file() const { return folder_ / "shipping.sqlite"; }
+  /// What of this home is in the store with this name for it.
+  [[nodiscard]] std::filesystem::path shipping_file(const std::string& store) const {
+    return folder_ / ("shipping-" + store + ".sqlite");
+  }
 
   /// Where a recorder that runs on this home is spoken to.
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;

@@ -48,7 +48,7 @@ int tell_status(const Request& request, const fleet::ShippingReport& report, fle
     print_json(json_of(report, held));
   } else {
     std::cout << "in the store   " << objects(held.objects) << ", " << format_bytes(held.bytes)
-              << ", each confirmed\n";
+              << ", each confirmed when it was put\n";
     if (report.waiting == 0) {
       std::cout << "not there yet  nothing\n";
     } else {
@@ -64,17 +64,27 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
   const fleet::LockProbe found = fleet::probe_lock(store, appliance);
   if (request.json) {
     print_json({{"key", found.key},
-                {"holds", found.holds()},
+                {"holds", found.fails() || found.holds() ? nlohmann::ordered_json(found.holds()) : nullptr},
+                {"removes_unlocked", found.may_remove},
                 {"told", !found.unlocked},
                 {"removed", found.removed},
                 {"replaced", found.replaced}});
   } else {
-    std::cout << "put       " << found.key << ", locked for a minute\n"
+    const char* verdict =
+        found.fails()   ? "The locks of this store DO NOT HOLD: it is no place for evidence.\n"
+        : found.holds() ? "The locks of this store hold against this access key.\n"
+                        : "NOT SHOWN: this store removes nothing for this access key, locked or "
+                          "not. Try a key that may remove objects.\n";
+    std::cout << "free      "
+              << (found.may_remove ? "an object without a lock can be removed"
+                                   : "an object without "
+                                     "a lock was not removed either")
+              << "\n"
+              << "put       " << found.key << ", locked for a minute\n"
               << "told      " << (found.unlocked ? "no such lock" : "COMPLIANCE until then") << "\n"
               << "removing  " << (found.removed ? "REMOVED it" : "was refused, or removed nothing") << "\n"
               << "replacing " << (found.replaced ? "CHANGED it" : "left the first version as it was") << "\n"
-              << (found.holds() ? "The locks of this store hold against this access key.\n"
-                                : "The locks of this store DO NOT HOLD: it is no place for evidence.\n");
+              << verdict;
   }
   return found.holds() ? kDone : kNoAnswer;
 }
@@ -99,7 +109,7 @@ int follow(fleet::Shipper& shipper, const Home& home) {
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
       for (const std::string& problem : report.problems) now += (now.empty() ? "" : "; ") + problem;
       pause = kLookInterval;
-    } catch (const fleet::StoreError& error) {
+    } catch (const Error& error) {
       now = error.what();
       pause = std::min(2 * pause, kLongestPause);
     }
@@ -124,7 +134,7 @@ int run(const Request& request) {
   const fleet::ShippingTerms terms{of.appliance, of.retain};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
-  fleet::ShippingList list(home.shipping_file());
+  fleet::ShippingList list(shipping_list_file(home, of));
   fleet::Shipper shipper(store, list, terms);
   if (request.status) return tell_status(request, shipper.look(home.archive()), list);
   list.take();

@@ -5,6 +5,8 @@
 #include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/printable.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "fleet/store_credentials.h"
 
 namespace kiroku::apps {
@@ -23,6 +25,12 @@ StoreConfiguration store_of(const Home& home) {
         "' cannot begin keys of a store: write appliance = \"...\" into [store], small letters and digits");
   }
   return std::move(*store);
+}
+
+std::filesystem::path shipping_list_file(const Home& home, const StoreConfiguration& of) {
+  constexpr std::size_t kDigits = 16;
+  const std::string store = of.endpoint + "/" + of.bucket + "/" + of.appliance;
+  return home.shipping_file(crypto::to_hex(crypto::sha256(bytes_of(store))).substr(0, kDigits));
 }
 
 fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of) {

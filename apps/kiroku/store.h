@@ -1,6 +1,8 @@
 // The store that a home's kiroku.toml names, ready to be asked.
 #pragma once
 
+#include <filesystem>
+
 #include "apps/kiroku/home.h"
 #include "fleet/object_store.h"
 
@@ -9,6 +11,9 @@ namespace kiroku::apps {
 /// [store] of the home, with the name that this appliance's objects begin with. Throws kiroku::UsageError
 /// where there is none, or where the device's name cannot be that one.
 StoreConfiguration store_of(const Home& home);
+/// Where the list of what is in that store under that name lies: another store, or another name, has another
+/// list.
+std::filesystem::path shipping_list_file(const Home& home, const StoreConfiguration& of);
 /// Reads the credentials, reaches nothing yet. Throws kiroku::UsageError.
 fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of);
 

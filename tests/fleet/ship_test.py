@@ -13,6 +13,7 @@ import os
 import pathlib
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -49,6 +50,13 @@ class Store:
 
     def versions(self, bucket):
         """Every version of every object: {key: [version, ...]}."""
+        return self.listed(bucket, "VersionId")
+
+    def times(self, bucket):
+        """When each object was put first, as text that can be ordered."""
+        return {key: min(times) for key, times in self.listed(bucket, "LastModified").items()}
+
+    def listed(self, bucket, what):
         found, after = {}, ""
         while True:
             status, body = self.ask("GET", f"/{bucket}?{after}versions=")
@@ -56,7 +64,7 @@ class Store:
             tree = xml.fromstring(body)
             space = tree.tag[: tree.tag.index("}") + 1]
             for version in tree.iter(space + "Version"):
-                found.setdefault(version.findtext(space + "Key"), []).append(version.findtext(space + "VersionId"))
+                found.setdefault(version.findtext(space + "Key"), []).append(version.findtext(space + what))
             if tree.findtext(space + "IsTruncated") != "true":
                 return found
             after = f"key-marker={tree.findtext(space + 'NextKeyMarker')}&"
@@ -124,17 +132,8 @@ def closed_cases_are_whole_in_the_store(appliance, store):
     others = {key for key in set(keys) - wanted if not key.startswith("or-1/growing/log/")}
     require(not others, f"nobody asked for {sorted(others)[:5]}")
     require(told["sent"] == len(keys), f"{told['sent']} objects sent, and {len(keys)} are there")
-    with tempfile.TemporaryDirectory() as copy:
-        for key in keys:
-            if key.startswith(f"or-1/{case}/"):
-                file = pathlib.Path(copy, key)
-                file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_bytes(store.get("recordings", key))
-        judged = subprocess.run([str(appliance.programs / "kiroku-verify"), f"{copy}/or-1/{case}", "--device",
-                                 str(appliance.home / "device.pub"), "--own-authority",
-                                 str(appliance.home / "own-authority.pem")], capture_output=True, text=True)
-        require(judged.returncode == 0 and "\nINTACT" in judged.stdout,
-                f"the store's copy is not intact: {judged.stdout}{judged.stderr}")
+    status, words = judged(appliance, store, case)
+    require(status == 0 and "\nINTACT" in words, f"the store's copy is not intact: {words}")
     growth = b"".join(store.get("recordings", key) for key in sorted(keys) if key.startswith("or-1/growing/log/"))
     require(growth == (appliance.home / "archive/log/ledger.jsonl").read_bytes(), "the log's parts are not the log")
 
@@ -148,10 +147,24 @@ def nothing_is_put_twice(appliance, store):
     again = json.loads(appliance.kiroku("ship", "--json"))
     require(again["sent"] == 0, f"sent again: {again}")
     # Without its list it asks the store.
-    (appliance.home / "shipping.sqlite").unlink()
+    for each in appliance.home.glob("shipping-*.sqlite"):
+        each.unlink()
     found = json.loads(appliance.kiroku("ship", "--json"))
     require(found["sent"] == 0 and found["found"] == len(before), f"not found again: {found}, of {len(before)}")
     require(store.versions("recordings") == before, "there are more versions than before")
+    # What lies there whole is not looked at file by file any more, and a change in it is noticed all the same.
+    time.sleep(2.5)
+    appliance.kiroku("ship")
+    (listed,) = appliance.home.glob("shipping-*.sqlite")
+    with contextlib.closing(sqlite3.connect(listed)) as database:
+        whole = {folder for (folder,) in database.execute("SELECT folder FROM whole")}
+    cases = {each.name for each in (appliance.home / "archive").iterdir() if each.name.startswith("2")}
+    require(whole == cases | {"log"}, f"whole in the store are {whole}, and cases are {cases}")
+    case = min(cases)
+    (appliance.home / "archive" / case / "authorities").mkdir(exist_ok=True)
+    (appliance.home / "archive" / case / "authorities/another.pem").write_text("none")
+    require(json.loads(appliance.kiroku("ship", "--json"))["sent"] == 1, "a new file in a whole case was not noticed")
+    (appliance.home / "archive" / case / "authorities/another.pem").unlink()
 
 
 def a_killed_shipper_goes_on(appliance, store):
@@ -166,6 +179,89 @@ def a_killed_shipper_goes_on(appliance, store):
     doubled = [key for key, versions in store.versions("recordings").items()
                if key.startswith(f"or-1/{case}/") and len(versions) > 1]
     require(not doubled, f"put twice: {doubled}")
+
+
+def judged(appliance, store, case):
+    """What kiroku-verify says of the store's copy alone: its exit status and its words."""
+    with tempfile.TemporaryDirectory() as copy:
+        parts = b""
+        for key in sorted(store.versions("recordings")):
+            if key.startswith(f"or-1/growing/{case}/"):
+                parts += store.get("recordings", key)
+            if key.startswith(f"or-1/{case}/"):
+                file = pathlib.Path(copy, key)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(store.get("recordings", key))
+        folder = pathlib.Path(copy, "or-1", case)
+        ledger = folder / "ledger.jsonl"
+        if ledger.exists():
+            require(ledger.read_bytes().startswith(parts), "the parts of the ledger are not its beginning")
+        else:
+            ledger.write_bytes(parts)
+        done = subprocess.run([str(appliance.programs / "kiroku-verify"), str(folder), "--device",
+                               str(appliance.home / "device.pub"), "--own-authority",
+                               str(appliance.home / "own-authority.pem")], capture_output=True, text=True)
+        return done.returncode, done.stdout + done.stderr
+
+
+def a_destroyed_appliances_case_reads_as_cut_off(appliance, store):
+    for wait in (1.5, 2.2, 2.9, 3.3, 3.7):
+        recording = appliance.record(30)
+        following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment,
+                                     stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        known = set(store.versions("recordings"))
+        eventually(lambda: any("/growing/2" in key for key in set(store.versions("recordings")) - known),
+                   "no line of the case came")
+        time.sleep(wait)
+        for each in (following, recording):
+            each.kill()
+            each.wait()
+        case = next(key.split("/")[2] for key in set(store.versions("recordings")) - known if "/growing/2" in key)
+        status, words = judged(appliance, store, case)
+        require(status == 3 and "\nINCOMPLETE" in words, f"destroyed after {wait} s it reads: {status} {words}")
+        # The appliance comes back.
+        appliance.kiroku("recover")
+        appliance.kiroku("ship")
+        status, words = judged(appliance, store, case)
+        require(status in (0, 3) and "TAMPERED" not in words, f"recovered it reads: {words}")
+
+
+def an_appliance_of_the_same_name_is_told(appliance, store):
+    other = Appliance(appliance.programs, appliance.home.parent / "other", store.endpoint, "recordings")
+    other.recorded(2)
+    told = other.ask("ship", "--json")
+    require(told.returncode == 3 and "another appliance ships under the same name" in told.stdout,
+            f"two logs were mixed: {told.stdout}")
+
+
+def another_store_has_another_list(appliance, store):
+    store.make_bucket("second")
+    toml = appliance.home / "kiroku.toml"
+    good = toml.read_text(encoding="utf-8")
+    toml.write_text(good.replace('bucket = "recordings"', 'bucket = "second"'), encoding="utf-8")
+    told = json.loads(appliance.ask("ship", "--status", "--json").stdout)
+    require(told["in_store"] == 0 and told["waiting"] > 10, f"the first store's objects count as the second's: {told}")
+    toml.write_text(good, encoding="utf-8")
+
+
+def files_go_before_lines_and_lines_before_notes(store, case):
+    times, parts = store.times("recordings"), []
+    lines = store.get("recordings", f"or-1/{case}/ledger.jsonl").decode().splitlines()
+    put = []  # when each line was
+    for key in sorted(times):
+        if key.startswith(f"or-1/growing/{case}/"):
+            parts.append(key)
+            put += [times[key]] * store.get("recordings", key).count(b"\n")
+    require(len(parts) > 2, f"the ledger grew in {len(parts)} parts: nothing is shown")
+    put += [times[f"or-1/{case}/ledger.jsonl"]] * (len(lines) - len(put))
+    for line, when in zip(lines, put):
+        entry = json.loads(line)
+        if entry["type"] in ("segment", "token"):
+            require(times[f"or-1/{case}/{entry['file']}"] <= when, f"{entry['file']} came after the line that names it")
+    for key, when in times.items():
+        if key.startswith(f"or-1/{case}/checkpoints/"):
+            size = int(pathlib.Path(key).stem)
+            require(put[size - 1] <= when, f"{key} came before the lines that it is of")
 
 
 def a_running_case_goes_meanwhile(appliance, store):
@@ -185,7 +281,11 @@ def a_running_case_goes_meanwhile(appliance, store):
             f"a second one was not refused: {second.stderr}")
     require(recording.wait(timeout=120) == 0, "recording failed")
     case = pathlib.Path(json.loads(recording.stdout.read())["case"]).name
-    eventually(lambda: f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "the closed ledger did not come")
+    newest = sorted((appliance.home / "archive" / case / "checkpoints").iterdir())[-1].name
+    eventually(lambda: f"or-1/{case}/checkpoints/{newest}" in store.versions("recordings"), "its end did not come")
+    status, words = judged(appliance, store, case)
+    require(status == 0 and "\nINTACT" in words, f"the store's copy is not intact: {words}")
+    files_go_before_lines_and_lines_before_notes(store, case)
     following.send_signal(signal.SIGTERM)
     require(following.wait(timeout=60) == 0, f"it did not end: {following.stderr.read()}")
 
@@ -274,8 +374,10 @@ def main():
         store.make_bucket("recordings")
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
         for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
-                        a_running_case_goes_meanwhile, locks_hold, what_the_store_holds_may_be_erased,
-                        a_file_that_cannot_go_keeps_no_other_from_going, what_is_wrong_is_said):
+                        a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
+                        an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
+                        what_the_store_holds_may_be_erased, a_file_that_cannot_go_keeps_no_other_from_going,
+                        what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)
 

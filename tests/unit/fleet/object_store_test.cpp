@@ -105,6 +105,19 @@ TEST(ObjectStore, KnowsWhatMayPass) {
   EXPECT_FALSE(passes(404, "NoSuchBucket"));
 }
 
+TEST(ObjectStore, KnowsWhatIsOfOneObject) {
+  const auto is_of_one = [](long status, const char* code) {
+    return StoreError("", status, code).is_of_one_object();
+  };
+  EXPECT_TRUE(is_of_one(400, "XAmzContentSHA256Mismatch"));
+  EXPECT_TRUE(is_of_one(400, "EntityTooLarge"));
+  EXPECT_TRUE(is_of_one(413, ""));
+  EXPECT_FALSE(is_of_one(400, "RequestTimeout"));
+  EXPECT_FALSE(is_of_one(403, "AccessDenied"));
+  EXPECT_FALSE(is_of_one(503, "SlowDown"));
+  EXPECT_FALSE(is_of_one(0, ""));
+}
+
 TEST(ObjectStore, AStoreThatIsNotThereIsSaidToBe) {
   std::string url;
   {

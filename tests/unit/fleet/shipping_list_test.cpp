@@ -30,7 +30,8 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
     EXPECT_FALSE(list.find("or-1/a"));
     list.before_putting();
     list.enter("or-1/a", kSent);
-    list.set_grown("log", 4096);
+    list.set_grown("log", {4096, 12});
+    list.set_whole("log", "ledger 7");
     list.finish();
     EXPECT_FALSE(list.may_be_behind());
   }
@@ -42,8 +43,11 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
   EXPECT_EQ(found->sha256, "abc");
   EXPECT_EQ(found->version, "v1");
   EXPECT_EQ(found->lock_ends, kSent.lock_ends);
-  EXPECT_EQ(list.grown("log"), 4096U);
-  EXPECT_EQ(list.grown("another"), 0U);
+  EXPECT_EQ(list.grown("log").bytes, 4096U);
+  EXPECT_EQ(list.grown("log").lines, 12U);
+  EXPECT_EQ(list.grown("another").bytes, 0U);
+  EXPECT_EQ(list.whole("log"), "ledger 7");
+  EXPECT_EQ(list.whole("another"), "");
   EXPECT_EQ(list.totals().objects, 1U);
   EXPECT_EQ(list.totals().bytes, 4711U);
 }
