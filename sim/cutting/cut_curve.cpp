@@ -17,6 +17,7 @@ namespace kiroku::sim {
 namespace {
 
 constexpr std::size_t kFineSteps = 32;      // from a handle to the next
+constexpr std::size_t kMostHandles = 100;   // a document of strangers must not take minutes to be read
 constexpr double kFarthestInEdges = 2;      // of a handle from the surface
 constexpr double kLeastInward = 0.1;        // cosine of a direction with the inward normal
 constexpr double kSamePlaceInEdges = 1e-3;  // two handles
@@ -102,6 +103,10 @@ Vector3 handle_at(const std::vector<Vector3>& handles_m, std::ptrdiff_t handle) 
 void check(const CutCurve& curve, const OrganSurface& surface, double edge_m) {
   const std::size_t count = curve.handles_m.size();
   if (count < 2) throw Error("a curve needs two handles at least: it has " + std::to_string(count));
+  if (count > kMostHandles) {
+    throw Error("a curve has " + std::to_string(kMostHandles) + " handles at most: it has " +
+                std::to_string(count));
+  }
   for (std::size_t i = 0; i < count; ++i) {
     const Vector3& handle_m = curve.handles_m[i];
     if (!handle_m.allFinite()) throw Error(handle_text(i) + " is not finite");

@@ -27,10 +27,10 @@ struct CutCurve {
 /// last pose at the outer handles and the others evenly between, about `spacing_m` apart. What
 /// sweep_surfaces() takes. Lengths in m; the mesh is the organ at rest.
 ///
-/// kiroku::Error in one sentence that names the handle, counted from 0: fewer than two; not finite; at the
-/// place of the one before; farther from the surface than two of its edges; a depth that is not positive or
-/// not less than the edge; as many depths as neither one nor the handles; a direction without length, or that
-/// leads along the surface or out of it.
+/// kiroku::Error in one sentence that names the handle, counted from 0: fewer than two or more than 100; not
+/// finite; at the place of the one before; farther from the surface than two of its edges; a depth that is
+/// not positive or not less than the edge; as many depths as neither one nor the handles; a direction without
+/// length, or that leads along the surface or out of it.
 std::vector<BladePose> blade_along(const CutCurve& curve, const TetMesh& mesh, double edge_m,
                                    double spacing_m);
 

@@ -130,6 +130,9 @@ TEST(CutCurve, RefusesWhatCannotBeCutInWords) {
   curve.handles_m.resize(1);
   EXPECT_EQ(curve_refusal(curve), "a curve needs two handles at least: it has 1");
   curve = across();
+  curve.handles_m.resize(101, curve.handles_m.back());
+  EXPECT_EQ(curve_refusal(curve), "a curve has 100 handles at most: it has 101");
+  curve = across();
   curve.handles_m[2] *= 1.6;
   EXPECT_THAT(curve_refusal(curve),
               testing::MatchesRegex("handle 2 is 3[01](\\.[0-9])? mm off the organ's surface: "
