@@ -14,6 +14,7 @@ namespace kiroku::sim {
   X(PFNGLBEGINQUERYPROC, BeginQuery)                                        \
   X(PFNGLBINDBUFFERBASEPROC, BindBufferBase)                                \
   X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                              \
+  X(PFNGLBINDIMAGETEXTUREPROC, BindImageTexture)                            \
   X(PFNGLBINDTEXTUREUNITPROC, BindTextureUnit)                              \
   X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                              \
   X(PFNGLBLENDFUNCPROC, BlendFunc)                                          \
@@ -39,6 +40,7 @@ namespace kiroku::sim {
   X(PFNGLDELETEVERTEXARRAYSPROC, DeleteVertexArrays)                        \
   X(PFNGLDEPTHFUNCPROC, DepthFunc)                                          \
   X(PFNGLDISABLEPROC, Disable)                                              \
+  X(PFNGLDISPATCHCOMPUTEPROC, DispatchCompute)                              \
   X(PFNGLDRAWARRAYSPROC, DrawArrays)                                        \
   X(PFNGLENABLEPROC, Enable)                                                \
   X(PFNGLENDQUERYPROC, EndQuery)                                            \
@@ -52,6 +54,7 @@ namespace kiroku::sim {
   X(PFNGLGETSTRINGPROC, GetString)                                          \
   X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                        \
   X(PFNGLLINKPROGRAMPROC, LinkProgram)                                      \
+  X(PFNGLMEMORYBARRIERPROC, MemoryBarrier)                                  \
   X(PFNGLNAMEDBUFFERDATAPROC, NamedBufferData)                              \
   X(PFNGLNAMEDBUFFERSUBDATAPROC, NamedBufferSubData)                        \
   X(PFNGLNAMEDFRAMEBUFFERDRAWBUFFERPROC, NamedFramebufferDrawBuffer)        \
@@ -64,6 +67,7 @@ namespace kiroku::sim {
   X(PFNGLPROGRAMUNIFORM1IPROC, ProgramUniform1i)                            \
   X(PFNGLPROGRAMUNIFORM3FPROC, ProgramUniform3f)                            \
   X(PFNGLPROGRAMUNIFORM4FPROC, ProgramUniform4f)                            \
+  X(PFNGLPROGRAMUNIFORM4IPROC, ProgramUniform4i)                            \
   X(PFNGLREADPIXELSPROC, ReadPixels)                                        \
   X(PFNGLSCISSORPROC, Scissor)                                              \
   X(PFNGLSHADERSOURCEPROC, ShaderSource)                                    \

@@ -1,5 +1,6 @@
 #include "sim/render/gl_objects.h"
 
+#include <array>
 #include <vector>
 
 #include "base/error.h"
@@ -21,6 +22,21 @@ GlHandle compiled(const GlFunctions& gl, GLenum kind, const std::string& source)
     throw Error("the OpenGL driver cannot compile a shader: " + std::string(log.data()));
   }
   return shader;
+}
+
+GlHandle linked(const GlFunctions& gl, std::span<const GlHandle> shaders) {
+  GlHandle program(gl, gl.CreateProgram(),
+                   [](const GlFunctions& functions, GLuint name) { functions.DeleteProgram(name); });
+  for (const GlHandle& shader : shaders) gl.AttachShader(program.name(), shader.name());
+  gl.LinkProgram(program.name());
+  GLint done = GL_FALSE;
+  gl.GetProgramiv(program.name(), GL_LINK_STATUS, &done);
+  if (done == GL_FALSE) {
+    std::vector<char> log(4096);
+    gl.GetProgramInfoLog(program.name(), static_cast<GLsizei>(log.size()), nullptr, log.data());
+    throw Error("the OpenGL driver cannot link a program: " + std::string(log.data()));
+  }
+  return program;
 }
 
 }  // namespace
@@ -60,21 +76,14 @@ GlHandle make_query(const GlFunctions& gl, GLenum target) {
 
 GlHandle make_program(const GlFunctions& gl, const std::string& vertex_shader,
                       const std::string& fragment_shader) {
-  GlHandle program(gl, gl.CreateProgram(),
-                   [](const GlFunctions& functions, GLuint name) { functions.DeleteProgram(name); });
-  const GlHandle vertex = compiled(gl, GL_VERTEX_SHADER, vertex_shader);
-  const GlHandle fragment = compiled(gl, GL_FRAGMENT_SHADER, fragment_shader);
-  gl.AttachShader(program.name(), vertex.name());
-  gl.AttachShader(program.name(), fragment.name());
-  gl.LinkProgram(program.name());
-  GLint done = GL_FALSE;
-  gl.GetProgramiv(program.name(), GL_LINK_STATUS, &done);
-  if (done == GL_FALSE) {
-    std::vector<char> log(4096);
-    gl.GetProgramInfoLog(program.name(), static_cast<GLsizei>(log.size()), nullptr, log.data());
-    throw Error("the OpenGL driver cannot link a program: " + std::string(log.data()));
-  }
-  return program;
+  const std::array shaders{compiled(gl, GL_VERTEX_SHADER, vertex_shader),
+                           compiled(gl, GL_FRAGMENT_SHADER, fragment_shader)};
+  return linked(gl, shaders);
+}
+
+GlHandle make_compute_program(const GlFunctions& gl, const std::string& shader) {
+  const std::array shaders{compiled(gl, GL_COMPUTE_SHADER, shader)};
+  return linked(gl, shaders);
 }
 
 void sample_nearest(const GlFunctions& gl, const GlHandle& texture) {

@@ -46,6 +46,7 @@ GlHandle make_query(const GlFunctions& gl, GLenum target);
 /// kiroku::Error with the compiler's own words: a driver that cannot.
 GlHandle make_program(const GlFunctions& gl, const std::string& vertex_shader,
                       const std::string& fragment_shader);
+GlHandle make_compute_program(const GlFunctions& gl, const std::string& shader);
 
 /// Fills a buffer with `values`; an empty one gets a few bytes, as a shader's block must have some.
 template <typename Value>

@@ -139,7 +139,13 @@ uniform vec4 edge;         // HU per mm from which on tissue is shaded; what a t
 uniform vec3 light;
 uniform vec4 sheet;        // colour and opacity of the surface
 uniform vec4 tint;         // share of the stress in the colour; 1 / largest stress
+#ifdef COMPUTE
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(binding = 0, rgba8) writeonly uniform image2D shown;
+uniform ivec4 covered;     // the first pixel and the one behind the last
+#else
 layout(location = 0) out vec4 colour;
+#endif
 
 const uint kNone = 0xFFFFFFFFu;
 const uint kEmpty = 0x80000000u;
@@ -152,8 +158,13 @@ const int kMostCells = 4096;
 vec3 turned(vec4 q, vec3 v) { return v + 2 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
 
 void main() {
+#ifdef COMPUTE
+  ivec2 pixel = covered.xy + ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(pixel, covered.zw))) return;
+#else
   ivec2 pixel = ivec2(gl_FragCoord.xy);
-  vec2 s = (gl_FragCoord.xy * picture.zw * 2 - 1) * view.xy + view.zw;
+#endif
+  vec2 s = ((vec2(pixel) + 0.5) * picture.zw * 2 - 1) * view.xy + view.zw;
   vec3 origin = parallel != 0 ? vec3(s, 0) : vec3(0);
   vec3 along = parallel != 0 ? vec3(0, 0, -1) : vec3(s, -1);
   float section_mm = spacing * length(along);
@@ -258,9 +269,19 @@ void main() {
       cell = into;
     }
   }
-  colour = vec4(sum + through * texelFetch(solid_colour, pixel, 0).rgb, 1);
+  vec4 gathered = vec4(sum + through * texelFetch(solid_colour, pixel, 0).rgb, 1);
+#ifdef COMPUTE
+  imageStore(shown, pixel, gathered);
+#else
+  colour = gathered;
+#endif
 }
 )GLSL";
+
+std::string ray_shader(const RayFeatures& features, const char* kind) {
+  return std::string(kVersion) + kind + (features.surface ? "#define SURFACE\n" : "") +
+         (features.stress ? "#define STRESS\n" : "") + kCamera + kRay;
+}
 
 }  // namespace
 
@@ -271,9 +292,9 @@ std::string solid_vertex_shader() { return std::string(kVersion) + kCamera + kSo
 std::string solid_fragment_shader() { return std::string(kVersion) + kCamera + kSolidFragment; }
 std::string marked_vertex_shader() { return std::string(kVersion) + kCamera + kMarkedVertex; }
 std::string marked_fragment_shader() { return std::string(kVersion) + kCamera + kMarkedFragment; }
-std::string ray_fragment_shader(const RayFeatures& features) {
-  return std::string(kVersion) + (features.surface ? "#define SURFACE\n" : "") +
-         (features.stress ? "#define STRESS\n" : "") + kCamera + kRay;
+std::string ray_fragment_shader(const RayFeatures& features) { return ray_shader(features, ""); }
+std::string ray_compute_shader(const RayFeatures& features) {
+  return ray_shader(features, "#define COMPUTE\n");
 }
 
 }  // namespace kiroku::sim

@@ -23,7 +23,9 @@ std::string solid_fragment_shader();
 /// A body's surface with solids, lit; each pixel is told which solid's mark it shows.
 std::string marked_vertex_shader();
 std::string marked_fragment_shader();
-/// Rays through tetrahedra.
+/// Rays through tetrahedra, a pixel each: in whatever triangle covers them, or kRayGroup x kRayGroup at once.
 std::string ray_fragment_shader(const RayFeatures& features);
+std::string ray_compute_shader(const RayFeatures& features);
+inline constexpr int kRayGroup = 8;
 
 }  // namespace kiroku::sim

@@ -279,9 +279,10 @@ const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features
   const std::pair key(features.surface, features.stress);
   const auto found = ray_programs_.find(key);
   if (found != ray_programs_.end()) return found->second;
-  return ray_programs_
-      .emplace(key, make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features)))
-      .first->second;
+  GlHandle program = context_->is_software()
+                         ? make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features))
+                         : make_compute_program(gl_, ray_compute_shader(features));
+  return ray_programs_.emplace(key, std::move(program)).first->second;
 }
 
 void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m) {
@@ -309,7 +310,6 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
     fill_buffer<float>(gl_, stress_, stress);
     set(program, "tint", single(Vector3(scene.stress->share, 1 / scene.stress->largest_pa, 0)));
   }
-  gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
   gl_.UseProgram(program.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, cells_.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, links_.name());
@@ -321,14 +321,26 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
   gl_.BindTextureUnit(3, volume_.name());
   gl_.BindTextureUnit(4, transfer_colours_.name());
   gl_.BindTextureUnit(5, stress_colours_.name());
-  gl_.Disable(GL_DEPTH_TEST);
-  gl_.Disable(GL_CULL_FACE);
   // Rays are followed where the mesh is; beside it there is what is behind.
   gl_.BlitNamedFramebuffer(solid_target_.name(), picture_target_.name(), 0, 0, width_, height_, 0, 0, width_,
                            height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
   const auto [least, greatest] = mesh.covered(scene);
+  const Eigen::Vector2i pixels = greatest - least;
+  if (!context_->is_software()) {
+    // Graphics processors for computing have few units that draw; all of them compute.
+    gl_.ProgramUniform4i(program.name(), gl_.GetUniformLocation(program.name(), "covered"), least.x(),
+                         least.y(), greatest.x(), greatest.y());
+    gl_.BindImageTexture(0, picture_.name(), 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    const auto groups = [](int count) { return static_cast<GLuint>((count + kRayGroup - 1) / kRayGroup); };
+    gl_.DispatchCompute(groups(pixels.x()), groups(pixels.y()), 1);
+    gl_.MemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT);
+    return;
+  }
+  gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
+  gl_.Disable(GL_DEPTH_TEST);
+  gl_.Disable(GL_CULL_FACE);
   gl_.Enable(GL_SCISSOR_TEST);
-  gl_.Scissor(least.x(), least.y(), greatest.x() - least.x(), greatest.y() - least.y());
+  gl_.Scissor(least.x(), least.y(), pixels.x(), pixels.y());
   gl_.DrawArrays(GL_TRIANGLES, 0, 3);
   gl_.Disable(GL_SCISSOR_TEST);
 }

@@ -564,29 +564,35 @@ TEST(VolumeRenderer, SurvivesElementsWithoutVolumeAndTurnedInsideOut) {
   });
 }
 
-/// A graphics processor that works until it is to draw.
-class FailingContext : public GlContext {
+/// Software that claims to be a graphics processor; one that fails works until it is to draw.
+class ClaimedContext : public GlContext {
  public:
-  FailingContext() {
+  explicit ClaimedContext(bool fails) {
     inner_->make_current();
-    static const GlContext* inner = nullptr;
-    inner = inner_.get();
+    compute_ = inner_->gl().DispatchCompute;
     load(
-        [](const char* name) -> void* {
-          if (std::string_view(name) == "glGetError")
+        [this, fails](const char* name) -> void* {
+          if (fails && std::string_view(name) == "glGetError")
             return reinterpret_cast<void*>(+[]() -> GLenum { return GL_OUT_OF_MEMORY; });
-          return address(inner->gl(), name);
+          if (std::string_view(name) == "glDispatchCompute")
+            return reinterpret_cast<void*>(+[](GLuint x, GLuint y, GLuint z) { dispatch(x, y, z); });
+          return address(inner_->gl(), name);
         },
         "test");
   }
-  ~FailingContext() override { leave(); }
-  FailingContext(const FailingContext&) = delete;
-  FailingContext& operator=(const FailingContext&) = delete;
+  ~ClaimedContext() override { leave(); }
+  ClaimedContext(const ClaimedContext&) = delete;
+  ClaimedContext& operator=(const ClaimedContext&) = delete;
   [[nodiscard]] bool is_software() const override { return false; }
+  static int computed;  // how often, by all of them
 
  private:
   void bind() override { inner_->make_current(); }
   void release() noexcept override {}
+  static void dispatch(GLuint x, GLuint y, GLuint z) {
+    ++computed;
+    compute_(x, y, z);
+  }
   static void* address(const GlFunctions& gl, std::string_view name) {
 #define KIROKU_GL_ADDRESS(Type, Name) \
   if (name == "gl" #Name) return reinterpret_cast<void*>(gl.Name);
@@ -594,15 +600,18 @@ class FailingContext : public GlContext {
 #undef KIROKU_GL_ADDRESS
     return nullptr;
   }
+  static PFNGLDISPATCHCOMPUTEPROC compute_;
   std::unique_ptr<GlContext> inner_ = make_software_context();
 };
+int ClaimedContext::computed = 0;
+PFNGLDISPATCHCOMPUTEPROC ClaimedContext::compute_ = nullptr;
 
 TEST(VolumeRenderer, GoesOnInSoftwareWhereTheGraphicsProcessorRunsOutOfMemory) {
   for_both_engines([] {
     VolumeRenderer renderer(
         shaded(ball_ct()), tissue(),
         {GpuUse::kAuto, drawn_by.engine == Engine::kOpenGl ? Engine::kOpenGl : Engine::kAuto},
-        [] { return std::make_unique<FailingContext>(); });
+        [] { return std::make_unique<ClaimedContext>(true); });
     EXPECT_THAT(renderer.notice(), HasSubstr("in software from now on"));
     EXPECT_THAT(renderer.notice(), HasSubstr("out of memory"));
     const TetMesh mesh = ball();
@@ -658,33 +667,69 @@ void expect_golden(const std::string& name, const Picture& picture) {
   EXPECT_LT(difference(before, picture).share, 0.01) << here;
 }
 
+/// Cut open, bent, with tools in it, its stress and its surface.
+struct RichCase {
+  TetMesh mesh;
+  Scene scene;
+  std::vector<double> opened;
+};
+RichCase rich_case() {
+  const TetMesh whole = ball();
+  VertexPreservingCut cut(whole);
+  cut.cut(SweepSurface({{kMiddle.x(), 0, 0}, {kMiddle.x(), 0, 0.05}},
+                       {{kMiddle.x(), 0.022, 0}, {kMiddle.x(), 0.022, 0.05}}));
+  RichCase rich{cut.remaining(), scene_of(whole, {25, 15}), {}};
+  rich.scene.solids = {
+      {Capsule{0.002, 0.012},
+       {{0.034, 0.006, 0.02}, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vector3::UnitX()))},
+       {200, 200, 210}},
+      {Box{{0.004, 0.001, 0.003}}, {{0.012, 0.006, 0.03}, Eigen::Quaterniond::Identity()}, {90, 160, 230}}};
+  rich.scene.stress.emplace();
+  rich.scene.stress->largest_pa = 100;
+  for (const Vector3& node : rich.mesh.nodes)
+    rich.scene.stress->at_nodes_pa.push_back(100 * (node - kMiddle).norm() / kRadius);
+  rich.scene.surface.emplace();
+  rich.opened = displacement(rich.mesh, [](const Vector3& node) -> Vector3 {
+    const double depth = std::max(0.0, 0.024 - node.y()) / 0.016;
+    return bent(node) + Vector3(node.x() > kMiddle.x() ? 0.006 : -0.006, 0, 0) * depth;
+  });
+  return rich;
+}
+
+TEST(VolumeRenderer, DrawsTheSameByComputingAsByDrawing) {
+  const auto drawn = [](bool computing, const TetMesh& mesh, std::span<const double> displacement_m,
+                        const Scene& scene) {
+    VolumeRenderer renderer(shaded(marked_ct()), tissue(),
+                            {computing ? GpuUse::kAuto : GpuUse::kOff, Engine::kOpenGl},
+                            [] { return std::make_unique<ClaimedContext>(false); });
+    renderer.set_mesh(mesh);
+    const int before = ClaimedContext::computed;
+    Picture picture = renderer.render(displacement_m, scene);
+    EXPECT_EQ(renderer.notice(), "");
+    EXPECT_EQ(ClaimedContext::computed - before, computing ? 1 : 0);
+    return picture;
+  };
+  const RichCase rich = rich_case();
+  EXPECT_LT(difference(drawn(true, rich.mesh, rich.opened, rich.scene),
+                       drawn(false, rich.mesh, rich.opened, rich.scene))
+                .share,
+            0.001);
+  // Sides that are no multiple of a group's, the organ over one corner of the picture.
+  Scene odd = scene_of(ball());
+  odd.width = 101;
+  odd.height = 67;
+  odd.camera.centre += odd.camera.half_extent * 0.7;
+  EXPECT_LT(difference(drawn(true, ball(), {}, odd), drawn(false, ball(), {}, odd)).share, 0.001);
+}
+
 TEST(GoldenFrames, AreTheSameToTheByte) {
   drawn_by.engine = Engine::kOpenGl;
   const TetMesh mesh = ball();
   const Scene still = scene_of(mesh, {25, 15});
   expect_golden("still", picture_of(marked_ct(), tissue(), mesh, still));
   expect_golden("lung", picture_of(marked_ct(), find_transfer_function("lung"), mesh, still));
-  // Cut open, bent, with a tool in it, its stress and its surface.
-  VertexPreservingCut cut(mesh);
-  cut.cut(SweepSurface({{kMiddle.x(), 0, 0}, {kMiddle.x(), 0, 0.05}},
-                       {{kMiddle.x(), 0.022, 0}, {kMiddle.x(), 0.022, 0.05}}));
-  const TetMesh after = cut.remaining();
-  Scene rich = still;
-  rich.solids = {
-      {Capsule{0.002, 0.012},
-       {{0.034, 0.006, 0.02}, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Vector3::UnitX()))},
-       {200, 200, 210}},
-      {Box{{0.004, 0.001, 0.003}}, {{0.012, 0.006, 0.03}, Eigen::Quaterniond::Identity()}, {90, 160, 230}}};
-  rich.stress.emplace();
-  rich.stress->largest_pa = 100;
-  for (const Vector3& node : after.nodes)
-    rich.stress->at_nodes_pa.push_back(100 * (node - kMiddle).norm() / kRadius);
-  rich.surface.emplace();
-  const std::vector<double> opened = displacement(after, [](const Vector3& node) -> Vector3 {
-    const double depth = std::max(0.0, 0.024 - node.y()) / 0.016;
-    return bent(node) + Vector3(node.x() > kMiddle.x() ? 0.006 : -0.006, 0, 0) * depth;
-  });
-  expect_golden("opened", picture_of(marked_ct(), tissue(), after, rich, opened));
+  const RichCase rich = rich_case();
+  expect_golden("opened", picture_of(marked_ct(), tissue(), rich.mesh, rich.scene, rich.opened));
 }
 
 TEST(VolumeRenderer, TakesTheProcessorWhereNoGraphicsProcessorIsToBeUsed) {
