@@ -56,13 +56,15 @@ class VolumeRenderer::Drawing {
   TransferFunction transfer_;
   GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
-  GlHandle entry_program_, solid_program_, query_;
+  GlHandle entry_program_, solid_program_;
+  std::array<GlHandle, kMostLayers> queries_;
   std::map<std::pair<bool, bool>, GlHandle> ray_programs_;  // with the surface, with stress
   // By the picture's size.
   int width_ = 0, height_ = 0;
   GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
   std::array<GlHandle, 2> depths_;
   GlHandle entry_target_, solid_target_, picture_target_;
+  std::vector<std::uint8_t> rgba_;
   double nearest_mm_ = 1, farthest_mm_ = 2;
 };
 
@@ -83,8 +85,8 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       stress_(make_buffer(gl_)),
       solid_vertices_(make_buffer(gl_)),
       entry_program_(make_program(gl_, entry_vertex_shader(), entry_fragment_shader())),
-      solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader())),
-      query_(make_query(gl_, GL_ANY_SAMPLES_PASSED)) {
+      solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader())) {
+  for (GlHandle& query : queries_) query = make_query(gl_, GL_ANY_SAMPLES_PASSED);
   upload(volume, transfer);
 }
 
@@ -255,6 +257,8 @@ int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
   gl_.DepthFunc(GL_LESS);
   gl_.Enable(GL_CULL_FACE);
   gl_.CullFace(GL_BACK);
+  // A graphics processor is not waited for until it has more to do; in software a layer too many costs more.
+  const int ahead = context_->is_software() ? 0 : 2;
   for (int layer = 0; layer < kMostLayers; ++layer) {
     const auto now = static_cast<std::size_t>(layer) % 2;
     gl_.NamedFramebufferTextureLayer(entry_target_.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0, layer);
@@ -265,12 +269,13 @@ int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
     gl_.ClearNamedFramebufferfv(entry_target_.name(), GL_DEPTH, 0, &kFarthest);
     gl_.BindTextureUnit(0, depths_[1 - now].name());
     set(entry_program_, "layer", layer);
-    gl_.BeginQuery(GL_ANY_SAMPLES_PASSED, query_.name());
+    gl_.BeginQuery(GL_ANY_SAMPLES_PASSED, queries_[static_cast<std::size_t>(layer)].name());
     gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * mesh.topology.surface.size()));
     gl_.EndQuery(GL_ANY_SAMPLES_PASSED);
+    if (layer < ahead) continue;
     GLuint any = 0;
-    gl_.GetQueryObjectuiv(query_.name(), GL_QUERY_RESULT, &any);
-    if (any == 0) return layer;
+    gl_.GetQueryObjectuiv(queries_[static_cast<std::size_t>(layer - ahead)].name(), GL_QUERY_RESULT, &any);
+    if (any == 0) return layer - ahead;
   }
   return kMostLayers;
 }
@@ -346,19 +351,20 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
 }
 
 Picture VolumeRenderer::Drawing::read(int width, int height) {
-  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  std::vector<std::uint8_t> rgba(4 * pixels);
+  rgba_.resize(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
   gl_.NamedFramebufferReadBuffer(picture_target_.name(), GL_COLOR_ATTACHMENT0);
   gl_.PixelStorei(GL_PACK_ALIGNMENT, 1);
-  gl_.ReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba.data());
+  gl_.ReadPixels(0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba_.data());
   check_gl(gl_, "draw a picture with " + context_->renderer());
   Picture picture(width, height);
   for (int y = 0; y < height; ++y) {
     const std::uint8_t* from =
-        rgba.data() + 4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height - 1 - y);
+        rgba_.data() + 4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height - 1 - y);
     std::uint8_t* to = picture.pixel(0, y);
-    for (int x = 0; x < width; ++x, from += 4, to += 3) std::copy_n(from, 3, to);
+    // Four bytes at once, of which the next pixel overwrites the last.
+    for (int x = 0; x + 1 < width; ++x, from += 4, to += 3) std::copy_n(from, 4, to);
+    std::copy_n(from, 3, to);
   }
   return picture;
 }
