@@ -13,7 +13,9 @@ namespace {
 /// The rotation of F's polar decomposition. Newton's iteration X <- (X + X^-T) / 2 (Higham, 1986) doubles its
 /// digits each time where F is far from singular; else singular values.
 Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& deformation) {
-  constexpr double kFarFromSingular = 0.05, kConverged = 1e-12;
+  constexpr double kFarFromSingular = 0.05;
+  // Of the squared change: the error after it is about half of the change's square, less than a float's step.
+  constexpr double kConverged = 1e-8;
   const double size = deformation.norm();
   if (deformation.determinant() > kFarFromSingular * size * size * size / 27) {
     constexpr int kMost = 12;

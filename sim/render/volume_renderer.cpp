@@ -63,7 +63,8 @@ class VolumeRenderer::Drawing {
   int width_ = 0, height_ = 0;
   GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
   std::array<GlHandle, 2> depths_;
-  GlHandle entry_target_, solid_target_, picture_target_;
+  std::array<GlHandle, kMostLayers> entry_targets_;  // a layer each, over the two depths in turn
+  GlHandle solid_target_, picture_target_;
   std::vector<std::uint8_t> rgba_;
   double nearest_mm_ = 1, farthest_mm_ = 2;
 };
@@ -166,14 +167,17 @@ void VolumeRenderer::Drawing::resize(int width, int height) {
   solid_distance_ = texture(GL_R32F);
   solid_depth_ = texture(GL_DEPTH_COMPONENT32F);
   picture_ = texture(GL_RGBA8);
-  entry_target_ = make_framebuffer(gl_);
   solid_target_ = make_framebuffer(gl_);
   picture_target_ = make_framebuffer(gl_);
   constexpr std::array<GLenum, 2> kBoth{GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   const std::span<const GLenum> one = std::span(kBoth).first(1);
-  gl_.NamedFramebufferTextureLayer(entry_target_.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0, 0);
-  gl_.NamedFramebufferTexture(entry_target_.name(), GL_DEPTH_ATTACHMENT, depths_[0].name(), 0);
-  attach(entry_target_, one);
+  for (std::size_t layer = 0; layer < entry_targets_.size(); ++layer) {
+    GlHandle& target = entry_targets_[layer] = make_framebuffer(gl_);
+    gl_.NamedFramebufferTextureLayer(target.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0,
+                                     static_cast<GLint>(layer));
+    gl_.NamedFramebufferTexture(target.name(), GL_DEPTH_ATTACHMENT, depths_[layer % 2].name(), 0);
+    attach(target, one);
+  }
   gl_.NamedFramebufferTexture(solid_target_.name(), GL_COLOR_ATTACHMENT0, solid_colour_.name(), 0);
   gl_.NamedFramebufferTexture(solid_target_.name(), GL_COLOR_ATTACHMENT1, solid_distance_.name(), 0);
   gl_.NamedFramebufferTexture(solid_target_.name(), GL_DEPTH_ATTACHMENT, solid_depth_.name(), 0);
@@ -249,7 +253,6 @@ void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
 
 int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
   set_camera(entry_program_, scene);
-  gl_.BindFramebuffer(GL_FRAMEBUFFER, entry_target_.name());
   gl_.UseProgram(entry_program_.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, positions_.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 1, surface_.name());
@@ -260,14 +263,13 @@ int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
   // A graphics processor is not waited for until it has more to do; in software a layer too many costs more.
   const int ahead = context_->is_software() ? 0 : 2;
   for (int layer = 0; layer < kMostLayers; ++layer) {
-    const auto now = static_cast<std::size_t>(layer) % 2;
-    gl_.NamedFramebufferTextureLayer(entry_target_.name(), GL_COLOR_ATTACHMENT0, entries_.name(), 0, layer);
-    gl_.NamedFramebufferTexture(entry_target_.name(), GL_DEPTH_ATTACHMENT, depths_[now].name(), 0);
+    const GLuint target = entry_targets_[static_cast<std::size_t>(layer)].name();
+    gl_.BindFramebuffer(GL_FRAMEBUFFER, target);
     const std::array<GLuint, 4> none{kNoCell, 0, 0, 0};
     constexpr float kFarthest = 1;
-    gl_.ClearNamedFramebufferuiv(entry_target_.name(), GL_COLOR, 0, none.data());
-    gl_.ClearNamedFramebufferfv(entry_target_.name(), GL_DEPTH, 0, &kFarthest);
-    gl_.BindTextureUnit(0, depths_[1 - now].name());
+    gl_.ClearNamedFramebufferuiv(target, GL_COLOR, 0, none.data());
+    gl_.ClearNamedFramebufferfv(target, GL_DEPTH, 0, &kFarthest);
+    gl_.BindTextureUnit(0, depths_[static_cast<std::size_t>(layer + 1) % 2].name());
     set(entry_program_, "layer", layer);
     gl_.BeginQuery(GL_ANY_SAMPLES_PASSED, queries_[static_cast<std::size_t>(layer)].name());
     gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * mesh.topology.surface.size()));
