@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Table 1 of the paper on interactive volume manipulation: frames a second of simulation and shading together, for four organs, without a graphics
-# processor, each beside OSMesa's picture of the same. Needs a folder of DICOM files and the labels of TotalSegmentator, as of LIDC-IDRI-0001:
-#   CT=FOLDER LABELS=FILE [SECONDS_EACH=5] [PICTURES=FOLDER] tests/bench/sim_table1.sh
+# processor or (GPU=yes) on one, each beside OSMesa's picture of the same. Needs a folder of DICOM files and the labels of TotalSegmentator, as of
+# LIDC-IDRI-0001:
+#   CT=FOLDER LABELS=FILE [GPU=yes] [SECONDS_EACH=5] [PICTURES=FOLDER] tests/bench/sim_table1.sh
 # Its last line is what docs/results/record.py takes:
 #   docs/results/record.py sim-table1 --machine NAME $(CT=… LABELS=… tests/bench/sim_table1.sh | tail -1)
 set -euo pipefail
@@ -13,10 +14,12 @@ scratch=$(mktemp -d "${KIROKU_BENCH_DIR:-${TMPDIR:-/tmp}}/kiroku-bench.XXXXXX")
 trap 'rm -rf "$scratch"' EXIT
 pictures=${PICTURES:-$scratch}
 mkdir -p "$pictures"
+engine=(--gpu off)
+[[ ${GPU:-no} == yes ]] && engine=(--gpu auto --engine opengl)
 
 figures=
 for organ in liver right-kidney breast right-lung; do
-  "$bench" "$organ" --ct "$CT" --labels "$LABELS" --gpu off --seconds "${SECONDS_EACH:-5}" \
+  "$bench" "$organ" --ct "$CT" --labels "$LABELS" "${engine[@]}" --seconds "${SECONDS_EACH:-5}" \
     --picture "$pictures/$organ.png" --reference "$pictures/$organ-osmesa.png" | tee "$scratch/said"
   figures+=" $(grep -oE '(fps|cpu|vertices|ssim|differing)=[0-9.]+' "$scratch/said" | sed "s/^/${organ#right-}_/" | tr '\n' ' ')"
 done
