@@ -80,13 +80,23 @@ function(kiroku_asio_coroutines target)
   endif()
 endfunction()
 
-# kiroku_test_in_shards(LABEL PROGRAM COUNT): a GoogleTest program in COUNT processes, each with its share of the cases, named LABEL_0 and on. What takes
-# minutes (COST) begins first, so that no core stands idle at the end.
-function(kiroku_test_in_shards label program count)
+# kiroku_test_in_shards(NAME PROGRAM COUNT [LABEL label] [TIMEOUT seconds] [FILTER filter]): a GoogleTest program in COUNT processes, each with its share of
+# the cases, named NAME_0 and on. What takes minutes (COST) begins first, so that no core stands idle at the end.
+function(kiroku_test_in_shards name program count)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT;FILTER" "" ${ARGN})
+  if(NOT ARG_LABEL)
+    set(ARG_LABEL ${name})
+  endif()
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 600)
+  endif()
+  if(NOT ARG_FILTER)
+    set(ARG_FILTER "*")
+  endif()
   math(EXPR last "${count} - 1")
   foreach(shard RANGE ${last})
-    add_test(NAME ${label}_${shard} COMMAND ${program})
-    set_tests_properties(${label}_${shard} PROPERTIES LABELS ${label} TIMEOUT 600 COST 100
+    add_test(NAME ${name}_${shard} COMMAND ${program} --gtest_filter=${ARG_FILTER})
+    set_tests_properties(${name}_${shard} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} COST 100
                          ENVIRONMENT "GTEST_TOTAL_SHARDS=${count};GTEST_SHARD_INDEX=${shard}")
   endforeach()
 endfunction()
@@ -98,8 +108,14 @@ function(kiroku_use_support target)
   endforeach()
 endfunction()
 
-# kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED]): a GoogleTest program whose cases are found by
-# CTest. SUPPORT names parts of tests/support. Labels:
+# The tests that the nightly run alone has, by their names in GoogleTest, joined for a filter.
+file(STRINGS ${PROJECT_SOURCE_DIR}/tests/nightly/long_tests.txt KIROKU_LONG_TESTS REGEX "^[A-Z]")
+list(TRANSFORM KIROKU_LONG_TESTS REPLACE " .*" "")
+list(JOIN KIROKU_LONG_TESTS ":" KIROKU_LONG_TESTS)
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/tests/nightly/long_tests.txt)
+
+# kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED] [SHARDS count]): a GoogleTest program whose cases
+# are found by CTest, or run in SHARDS processes where they share what is dear to make. SUPPORT names parts of tests/support. Labels:
 # - hostile: continuous integration runs it under the address sanitizer, too: it parses what strangers send;
 # - threads: continuous integration runs it under the thread sanitizer, too: it records or serves;
 # - unit, heavy: under the address sanitizer in the nightly run; unit-threads, heavy-threads: under the thread sanitizer there, too; heavy stands on
@@ -108,7 +124,7 @@ endfunction()
 # - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
 # What is tested is optimised as its preset says; the tests' own code only where it computes much itself (OPTIMISED): it compiles in half of the time without.
 function(kiroku_test target)
-  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT;SHARDS" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
   add_executable(${target} ${ARG_SOURCES})
   kiroku_configure(${target})
   kiroku_use_support(${target} ${ARG_SUPPORT})
@@ -139,9 +155,15 @@ function(kiroku_test target)
   set_property(GLOBAL APPEND PROPERTY KIROKU_TESTS_${ARG_LABEL} ${target})
   # What measures real time runs alone, and what takes long in the nightly run (tests/README.md). A list as a property does not survive the discovery, so
   # the label holds both words.
-  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "-*RealTime*:*Nightly*" TEST_LIST ${target}_TESTS
-                       PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
-  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*Nightly*" TEST_LIST ${target}_NIGHTLY_TESTS
+  set(usual "-*RealTime*:*Nightly*:${KIROKU_LONG_TESTS}")
+  if(ARG_SHARDS)
+    string(REGEX REPLACE "_test$" "" name ${target})
+    kiroku_test_in_shards(${name} ${target} ${ARG_SHARDS} LABEL ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} FILTER ${usual})
+  else()
+    gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER ${usual} TEST_LIST ${target}_TESTS
+                         PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+  endif()
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*Nightly*:${KIROKU_LONG_TESTS}" TEST_LIST ${target}_NIGHTLY_TESTS
                        PROPERTIES LABELS "${ARG_LABEL}-nightly" TIMEOUT ${ARG_TIMEOUT})
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*RealTime*" TEST_LIST ${target}_REAL_TIME_TESTS
                        PROPERTIES LABELS "${ARG_LABEL}-real-time" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ON)

@@ -143,7 +143,7 @@ slowest_of() {
 }
 
 # How many tests run at once: many wait for programs of theirs while they run.
-jobs=$(($(nproc) + 1))
+jobs=$(($(nproc) + 2))
 
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {

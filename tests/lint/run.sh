@@ -40,6 +40,9 @@ tests/lint/rooms.sh || found=1
 # No test sleeps that could move a clock.
 tests/lint/waits.py || found=1
 
+# What only the nightly run tries has a shorter test of its kind.
+tests/lint/long_tests.py || found=1
+
 # Links and lines of the documents; tables of figures are what their JSON says, and so is the page of the papers; the configuration's page is deploy/kiroku.toml; the worked example of the format is of the bytes that its writer makes. The page of commands
 # needs the built programs: CTest's CommandsPage.
 tests/lint/pages.py || found=1

@@ -23,7 +23,7 @@ steps=(
   "tsan       tests/nightly/preset.sh tsan thread_sanitizer_nightly -L threads"
   "fuzz       tests/fuzz/run.sh 600"
   "calls      tests/fault/system_calls.sh"
-  "faults     env KIROKU_FAULT_EVERY=1 build/release/tests/fault/fault_test"
+  "faults     env KIROKU_FAULT_EVERY=1 KIROKU_POWER_CUTS=1000 build/release/tests/fault/fault_test"
   "kills      tests/fault/kill_at_random.sh 200"
   "sources    tests/fault/sources.sh 100"
   "clock      tests/fault/wall_clock.sh 20"
