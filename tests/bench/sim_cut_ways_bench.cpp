@@ -7,10 +7,11 @@
 // two others grows and is made and factorised anew in each step. Of the four, each step is timed once, in
 // turn, so that other work on the machine falls on all alike; ratios of times are what counts.
 //
-//   sim_cut_ways_bench [--vtu PREFIX]
+//   sim_cut_ways_bench [--vtu PREFIX] [--picture FILE.png]
 //
 // Prints ID=VALUE, a line each, as docs/results/record.py takes them; with --vtu, writes the four bodies as
-// they open: PREFIX-removal.vtu and so on.
+// they open: PREFIX-removal.vtu and so on; with --picture, draws the begin of the four openings beside each
+// other.
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
@@ -21,7 +22,10 @@
 
 #include "sim/cutting/cut_body.h"
 #include "sim/mesh/mesh_writer.h"
+#include "sim/render/lettering.h"
+#include "sim/render/surface_renderer.h"
 #include "tests/bench/cut_scene.h"
+#include "tests/bench/render_bench.h"
 
 namespace {
 
@@ -154,7 +158,35 @@ void print(const std::string& name, const char* what, double value) {
   std::printf("%s_%s=%.3g\n", name.c_str(), what, value);
 }
 
-int run(const std::string& prefix) {
+/// The end where the blade went in, seen obliquely from above.
+Picture picture_of(const TetMesh& mesh, const Eigen::VectorXd& displacement_m, const std::string& below) {
+  SurfaceScene scene;
+  scene.width = 640;
+  scene.height = 480;
+  scene.camera = camera_looking_at({{0.025, 0.05, 0.03}, 0.042}, {12, 40}, scene.width, scene.height);
+  SurfaceRenderer renderer(mesh, GpuUse::kOff);
+  Picture picture =
+      renderer.render({displacement_m.data(), static_cast<std::size_t>(displacement_m.size())}, scene)
+          .picture;
+  Lettering lettering;
+  draw_caption(lettering, picture, "", below);
+  return picture;
+}
+
+/// Two in a row.
+void write_beside(const std::string& file, const std::vector<Picture>& pictures) {
+  const int width = pictures.front().width, height = pictures.front().height;
+  Picture all(2 * width, height * static_cast<int>((pictures.size() + 1) / 2));
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    for (int y = 0; y < height; ++y) {
+      std::copy_n(pictures[i].pixel(0, y), 3 * width,
+                  all.pixel(static_cast<int>(i % 2) * width, static_cast<int>(i / 2) * height + y));
+    }
+  }
+  kiroku::bench::write_png(file, all);
+}
+
+int run(const std::string& prefix, const std::string& picture) {
   const CutScene scene;
   const TetMesh block = scene.uneven(kCells);
   const std::vector<SweepSurface> path = scene.sweeps(kSteps);
@@ -183,6 +215,7 @@ int run(const std::string& prefix) {
               kiroku::test::condition_number(ElasticBody(block, {{0, scene.tissue}}, scene.held(block))));
   print("exact", "gap", error_mm(same.gap_m, reference.gap_m));
   const double whole_m3 = kiroku::test::volume_m3(block);
+  std::vector<Picture> pictures;
   for (const Measured& measured : all) {
     const TetMesh mesh = measured.way->mesh();
     const CutScene::Opening opening = scene.opening(mesh, measured.way->displacement_m());
@@ -196,6 +229,13 @@ int run(const std::string& prefix) {
           kiroku::test::condition_number(ElasticBody(mesh, {{0, scene.tissue}}, scene.held(mesh))));
     print(measured.name, "gap", error_mm(opening.gap_m, reference.gap_m));
     print(measured.name, "motion", error_mm(opening.motion_m, reference.motion_m));
+    if (!picture.empty()) {
+      pictures.push_back(picture_of(mesh, measured.way->displacement_m(),
+                                    measured.name == "preserving"    ? "vertex-preserving: no node more"
+                                    : measured.name == "removal"     ? "removal of what the blade meets"
+                                    : measured.name == "subdivision" ? "subdivision along the blade"
+                                                                     : "splitting along faces"));
+    }
     if (!prefix.empty()) {
       const Eigen::VectorXd displacement_mm = kMmPerM * measured.way->displacement_m();
       std::ofstream(prefix + "-" + measured.name + ".vtu")
@@ -206,15 +246,32 @@ int run(const std::string& prefix) {
                       {});
     }
   }
+  if (!pictures.empty()) write_beside(picture, pictures);
   return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 1 && !(argc == 3 && std::strcmp(argv[1], "--vtu") == 0)) {
-    std::fprintf(stderr, "usage: sim_cut_ways_bench [--vtu PREFIX]\n");
+  std::string prefix, picture;
+  bool known = argc % 2 == 1;
+  for (int i = 1; known && i + 1 < argc; i += 2) {
+    if (std::strcmp(argv[i], "--vtu") == 0) {
+      prefix = argv[i + 1];
+    } else if (std::strcmp(argv[i], "--picture") == 0) {
+      picture = argv[i + 1];
+    } else {
+      known = false;
+    }
+  }
+  if (!known) {
+    std::fprintf(stderr, "usage: sim_cut_ways_bench [--vtu PREFIX] [--picture FILE.png]\n");
     return 2;
   }
-  return run(argc == 3 ? argv[2] : "");
+  try {
+    return run(prefix, picture);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
 }
