@@ -21,7 +21,7 @@ using nlohmann::ordered_json;
 constexpr int kQuality = 85;
 constexpr std::size_t kMostPlaces = 1000;
 constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
-constexpr double kMostPushM = 0.2, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
+constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
 
 const json& field(const json& object, const char* key) {
   if (!object.is_object()) throw Refusal(400, std::string("'") + key + "' must stand in an object");
@@ -69,8 +69,10 @@ PointDeed pointers_of(const json& object) {
   for (const json& pointer : pointers) {
     const std::uint64_t id = count(pointer, "id");
     if (id > std::numeric_limits<std::uint32_t>::max()) throw Refusal(400, "'id' is too large");
-    const PlanPointer one{static_cast<std::uint32_t>(id), place(pointer, "x"), place(pointer, "y"),
-                          number(pointer, "push_m", -kMostPushM, kMostPushM)};
+    const PlanPointer one{
+        static_cast<std::uint32_t>(id), place(pointer, "x"), place(pointer, "y"),
+        number(pointer, "push_m", -kMostPushM, kMostPushM),
+        pointer.contains("turn_deg") ? number(pointer, "turn_deg", -kMostTurnDeg, kMostTurnDeg) : 0};
     if (std::ranges::find(deed.pointers, one.id, &PlanPointer::id) != deed.pointers.end())
       throw Refusal(400, "an 'id' stands twice");
     deed.pointers.push_back(one);

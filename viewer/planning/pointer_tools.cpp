@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "base/error.h"
@@ -15,7 +16,7 @@ using sim::Pose;
 using sim::Vector3;
 
 /// So near counts as there.
-constexpr double kThereMetres = 1e-4;
+constexpr double kThereMetres = 1e-4, kThereRadians = 1e-3;
 /// A fingertip comes to the organ so far before it.
 constexpr double kBeforeMetres = 5e-4;
 /// Forceps are taken by a pointer that is no further from them than this, in lengths of their jaws' box.
@@ -31,6 +32,7 @@ void PointerTools::take(Held& held) {
   const Vector3 place_m = sim::in_depth_m(camera_, held.pose.position_m);
   held.beside = place_m.head<2>() / place_m.z() - sim::slope_of(camera_, held.at.x, held.at.y);
   held.depth_m = place_m.z() - held.at.push_m;
+  held.unturned = turn_of(held).conjugate() * held.pose.orientation;
 }
 
 void PointerTools::see_from(const sim::Camera& camera) {
@@ -103,7 +105,10 @@ void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
     ignored_.push_back(pointer.id);
     return;
   }
-  Held held{pointer.id, 0, use, {}, pointer, Eigen::Vector2d::Zero(), 0};
+  Held held;
+  held.id = pointer.id;
+  held.use = use;
+  held.at = pointer;
   if (use == PointerUse::kPress) {
     held.tool = free_tools(sim::ToolKind::kFinger, "fingers").front();
     Vector3 before_m = sim::in_depth_m(camera_, *place_m);
@@ -111,6 +116,7 @@ void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
     before_m *= depth_m / before_m.z();
     held.pose.position_m = sim::from_depth_m(camera_, before_m);
     held.depth_m = depth_m;
+    held.unturned = turn_of(held).conjugate() * held.pose.orientation;
     held_.push_back(held);
     return;
   }
@@ -162,15 +168,26 @@ Vector3 PointerTools::goal_m(const Held& held) const {
   return sim::from_depth_m(camera_, {slope.x() * depth_m, slope.y() * depth_m, depth_m});
 }
 
+Eigen::Quaterniond PointerTools::turn_of(const Held& held) const {
+  const Vector3 sight = -camera_.to_view.row(2).transpose();
+  return Eigen::Quaterniond(Eigen::AngleAxisd(held.at.turn_deg * std::numbers::pi / 180, sight));
+}
+
 bool PointerTools::advance() {
   const double most_m = kMostSpeedMetres * session_.plan().time_step_s;
+  const double most_radians = kMostTurnRadians * session_.plan().time_step_s;
   bool moves = false;
   std::vector<sim::PlacedTool> next;
   for (const Held& held : held_) {
     const Vector3 way_m = goal_m(held) - held.pose.position_m;
-    moves = moves || way_m.norm() > kThereMetres;
+    const Eigen::Quaterniond turned = turn_of(held) * held.unturned;
+    const double radians = held.pose.orientation.angularDistance(turned);
+    moves = moves || way_m.norm() > kThereMetres || radians > kThereRadians;
     Pose pose = held.pose;
     pose.position_m += way_m * std::min(1.0, most_m / std::max(way_m.norm(), most_m));
+    if (radians > kThereRadians) {
+      pose.orientation = pose.orientation.slerp(std::min(1.0, most_radians / radians), turned).normalized();
+    }
     next.push_back({held.tool, pose});
   }
   if (!moves) return false;

@@ -1,8 +1,9 @@
 // The tools of a plan moved by pointers on its picture: a mouse, keys, up to five touch points.
 //
 // A pointer that comes down on forceps that hold takes these, elsewhere on the organ it grasps with free ones
-// or puts a free finger there. While it is down its tool follows it in the plane of the picture, and as deep
-// as it is pushed. Fingers leave when their pointer goes up; forceps stay.
+// or puts a free finger there. While it is down its tool follows it in the plane of the picture, as deep
+// as it is pushed, and turns about the line of sight as it is turned. Fingers leave when their pointer goes
+// up; forceps stay.
 #pragma once
 
 #include <cstdint>
@@ -22,6 +23,7 @@ struct PlanPointer {
   std::uint32_t id = 0;  // as long as it is down
   double x = 0, y = 0;   // in the picture, from 0 at its left upper corner to 1
   double push_m = 0;     // away from the eye
+  double turn_deg = 0;   // clockwise, as the picture shows it
 };
 
 /// Not thread-safe.
@@ -49,6 +51,7 @@ class PointerTools {
   /// Tissue is pulled no faster: pointers come in steps, and what is solved for goes from one balance to the
   /// next.
   static constexpr double kMostSpeedMetres = 0.12;
+  static constexpr double kMostTurnRadians = 1.5;  // a second, likewise
 
  private:
   struct Held {
@@ -57,8 +60,9 @@ class PointerTools {
     PointerUse use = PointerUse::kGrasp;
     sim::Pose pose;  // where the tool is
     PlanPointer at;
-    Eigen::Vector2d beside = Eigen::Vector2d::Zero();  // slopes from the pointer to the tool
-    double depth_m = 0;                                // of the tool, without what it is pushed
+    Eigen::Vector2d beside = Eigen::Vector2d::Zero();              // slopes from the pointer to the tool
+    double depth_m = 0;                                            // of the tool, without what it is pushed
+    Eigen::Quaterniond unturned = Eigen::Quaterniond::Identity();  // the tool's, without how it is turned
   };
 
   void take(Held& held);
@@ -68,6 +72,8 @@ class PointerTools {
   [[nodiscard]] std::vector<std::size_t> free_tools(sim::ToolKind kind, const char* what) const;
   std::size_t grasp(const sim::Vector3& place_m);
   [[nodiscard]] sim::Vector3 goal_m(const Held& held) const;
+  /// What turns a tool as its pointer is turned.
+  [[nodiscard]] Eigen::Quaterniond turn_of(const Held& held) const;
   void end_motion();
 
   sim::PlanSession& session_;

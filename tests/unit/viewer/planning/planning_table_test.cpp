@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <fstream>
+#include <numbers>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -115,6 +116,47 @@ TEST_F(PlanningTableTest, WhatIsDoneByPointersIsAPlanThatEndsThere) {
               ElementsAre("grasp", "retract", "retract", "press", "release", "release", "cut", "hold"));
   // Never over another.
   EXPECT_THROW(static_cast<void>(plans_.save(planned->opened(), "by hand", planned->document("x"))), Refusal);
+}
+
+TEST_F(PlanningTableTest, JawsAreTurnedAboutTheLineOfSightAndTheTissueWithThem) {
+  const auto planned = table();
+  planned->apply(ViewDeed{20, 15, 1.2, 0, 0});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
+  std::size_t held = 0;
+  while (!planned->session().frame().poses[held]) ++held;
+  const auto pose = [&] { return *planned->session().frame().poses[held]; };
+  const sim::Pose before = pose();
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0, 30}}});
+  const double step_s = planned->session().plan().time_step_s;
+  EXPECT_TRUE(planned->advance());
+  EXPECT_NEAR(before.orientation.angularDistance(pose().orientation), PointerTools::kMostTurnRadians * step_s,
+              1e-6)
+      << "no faster";
+  settle(*planned);
+  const Eigen::AngleAxisd turn(pose().orientation * before.orientation.conjugate());
+  EXPECT_NEAR(turn.angle() * 180 / std::numbers::pi, 30, 0.1);
+  EXPECT_LT((pose().position_m - before.position_m).norm(), 1e-4);
+  // Clockwise: what is above the middle goes to the right.
+  const auto seen = [&](const sim::Vector3& beside_m) {
+    return Eigen::Vector2d(planned->on_picture(pose().position_m + beside_m));
+  };
+  const sim::Vector3 above_m(0, 0, 0.01);
+  EXPECT_LT(seen(above_m).y(), seen(sim::Vector3::Zero()).y());
+  EXPECT_GT(seen(turn * above_m).x(), seen(above_m).x() + 0.01);
+  EXPECT_LT((seen(0.01 * turn.axis()) - seen(sim::Vector3::Zero())).norm(), 0.02)
+      << "along the line of sight";
+  EXPECT_GT(planned->session().frame().displacement_m.lpNorm<Eigen::Infinity>(), 1e-4);
+  // The next pointer turns them on from where they are, whatever it was turned before it came down.
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{2, 0.62, 0.5, 0, 90}}});
+  settle(*planned);
+  EXPECT_LT(turn.angle() - before.orientation.angularDistance(pose().orientation), 1e-3);
+  planned->apply(PointDeed{PointerUse::kGrasp, {{2, 0.62, 0.5, 0, 60}}});
+  settle(*planned);
+  EXPECT_LT(before.orientation.angularDistance(pose().orientation), 3e-3);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract", "retract"));
+  expect_saved_plan_ends_here(*planned, "turned");
 }
 
 TEST_F(PlanningTableTest, GoesOnWithAPlanAndUndoesItsStepsToo) {

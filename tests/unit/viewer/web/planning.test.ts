@@ -50,19 +50,35 @@ describe('Pointers on the organ', () => {
     pointers.press(12, 0.9, 0.9);
     expect(pointers.pointers.map(({ id }) => id)).toEqual([1, 2, 4, 5, 6]);
     expect(pointers.move(12, 3, -3)).toBe(true);
-    expect(pointers.pointers[4]).toEqual({ id: 6, x: 1.5, y: -0.5, push_m: 0.01 });
+    expect(pointers.pointers[4]).toEqual({ id: 6, x: 1.5, y: -0.5, push_m: 0.01, turn_deg: 0 });
     expect(pointers.releaseAll()).toBe(true);
     expect(pointers.releaseAll()).toBe(false);
   });
   it('push by depth and wheel, no further than the server takes', () => {
     const pointers = new PlanPointers();
     pointers.depth_m = 0.02;
-    expect(pointers.wheel(-100)).toBe(false);
+    expect(pointers.wheel(-100, false)).toBe(false);
     pointers.press(1, 0.5, 0.5);
-    pointers.wheel(-100);
+    pointers.wheel(-100, false);
     expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.025);
-    pointers.wheel(-100_000);
+    pointers.wheel(-100_000, false);
     expect(pointers.pointers[0]?.push_m).toBe(0.2);
+  });
+  it('turn by wheel and Shift, by keys, and with a pen over its border of 360 degrees', () => {
+    const pointers = new PlanPointers();
+    pointers.press(1, 0.5, 0.5, 350);
+    pointers.wheel(100, true);
+    expect(pointers.pointers[0]).toMatchObject({ push_m: 0, turn_deg: 5 });
+    pointers.key(',', false);
+    pointers.key(',', false);
+    pointers.key('.', false);
+    expect(pointers.pointers[0]?.turn_deg).toBe(0);
+    pointers.move(1, 0.5, 0.5, 10);
+    expect(pointers.pointers[0]?.turn_deg).toBe(20);
+    pointers.move(1, 0.5, 0.5, 340);
+    expect(pointers.pointers[0]?.turn_deg).toBe(-10);
+    pointers.wheel(10_000_000, true);
+    expect(pointers.pointers[0]?.turn_deg).toBe(36_000);
   });
   it('are moved by keys', () => {
     const pointers = new PlanPointers();

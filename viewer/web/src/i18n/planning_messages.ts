@@ -36,7 +36,7 @@ export const planningEn = {
   'planning.picture': 'The organ. Choose a tool with O, G, C or P; drag, or use arrows, space, Page Up and Page Down.',
   'planning.how.orbit': 'Drag to turn, with Shift to move; the wheel or two fingers zoom. Keys: arrows, with Shift to move, + and −, Home.',
   'planning.how.grasp':
-    'Press on the organ to grasp it, drag to pull; the wheel pushes away. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push.',
+    'Press on the organ to grasp it, drag to pull; the wheel pushes away, with Shift it turns the jaws, as twisting a pen does. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push, comma and full stop turn.',
   'planning.how.cut': 'Draw a line over the organ. Keys: arrows aim, space sets a place, Enter cuts, Escape forgets the line.',
   'planning.how.press':
     'Each pointer that is down on the organ is a finger, up to five; drag to move it. Keys: arrows aim, space comes down and goes up, Page Up and Down push.',
@@ -99,7 +99,7 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.picture': '臓器。O、G、C、P で道具を選び、ドラッグするか、矢印、スペース、Page Up、Page Down を使います。',
   'planning.how.orbit': 'ドラッグで回転、Shift で移動、ホイールまたは二本指で拡大縮小。キー: 矢印、Shift で移動、+ と −、Home。',
   'planning.how.grasp':
-    '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き。',
+    '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ、Shift とホイール（またはペンのひねり）で鉗子を回します。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き、コンマとピリオドで回転。',
   'planning.how.cut': '臓器の上に線を引きます。キー: 矢印で狙い、スペースで点を置き、Enter で切開、Escape で線を消します。',
   'planning.how.press':
     '臓器の上に置いたポインターがそれぞれ指になります（五本まで）。ドラッグで動かします。キー: 矢印で狙い、スペースで下ろす・上げる、Page Up と Down で押し引き。',

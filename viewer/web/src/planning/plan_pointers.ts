@@ -8,21 +8,30 @@ export interface Place {
 export interface PlanPointer extends Place {
   id: number;
   push_m: number;
+  turn_deg: number;
 }
 
 export const kMostPointers = 5;
 const kMostPush_m = 0.2;
 const kPushOfWheel_m = 0.00005;
 const kPushStep_m = 0.002;
+const kTurnOfWheel_deg = 0.05;
+const kTurnStep_deg = 5;
+const kMostTurn_deg = 36_000;
 const kStep = 0.01;
 const kMiddle: Place = { x: 0.5, y: 0.5 };
 
 const near = (value: number) => Math.min(1.5, Math.max(-0.5, value));
+const turnable = (turn_deg: number) => Math.min(kMostTurn_deg, Math.max(-kMostTurn_deg, turn_deg));
+/** From one twist of a pen, 0 to 359 degrees, to another, the shorter way. */
+const twisted = (from_deg: number, to_deg: number) => ((to_deg - from_deg + 540) % 360) - 180;
 const limited = (push_m: number) => Math.min(kMostPush_m, Math.max(-kMostPush_m, push_m));
 
 interface Down extends Place {
   id: number;
   extra_m: number;
+  turn_deg: number;
+  twist_deg: number;
 }
 
 /** `depth_m`: how deep each pointer pushes from the beginning. */
@@ -33,7 +42,7 @@ export class PlanPointers {
   private last = 0;
 
   get pointers(): PlanPointer[] {
-    return [...this.down.values()].map(({ id, x, y, extra_m }) => ({ id, x, y, push_m: limited(this.depth_m + extra_m) }));
+    return [...this.down.values()].map(({ id, x, y, extra_m, turn_deg }) => ({ id, x, y, push_m: limited(this.depth_m + extra_m), turn_deg }));
   }
   get keysAreDown(): boolean {
     return this.down.has('keys');
@@ -43,16 +52,18 @@ export class PlanPointers {
   }
 
   /** False where five are down already. */
-  press(id: number | 'keys', x: number, y: number): boolean {
+  press(id: number | 'keys', x: number, y: number, twist_deg = 0): boolean {
     if (this.down.size === kMostPointers || this.down.has(id)) return false;
-    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0 });
+    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0, turn_deg: 0, twist_deg });
     return true;
   }
-  move(id: number, x: number, y: number): boolean {
+  move(id: number, x: number, y: number, twist_deg = 0): boolean {
     const held = this.down.get(id);
     if (!held) return false;
     held.x = near(x);
     held.y = near(y);
+    held.turn_deg = turnable(held.turn_deg + twisted(held.twist_deg, twist_deg));
+    held.twist_deg = twist_deg;
     return true;
   }
   release(id: number): boolean {
@@ -63,12 +74,12 @@ export class PlanPointers {
     this.down.clear();
     return any;
   }
-  /** Deeper where the wheel turns away from the person. */
-  wheel(delta: number): boolean {
-    return this.push(-delta * kPushOfWheel_m);
+  /** Deeper where the wheel turns away from the person; clockwise where it turns towards them and `turns`. */
+  wheel(delta: number, turns: boolean): boolean {
+    return turns ? this.turn(delta * kTurnOfWheel_deg) : this.push(-delta * kPushOfWheel_m);
   }
 
-  /** Whether the key does something here: arrows move, space comes down and goes up, Page Up and Page Down push. */
+  /** Whether the key does something here: arrows move, space comes down and goes up, Page Up and Page Down push, comma and full stop turn. */
   key(key: string, further: boolean): boolean {
     const by = further ? 4 * kStep : kStep;
     switch (key) {
@@ -89,6 +100,12 @@ export class PlanPointers {
       case 'PageDown':
         this.push(-kPushStep_m);
         return true;
+      case ',':
+        this.turn(-kTurnStep_deg);
+        return true;
+      case '.':
+        this.turn(kTurnStep_deg);
+        return true;
       default:
         return false;
     }
@@ -99,6 +116,10 @@ export class PlanPointers {
     const held = this.down.get('keys');
     if (held) Object.assign(held, this.keysAt);
     return true;
+  }
+  private turn(by_deg: number): boolean {
+    for (const held of this.down.values()) held.turn_deg = turnable(held.turn_deg + by_deg);
+    return this.isDown;
   }
   private push(by_m: number): boolean {
     for (const held of this.down.values()) held.extra_m = limited(held.extra_m + by_m);

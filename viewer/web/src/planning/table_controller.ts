@@ -14,6 +14,8 @@ export interface OnPicture extends Place {
   /** performance.now() of the browser's event. */
   at_ms: number;
   pan: boolean;
+  /** Of a pen, 0 to 359. */
+  twist_deg: number;
 }
 
 /** Latency is told of so many of the newest pictures. */
@@ -123,7 +125,7 @@ export class TableController {
         this.line.value = this.drawn.places;
         return true;
       default:
-        if (!this.pointers.press(at.id, at.x, at.y)) return false;
+        if (!this.pointers.press(at.id, at.x, at.y, at.twist_deg)) return false;
         this.sendPointers(at.at_ms);
         return true;
     }
@@ -137,7 +139,7 @@ export class TableController {
         if (this.drawing === at.id && this.drawn.add(at.x, at.y)) this.line.value = this.drawn.places;
         break;
       default:
-        if (this.pointers.move(at.id, at.x, at.y)) this.sendPointers(at.at_ms);
+        if (this.pointers.move(at.id, at.x, at.y, at.twist_deg)) this.sendPointers(at.at_ms);
     }
   }
   release(at: OnPicture): void {
@@ -154,9 +156,9 @@ export class TableController {
     this.line.value = [];
     if (line) this.send({ cut: { line, depth_m: this.cutDepth_m.value } }, at_ms);
   }
-  wheel(delta: number, at_ms: number): void {
+  wheel(delta: number, turns: boolean, at_ms: number): void {
     if (this.tool.value === 'orbit' || this.tool.value === 'cut') this.look(zoomedByWheel(this.view.value, delta), at_ms);
-    else if (this.pointers.wheel(delta)) this.sendPointers(at_ms);
+    else if (this.pointers.wheel(delta, turns)) this.sendPointers(at_ms);
   }
 
   /** Keys on the picture; whether the key does something there. */

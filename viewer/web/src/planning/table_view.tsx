@@ -89,8 +89,9 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
     ...placeOn(field.current as HTMLDivElement, event),
     at_ms: event.timeStamp,
     pan: event.shiftKey,
+    twist_deg: event.twist,
   });
-  useField(field, { wheel: (event) => table.wheel(event.deltaY, event.timeStamp), hidden: () => table.letGo() }, table);
+  useField(field, { wheel: (event) => table.wheel(event.deltaY || event.deltaX, event.shiftKey, event.timeStamp), hidden: () => table.letGo() }, table);
   useEffect(() => {
     const key = (event: KeyboardEvent) => {
       const target = event.target as HTMLElement;
