@@ -66,19 +66,29 @@ describe('Pointers on the organ', () => {
   });
   it('turn by wheel and Shift, by keys, and with a pen over its border of 360 degrees', () => {
     const pointers = new PlanPointers();
-    pointers.press(1, 0.5, 0.5, 350);
+    pointers.press(1, 0.5, 0.5, { twist_deg: 350, pressure: 0.5 });
     pointers.wheel(100, true);
     expect(pointers.pointers[0]).toMatchObject({ push_m: 0, turn_deg: 5 });
     pointers.key(',', false);
     pointers.key(',', false);
     pointers.key('.', false);
     expect(pointers.pointers[0]?.turn_deg).toBe(0);
-    pointers.move(1, 0.5, 0.5, 10);
+    pointers.move(1, 0.5, 0.5, { twist_deg: 10, pressure: 0.5 });
     expect(pointers.pointers[0]?.turn_deg).toBe(20);
-    pointers.move(1, 0.5, 0.5, 340);
+    pointers.move(1, 0.5, 0.5, { twist_deg: 340, pressure: 0.5 });
     expect(pointers.pointers[0]?.turn_deg).toBe(-10);
     pointers.wheel(10_000_000, true);
     expect(pointers.pointers[0]?.turn_deg).toBe(36_000);
+  });
+  it('of a pen push as hard as it presses, where pens push', () => {
+    const pointers = new PlanPointers();
+    pointers.depth_m = 0.01;
+    pointers.press(1, 0.5, 0.5, { twist_deg: 0, pressure: 0.5 });
+    expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.01);
+    pointers.pensPush = true;
+    expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.02);
+    pointers.move(1, 0.5, 0.5, { twist_deg: 0, pressure: 1 });
+    expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.03);
   });
   it('are moved by keys', () => {
     const pointers = new PlanPointers();

@@ -39,7 +39,7 @@ export const planningEn = {
     'Press on the organ to grasp it, drag to pull; the wheel pushes away, with Shift it turns the jaws, as twisting a pen does. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push, comma and full stop turn.',
   'planning.how.cut': 'Draw a line over the organ. Keys: arrows aim, space sets a place, Enter cuts, Escape forgets the line.',
   'planning.how.press':
-    'Each pointer that is down on the organ is a finger, up to five; drag to move it. Keys: arrows aim, space comes down and goes up, Page Up and Down push.',
+    'Each pointer that is down on the organ is a finger, up to five; drag to move it, and a pen pushes as hard as it presses. Keys: arrows aim, space comes down and goes up, Page Up and Down push.',
   'planning.computing': 'Computing…',
   'planning.stress': 'Show von Mises stress',
   'planning.stressMost': 'The last colour stands for, Pa',
@@ -102,7 +102,7 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
     '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ、Shift とホイール（またはペンのひねり）で鉗子を回します。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き、コンマとピリオドで回転。',
   'planning.how.cut': '臓器の上に線を引きます。キー: 矢印で狙い、スペースで点を置き、Enter で切開、Escape で線を消します。',
   'planning.how.press':
-    '臓器の上に置いたポインターがそれぞれ指になります（五本まで）。ドラッグで動かします。キー: 矢印で狙い、スペースで下ろす・上げる、Page Up と Down で押し引き。',
+    '臓器の上に置いたポインターがそれぞれ指になります（五本まで）。ドラッグで動かし、ペンは筆圧で押します。キー: 矢印で狙い、スペースで下ろす・上げる、Page Up と Down で押し引き。',
   'planning.computing': '計算中…',
   'planning.stress': 'ミーゼス応力を表示',
   'planning.stressMost': '最後の色が表す値 Pa',

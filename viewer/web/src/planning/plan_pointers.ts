@@ -15,6 +15,8 @@ export const kMostPointers = 5;
 const kMostPush_m = 0.2;
 const kPushOfWheel_m = 0.00005;
 const kPushStep_m = 0.002;
+/** Of a pen that presses as hard as it can. */
+const kPushOfPen_m = 0.02;
 const kTurnOfWheel_deg = 0.05;
 const kTurnStep_deg = 5;
 const kMostTurn_deg = 36_000;
@@ -27,22 +29,36 @@ const turnable = (turn_deg: number) => Math.min(kMostTurn_deg, Math.max(-kMostTu
 const twisted = (from_deg: number, to_deg: number) => ((to_deg - from_deg + 540) % 360) - 180;
 const limited = (push_m: number) => Math.min(kMostPush_m, Math.max(-kMostPush_m, push_m));
 
+/** What a pen tells beside its place: its twist from 0 to 359 degrees, and how hard it presses, from 0 to 1. */
+export interface Pen {
+  twist_deg: number;
+  pressure: number;
+}
+const kNoPen: Pen = { twist_deg: 0, pressure: 0 };
+
 interface Down extends Place {
   id: number;
   extra_m: number;
   turn_deg: number;
-  twist_deg: number;
+  pen: Pen;
 }
 
-/** `depth_m`: how deep each pointer pushes from the beginning. */
+/** `depth_m`: how deep each pointer pushes from the beginning; `pensPush`: a pen pushes as hard as it presses, too. */
 export class PlanPointers {
   depth_m = 0;
+  pensPush = false;
   keysAt: Place = kMiddle;
   private readonly down = new Map<number | 'keys', Down>();
   private last = 0;
 
   get pointers(): PlanPointer[] {
-    return [...this.down.values()].map(({ id, x, y, extra_m, turn_deg }) => ({ id, x, y, push_m: limited(this.depth_m + extra_m), turn_deg }));
+    return [...this.down.values()].map(({ id, x, y, extra_m, turn_deg, pen }) => ({
+      id,
+      x,
+      y,
+      push_m: limited(this.depth_m + extra_m + (this.pensPush ? pen.pressure * kPushOfPen_m : 0)),
+      turn_deg,
+    }));
   }
   get keysAreDown(): boolean {
     return this.down.has('keys');
@@ -52,18 +68,18 @@ export class PlanPointers {
   }
 
   /** False where five are down already. */
-  press(id: number | 'keys', x: number, y: number, twist_deg = 0): boolean {
+  press(id: number | 'keys', x: number, y: number, pen = kNoPen): boolean {
     if (this.down.size === kMostPointers || this.down.has(id)) return false;
-    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0, turn_deg: 0, twist_deg });
+    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0, turn_deg: 0, pen });
     return true;
   }
-  move(id: number, x: number, y: number, twist_deg = 0): boolean {
+  move(id: number, x: number, y: number, pen = kNoPen): boolean {
     const held = this.down.get(id);
     if (!held) return false;
     held.x = near(x);
     held.y = near(y);
-    held.turn_deg = turnable(held.turn_deg + twisted(held.twist_deg, twist_deg));
-    held.twist_deg = twist_deg;
+    held.turn_deg = turnable(held.turn_deg + twisted(held.pen.twist_deg, pen.twist_deg));
+    held.pen = pen;
     return true;
   }
   release(id: number): boolean {

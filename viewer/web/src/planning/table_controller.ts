@@ -2,7 +2,7 @@
 import { signal } from '@preact/signals';
 import { Median } from '@/base/median';
 import { kFirstView, OrbitDrag, type View, viewByKey, zoomedByWheel } from '@/planning/orbit';
-import { DrawnLine, type Place, PlanPointers } from '@/planning/plan_pointers';
+import { DrawnLine, type Pen, type Place, PlanPointers } from '@/planning/plan_pointers';
 import { type Deed, PlanConnection, type PlanListener } from '@/planning/planning_api';
 
 export const kTools = ['orbit', 'grasp', 'cut', 'press'] as const;
@@ -14,8 +14,7 @@ export interface OnPicture extends Place {
   /** performance.now() of the browser's event. */
   at_ms: number;
   pan: boolean;
-  /** Of a pen, 0 to 359. */
-  twist_deg: number;
+  pen?: Pen;
 }
 
 /** Latency is told of so many of the newest pictures. */
@@ -93,6 +92,7 @@ export class TableController {
     this.letGo();
     this.tool.value = tool;
     this.pointers.depth_m = tool === 'press' ? this.depth_m.value : 0;
+    this.pointers.pensPush = tool === 'press';
   }
   /** All pointers go up. */
   letGo(): void {
@@ -125,7 +125,7 @@ export class TableController {
         this.line.value = this.drawn.places;
         return true;
       default:
-        if (!this.pointers.press(at.id, at.x, at.y, at.twist_deg)) return false;
+        if (!this.pointers.press(at.id, at.x, at.y, at.pen)) return false;
         this.sendPointers(at.at_ms);
         return true;
     }
@@ -139,7 +139,7 @@ export class TableController {
         if (this.drawing === at.id && this.drawn.add(at.x, at.y)) this.line.value = this.drawn.places;
         break;
       default:
-        if (this.pointers.move(at.id, at.x, at.y, at.twist_deg)) this.sendPointers(at.at_ms);
+        if (this.pointers.move(at.id, at.x, at.y, at.pen)) this.sendPointers(at.at_ms);
     }
   }
   release(at: OnPicture): void {

@@ -89,7 +89,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
     ...placeOn(field.current as HTMLDivElement, event),
     at_ms: event.timeStamp,
     pan: event.shiftKey,
-    twist_deg: event.twist,
+    ...(event.pointerType === 'pen' ? { pen: { twist_deg: event.twist, pressure: event.pressure } } : {}),
   });
   useField(field, { wheel: (event) => table.wheel(event.deltaY || event.deltaX, event.shiftKey, event.timeStamp), hidden: () => table.letGo() }, table);
   useEffect(() => {
