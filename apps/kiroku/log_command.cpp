@@ -13,6 +13,8 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/log_compare_command.h"
+#include "apps/kiroku/log_lines.h"
 #include "apps/kiroku/witness_judgement.h"
 #include "apps/verify/judging.h"
 #include "apps/verify/outside_note.h"
@@ -37,29 +39,6 @@ struct Request {
   std::optional<std::string> policy;
   bool verify = false, json = false;
 };
-
-/// The text of a field, in quotation marks where it could be read as several: whoever may invite a guest
-/// chooses the guest's name.
-std::string shown(const std::string& text) {
-  constexpr std::size_t kMost = 1'000;
-  const bool is_long = text.size() > kMost;
-  const std::string beginning = printable(text.substr(0, kMost));
-  const bool is_one = beginning.find_first_of(" \"=") == std::string::npos;
-  return (is_one ? beginning : ordered_json(beginning).dump()) +
-         (is_long ? "\u2026 (" + std::to_string(text.size()) + " bytes; --json has all)" : "");
-}
-
-/// What an entry says beyond its number, time and type: "case=… size=…".
-std::string details(const std::string& line) {
-  std::string out;
-  const ordered_json entry = ordered_json::parse(line);
-  for (const auto& [key, value] : entry.items()) {
-    if (key == "type" || key == "seq" || key == "utc" || key == "mono_ns") continue;
-    out += (out.empty() ? "" : "  ") + key + "=" +
-           (value.is_string() ? shown(value.get<std::string>()) : value.dump());
-  }
-  return out;
-}
 
 std::string as_json(const ordered_json& value) {
   return printable_json(value.dump(-1, ' ', false, ordered_json::error_handler_t::replace));
@@ -92,7 +71,7 @@ void list_as_table(const fs::path& log, std::uint64_t entries, std::size_t wides
   };
   row("entry", "when", "what", "");
   archive::for_each_log_line(log, [&](const archive::LogLine& line) {
-    row(std::to_string(line.seq), format_local(line.utc), line.type, details(line.json));
+    row(std::to_string(line.seq), format_local(line.utc), line.type, entry_details(line.json));
   });
 }
 
@@ -238,6 +217,7 @@ void add_log_command(Command& program) {
       throw UsageError("--policy says by what the log is judged: give --verify, too");
     return request->verify ? verify(home, *request) : list(home, request->json);
   });
+  add_log_compare_command(command);
 }
 
 }  // namespace kiroku::apps
