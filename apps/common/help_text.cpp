@@ -56,9 +56,10 @@ std::string option_row(const OptionStatement& option) {
   return row(left, right);
 }
 
-std::string usage(const Command& command) {
+/// `acts`: the command does something by itself, too.
+std::string usage(const Command& command, bool acts) {
   std::string out = "Usage: " + command.full_name();
-  if (!command.commands().empty() && command.arguments().empty()) return out + " COMMAND";
+  if (!command.commands().empty() && !acts) return out + " COMMAND";
   for (const OptionStatement& option : command.options()) {
     if (option.required) out += " " + option.names.back() + " " + option.value;
   }
@@ -74,7 +75,8 @@ std::string usage(const Command& command) {
 }  // namespace
 
 std::string Command::help() const {
-  std::string out = wrap(full_name_ + " - " + purpose_, 0, 0) + "\n\n" + usage(*this) + "\n";
+  std::string out =
+      wrap(full_name_ + " - " + purpose_, 0, 0) + "\n\n" + usage(*this, action_ != nullptr) + "\n";
   if (!commands_.empty()) {
     out += "\nCommands:\n";
     for (const auto& command : commands_) out += row(command->name(), command->purpose());

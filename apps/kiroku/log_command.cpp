@@ -13,10 +13,14 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
-#include "apps/kiroku/witness_judgement.h"
+#include "apps/kiroku/log_compare_command.h"
+#include "apps/kiroku/log_lines.h"
+#include "apps/kiroku/log_prove_command.h"
+#include "apps/kiroku/witnessed_note.h"
 #include "apps/verify/judging.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/report_text.h"
+#include "apps/verify/witness_judgement.h"
 #include "archive/verify/report_json.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
@@ -37,29 +41,6 @@ struct Request {
   std::optional<std::string> policy;
   bool verify = false, json = false;
 };
-
-/// The text of a field, in quotation marks where it could be read as several: whoever may invite a guest
-/// chooses the guest's name.
-std::string shown(const std::string& text) {
-  constexpr std::size_t kMost = 1'000;
-  const bool is_long = text.size() > kMost;
-  const std::string beginning = printable(text.substr(0, kMost));
-  const bool is_one = beginning.find_first_of(" \"=") == std::string::npos;
-  return (is_one ? beginning : ordered_json(beginning).dump()) +
-         (is_long ? "\u2026 (" + std::to_string(text.size()) + " bytes; --json has all)" : "");
-}
-
-/// What an entry says beyond its number, time and type: "case=… size=…".
-std::string details(const std::string& line) {
-  std::string out;
-  const ordered_json entry = ordered_json::parse(line);
-  for (const auto& [key, value] : entry.items()) {
-    if (key == "type" || key == "seq" || key == "utc" || key == "mono_ns") continue;
-    out += (out.empty() ? "" : "  ") + key + "=" +
-           (value.is_string() ? shown(value.get<std::string>()) : value.dump());
-  }
-  return out;
-}
 
 std::string as_json(const ordered_json& value) {
   return printable_json(value.dump(-1, ' ', false, ordered_json::error_handler_t::replace));
@@ -92,7 +73,7 @@ void list_as_table(const fs::path& log, std::uint64_t entries, std::size_t wides
   };
   row("entry", "when", "what", "");
   archive::for_each_log_line(log, [&](const archive::LogLine& line) {
-    row(std::to_string(line.seq), format_local(line.utc), line.type, details(line.json));
+    row(std::to_string(line.seq), format_local(line.utc), line.type, entry_details(line.json));
   });
 }
 
@@ -113,38 +94,17 @@ int list(const Home& home, bool json) {
   return kDone;
 }
 
-/// The newest note that witnesses cosigned, as 'kiroku witness ask' left it. Nobody named it, so what lies in
-/// its place and is none (a pipe, a folder) keeps the log from nothing.
-std::optional<archive::OutsideNote> witnessed_note(const Home& home) {
-  const fs::path file = home.newest_witnessed_note();
-  std::error_code ignored;
-  if (!fs::exists(file, ignored)) return std::nullopt;
-  try {
-    if (fs::is_regular_file(file, ignored)) return load_outside_note(file);
-    print_error("kiroku", "warning: " + file.string() + " is no file, so the log was not compared with it");
-  } catch (const Error& error) {
-    print_error("kiroku", std::string("warning: the log was not compared: ") + error.what());
-  }
-  return std::nullopt;
-}
-
-bool counts_now(const evidence::Policy& algorithms) {
-  const UtcTime now = utc_now();
-  return algorithms.hash("sha256").holds_at(now) && algorithms.signature({"ed25519", 0, ""}).holds_at(now);
-}
-
 int verify(const Home& home, const Request& request) {
   std::optional<crypto::WitnessPolicy> policy;
   if (request.witnesses) {
-    policy = crypto::WitnessPolicy::parse(
-        text_of(read_small_file(*request.witnesses, "the policy of witnesses")), *request.witnesses);
+    policy = read_witnesses(*request.witnesses);
   }
   const timestamp::TrustStore trust = home.trust();
   archive::VerifyOptions options;
   options.devices = {home.device()};
   options.trust = &trust;
   for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
-  std::optional<archive::OutsideNote> witnessed = witnessed_note(home);
+  std::optional<archive::OutsideNote> witnessed = home_witnessed_note(home);
   std::optional<evidence::Policy> algorithms;
   if (request.policy) {
     algorithms = read_policy(*request.policy);
@@ -159,12 +119,7 @@ int verify(const Home& home, const Request& request) {
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
   std::optional<WitnessJudgement> witnesses;
   if (policy) witnesses = judge_log_witnesses(home.log_folder(), home.device(), *policy, notes);
-  // Cosignatures are by Ed25519 over roots of SHA-256, as the log's own signatures are.
-  if (witnesses && algorithms && !counts_now(*algorithms)) {
-    witnesses->witnessed.quorum = false;
-    witnesses->unused.emplace_back(
-        "cosignatures prove nothing any more: Ed25519 or SHA-256 ended by the policy of algorithms");
-  }
+  if (witnesses) withhold_what_ended(*witnesses, options);
   progress.clear();
   if (request.json) {
     ordered_json object = archive::report_json(report);
@@ -238,6 +193,8 @@ void add_log_command(Command& program) {
       throw UsageError("--policy says by what the log is judged: give --verify, too");
     return request->verify ? verify(home, *request) : list(home, request->json);
   });
+  add_log_compare_command(command);
+  add_log_prove_command(command);
 }
 
 }  // namespace kiroku::apps

@@ -71,6 +71,15 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   if (request.policy)
     given.policy.push_back({fs::path(*request.policy).filename().string(),
                             crypto::sha256(read_small_file(*request.policy, "the policy of algorithms"))});
+  if (request.log_proof) {
+    given.proof.push_back({fs::path(*request.log_proof).filename().string(),
+                           crypto::sha256(read_small_file(*request.log_proof, "the proof from the log"))});
+  }
+  if (request.witnesses) {
+    given.witnesses.push_back(
+        {fs::path(*request.witnesses).filename().string(),
+         crypto::sha256(read_small_file(*request.witnesses, "the policy of witnesses"))});
+  }
   if (judged.log) given.log.push_back({judged.log->string(), {}});
   for (const std::string& file : request.identities)
     given.identities.push_back({fs::path(file).filename().string(), {}});

@@ -1,6 +1,8 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/verify_extras.h"
+#include "apps/kiroku/witnessed_note.h"
+#include "apps/verify/witness_judgement.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
@@ -15,7 +17,12 @@ VerifyDefaults defaults_of(const std::optional<Home>& home, const std::filesyste
   defaults.devices = {home->device()};
   defaults.trust = home->outside_root_files();
   defaults.own_authority = home->own_root_files();
-  if (home->holds(case_folder)) defaults.log = home->log_folder();
+  if (home->holds(case_folder)) {
+    defaults.log = home->log_folder();
+    // What else lies in its place says nothing against a case.
+    auto note = home_witnessed_note(*home);
+    if (note && is_of_log(*note, home->device())) defaults.witnessed_note = std::move(note);
+  }
   return defaults;
 }
 

@@ -26,6 +26,11 @@ evidence::Policy read_policy(const std::filesystem::path& file) {
   return evidence::Policy::parse(text_of(text), file.string());
 }
 
+crypto::WitnessPolicy read_witnesses(const std::filesystem::path& file) {
+  const Bytes text = read_small_file(file, "the policy of witnesses");
+  return crypto::WitnessPolicy::parse(text_of(text), file.string());
+}
+
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras) {
   const bool home = bool(extras.defaults);
   command.option("--device", "FILE", request.devices,
@@ -45,6 +50,16 @@ void add_judging_options(Command& command, JudgingRequest& request, const Verify
   command.option("--against", "NOTE", request.against,
                  "checkpoint kept outside, or a copy of the folder from before: tells what was cut off or "
                  "rewritten since");
+  command.option(
+      "--proof", "FILE", request.log_proof,
+      "a .tlog-proof of the case's end in the appliance log, which 'kiroku log prove' writes: says "
+      "without the log whether the case ended as the device entered it there");
+  command.option(
+      "--witnesses", "FILE", request.witnesses,
+      home ? "a policy of witnesses; says who cosigned the log's checkpoint that holds the case, of "
+             "--proof, of --against, or as the home keeps it"
+           : "a policy of witnesses; says who cosigned the log's checkpoint that holds the case, of "
+             "--proof or of --against");
   command.option("--evidence", "FILE", request.evidence, "evidence record that must hold for the case",
                  "evidence/<case>.ers beside it, if it is there");
   command.option("--policy", "FILE", request.policy, "TOML file that says until when algorithms count",
@@ -65,8 +80,19 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
     }
   }
   for (const std::string& note : request.against) against_.push_back(load_outside_note(note));
+  if (request.log_proof) {
+    log_proof_ = {*request.log_proof,
+                  std::string(text_of(read_small_file(*request.log_proof, "the proof from the log")))};
+  }
   if (request.policy) policy_ = read_policy(*request.policy);
+  if (request.witnesses) witnesses_ = read_witnesses(*request.witnesses);
   threads_ = parse_threads(request.threads);
+}
+
+std::vector<archive::OutsideNote> Judge::notes(const VerifyDefaults& defaults) const {
+  std::vector<archive::OutsideNote> notes = against_;
+  if (witnesses_ && !request_.log && defaults.witnessed_note) notes.push_back(*defaults.witnessed_note);
+  return notes;
 }
 
 Judged Judge::judge(const std::filesystem::path& folder) const {
@@ -88,7 +114,9 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   if (trust.has_trusted()) options.trust = &trust;
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
-  options.against = against_;
+  options.against = notes(defaults);
+  options.log_proof = log_proof_;
+  if (witnesses_) options.witnesses = &*witnesses_;
   if (request_.evidence) options.evidence = *request_.evidence;
   if (policy_) options.policy = &*policy_;
   if (!identities_.empty()) {
@@ -103,6 +131,17 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   judged.device_trusted =
       std::any_of(options.devices.begin(), options.devices.end(),
                   [&](const crypto::VerifierKey& key) { return key.to_string() == judged.report.device; });
+  if (request_.as_log && witnesses_) {
+    const auto device =
+        std::ranges::find(options.devices, judged.report.device, &crypto::VerifierKey::to_string);
+    WitnessJudgement& witnesses = judged.log_witnesses.emplace();
+    if (device == options.devices.end()) {
+      witnesses.unused.emplace_back("nobody can have cosigned it for certain: its device is not trusted");
+    } else {
+      witnesses = judge_log_witnesses(folder, *device, *witnesses_, options.against);
+      withhold_what_ended(witnesses, options);
+    }
+  }
   if (extras_.verified && !request_.as_log) {
     extras_.verified(folder, judged.report,
                      {.decrypted = !identities_.empty(), .by_defaults = request_.names_nothing()});

@@ -8,18 +8,20 @@
 #include <vector>
 
 #include "apps/verify/verify_command.h"
+#include "apps/verify/witness_judgement.h"
 
 namespace kiroku::apps {
 
 /// What a person gave; the rest is VerifyExtras::defaults.
 struct JudgingRequest {
   std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
-  std::optional<std::string> log, threads, evidence, policy;
-  bool as_log = false;  // the folder is an appliance log
+  std::optional<std::string> log, threads, evidence, policy, log_proof;
+  std::optional<std::string> witnesses;  // changes no verdict
+  bool as_log = false;                   // the folder is an appliance log
   /// Nothing by which another verdict can come out than by the defaults.
   [[nodiscard]] bool names_nothing() const {
     return devices.empty() && trust.empty() && own_authority.empty() && untrusted.empty() &&
-           against.empty() && !log && !evidence && !policy;
+           against.empty() && !log && !evidence && !policy && !log_proof;
   }
 };
 /// `request` must live until the program has run.
@@ -28,10 +30,13 @@ void add_judging_options(Command& command, JudgingRequest& request, const Verify
 /// Throws kiroku::Error where the file cannot be read, kiroku::UsageError with its line where it is no
 /// policy.
 evidence::Policy read_policy(const std::filesystem::path& file);
+/// Likewise a policy of witnesses.
+crypto::WitnessPolicy read_witnesses(const std::filesystem::path& file);
 
 struct Judged {
   archive::VerificationReport report;
   bool device_trusted = false;
+  std::optional<WitnessJudgement> log_witnesses;  // of a log, where a policy of witnesses was given
   // What it was judged with.
   std::vector<crypto::VerifierKey> devices;
   std::vector<std::filesystem::path> roots, own_roots;
@@ -47,12 +52,17 @@ class Judge {
   [[nodiscard]] Judged judge(const std::filesystem::path& folder) const;
 
  private:
+  /// Notes of a log that may hold cosignatures: the given ones, and the home's where that was not named.
+  [[nodiscard]] std::vector<archive::OutsideNote> notes(const VerifyDefaults& defaults) const;
+
   const JudgingRequest& request_;
   const VerifyExtras& extras_;
   std::vector<crypto::VerifierKey> devices_;
   crypto::AgeIdentities identities_;
   std::vector<archive::OutsideNote> against_;
+  std::optional<archive::OutsideNote> log_proof_;
   std::optional<evidence::Policy> policy_;
+  std::optional<crypto::WitnessPolicy> witnesses_;
   unsigned threads_ = 0;
 };
 

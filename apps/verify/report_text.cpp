@@ -10,6 +10,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "apps/common/terminal.h"
+#include "apps/verify/witness_judgement.h"
 #include "archive/verify/report_json.h"
 
 namespace kiroku::apps {
@@ -189,6 +190,27 @@ std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_
   return text;
 }
 
+/// Who cosigned the log's checkpoint that holds the case's end.
+std::string witness_lines(const archive::WitnessReport& witnesses) {
+  using Holds = archive::WitnessReport::Holds;
+  std::string out;
+  if (witnesses.note.empty()) {
+    out = line("witnesses", "nothing shows that anybody cosigned what the appliance log says of this case");
+  } else {
+    const bool is_end = witnesses.holds == Holds::kEnd;
+    out = line("witnesses", std::string("the log's first ") + count(witnesses.entries, "entry", "entries") +
+                                (witnesses.entries == 1 ? " is " : " are ") +
+                                (witnesses.witnessed.quorum ? "" : "NOT ") +
+                                "witnessed as the policy asks (" + witnesses.note + ")");
+    out += line("", is_end ? "the case's end is among them"
+                           : "the case's opening is among them, its end is NOT: nobody witnessed that");
+    for (const auto& cosigner : witnesses.witnessed.cosigners) out += line("", cosigner_words(cosigner));
+  }
+  if (witnesses.asks_for_none) out += line("", "the policy asks for no witness, so none is needed");
+  for (const std::string& why : witnesses.unused) out += line("", why);
+  return out;
+}
+
 /// "00:10:02.500" from the case's beginning.
 std::string case_time(std::int64_t ns, const archive::ExcerptReport& excerpt) {
   const std::int64_t ms = (ns - excerpt.begins_ns) / 1'000'000;
@@ -302,6 +324,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
   if (!log.empty()) out += line("log", log);
+  if (report.witnesses) out += witness_lines(*report.witnesses);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {
     out += "\n" + excerpt_table(report);

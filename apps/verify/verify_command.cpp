@@ -37,10 +37,20 @@ int worse(int a, int b) {
   return rank(a) >= rank(b) ? a : b;
 }
 
+/// As the policy of witnesses asks, where one was given.
+bool is_witnessed(const Judged& judged) {
+  if (judged.log_witnesses) return judged.log_witnesses->witnessed.quorum;
+  return !judged.report.witnesses || judged.report.witnesses->is_met();
+}
+
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
   if (!request.judging.against.empty() && request.cases.size() > 1) {
     throw UsageError("--against takes notes of one case: verify the cases one by one");
   }
+  if (request.judging.log_proof && request.cases.size() > 1)
+    throw UsageError("--proof is of one case: verify the cases one by one");
+  if (request.judging.log_proof && request.judging.as_log)
+    throw UsageError("--proof is of a case, and --as-log judges a log: 'kiroku-verify CASE --proof FILE'");
   const Judge judge(request.judging, extras);
   int status = kDone;
   ordered_json reports = ordered_json::array();
@@ -52,14 +62,17 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
                                                : std::filesystem::path(named);
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
+      if (!is_witnessed(judged)) status = worse(status, kNoAnswer);
       if (request.json) {
         reports.push_back(archive::report_json(judged.report));
+        if (judged.log_witnesses) reports.back()["witnesses"] = judged.log_witnesses->json();
       } else {
         const std::string log = request.judging.as_log ? ""
                                 : judged.log           ? "compared with " + judged.log->string()
                                                        : no_log_words();
         std::cout << (first ? "" : "\n")
-                  << report_text(judged.report, folder.string(), judged.device_trusted, log) << std::flush;
+                  << report_text(judged.report, folder.string(), judged.device_trusted, log)
+                  << (judged.log_witnesses ? judged.log_witnesses->text() : std::string()) << std::flush;
         first = false;
       }
     } catch (const Error& error) {
@@ -124,6 +137,10 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "not "
       "be compared: exit status 3.");
   command.explain(
+      "--witnesses changes no verdict: witnesses say of a log that it is the only one, and of a case "
+      "nothing. "
+      "Where the policy's quorum did not cosign the case's end, exit status 0 or 4 becomes 3.");
+  command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
       "or unproven, 4 an intact excerpt, which is a part of a case. --excerpt changes nothing else: an "
       "excerpt that is tampered or unproven still gives 1 or 3, and a whole case is judged as without it. Of "
@@ -135,6 +152,9 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
                   "judges an excerpt, and says what part of the case it is");
   command.example(command.full_name() + " CASE --against receipt.note",
                   "tells also whether the case is still the one of a printed receipt");
+  command.example(
+      command.full_name() + " CASE --device device.pub --proof case.tlog-proof --witnesses witnesses.txt",
+      "tells without the log how it says that the case ended, and who witnessed that");
   command.example(command.full_name() + " --as-log archive/log --device device.pub --against kept.note",
                   "judges an appliance log by a note that was kept elsewhere");
   command.example(command.full_name() + " --json CASE | jq -r .verdict", "prints the verdict alone");

@@ -19,6 +19,8 @@ struct VerifyDefaults {
   std::vector<std::filesystem::path> trust;          // PEM files: roots of outside authorities,
   std::vector<std::filesystem::path> own_authority;  // and of the recorder's own
   std::optional<std::filesystem::path> log;          // appliance log that should know the case
+  /// The log's newest checkpoint that witnesses cosigned; asked for where a policy of witnesses is.
+  std::optional<archive::OutsideNote> witnessed_note;
 };
 
 /// What a program with a home and decoders adds; every member may be empty.

@@ -471,7 +471,7 @@ void check_without_evidence(const std::string& what, const VerifyOptions& option
 void take_log_findings(FindingList& of_log, const VerifyOptions& options, FindingList& findings) {
   const evidence::Policy& policy = policy_of(options);
   const auto ended = what_ended(policy, {}, options.now.value_or(utc_now()));
-  if (!options.log || !ended) {
+  if ((!options.log && !options.log_proof) || !ended) {
     findings.take_from(of_log, {});
     return;
   }

@@ -13,6 +13,7 @@
 #include "archive/verify/authority_files.h"
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/case_rules.h"
+#include "archive/verify/case_witnesses.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_rules.h"
 #include "archive/verify/outside_notes.h"
@@ -45,6 +46,7 @@ class ExcerptVerification {
         options_of_log_(with_notes_of_logs(options, true)),
         options_of_case_(with_notes_of_logs(options, false)),
         outside_(options.log ? options_of_case_ : options, findings_),
+        log_proof_(options, by_log_),
         selected_streams_(document_.streams.begin(), document_.streams.end()),
         tree_(crypto::MerkleFrontier::after(document_.first_entry, document_.left)) {}
 
@@ -58,6 +60,8 @@ class ExcerptVerification {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
     outside_.finish(document_.first_entry + lines_, false);
+    log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
+                           shown_root_);
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
@@ -173,6 +177,9 @@ class ExcerptVerification {
       findings_.add("excerpt-proof-invalid", {note_path(document_.size)},
                     "the root that the proofs lead to is not that of the lines");
     }
+    if (tree_ && number == document_.size) {
+      shown_root_ = tree_->root();
+    }
     checkpoints_.finish(number);
     rules_.finish(document_.first_entry > 1 ? std::optional(lines_begin_ns_) : std::nullopt);
     if (comparison) {
@@ -195,6 +202,7 @@ class ExcerptVerification {
     if (contents.gave_up) {
       return std::nullopt;
     }
+    walked_log_ = walked_log(contents, outside, rules_.opening());
     return contents;
   }
 
@@ -353,6 +361,7 @@ class ExcerptVerification {
           folder_, {report.case_id, lines_, {}, tokens.signatures(), tokens.valid(), tokens.outside()},
           shown_data(), options_, findings_, report);
     }
+    report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;
@@ -420,12 +429,15 @@ class ExcerptVerification {
   CaseRules rules_;
   VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
+  LogProof log_proof_;
+  std::optional<WalkedLog> walked_log_;
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.
   std::optional<crypto::MerkleFrontier> tree_;
   std::uint64_t lines_ = 0;
   crypto::MerkleFrontier judged_;  // the opening line, then the lines
   std::optional<Sha256Digest> signed_root_;
+  std::optional<Sha256Digest> shown_root_;  // of the case's first document_.size entries, by lines and proofs
 };
 
 }  // namespace

@@ -281,6 +281,13 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "what is here does not show the root at a given note's size: it was not compared"},
     {"outside-note-holds", Severity::kNote,
      "a note kept outside fits: the entries begin with those that it was signed of"},
+    // -- a proof from the log
+    {"log-proof-differs", Severity::kTampered,
+     "by a proof from the log, which a trusted device signed, the case ended otherwise"},
+    {"log-proof-not-used", Severity::kUnproven,
+     "a proof from the log that was given does not hold, or shows nothing of what is here"},
+    {"log-proof-holds", Severity::kNote,
+     "a proof from the log holds: the case ended as the device entered it there"},
     // -- two cases of one operation
     {"carrying-on-broken", Severity::kTampered,
      "this case and the one that it carries on, or that carries it on, do not fit each other"},

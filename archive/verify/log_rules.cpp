@@ -5,6 +5,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/verify/folder_names.h"
+#include "archive/verify/log_histories.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -67,8 +68,12 @@ LogContents LogWalk::run() {
       break;
     }
     const std::uint64_t number = tree_.size();
-    tree_.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    const crypto::Sha256Digest leaf = crypto::merkle_leaf_hash(bytes_of(line.text));
+    tree_.append(leaf);
     tree_known = tree_known && !line.too_long;
+    if (kept_ != nullptr && tree_known) {
+      kept_->lines.push_back(leaf);
+    }
     erased_now_.reset();
     told_now_.reset();
     closed_now_.reset();
@@ -88,6 +93,7 @@ LogContents LogWalk::run() {
     if (checkpoints_.has(tree_.size())) {
       checkpoints_.reached(tree_.size(), fits, tree_known, std::nullopt);
       judge_signed();
+      keep_signed();
     }
     // One that was kept elsewhere counts as if it still lay here.
     const bool has_its_own =
@@ -105,6 +111,9 @@ LogContents LogWalk::run() {
     if (tree_.size() == head_) {
       contents_.root_at_head = tree_.root();
     }
+  }
+  if (kept_ != nullptr) {
+    kept_->whole = tree_known;
   }
   take_late_notes(tree_known);
   checkpoints_.finish(tree_.size());
@@ -127,6 +136,21 @@ void LogWalk::take_late_notes(bool tree_known) {
           std::nullopt);
     }
   }
+}
+
+void LogWalk::keep_signed() {
+  if (kept_ == nullptr || !signer_ || checkpoints_.covered() != tree_.size()) {
+    return;
+  }
+  std::vector<std::string>& devices = kept_->devices;
+  auto device = std::find(devices.begin(), devices.end(), *signer_);
+  if (device == devices.end()) {
+    if (devices.size() == SignedLog::kMostDevices) {
+      return;
+    }
+    device = devices.insert(devices.end(), *signer_);
+  }
+  kept_->checkpoints.push_back({tree_.size(), static_cast<std::size_t>(device - devices.begin())});
 }
 
 void LogWalk::judge_signed() {
@@ -283,8 +307,13 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
     return;
   }
   contents_.device = device;
+  signer_.reset();
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
+    signer_ = key.to_string();
+    if (kept_ != nullptr && number == 0) {
+      kept_->first_device = *signer_;
+    }
     checkpoints_.set_signer(key, log_origin(key.name()));
     if (outside_ != nullptr) {
       outside_->add_origin(log_origin(key.name()));

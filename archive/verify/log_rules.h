@@ -22,6 +22,8 @@
 
 namespace kiroku::archive {
 
+struct SignedLog;
+
 /// A tree of a case as the log states it, in `entry` of the log.
 struct KnownRoot {
   std::uint64_t size = 0;
@@ -80,6 +82,8 @@ class LogWalk {
           const std::optional<OpenEntry>& of_case);
   /// Notes to compare the log with, before run().
   void compare_with(OutsideNotes& notes) { outside_ = &notes; }
+  /// Into an empty one, which must outlive run(); before that.
+  void keep_for_comparison(SignedLog& log) { kept_ = &log; }
 
   /// Once. Throws kiroku::Error if the folder is no log.
   LogContents run();
@@ -87,6 +91,8 @@ class LogWalk {
  private:
   void take(const LedgerLine& line, std::uint64_t number);
   void count_broken_line(std::uint64_t number);
+  /// That a checkpoint of all until now holds, for a comparison.
+  void keep_signed();
   void set_device(const std::string& device, std::uint64_t number);
   /// What is known of a case; nothing where it is not asked for.
   LoggedCase* logged(const std::string& case_id);
@@ -107,6 +113,8 @@ class LogWalk {
   std::string case_id_, case_device_;
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
+  SignedLog* kept_ = nullptr;
+  std::optional<std::string> signer_;  // the device's key, where it names one
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;

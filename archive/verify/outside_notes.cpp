@@ -76,7 +76,7 @@ void OutsideNotes::judge(const OutsideNote& note) {
                    note.name + " is of no entry, and everything begins with none, so it was not compared");
     return;
   }
-  notes_.push_back({note.name, std::move(*checkpoint)});
+  notes_.push_back({note.name, note.text, std::move(*checkpoint)});
 }
 
 void OutsideNotes::compare_with_each_other() {
@@ -114,6 +114,16 @@ void OutsideNotes::reached(std::uint64_t size, const RootTest& fits, bool tree_k
     }
   }
   held_ = held;
+}
+
+std::vector<OutsideNotes::Held> OutsideNotes::held_notes() const {
+  std::vector<Held> held;
+  for (const Judged& note : notes_) {
+    if (note.answer == Answer::kHolds) {
+      held.push_back({note.name, note.text, note.checkpoint});
+    }
+  }
+  return held;
 }
 
 void OutsideNotes::finish(std::uint64_t size, bool whole_ledger) {

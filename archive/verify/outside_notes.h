@@ -34,13 +34,20 @@ class OutsideNotes {
   /// The largest size so far at which one of them holds; 0 where none does.
   [[nodiscard]] std::uint64_t held() const { return held_; }
 
+  /// Those that hold, as far as the walk has come, by size: their signers' cosignatures count.
+  struct Held {
+    std::string name, text;
+    crypto::Checkpoint checkpoint;
+  };
+  [[nodiscard]] std::vector<Held> held_notes() const;
+
   /// Whether two of them prove a fork, whatever the ledger holds.
   [[nodiscard]] bool contradict_each_other() const { return contradict_; }
 
  private:
   enum class Answer { kNotReached, kHolds, kDiffers, kUnknown };
   struct Judged {
-    std::string name;
+    std::string name, text;
     crypto::Checkpoint checkpoint;
     Answer answer = Answer::kNotReached;
     std::uint64_t fork_after = 0;  // where it differs: entries that are still those of an older note

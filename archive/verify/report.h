@@ -9,6 +9,7 @@
 
 #include "archive/format/ledger_entry.h"
 #include "archive/verify/finding.h"
+#include "crypto/witness_policy.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::archive {
@@ -134,6 +135,22 @@ struct EvidenceReport {
   bool could_not_check = false;          // it was not refused: something is missing to tell
 };
 
+/// Who cosigned the log's checkpoint that holds the case's entries. The verdict is not the witnesses' matter.
+struct WitnessReport {
+  /// What of the case the checkpoint holds. kEnd: its end, and all before; kBeginning: its opening alone.
+  enum class Holds { kNothing, kBeginning, kEnd };
+  Holds holds = Holds::kNothing;
+  std::string note;           // the checkpoint's name, or its proof's; empty: there is none
+  std::uint64_t entries = 0;  // of the log, that it is of
+  crypto::WitnessedNote witnessed;
+  bool asks_for_none = false;       // the policy needs no witness
+  std::vector<std::string> unused;  // why others tell nothing, a sentence each
+
+  /// The quorum is met over the case's end, or none is asked for.
+  [[nodiscard]] bool is_met() const { return asks_for_none || (holds == Holds::kEnd && witnessed.quorum); }
+};
+std::string_view holds_name(WitnessReport::Holds holds);  // "end"
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -146,6 +163,7 @@ struct VerificationReport {
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
   std::optional<OpenedContents> contents;            // nothing where no identity was given
   std::optional<EvidenceReport> evidence;            // nothing where there is no record
+  std::optional<WitnessReport> witnesses;            // nothing where no policy of witnesses was given
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens

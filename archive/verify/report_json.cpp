@@ -111,6 +111,13 @@ ordered_json evidence_json(const EvidenceReport& evidence) {
           {"could_not_check", evidence.could_not_check}};
 }
 
+ordered_json witnesses_json(const WitnessReport& witnesses) {
+  return {{"quorum", witnesses.is_met()},    {"holds", holds_name(witnesses.holds)},
+          {"note", or_null(witnesses.note)}, {"asks_for_none", witnesses.asks_for_none},
+          {"entries", witnesses.entries},    {"witnesses", cosigners_json(witnesses.witnessed)},
+          {"unused", witnesses.unused}};
+}
+
 ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
@@ -138,6 +145,19 @@ std::string severity_name(Severity severity) {
   return "tampered";
 }
 
+ordered_json cosigners_json(const crypto::WitnessedNote& note) {
+  using State = crypto::CosignatureCheck::State;
+  ordered_json cosigners = ordered_json::array();
+  for (const crypto::WitnessedNote::Cosigner& cosigner : note.cosigners) {
+    const State state = cosigner.check.state;
+    cosigners.push_back({{"witness", cosigner.name},
+                         {"cosigned", state == State::kValid},
+                         {"invalid", state == State::kInvalid}});
+    if (state == State::kValid) cosigners.back()["time_s"] = cosigner.check.time_s;
+  }
+  return cosigners;
+}
+
 ordered_json report_json(const VerificationReport& report) {
   ordered_json out = {{"case", report.case_id},
                       {"verdict", verdict_name(report.verdict)},
@@ -154,6 +174,7 @@ ordered_json report_json(const VerificationReport& report) {
   out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
   out["contents"] = report.contents ? contents_json(*report.contents) : ordered_json(nullptr);
   out["evidence"] = report.evidence ? evidence_json(*report.evidence) : ordered_json(nullptr);
+  out["witnesses"] = report.witnesses ? witnesses_json(*report.witnesses) : ordered_json(nullptr);
   out["streams"] = ordered_json::array();
   for (const auto& stream : report.streams) out["streams"].push_back(stream_json(stream));
   out["brackets"] = ordered_json::array();

@@ -13,12 +13,14 @@
 #include "archive/verify/carried_on.h"
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/case_rules.h"
+#include "archive/verify/case_witnesses.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/verify/file_checker.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/found_files.h"
+#include "archive/verify/log_proof.h"
 #include "archive/verify/log_rules.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/verdict.h"
@@ -57,7 +59,8 @@ class CaseVerification {
         rules_(folder, options, findings_, checkpoints_, files_, {}),
         options_of_log_(with_notes_of_logs(options, true)),
         options_of_case_(with_notes_of_logs(options, false)),
-        outside_(options.log ? options_of_case_ : options, findings_) {}
+        outside_(options.log ? options_of_case_ : options, findings_),
+        log_proof_(options, by_log_) {}
 
   VerificationReport run() {
     const FileOpening opening = folder_.open_file(kLedgerFile);
@@ -73,6 +76,8 @@ class CaseVerification {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
     outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
+    log_proof_.finish(rules_.opening() ? rules_.opening()->case_id : std::string(), tree_.size(),
+                      opening.file.has_value() && !rules_.gave_up());
     return report();
   }
 
@@ -101,6 +106,7 @@ class CaseVerification {
       rules_.take(line, number);
       checkpoints_.reached(tree_.size(), fits, tree_known, rules_.last_mono_ns());
       outside_.reached(tree_.size(), fits, tree_known);
+      log_proof_.reached(tree_.size(), fits);
       if (comparison.asks_for(tree_.size())) {
         comparison.reached(tree_.size(), fits);
       }
@@ -147,6 +153,7 @@ class CaseVerification {
     if (contents.gave_up) {
       return std::nullopt;
     }
+    walked_log_ = walked_log(contents, outside, open);
     return contents;
   }
 
@@ -332,6 +339,7 @@ class CaseVerification {
           {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
           options_, findings_, report);
     }
+    report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
     return report;
@@ -347,6 +355,8 @@ class CaseVerification {
   CaseRules rules_;
   VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
+  LogProof log_proof_;
+  std::optional<WalkedLog> walked_log_;
   crypto::MerkleFrontier tree_;
 };
 

@@ -13,6 +13,7 @@
 #include "crypto/age_recipient.h"
 #include "crypto/byte_source.h"
 #include "crypto/signed_note.h"
+#include "crypto/witness_policy.h"
 #include "evidence/policy.h"
 #include "timestamp/token_verifier.h"
 
@@ -34,6 +35,9 @@ struct VerifyOptions {
   const timestamp::TrustStore* trust = nullptr;
   std::optional<std::filesystem::path> log;  // appliance log folder
   std::vector<OutsideNote> against;          // of what is verified: notes of the case, or of the log
+  std::optional<OutsideNote> log_proof;      // a .tlog-proof of the case's end in the log
+  /// Who must have cosigned the log's checkpoint that holds the case's entries; null: nobody is asked about.
+  const crypto::WitnessPolicy* witnesses = nullptr;
   /// The case's evidence record, which then must hold; nothing: it is looked for beside the case's folder.
   std::optional<std::filesystem::path> evidence;
   /// Until when algorithms count; null: none ends.

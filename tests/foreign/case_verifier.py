@@ -688,6 +688,7 @@ def verify_case(path, trust):
     entries.check_device_file()
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
+    folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger)
     return Judgement(folder.findings)
 
 
@@ -852,6 +853,7 @@ def verify_excerpt(path, trust):
             _judge_reach(folder, entries, document, selected, lines)
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, lines, False)
+    folder.judge_proof(entries.opening["case"] if entries.opening else None, lines, size)
     entries.check_files(lambda file: file + ".header" in present)
 
     def judge(file):

@@ -71,6 +71,7 @@ class Exchange(unittest.TestCase):
         options += ["--log", given.log] if given.log else []
         for path in given.against:
             options += ["--against", path]
+        options += ["--proof", given.proof] if given.proof else []
         return options + (["--as-log"] if given.as_log else [])
 
     def of_ours(self, given, folder):
@@ -91,7 +92,7 @@ class Exchange(unittest.TestCase):
                                   capture_output=True, text=True, check=True)
             answer = json.loads(done.stdout)
             return answer["verdict"], set(answer["codes"])
-        trust = verifier.Trust(tuple(given.devices), "".join(given.roots), "".join(given.own), given.log, tuple(given.against))
+        trust = verifier.Trust(tuple(given.devices), "".join(given.roots), "".join(given.own), given.log, tuple(given.against), given.proof)
         judgement = (log_verifier.verify_log if given.as_log else case_verifier.verify_case)(given.path, trust)
         return judgement.verdict, judgement.codes
 

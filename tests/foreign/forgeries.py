@@ -11,8 +11,10 @@ import pathlib
 
 import age
 import case_writer as w
+import merkle
 import note
 import stamp
+import tlog_proof
 from case_writer import MS, SECOND, Checkpoint, Entry, Token
 
 ALL = []
@@ -27,6 +29,7 @@ class Given:
     own: list = dataclasses.field(default_factory=list)
     log: pathlib.Path | None = None
     against: list = dataclasses.field(default_factory=list)
+    proof: pathlib.Path | None = None
     as_log: bool = False
     identity: str | None = None  # then our program alone judges
     unprivileged: bool = False   # judged by a user who may not read all
@@ -1500,6 +1503,128 @@ def log_rolled_back(world):
     path = given.path / "ledger.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(True)[:-1]))
     return dataclasses.replace(given, against=kept(world, data))
+
+
+# Proofs of a case's end from the log
+
+
+def by_proof(world, given, change=lambda parts: None, part=None):
+    """The folder of `given` with a proof from its log in the log's place. `part`: of an excerpt, how many entries of the case at `part[1]` it leads to."""
+    lines = (given.log / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+    index = max(i for i, line in enumerate(lines) if b'"type":"case-closed"' in line)
+    leaves = [merkle.leaf(line) for line in lines]
+    consistency = []
+    if part:
+        size, of_case = part
+        ended = json.loads(lines[index])["size"]
+        of_case = [merkle.leaf(line) for line in of_case[:max(size, ended)]]
+        consistency = merkle.consistency(of_case, min(size, ended)) if size != ended else []
+    parts = {"line": lines[index], "consistency": consistency, "index": index, "path": merkle.inclusion(leaves, index),
+             "signed": world.device.checkpoint("kiroku/or3/log", len(lines), merkle.root(leaves))}
+    change(parts)
+    path = world.folder / "case.tlog-proof"
+    path.write_bytes(tlog_proof.make(**parts))
+    return dataclasses.replace(given, log=None, proof=path)
+
+
+@reaches("log-proof-holds")
+def proof_of_the_end(world):
+    return by_proof(world, with_log(world))
+
+
+@reaches("log-proof-differs")
+def proof_of_another_end(world):
+    def change(log, written):
+        log.find("case-closed").fields["root"] = "0" * 64
+    return by_proof(world, with_log(world, change))
+
+
+@reaches("log-proof-differs")
+def proof_of_a_later_end(world):
+    def change(log, written):
+        log.find("case-closed").fields["size"] = len(written.lines) + 1
+    return by_proof(world, with_log(world, change))
+
+
+@reaches("log-proof-not-used")
+def proof_of_nothing(world):
+    given = by_proof(world, with_log(world))
+    given.proof.write_bytes(b"nonsense\n")
+    return given
+
+
+@reaches("log-proof-not-used")
+def proof_of_another_case(world):
+    def change(log, written):
+        log.find("case-closed").fields["case"] = "20200101T000000Z-00000000"
+    return by_proof(world, with_log(world, change))
+
+
+@reaches("log-proof-not-used")
+def proof_of_no_end(world):
+    def change(parts):
+        parts["line"] = parts["line"].replace(b"case-closed", b"case-opened")
+    return by_proof(world, with_log(world), change)
+
+
+@reaches("log-proof-not-used")
+def proof_with_another_line(world):
+    def change(parts):
+        entry = json.loads(parts["line"])
+        parts["line"] = parts["line"].replace(entry["root"].encode(), b"0" * 64)
+    return by_proof(world, with_log(world), change)
+
+
+@reaches("log-proof-not-used")
+def proof_at_another_place(world):
+    def change(parts):
+        parts["index"] -= 1
+    return by_proof(world, with_log(world), change)
+
+
+@reaches("log-proof-not-used")
+def proof_by_a_stranger(world):
+    def change(parts):
+        checkpoint = note.parse_checkpoint(parts["signed"])
+        parts["signed"] = world.stranger.checkpoint(checkpoint.origin, checkpoint.size, checkpoint.root)
+    return by_proof(world, with_log(world), change)
+
+
+def excerpt_by_proof(world, size, change=lambda parts: None, **fields):
+    """An excerpt that leads to `size` entries of its case (None: all), and a log that knows the case's end."""
+    written = world.sound().write(world.folder / "again")
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    log.signed("case-closed", 81 * SECOND, **({"case": written.case.id, "size": len(written.lines), "root": written.root().hex()} | fields))
+    log.write(world.folder, "log")
+    part = excerpt(world) if size is None else excerpt(world, size=size, from_ns=SECOND, to_ns=2 * SECOND, first=1)
+    given = dataclasses.replace(part, log=world.folder / "log")
+    return by_proof(world, given, change, (size or len(written.lines), written.lines))
+
+
+@reaches("log-proof-holds")
+def excerpt_of_the_end_by_proof(world):
+    return excerpt_by_proof(world, None)
+
+
+@reaches("log-proof-holds")
+def excerpt_of_the_beginning_by_proof(world):
+    return excerpt_by_proof(world, 7)
+
+
+@reaches("log-proof-not-used")
+def excerpt_by_the_proof_of_the_case(world):
+    return excerpt_by_proof(world, 7, lambda parts: parts.update(consistency=[]))
+
+
+@reaches("log-proof-not-used")
+def excerpt_by_a_wrong_way(world):
+    return excerpt_by_proof(world, 7, lambda parts: parts.update(consistency=parts["consistency"][::-1] + [bytes(32)]))
+
+
+@reaches("log-proof-differs")
+def excerpt_of_another_end_by_proof(world):
+    return excerpt_by_proof(world, None, root="0" * 64)
 
 
 # Two cases of one operation

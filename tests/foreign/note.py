@@ -17,7 +17,7 @@ class Malformed(ValueError):
     """What is no signed note, no checkpoint or no verifier key, and why."""
 
 
-def _base64(text):
+def from_base64(text):
     try:
         data = base64.b64decode(text, validate=True)
     except binascii.Error as e:
@@ -45,7 +45,7 @@ def parse_key(text):
     parts = text.split("+", 2)
     if len(parts) != 3 or not parts[0] or re.search(r"[\s+]", parts[0]):
         raise Malformed("no verifier key")
-    data = _base64(parts[2])
+    data = from_base64(parts[2])
     if len(data) != 33 or data[0] != 1:
         raise Malformed("no Ed25519 key")
     key = Key(parts[0], data[1:])
@@ -77,7 +77,7 @@ def parse_checkpoint(data):
         found = re.fullmatch("\u2014 ([^\\s+]+) (\\S+)", line)
         if not found:
             raise Malformed(f"{line!r} is no signature line")
-        blob = _base64(found[2])
+        blob = from_base64(found[2])
         if len(blob) < 5:
             raise Malformed("a signature is too short")
         signatures.append((found[1], blob[:4], blob[4:]))
@@ -86,7 +86,7 @@ def parse_checkpoint(data):
     lines = text.split("\n")
     if len(lines) != 4 or not lines[0] or not re.fullmatch("0|[1-9][0-9]{0,18}", lines[1]):
         raise Malformed("no checkpoint of three lines")
-    root = _base64(lines[2])
+    root = from_base64(lines[2])
     if len(root) != 32:
         raise Malformed("the root has not 32 bytes")
     return Checkpoint(lines[0], int(lines[1]), root, text.encode(), tuple(signatures))

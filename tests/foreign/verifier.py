@@ -13,6 +13,7 @@ import note
 import schema
 import stamp
 import strict_json
+import tlog_proof
 
 PAGE = schema.FOLDER.parent / "format.md"
 SECOND = 1_000_000_000
@@ -53,12 +54,13 @@ class Judgement:
 
 @dataclasses.dataclass
 class Trust:
-    """What a verifier is given: device keys, texts of PEM certificates, the log's folder, notes kept outside."""
+    """What a verifier is given: device keys, texts of PEM certificates, the log's folder, notes kept outside, a proof from the log."""
     devices: tuple = ()
     roots: str = ""
     own_roots: str = ""
     log: pathlib.Path | None = None
     against: tuple = ()
+    proof: pathlib.Path | None = None
 
 
 class Torn:
@@ -313,6 +315,38 @@ class Folder:
                 self.report("outside-note-holds" if ledger.root(checkpoint.size) == checkpoint.root else "outside-note-forked", name)
             else:
                 self.report("outside-note-rolled-back" if whole and checkpoint.size > len(ledger) else "outside-note-unchecked", name)
+
+    def judge_proof(self, case_id, ledger, part=None):
+        """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead."""
+        if self.trust.proof is None:
+            return
+        try:
+            line, consistency, index, path, checkpoint = tlog_proof.parse(self.trust.proof.read_bytes())
+            entry = parse_entry(line, "appliance-log", 1)
+        except (note.Malformed, strict_json.Malformed, schema.Unfit) as e:
+            return self.report("log-proof-not-used", str(e))
+        keys = [k for k in self.trust.devices if checkpoint.origin == f"kiroku/{k.name}/log"]
+        signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
+        if not signed or not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
+            return self.report("log-proof-not-used", "not signed by a trusted device for its own log")
+        if merkle.root_by_inclusion(merkle.leaf(line), index, checkpoint.size, path) != checkpoint.root:
+            return self.report("log-proof-not-used", "the audit path does not lead to the root")
+        if entry["type"] != "case-closed" or entry["seq"] != index or entry["case"] != case_id:
+            return self.report("log-proof-not-used", "no end of this case")
+        size, root = entry["size"], bytes.fromhex(entry["root"])
+        if part is None:
+            known = 0 if ledger is None else min(len(ledger), ledger.known)
+            if 0 < size <= known:
+                return self.report("log-proof-holds" if ledger.root(size) == root else "log-proof-differs", "the root of the case's end")
+            whole = ledger is not None and ledger.readable and size > len(ledger)
+            return self.report("log-proof-differs" if whole else "log-proof-not-used", "the case's end is not here")
+        shown = ledger.root(part) if ledger is not None and len(ledger) == part else None
+        if shown is None:
+            return self.report("log-proof-not-used", "the excerpt shows no root")
+        if part == size and shown != root:
+            return self.report("log-proof-differs", "the excerpt is of another case")
+        leads = merkle.consistent(part, shown, size, root, consistency) if part <= size else merkle.consistent(size, root, part, shown, consistency)
+        return self.report("log-proof-holds" if leads else "log-proof-not-used", "from the excerpt to the case's end")
 
 
 def outside_notes(trust, of_logs):

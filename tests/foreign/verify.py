@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Judges a case, an excerpt or an appliance log by docs/reference/format.md, and prints verdict and codes as one JSON object.
 
-Usage: verify.py FOLDER [--device FILE]... [--trust PEM]... [--own-authority PEM]... [--log DIR] [--against NOTE]... [--as-log]
+Usage: verify.py FOLDER [--device FILE]... [--trust PEM]... [--own-authority PEM]... [--log DIR] [--against NOTE]... [--proof FILE] [--as-log]
 """
 import argparse
 import json
@@ -22,10 +22,11 @@ def main():
     asked.add_argument("--own-authority", type=pathlib.Path, action="append", default=[])
     asked.add_argument("--against", type=pathlib.Path, action="append", default=[])
     asked.add_argument("--log", type=pathlib.Path)
+    asked.add_argument("--proof", type=pathlib.Path)
     asked.add_argument("--as-log", action="store_true")
     asked = asked.parse_args()
     trust = Trust(tuple(note.parse_key(path.read_text().strip()) for path in asked.device), "".join(path.read_text() for path in asked.trust),
-                  "".join(path.read_text() for path in asked.own_authority), asked.log, tuple(asked.against))
+                  "".join(path.read_text() for path in asked.own_authority), asked.log, tuple(asked.against), asked.proof)
     judgement = (log_verifier.verify_log if asked.as_log else case_verifier.verify_case)(asked.folder, trust)
     print(json.dumps({"verdict": judgement.verdict, "codes": sorted(judgement.codes), "findings": judgement.findings}))
 

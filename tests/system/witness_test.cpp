@@ -198,6 +198,110 @@ TEST_F(Witnesses, OneOfThreeIsNotEnough) {
   EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
 }
 
+// What travels with a receipt: the case and a proof, without the log, to somebody who has neither home nor
+// network.
+TEST_F(Witnesses, OfACaseAreJudgedByItsProofWithoutTheLog) {
+  const fs::path recorded = record();
+  const std::string proof = path("case.tlog-proof");
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const nlohmann::json made = kiroku_json({"log", "prove", recorded.string(), "-o", proof, "--json"});
+  EXPECT_EQ(made["checkpoint"], (home() / "witnessed/log.note").string());
+  EXPECT_THAT(read_text(proof), testing::StartsWith("c2sp.org/tlog-proof@v1\nextra "));
+  EXPECT_REFUSED(kiroku({"log", "prove", recorded.string(), "-o", proof}), "is there already");
+
+  const fs::path elsewhere = folder() / "elsewhere" / recorded.filename();
+  fs::create_directories(elsewhere.parent_path());
+  fs::copy(recorded, elsewhere, fs::copy_options::recursive);
+  const auto verify = [&](const Arguments& more) {
+    Arguments all{
+        built_file("kiroku-verify"),      elsewhere.string(), "--device",
+        (home() / "device.pub").string(), "--own-authority",  (home() / "own-authority.pem").string()};
+    all.insert(all.end(), more.begin(), more.end());
+    return tool(all);
+  };
+  const ProcessResult told = verify({"--proof", proof, "--witnesses", path("witnesses.txt")});
+  EXPECT_EQ(told.status, 0) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("log-proof-holds"));
+  EXPECT_THAT(told.out, HasSubstr("witnessed as the policy asks (" + proof + ")"));
+  EXPECT_THAT(told.out, HasSubstr("the case's end is among them"));
+  EXPECT_THAT(told.out, HasSubstr("b.example/w cosigned, at "));
+  EXPECT_THAT(told.out, HasSubstr("c.example/w did not cosign"));
+  const nlohmann::json json =
+      nlohmann::json::parse(verify({"--proof", proof, "--witnesses", path("witnesses.txt"), "--json"}).out);
+  EXPECT_TRUE(json["witnesses"]["quorum"]);
+  EXPECT_EQ(json["witnesses"]["holds"], "end");
+  EXPECT_EQ(json["witnesses"]["witnesses"].size(), 3U);
+
+  // The verdict is the same without witnesses, and too few of them change the exit status alone.
+  const nlohmann::json plain = nlohmann::json::parse(verify({"--json"}).out);
+  EXPECT_EQ(plain["verdict"], json["verdict"]);
+  EXPECT_TRUE(plain["witnesses"].is_null());
+  std::string all_three = read_text(folder() / "witnesses.txt");
+  all_three.replace(all_three.find("group two 2"), 11, "group two 3");
+  write_text(folder() / "three.txt", all_three);
+  const ProcessResult few = verify({"--proof", proof, "--witnesses", path("three.txt")});
+  EXPECT_EQ(few.status, 3) << few.out;
+  EXPECT_THAT(few.out, HasSubstr("NOT witnessed as the policy asks"));
+  EXPECT_THAT(few.out, HasSubstr("INTACT"));
+  const ProcessResult without = verify({"--witnesses", path("witnesses.txt")});
+  EXPECT_EQ(without.status, 3) << without.out;
+  EXPECT_THAT(without.out, HasSubstr("nothing shows that anybody cosigned"));
+
+  // A proof of another case is not used; one that was changed shows nothing.
+  const fs::path second = record();
+  EXPECT_EQ(kiroku({"log", "prove", second.string(), "-o", path("second.tlog-proof")}).status, 0);
+  const ProcessResult other = verify({"--proof", path("second.tlog-proof")});
+  EXPECT_EQ(other.status, 3) << other.out;
+  EXPECT_THAT(other.out, HasSubstr("log-proof-not-used"));
+  EXPECT_THAT(other.out, HasSubstr("it is of case " + second.filename().string()));
+}
+
+TEST_F(Witnesses, OfACaseInTheHomeAreThoseOfItsNewestNote) {
+  const std::string before = record().string();
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const std::string after = record().string();
+  const ProcessResult told = kiroku({"verify", before, "--witnesses", "witnesses.txt"});
+  EXPECT_EQ(told.status, 0) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("the case's end is among them"));
+  // The checkpoint was cosigned before this case began.
+  const ProcessResult later = kiroku({"verify", after, "--witnesses", "witnesses.txt"});
+  EXPECT_EQ(later.status, 3) << later.out;
+  EXPECT_THAT(later.out, HasSubstr("entries of the log say nothing of the case"));
+  EXPECT_EQ(kiroku({"verify", after}).status, 0);
+  // A proof takes the log's own checkpoint where no cosigned one holds the entry.
+  EXPECT_THAT(kiroku({"log", "prove", after, "-o", path("after.tlog-proof")}).out,
+              HasSubstr("archive/log/checkpoints/"));
+  // The report says it in both languages.
+  for (const auto& [language, words] :
+       {std::pair("en", "are witnessed as the policy that was given asks"), std::pair("ja", "証人が連署")}) {
+    const std::string report = path(std::string("report-") + language + ".html");
+    EXPECT_EQ(kiroku({"report", before, "--witnesses", "witnesses.txt", "--language", language, "-o", report})
+                  .status,
+              0);
+    EXPECT_THAT(read_text(report), HasSubstr(words));
+    EXPECT_THAT(read_text(report), HasSubstr("b.example/w"));
+  }
+}
+
+TEST_F(Witnesses, AnExcerptTravelsWithItsProof) {
+  const fs::path recorded = record();
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  ASSERT_EQ(
+      kiroku({"excerpt", recorded.string(), "--from", "0", "--to", "00:00:01", "-o", path("part")}).status,
+      0);
+  ASSERT_EQ(kiroku({"log", "prove", path("part"), "-o", path("part.tlog-proof")}).status, 0);
+  const Arguments verify{"verify", "--excerpt", path("part"), "--witnesses", "witnesses.txt", "--proof"};
+  const auto by = [&](const std::string& proof) {
+    Arguments all = verify;
+    all.push_back(proof);
+    return kiroku(all);
+  };
+  const ProcessResult told = by(path("part.tlog-proof"));
+  EXPECT_EQ(told.status, 0) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("log-proof-holds"));
+  EXPECT_THAT(told.out, HasSubstr("the case's end is among them"));
+}
+
 TEST_F(Witnesses, RefuseInASentence) {
   EXPECT_REFUSED(kiroku({"witness", "init", path("witness-a"), "--name", "x"}), "there is a witness in");
   EXPECT_REFUSED(kiroku({"witness", "init", path("new"), "--name", "two words"}), "cannot name a key");

@@ -7,6 +7,7 @@
 
 #include "archive/verify/verifier.h"
 #include "base/error.h"
+#include "viewer/api/home_witnesses.h"
 #include "viewer/report/pdf_writer.h"
 #include "viewer/report/report_document.h"
 
@@ -37,7 +38,10 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   options.threads = std::max(1U, std::thread::hardware_concurrency() / 2);
   report::ReportInput input;
   input.language = asked_language(request);
+  const HomeWitnesses witnesses(home.folder, home.device);
+  witnesses.ask_in(options);
   input.verification = archive::verify_case(folder, options);
+  witnesses.say(input.verification);
   input.facts = report::read_case_facts(folder, input.verification);
   input.given.devices = {{home.device.to_string(), {}}};
   if (home.trust != nullptr) {
@@ -45,6 +49,7 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
     input.given.own_roots = {{"own-authority.pem", {}}};
   }
   input.given.log = {{home.log_folder.string(), {}}};
+  if (options.witnesses != nullptr) input.given.witnesses = {{"witnesses.txt", {}}};
   input.author = request.session->user();
   input.program = "kiroku " KIROKU_VERSION;
   input.made = utc_now();

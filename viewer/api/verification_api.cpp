@@ -84,6 +84,7 @@ void add_verification_routes(Router& router, ViewerContext& context) {
   options.verify.devices = {context.home().device};
   options.verify.trust = context.home().trust;
   options.verify.log = context.home().log_folder;
+  options.home = context.home().folder;
   // A recorder may be at work on the same machine.
   options.verify.threads = std::max(1U, std::thread::hardware_concurrency() / 2);
   options.verified = [&context](const std::filesystem::path& folder,

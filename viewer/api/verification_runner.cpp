@@ -5,11 +5,13 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
+#include "viewer/api/home_witnesses.h"
 #include "viewer/http/file_stamp.h"
 
 namespace kiroku::viewer {
@@ -100,8 +102,12 @@ struct VerificationRunner::State {
       jobs[folder].state.total_bytes = total_bytes;
     };
     VerificationState done;
+    std::optional<HomeWitnesses> witnesses;
+    if (!verify.devices.empty()) witnesses.emplace(options.home, verify.devices.front()).ask_in(verify);
     try {
-      auto report = std::make_shared<const archive::VerificationReport>(archive::verify_case(folder, verify));
+      auto found = archive::verify_case(folder, verify);
+      if (witnesses) witnesses->say(found);
+      auto report = std::make_shared<const archive::VerificationReport>(std::move(found));
       if (options.verified) options.verified(folder, *report);
       done.report = std::move(report);
       done.finished = utc_now();

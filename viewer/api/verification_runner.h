@@ -31,6 +31,8 @@ class VerificationRunner {
     /// Hears of each report, from the runner's thread.
     std::function<void(const std::filesystem::path& folder, const archive::VerificationReport& report)>
         verified;
+    /// Whose policy of witnesses is asked, where it has one; empty: none.
+    std::filesystem::path home = {};
   };
   explicit VerificationRunner(Options options);
   /// Waits for the one that runs.

@@ -56,7 +56,7 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
     case Check::kFiles:
       return std::ranges::any_of(kLeavesFilesUnasked, found) ? Answer::kUnknown : Answer::kYes;
     case Check::kLog:
-      if (given.log.empty()) return Answer::kNotAsked;
+      if (given.log.empty() && given.proof.empty()) return Answer::kNotAsked;
       if (found("log-algorithm-ended")) return Answer::kUnknown;
       return found("log-case-open") ? Answer::kInPart : Answer::kYes;
     case Check::kStreams:

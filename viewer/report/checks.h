@@ -37,6 +37,7 @@ struct Given {
   std::vector<GivenFile> devices, roots, log, identities;
   std::vector<GivenFile> own_roots;         // of the recorder's own authority
   std::vector<GivenFile> evidence, policy;  // one at most: the record that had to hold, the algorithms' ends
+  std::vector<GivenFile> proof, witnesses;  // likewise: a proof from the log, a policy of witnesses
 };
 
 /// How the question stands. `notes` counts the findings of it that change nothing.

@@ -141,6 +141,18 @@ std::string evidence_sentence(const ReportInput& input) {
                 : words("evidence.self-issued", {words("evidence.says", {since, chain, all})});
 }
 
+std::string witness_sentence(const ReportInput& input) {
+  using Holds = archive::WitnessReport::Holds;
+  if (!input.verification.witnesses) return {};
+  const archive::WitnessReport& witnesses = *input.verification.witnesses;
+  if (witnesses.asks_for_none) return say(input.language, "witness.asks-for-none");
+  if (witnesses.note.empty()) return say(input.language, "witness.none");
+  const std::string entries = grouped(witnesses.entries);
+  if (!witnesses.witnessed.quorum) return say(input.language, "witness.not-met", {entries});
+  return witnesses.holds == Holds::kEnd ? say(input.language, "witness.met", {entries})
+                                        : say(input.language, "witness.beginning", {entries});
+}
+
 Statement verdict_statement(const ReportInput& input) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
@@ -149,6 +161,9 @@ Statement verdict_statement(const ReportInput& input) {
   statement.remarks.push_back(time_sentence(input));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
+  }
+  if (std::string witnesses = witness_sentence(input); !witnesses.empty()) {
+    statement.remarks.push_back(std::move(witnesses));
   }
   if (!input.verification.contents || input.verification.contents->opened == 0)
     statement.remarks.push_back(say(input.language, "scope.remark-unopened"));

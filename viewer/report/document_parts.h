@@ -18,6 +18,8 @@ Tone tone_of(archive::Verdict verdict);
 std::string time_sentence(const ReportInput& input);
 /// What the case's evidence record proves, or why nothing; "" where there is none.
 std::string evidence_sentence(const ReportInput& input);
+/// Whether what the log says of the case's end is witnessed; "" where no policy of witnesses was given.
+std::string witness_sentence(const ReportInput& input);
 Statement verdict_statement(const ReportInput& input);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);

@@ -54,6 +54,9 @@ Document make_receipt(const ReportInput& input) {
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     add_fact(table, words("receipt.evidence"), std::move(evidence));
   }
+  if (std::string witnesses = witness_sentence(input); !witnesses.empty()) {
+    add_fact(table, words("receipt.witnesses"), std::move(witnesses));
+  }
   add_fact(table, words("device.key"), plain_text(input.verification.device), Face::kMono);
   add_fact(table, words("device.trusted"), device_trust_words(input));
   add(std::move(table));

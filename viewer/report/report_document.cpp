@@ -15,6 +15,7 @@ Document ReportMaker::make() {
   add_findings();
   add_time();
   add_evidence();
+  add_witnesses();
   add_device();
   add_hashes();
   add_repeating();

@@ -109,6 +109,9 @@ class ReportMaker {
   /// What an evidence record proves, by which chain, and what it does not prove. Nothing without a record.
   void add_evidence();
 
+  /// By a policy of witnesses; nothing where none was given.
+  void add_witnesses();
+
   void add_device();
 
   void add_hashes();

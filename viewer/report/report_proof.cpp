@@ -61,7 +61,9 @@ void ReportMaker::add_repeating() {
                         (found_.time == archive::TimeProof::kSelfIssued ? "--own-authority OWN-AUTHORITY.pem"
                                                                         : "--trust ROOTS.pem") +
                         (in_.given.evidence.empty() ? "" : " --evidence RECORD.ers") +
-                        (in_.given.policy.empty() ? "" : " --policy POLICY.toml")}};
+                        (in_.given.policy.empty() ? "" : " --policy POLICY.toml") +
+                        (in_.given.proof.empty() ? "" : " --proof CASE.tlog-proof") +
+                        (in_.given.witnesses.empty() ? "" : " --witnesses WITNESSES.txt")}};
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));
     return add(verify);
@@ -114,6 +116,8 @@ std::string ReportMaker::given_words() const {
   list("given.log", in_.given.log);
   list("given.evidence", in_.given.evidence);
   list("given.policy", in_.given.policy);
+  list("given.proof", in_.given.proof);
+  list("given.witnesses", in_.given.witnesses);
   list("given.identity", in_.given.identities);
   return out.empty() ? words("about.given.nothing") : out;
 }

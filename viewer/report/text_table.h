@@ -102,6 +102,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"heading.tokens", "Time stamps", "タイムスタンプ"},
     {"heading.clocks", "Clocks", "時計"},
     {"heading.evidence", "Evidence record", "証拠記録"},
+    {"heading.witnesses", "Witnesses of the log", "装置ログの証人"},
     {"heading.findings", "Findings", "所見"},
     {"heading.device", "Device key", "装置の鍵"},
     {"heading.hashes", "Hashes", "ハッシュ値"},
@@ -404,6 +405,39 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "{0} までに更新が必要です。それ以降は、それだけでは何も証明しません。"},
     {"evidence.endless", "No end of its newest time stamp is known.",
      "最新のタイムスタンプの期限は知られていません。"},
+    // -- witnesses of the log
+    {"witness.lead",
+     "Witnesses are programs of other people. They cosign the checkpoint of a recorder's log only where it "
+     "goes "
+     "on from the one that they cosigned before. So nobody can be shown another log. They say nothing of "
+     "what "
+     "a case holds, and the verdict does not depend on them.",
+     "証人は、第三者が運用するプログラムです。前に連署したものに続く場合に限り、装置ログのチェックポイントに"
+     "連署"
+     "します。そのため、別のログを示すことはできません。症例の内容については何も述べず、判定は証人によりませ"
+     "ん。"},
+    {"witness.met",
+     "The appliance log's first {0} entries, the case's end among them, are witnessed as the policy that was "
+     "given asks.",
+     "症例の終了を含む装置ログの最初の {0} 項目は、与えられた方針のとおりに証人が連署しています。"},
+    {"witness.not-met",
+     "The appliance log's first {0} entries are NOT witnessed as the policy that was given asks.",
+     "装置ログの最初の {0} 項目は、与えられた方針が求める証人の連署を満たしていません。"},
+    {"witness.beginning",
+     "Witnesses cosigned the appliance log's first {0} entries. The case's end is not among them.",
+     "証人は装置ログの最初の {0} 項目に連署していますが、症例の終了は含まれていません。"},
+    {"witness.none", "Nothing shows that anybody cosigned what the appliance log says of this case.",
+     "この症例についての装置ログの記載に、誰かが連署したことを示すものはありません。"},
+    {"witness.asks-for-none", "The policy of witnesses that was given asks for nobody.",
+     "与えられた証人の方針は、誰の連署も求めていません。"},
+    {"witness.name", "Witness", "証人"},
+    {"witness.answer", "Answer", "結果"},
+    {"witness.time", "Time by its clock", "証人の時計による時刻"},
+    {"witness.cosigned", "cosigned", "連署あり"},
+    {"witness.absent", "did not cosign", "連署なし"},
+    {"witness.invalid", "a line in its name does not hold, or is of a time that has not come",
+     "その名の署名行が成り立たないか、まだ来ていない時刻のもの"},
+    {"witness.note", "The verifier says: {0}", "検証プログラムの説明：{0}"},
     // -- streams
     {"stream.name", "Stream", "系統"},
     {"stream.kind", "Kind", "種類"},
@@ -584,6 +618,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"given.log", "appliance log: {0}", "装置ログ：{0}"},
     {"given.evidence", "evidence record that had to hold: {0}", "成り立つべき証拠記録：{0}"},
     {"given.policy", "until when algorithms count: {0}", "アルゴリズムの有効期限：{0}"},
+    {"given.proof", "proof from the appliance log: {0}", "装置ログの証明：{0}"},
+    {"given.witnesses", "policy of witnesses: {0}", "証人の方針：{0}"},
     {"given.identity", "a key to open the recording: {0}", "記録を開く鍵：{0}"},
     {"about.lead",
      "This report describes what a program found in the case folder on the date above. The evidence is the "
@@ -631,6 +667,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"receipt.root-hex", "The same in hexadecimal", "同（16進表記）"},
     {"receipt.size", "Ledger entries covered", "対象の台帳項目数"},
     {"receipt.evidence", "Evidence record", "証拠記録"},
+    {"receipt.witnesses", "Witnesses of the log", "装置ログの証人"},
     {"receipt.qr.caption",
      "The QR code holds the last checkpoint of the case as it lies in the folder ({0}): case, size and root, "
      "signed by "

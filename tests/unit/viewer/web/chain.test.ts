@@ -31,6 +31,7 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   excerpt: null,
   contents: null,
   evidence: null,
+  witnesses: null,
   streams: [],
   brackets: [],
   authorities: [],

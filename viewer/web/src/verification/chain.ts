@@ -55,6 +55,7 @@ const kByPrefix: readonly [string, LinkName][] = [
   ['rekeyed-', 'segments'],
   ['checkpoint-', 'checkpoints'],
   ['outside-', 'checkpoints'],
+  ['log-proof-', 'checkpoints'],
   ['authority-', 'authority'],
   ['token-', 'tokens'],
 ];

@@ -79,6 +79,42 @@ function Brackets({ report }: { report: VerificationReport }) {
   );
 }
 
+function Witnesses({ of }: { of: NonNullable<VerificationReport['witnesses']> }) {
+  const n = of.entries;
+  const told = of.asks_for_none
+    ? t('witness.noneNeeded')
+    : !of.note
+      ? t('witness.none')
+      : of.quorum
+        ? t('witness.met', { n })
+        : of.holds === 'end' || of.witnesses.every((one) => !one.cosigned)
+          ? t('witness.notMet', { n })
+          : t('witness.beginning', { n });
+  return (
+    <section class="card" aria-labelledby="witnesses">
+      <h2 id="witnesses">{t('witness.title')}</h2>
+      <p>{told}</p>
+      <dl class="small-facts">
+        {of.witnesses.map((one) => (
+          <div key={one.witness}>
+            <dt class="mono">{one.witness}</dt>
+            <dd>
+              {one.cosigned && one.time_s !== undefined
+                ? t('witness.cosigned', { moment: formatMoment(new Date(one.time_s * 1000).toISOString()) })
+                : t(one.invalid ? 'witness.invalid' : 'witness.absent')}
+            </dd>
+          </div>
+        ))}
+      </dl>
+      {of.unused.map((why) => (
+        <p class="muted" key={why}>
+          {why}
+        </p>
+      ))}
+    </section>
+  );
+}
+
 function Streams({ report }: { report: VerificationReport }) {
   return (
     <section class="card table-card" aria-labelledby="streams">
@@ -213,6 +249,7 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
         )}
       </section>
       <Brackets report={report} />
+      {report.witnesses && <Witnesses of={report.witnesses} />}
       <Streams report={report} />
       <dl class="card small-facts">
         <div>

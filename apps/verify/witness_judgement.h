@@ -31,6 +31,9 @@ struct WitnessJudgement {
   [[nodiscard]] nlohmann::ordered_json json() const;
 };
 
+/// "w1 cosigned, at 2026-11-26 14:00:03 +0000 by its clock".
+std::string cosigner_words(const crypto::WitnessedNote::Cosigner& cosigner);
+
 /// Whether the device signed the note as a checkpoint of its log.
 bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& device);
 
@@ -40,5 +43,7 @@ bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& devi
 WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
                                      const std::vector<archive::OutsideNote>& notes);
+/// By options.policy cosignatures may have ended, as the log's own signatures.
+void withhold_what_ended(WitnessJudgement& judgement, const archive::VerifyOptions& options);
 
 }  // namespace kiroku::apps

@@ -1,4 +1,4 @@
-#include "apps/kiroku/witness_judgement.h"
+#include "apps/verify/witness_judgement.h"
 
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,4 @@
-#include "apps/kiroku/witness_judgement.h"
+#include "apps/verify/witness_judgement.h"
 
 #include <algorithm>
 #include <chrono>
@@ -8,6 +8,8 @@
 
 #include "apps/common/format.h"
 #include "archive/format/case_layout.h"
+#include "archive/verify/case_witnesses.h"
+#include "archive/verify/report_json.h"
 #include "archive/writing/appliance_log.h"
 #include "base/json_or_null.h"
 #include "base/printable.h"
@@ -67,7 +69,9 @@ std::string when(std::uint64_t time_s) {
   return format_local(UtcTime(std::chrono::seconds(static_cast<std::int64_t>(time_s))));
 }
 
-std::string sentence_of(const crypto::WitnessedNote::Cosigner& cosigner) {
+}  // namespace
+
+std::string cosigner_words(const crypto::WitnessedNote::Cosigner& cosigner) {
   switch (cosigner.check.state) {
     case State::kValid:
       return printable(cosigner.name) + " cosigned, at " + when(cosigner.check.time_s) + " by its clock";
@@ -79,8 +83,6 @@ std::string sentence_of(const crypto::WitnessedNote::Cosigner& cosigner) {
   }
   return printable(cosigner.name) + " did not cosign";
 }
-
-}  // namespace
 
 bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& device) {
   std::vector<std::string> why;
@@ -135,6 +137,13 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
   return judgement;
 }
 
+void withhold_what_ended(WitnessJudgement& judgement, const archive::VerifyOptions& options) {
+  if (auto ended = archive::why_cosignatures_ended(options)) {
+    judgement.witnessed.quorum = false;
+    judgement.unused.push_back(std::move(*ended));
+  }
+}
+
 std::string WitnessJudgement::text() const {
   std::string text;
   if (note.empty()) {
@@ -149,7 +158,7 @@ std::string WitnessJudgement::text() const {
               " behind them only the device speaks: from " + format_local(*first_unwitnessed) + " on.\n";
     }
     for (const crypto::WitnessedNote::Cosigner& cosigner : witnessed.cosigners)
-      text += "  " + sentence_of(cosigner) + "\n";
+      text += "  " + cosigner_words(cosigner) + "\n";
   }
   if (asks_for_none) text += "  The policy asks for no witness, so none is needed.\n";
   for (const std::string& why : unused) text += "  " + printable(why) + "\n";
@@ -157,21 +166,13 @@ std::string WitnessJudgement::text() const {
 }
 
 nlohmann::ordered_json WitnessJudgement::json() const {
-  nlohmann::ordered_json cosigners = nlohmann::ordered_json::array();
-  for (const crypto::WitnessedNote::Cosigner& cosigner : witnessed.cosigners) {
-    const State state = cosigner.check.state;
-    cosigners.push_back({{"witness", cosigner.name},
-                         {"cosigned", state == State::kValid},
-                         {"invalid", state == State::kInvalid}});
-    if (state == State::kValid) cosigners.back()["time_s"] = cosigner.check.time_s;
-  }
   return {{"quorum", witnessed.quorum},
           {"note", note.empty() ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(note)},
           {"asks_for_none", asks_for_none},
           {"entries", entries},
           {"log_entries", log_entries},
           {"unwitnessed_since", or_null(first_unwitnessed)},
-          {"witnesses", cosigners},
+          {"witnesses", archive::cosigners_json(witnessed)},
           {"unused", unused}};
 }
 

@@ -1,0 +1,15 @@
+// The checkpoint of the home's log that witnesses cosigned. A function; thread-safe.
+#pragma once
+
+#include <optional>
+
+#include "apps/kiroku/home.h"
+#include "archive/verify/verify_options.h"
+
+namespace kiroku::apps {
+
+/// As 'kiroku witness ask' left it. Nobody named it, so what lies in its place and is none (a pipe, a folder)
+/// keeps nothing from being verified: then a warning on standard error, and nothing.
+std::optional<archive::OutsideNote> home_witnessed_note(const Home& home);
+
+}  // namespace kiroku::apps

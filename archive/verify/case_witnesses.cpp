@@ -1,0 +1,135 @@
+#include "archive/verify/case_witnesses.h"
+
+#include <algorithm>
+#include <chrono>
+#include <tuple>
+#include <utility>
+
+#include "archive/format/case_layout.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+using Holds = WitnessReport::Holds;
+
+struct Candidate {
+  std::string name;
+  const std::string* note;
+  crypto::Checkpoint checkpoint;
+  Holds holds;
+};
+
+/// Whether the policy is for this log at all.
+bool is_meant(const crypto::WitnessPolicy& policy, const VerifyOptions& options,
+              const crypto::Checkpoint& checkpoint) {
+  return policy.logs().empty() || std::ranges::any_of(policy.logs(), [&](const auto& log) {
+           return log_origin(log.key.name()) == checkpoint.origin &&
+                  std::ranges::find(options.devices, log.key) != options.devices.end();
+         });
+}
+
+Holds held_by(const WalkedLog& log, const crypto::Checkpoint& checkpoint) {
+  if (log.closed && *log.closed < checkpoint.size) {
+    return Holds::kEnd;
+  }
+  return log.opened && *log.opened < checkpoint.size ? Holds::kBeginning : Holds::kNothing;
+}
+
+std::uint64_t now_s(const VerifyOptions& options) {
+  const UtcTime now = options.now.value_or(utc_now());
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(
+      0, std::chrono::duration_cast<std::chrono::seconds>(now.time_since_epoch()).count()));
+}
+
+}  // namespace
+
+std::string_view holds_name(Holds holds) {
+  switch (holds) {
+    case Holds::kEnd:
+      return "end";
+    case Holds::kBeginning:
+      return "beginning";
+    case Holds::kNothing:
+      break;
+  }
+  return "nothing";
+}
+
+std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options) {
+  if (options.policy == nullptr) {
+    return std::nullopt;
+  }
+  const UtcTime now = options.now.value_or(utc_now());
+  const bool count = options.policy->hash("sha256").holds_at(now) &&
+                     options.policy->signature({"ed25519", 0, ""}).holds_at(now);
+  return count ? std::nullopt
+               : std::optional<std::string>(
+                     "cosignatures prove nothing any more: Ed25519 or SHA-256 ended by the policy of "
+                     "algorithms");
+}
+
+WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
+                     const std::optional<OpenEntry>& opening) {
+  WalkedLog walked{notes.held_notes(), std::nullopt, std::nullopt};
+  const auto known = opening ? contents.cases.find(opening->case_id) : contents.cases.end();
+  if (known != contents.cases.end()) {
+    walked.opened = known->second.opened;
+    if (known->second.closed) {
+      walked.closed = known->second.closed->entry;
+    }
+  }
+  return walked;
+}
+
+std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
+                                                  const std::optional<WalkedLog>& log,
+                                                  const LogProof& proof) {
+  if (options.witnesses == nullptr) {
+    return std::nullopt;
+  }
+  const crypto::WitnessPolicy& policy = *options.witnesses;
+  WitnessReport report;
+  report.asks_for_none = policy.asks_for_none();
+  std::vector<Candidate> candidates;
+  if (const auto& proved = proof.proved()) {
+    candidates.push_back({proved->name, &proved->note, proved->log, Holds::kEnd});
+  }
+  if (log) {
+    for (const OutsideNotes::Held& note : log->notes) {
+      candidates.push_back({note.name, &note.text, note.checkpoint, held_by(*log, note.checkpoint)});
+    }
+  }
+  const auto rank = [](const WitnessReport& each) {
+    return std::tuple(each.holds, each.witnessed.quorum, each.entries);
+  };
+  for (const Candidate& candidate : candidates) {
+    const auto leave_out = [&](const std::string& why) {
+      report.unused.push_back(candidate.name + " says nothing of witnesses here: " + why);
+    };
+    if (candidate.holds == Holds::kNothing) {
+      leave_out("its " + std::to_string(candidate.checkpoint.size) +
+                " entries of the log say nothing of the case");
+      continue;
+    }
+    if (!is_meant(policy, options, candidate.checkpoint)) {
+      leave_out("the policy names logs, and this one is none of them");
+      continue;
+    }
+    WitnessReport told = report;
+    told.holds = candidate.holds;
+    told.note = candidate.name;
+    told.entries = candidate.checkpoint.size;
+    told.witnessed = crypto::judge_witnesses(policy, *candidate.note, now_s(options));
+    if (report.note.empty() || rank(told) > rank(report)) {
+      report = std::move(told);
+    }
+  }
+  if (auto ended = why_cosignatures_ended(options); ended && !report.note.empty()) {
+    report.witnessed.quorum = false;
+    report.unused.push_back(std::move(*ended));
+  }
+  return report;
+}
+
+}  // namespace kiroku::archive

@@ -1,0 +1,33 @@
+// Who cosigned the log's checkpoint that holds a case's entries. A witness says of a log that it is the only
+// one, and of a case nothing: what is found here changes no verdict. Functions; thread-safe.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "archive/verify/log_proof.h"
+#include "archive/verify/log_rules.h"
+#include "archive/verify/outside_notes.h"
+#include "archive/verify/report.h"
+#include "archive/verify/verify_options.h"
+
+namespace kiroku::archive {
+
+/// What a walk over the log showed, for the cosigned checkpoints that were given with it.
+struct WalkedLog {
+  std::vector<OutsideNotes::Held> notes;        // of this very log
+  std::optional<std::uint64_t> opened, closed;  // entries of the case's opening and of its end
+};
+/// After `walk` of the log over this case gave `contents`, compared with `notes`.
+WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
+                     const std::optional<OpenEntry>& opening);
+/// Nothing where options.witnesses is null. Of several checkpoints that one is told which holds the most of
+/// the case, by a quorum if one does, over the most entries.
+std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
+                                                  const std::optional<WalkedLog>& log, const LogProof& proof);
+
+/// As options.policy says: cosignatures are by Ed25519 over roots of SHA-256. Nothing to say while they
+/// count.
+std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options);
+
+}  // namespace kiroku::archive

@@ -1,0 +1,129 @@
+// Two appliance logs side by side, by the program that people run.
+#include <filesystem>
+#include <sys/stat.h>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class LogCompare : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    EXPECT_FALSE(record().empty());
+  }
+  [[nodiscard]] std::string log() const { return (home() / "archive/log").string(); }
+  /// As an auditor exports it.
+  [[nodiscard]] std::string exported(const std::string& name) const {
+    fs::copy(log(), folder() / name, fs::copy_options::recursive);
+    return path(name);
+  }
+  /// The device goes on from a copy of its home, as from a backup that was put back.
+  void record_in_copy_of_home() const {
+    fs::copy(home(), folder() / "copy", fs::copy_options::recursive);
+    EXPECT_EQ(kiroku({"record", "--home", path("copy"), "--json", "--duration", "00:00:01", "--endoscope",
+                      "synthetic:endoscope?size=64x48&rate=10&speed=max"})
+                  .status,
+              0);
+  }
+};
+
+TEST_F(LogCompare, AnExportedLogIsTheBeginningOfTheHomes) {
+  const std::string before = exported("before");
+  const ProcessResult same = kiroku({"log", "compare", before, home().string()});
+  EXPECT_EQ(same.status, 0) << same.out << same.err;
+  EXPECT_THAT(same.out, HasSubstr("SAME: both are one history of "));
+  EXPECT_FALSE(record().empty());
+  const ProcessResult later = kiroku({"log", "compare", before, (home() / "archive").string()});
+  EXPECT_EQ(later.status, 0) << later.out;
+  EXPECT_THAT(later.out, HasSubstr("ONE HISTORY: " + log() + " goes on from " + before));
+  const nlohmann::json told = kiroku_json({"log", "compare", before, log(), "--json"});
+  EXPECT_EQ(told["relation"], "first-begins");
+  EXPECT_EQ(told["common_entries"], told["logs"][0]["entries"]);
+  EXPECT_GT(told["logs"][1]["entries"], told["common_entries"]);
+}
+
+TEST_F(LogCompare, ABackupThatWentOnIsASecondHistoryWithItsEntriesAndCheckpointsNamed) {
+  record_in_copy_of_home();
+  EXPECT_FALSE(record().empty());
+  const Arguments compare{"log", "compare", home().string(), path("copy")};
+  const ProcessResult told = kiroku(compare);
+  EXPECT_EQ(told.status, 1) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("TWO HISTORIES: one device signed both"));
+  EXPECT_THAT(told.out, HasSubstr("case-opened  case="));
+  EXPECT_THAT(told.out, HasSubstr("The device: " + read_text(home() / "device.pub").substr(0, 8)));
+  Arguments as_json = compare;
+  as_json.emplace_back("--json");
+  const ProcessResult json = kiroku(as_json);
+  EXPECT_EQ(json.status, 1);
+  const nlohmann::json object = nlohmann::json::parse(json.out);
+  EXPECT_TRUE(object["two_histories"]);
+  for (const nlohmann::json& side : object["logs"]) {
+    EXPECT_EQ(side["entry"]["seq"], object["common_entries"]);
+    // What is named is there, signed by the device, of just this size.
+    const std::string note = read_text(side["checkpoint"]["file"].get<std::string>());
+    EXPECT_THAT(note, HasSubstr("\n" + std::to_string(side["checkpoint"]["size"].get<int>()) + "\n"));
+  }
+  EXPECT_NE(object["logs"][0]["checkpoint"]["root"], object["logs"][1]["checkpoint"]["root"]);
+  // The two checkpoints alone say no less, where they are of one size.
+  const std::string one = object["logs"][0]["checkpoint"]["file"],
+                    two = object["logs"][1]["checkpoint"]["file"];
+  const ProcessResult notes = kiroku({"log", "compare", one, two});
+  EXPECT_EQ(notes.status, 1) << notes.out;
+  EXPECT_THAT(notes.out, HasSubstr("TWO HISTORIES"));
+}
+
+TEST_F(LogCompare, AChangedCopyIsDamagedAndItsCheckpointsStillSpeakForTheOther) {
+  const std::string changed = exported("changed");
+  std::string ledger = read_text(fs::path(changed) / "ledger.jsonl");
+  const std::size_t at = ledger.find("case-closed");
+  ASSERT_NE(at, std::string::npos);
+  ledger.replace(ledger.find("\"utc\":\"20", at) + 9, 1, "1");
+  write_text(fs::path(changed) / "ledger.jsonl", ledger);
+  const ProcessResult told = kiroku({"log", "compare", log(), changed});
+  EXPECT_EQ(told.status, 1) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("FORKED: they part, and nothing shows that one device signed both."));
+  EXPECT_THAT(told.out, HasSubstr("DAMAGED: "));
+  EXPECT_THAT(told.out, HasSubstr("ledger-changed"));
+  EXPECT_THAT(told.out, HasSubstr("of " + log() + ": these are what the device signed"));
+  EXPECT_THAT(told.out, testing::Not(HasSubstr("TWO HISTORIES")));
+}
+
+TEST_F(LogCompare, LogsOfTwoDevicesAreNotCompared) {
+  EXPECT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  EXPECT_EQ(kiroku({"record", "--home", path("other"), "--json", "--duration", "00:00:01", "--endoscope",
+                    "synthetic:endoscope?size=64x48&rate=10&speed=max"})
+                .status,
+            0);
+  const ProcessResult told = kiroku({"log", "compare", home().string(), path("other")});
+  EXPECT_EQ(told.status, 3) << told.out << told.err;
+  EXPECT_THAT(told.out, HasSubstr("NOT COMPARED: they are of different devices"));
+  // One history, and not of the device that was asked for.
+  const ProcessResult foreign =
+      kiroku({"log", "compare", home().string(), log(), "--device", path("other/device.pub")});
+  EXPECT_EQ(foreign.status, 3) << foreign.out;
+  EXPECT_THAT(foreign.out, HasSubstr("(not the device that was asked for)"));
+  EXPECT_EQ(
+      kiroku({"log", "compare", home().string(), log(), "--device", (home() / "device.pub").string()}).status,
+      0);
+}
+
+TEST_F(LogCompare, RefusesInASentence) {
+  EXPECT_REFUSED(kiroku({"log", "compare", log(), path("absent")}), "it is not there");
+  EXPECT_REFUSED(kiroku({"log", "compare", log(), folder().string()}), "give the folder of the log");
+  const fs::path recorded = record();
+  EXPECT_REFUSED(kiroku({"log", "compare", recorded.string(), log()}), "is a case, not an appliance log");
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  EXPECT_REFUSED(kiroku({"log", "compare", log(), path("pipe")}), "neither a folder nor a file");
+  write_text(folder() / "text", "no note\n");
+  const ProcessResult told = kiroku({"log", "compare", log(), path("text")});
+  EXPECT_EQ(told.status, 3);
+  EXPECT_THAT(told.out, HasSubstr("is neither a log nor a signed checkpoint of one"));
+}
+
+}  // namespace
+}  // namespace kiroku::test
