@@ -49,6 +49,8 @@ struct Commands {
                                          {"export", kFull, add_export_command},
                                          {"excerpt", kSmall, add_excerpt_command},
                                          {"erase", kFull, add_erase_command},
+                                         {"hold", kSmall, add_hold_command},
+                                         {"release", kSmall, add_release_command},
                                          {"renew", kFull, add_renew_command},
                                          {"seal", kSmall, add_seal_command},
                                          {"unseal", kSmall, add_unseal_command},
