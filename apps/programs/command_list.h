@@ -60,6 +60,7 @@ struct Commands {
                                          {"log", kSmall, add_log_command},
                                          {"witness", kFull, add_witness_command},
                                          {"ship", kFull, add_ship_command},
+                                         {"fetch", kFull, add_fetch_command},
                                          {"view", kFull, add_view_command},
                                          {"user", kSmall, add_user_command},
                                          {"sim", kSim, add_sim_group},
