@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
-#include <charconv>
-#include <map>
-#include <pugixml.hpp>
+#include <set>
+#include <tuple>
 
 #include <curl/curl.h>
 
-#include "base/ascii.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 
@@ -17,6 +14,7 @@ namespace kiroku::fleet {
 namespace {
 
 constexpr std::size_t kLargestAnswer = 1U << 20;
+constexpr long kOk = 200;
 constexpr long kBadRequest = 400, kForbidden = 403, kNotFound = 404, kTooLarge = 413, kTooManyRequests = 429,
                kServerError = 500;
 constexpr const char* kMetadata = "x-amz-meta-kiroku-sha256";
@@ -51,10 +49,14 @@ struct Sending {
 
 struct Answer {
   long status = 0;
-  std::map<std::string, std::string> headers;  // names in lower case
+  AnswerHeaders headers;
   std::string body;
   std::size_t most = kLargestAnswer;
   bool too_large = false;
+  CURL* handle = nullptr;
+  const std::function<void(ByteView)>* take = nullptr;  // of a success; null: `body`
+  std::uint64_t taken = 0;
+  std::exception_ptr failed;
 
   [[nodiscard]] std::string header(const std::string& name) const {
     const auto found = headers.find(name);
@@ -85,6 +87,20 @@ int rewind_body(void* user, curl_off_t offset, int origin) {
 
 std::size_t receive_body(char* data, std::size_t size, std::size_t count, void* user) {
   auto& answer = *static_cast<Answer*>(user);
+  long status = 0;
+  if (answer.take != nullptr) curl_easy_getinfo(answer.handle, CURLINFO_RESPONSE_CODE, &status);
+  if (status == kOk) {
+    answer.taken += size * count;
+    answer.too_large = answer.taken > answer.most;
+    if (answer.too_large) return 0;
+    try {
+      (*answer.take)(std::as_bytes(std::span(data, size * count)));
+    } catch (...) {
+      answer.failed = std::current_exception();
+      return 0;
+    }
+    return size * count;
+  }
   if (answer.body.size() + size * count > answer.most) {
     answer.too_large = true;
     return 0;
@@ -94,36 +110,29 @@ std::size_t receive_body(char* data, std::size_t size, std::size_t count, void* 
 }
 
 std::size_t receive_header(char* data, std::size_t size, std::size_t count, void* user) {
-  auto& answer = *static_cast<Answer*>(user);
-  const std::string_view line(data, size * count);
-  constexpr std::size_t kMostHeaders = 100;
-  const std::size_t colon = line.find(':');
-  if (line.starts_with("HTTP/")) {
-    answer.headers.clear();  // of "100 Continue"
-  } else if (colon != std::string_view::npos && answer.headers.size() < kMostHeaders) {
-    std::string_view value = line.substr(colon + 1);
-    const auto is_space = [](char c) { return c == ' ' || c == '\r' || c == '\n' || c == '\t'; };
-    while (!value.empty() && is_space(value.front())) value.remove_prefix(1);
-    while (!value.empty() && is_space(value.back())) value.remove_suffix(1);
-    answer.headers[lower_case(line.substr(0, colon))] = std::string(value);
-  }
+  take_header({data, size * count}, static_cast<Answer*>(user)->headers);
   return size * count;
 }
 
-/// The store's own word for what is wrong.
-std::string code_of(const std::string& body) {
-  pugi::xml_document document;
-  if (!document.load_buffer(body.data(), body.size())) return "";
-  return document.child("Error").child_value("Code");
+/// Of a query's value what must not stand there as it is (RFC 3986 2.1).
+std::string percent_encoded(std::string_view text) {
+  constexpr std::string_view kDigits = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : text) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       c == '-' || c == '.' || c == '_' || c == '~';
+    if (plain) {
+      out += c;
+    } else {
+      const auto byte = static_cast<unsigned char>(c);
+      out += {'%', kDigits[byte >> 4U], kDigits[byte & 15U]};
+    }
+  }
+  return out;
 }
 
-/// Some stores tell nanoseconds, which do not matter.
-UtcTime time_of_lock(const std::string& text) {
-  const std::size_t point = text.find('.');
-  const std::optional<UtcTime> time =
-      parse_utc(point == std::string::npos ? text : text.substr(0, point) + "Z");
-  if (!time) throw Error("the store tells the end of a lock as '" + printable(text) + "', which is no time");
-  return *time;
+std::string of_version(const std::string& version) {
+  return version.empty() ? "" : "versionId=" + percent_encoded(version);
 }
 
 /// "2036-11-23T15:00:00Z": stores take no fractions.
@@ -158,6 +167,7 @@ struct ObjectStore::State {
     const crypto::ByteSource* body = nullptr;
     std::string sha256 = crypto::to_hex(crypto::sha256({}));
     std::size_t most = kLargestAnswer;
+    const std::function<void(ByteView)>* take = nullptr;
   };
 
   [[nodiscard]] std::string where() const { return "bucket '" + address.bucket + "' of " + address.endpoint; }
@@ -173,6 +183,8 @@ struct ObjectStore::State {
     };
     Answer answer;
     answer.most = what.most;
+    answer.take = what.take;
+    answer.handle = handle.get();
     Sending sending{what.body, 0, {}};
     std::array<char, CURL_ERROR_SIZE> reason{};
     const std::string url = address.endpoint + "/" + address.bucket +
@@ -208,8 +220,8 @@ struct ObjectStore::State {
       set(CURLOPT_SEEKFUNCTION, rewind_body);
       set(CURLOPT_SEEKDATA, &sending);
       set(CURLOPT_INFILESIZE_LARGE, static_cast<curl_off_t>(what.body->size()));
-      if (terms.bytes_per_second > 0)
-        set(CURLOPT_MAX_SEND_SPEED_LARGE, static_cast<curl_off_t>(terms.bytes_per_second));
+      if (const std::uint64_t most = terms.bytes_per_second ? terms.bytes_per_second() : 0; most > 0)
+        set(CURLOPT_MAX_SEND_SPEED_LARGE, static_cast<curl_off_t>(most));
     } else if (what.method == "HEAD") {
       set(CURLOPT_NOBODY, 1L);
     } else {
@@ -218,6 +230,7 @@ struct ObjectStore::State {
     set(CURLOPT_HTTPHEADER, headers.get());
     const CURLcode result = curl_easy_perform(handle.get());
     if (sending.failed) std::rethrow_exception(sending.failed);
+    if (answer.failed) std::rethrow_exception(answer.failed);
     if (answer.too_large)
       throw Error("the answer of " + address.endpoint + " is longer than " + std::to_string(what.most) +
                   " bytes");
@@ -232,7 +245,7 @@ struct ObjectStore::State {
 
   /// What an answer that is no success means to who runs the appliance.
   [[nodiscard]] StoreError refusal(const Answer& answer, const std::string& doing) const {
-    const std::string code = code_of(answer.body);
+    const std::string code = error_code_of(answer.body);
     const auto is = [&](std::string_view name) { return code == name; };
     std::string why;
     if (is("NoSuchBucket")) {
@@ -242,6 +255,9 @@ struct ObjectStore::State {
     } else if (is("SignatureDoesNotMatch")) {
       why = "the secret key is not the one of access key '" + printable(credentials.access_key) +
             "', or the store's region is not '" + address.region + "'";
+    } else if (is("ExpiredToken") || is("UserSuspended")) {
+      why = "access key '" + printable(credentials.access_key) +
+            "' has expired or was suspended: have the store's administrator renew it";
     } else if (is("RequestTimeTooSkewed")) {
       why = "this machine's clock and the store's differ by more than the store accepts: set the clock";
     } else if (is("AccessDenied") || (code.empty() && answer.status == kForbidden)) {
@@ -292,7 +308,7 @@ const StoreAddress& ObjectStore::address() const { return state_->address; }
 void ObjectStore::require_lockable() {
   const Answer answer = state_->ask({.method = "GET", .query = "object-lock="});
   if (answer.status == 200 && answer.body.find("<ObjectLockEnabled>Enabled<") != std::string::npos) return;
-  const std::string code = code_of(answer.body);
+  const std::string code = error_code_of(answer.body);
   if (answer.status == 200 || code == "ObjectLockConfigurationNotFoundError") {
     throw StoreError(
         state_->where() + " has no Object Lock, so what is in it can be removed: it must be made with it",
@@ -302,7 +318,7 @@ void ObjectStore::require_lockable() {
 }
 
 std::string ObjectStore::put(const std::string& key, const crypto::ByteSource& body,
-                             const crypto::Sha256Digest& sha256, std::optional<UtcTime> lock_ends) {
+                             const crypto::Sha256Digest& sha256, const PutLock& lock) {
   if (!is_plain_key(key)) {
     throw Error(
         "'" + printable(key) +
@@ -311,10 +327,11 @@ std::string ObjectStore::put(const std::string& key, const crypto::ByteSource& b
   }
   const std::string hash = crypto::to_hex(sha256);
   std::vector<std::string> headers{std::string(kMetadata) + ": " + hash};
-  if (lock_ends) {
+  if (lock.ends) {
     headers.emplace_back("x-amz-object-lock-mode: COMPLIANCE");
-    headers.push_back("x-amz-object-lock-retain-until-date: " + lock_text(*lock_ends));
+    headers.push_back("x-amz-object-lock-retain-until-date: " + lock_text(*lock.ends));
   }
+  if (lock.legal_hold) headers.emplace_back("x-amz-object-lock-legal-hold: ON");
   const Answer answer = state_->ask(
       {.method = "PUT", .key = key, .headers = std::move(headers), .body = &body, .sha256 = hash});
   if (answer.status != 200) throw state_->refusal(answer, "put " + key);
@@ -329,35 +346,93 @@ std::string ObjectStore::put(const std::string& key, const crypto::ByteSource& b
 }
 
 std::optional<StoredObject> ObjectStore::look(const std::string& key, const std::string& version) {
-  const Answer answer =
-      state_->ask({.method = "HEAD", .key = key, .query = version.empty() ? "" : "versionId=" + version});
+  const Answer answer = state_->ask({.method = "HEAD", .key = key, .query = of_version(version)});
   if (answer.status == kNotFound) return {};
   if (answer.status != 200) throw state_->refusal(answer, "look at " + key);
-  StoredObject object;
-  const std::string length = answer.header("content-length");
-  if (std::from_chars(length.data(), length.data() + length.size(), object.bytes).ec != std::errc())
-    throw Error("the store does not say how long " + key + " is");
-  object.version = answer.header("x-amz-version-id");
-  object.sha256 = answer.header(kMetadata);
-  object.compliance = answer.header("x-amz-object-lock-mode") == "COMPLIANCE";
-  if (const std::string ends = answer.header("x-amz-object-lock-retain-until-date"); !ends.empty())
-    object.lock_ends = time_of_lock(ends);
-  return object;
+  return object_of(key, answer.headers);
+}
+
+void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
+                                const std::function<void(const VersionPage&)>& visit) {
+  constexpr std::size_t kLargestPage = 8U << 20;
+  std::string next_key, next_version;
+  for (bool more = true; more;) {
+    // In the order of their names, as they are signed.
+    const std::string query =
+        std::string(by_folders ? "delimiter=%2F&" : "") +
+        (next_key.empty() ? "" : "key-marker=" + percent_encoded(next_key) + "&") +
+        "prefix=" + percent_encoded(prefix) +
+        (next_version.empty() ? "" : "&version-id-marker=" + percent_encoded(next_version)) + "&versions=";
+    const Answer answer = state_->ask({.method = "GET", .query = query, .most = kLargestPage});
+    if (answer.status != 200) throw state_->refusal(answer, "list what begins with " + prefix);
+    const VersionPage page = version_page_of(answer.body);
+    if (page.more && std::tie(page.next_key, page.next_version) == std::tie(next_key, next_version))
+      throw Error("the store's list of versions goes on with what it told before");
+    visit(page);
+    more = page.more;
+    next_key = page.next_key;
+    next_version = page.next_version;
+  }
+}
+
+void ObjectStore::for_each_version(const std::string& prefix,
+                                   const std::function<void(const ListedVersion&)>& visit) {
+  for_each_page(prefix, false, [&](const VersionPage& page) {
+    for (const ListedVersion& each : page.versions) {
+      if (!each.key.starts_with(prefix))
+        throw Error("the store lists '" + printable(each.key) + "' among what begins with " + prefix);
+      visit(each);
+    }
+  });
+}
+
+std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
+  std::set<std::string> found;
+  for_each_page(prefix, true, [&](const VersionPage& page) {
+    for (const std::string& each : page.folders) {
+      if (each.size() > prefix.size() + 1 && each.starts_with(prefix) && each.ends_with('/'))
+        found.insert(each.substr(prefix.size(), each.size() - prefix.size() - 1));
+    }
+  });
+  return {found.begin(), found.end()};
+}
+
+void ObjectStore::set_legal_hold(const std::string& key, const std::string& version, bool on) {
+  const std::string text =
+      std::string("<LegalHold xmlns=\"http://s3.amazonaws.com/doc/2006-03-01/\"><Status>") +
+      (on ? "ON" : "OFF") + "</Status></LegalHold>";
+  const crypto::Sha256Digest hash = crypto::sha256(bytes_of(text));
+  const auto body = crypto::memory_source(bytes_of(text));
+  const Answer answer = state_->ask(
+      {.method = "PUT",
+       .key = key,
+       .query = "legal-hold=&" + of_version(version),
+       .headers = {"x-amz-sdk-checksum-algorithm: SHA256",
+                   "x-amz-checksum-sha256: " + crypto::to_base64(hash, crypto::Base64Padding::kPadded)},
+       .body = body.get(),
+       .sha256 = crypto::to_hex(hash)});
+  if (answer.status != 200)
+    throw state_->refusal(answer, std::string(on ? "set" : "lift") + " the legal hold of " + key);
 }
 
 Bytes ObjectStore::get(const std::string& key, const std::string& version, std::size_t most) {
-  const Answer answer = state_->ask({.method = "GET",
-                                     .key = key,
-                                     .query = version.empty() ? "" : "versionId=" + version,
-                                     .most = std::max(most, kLargestAnswer)});
+  const Answer answer = state_->ask(
+      {.method = "GET", .key = key, .query = of_version(version), .most = std::max(most, kLargestAnswer)});
   if (answer.status != 200) throw state_->refusal(answer, "get " + key);
   if (answer.body.size() > most) throw Error(key + " is longer than " + std::to_string(most) + " bytes");
   return to_bytes(answer.body);
 }
 
-bool ObjectStore::remove(const std::string& key, const std::string& version) {
+StoredObject ObjectStore::get(const std::string& key, const std::string& version, std::uint64_t most,
+                              const std::function<void(ByteView)>& take) {
   const Answer answer =
-      state_->ask({.method = "DELETE", .key = key, .query = version.empty() ? "" : "versionId=" + version});
+      state_->ask({.method = "GET", .key = key, .query = of_version(version), .most = most, .take = &take});
+  if (answer.status != kOk) throw state_->refusal(answer, "get " + key);
+  return object_of(key, answer.headers);
+}
+
+bool ObjectStore::remove(const std::string& key, const std::string& version) {
+  const Answer answer = state_->ask({.method = "DELETE", .key = key, .query = of_version(version)});
   if (answer.status >= kServerError) throw state_->refusal(answer, "remove " + key);
   return answer.status < 300;
 }

@@ -7,10 +7,12 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -18,6 +20,7 @@
 #include "crypto/byte_source.h"
 #include "crypto/hash.h"
 #include "crypto/secret.h"
+#include "fleet/store_answers.h"
 
 namespace kiroku::fleet {
 
@@ -34,7 +37,8 @@ struct StoreCredentials {
 };
 
 struct StoreTerms {
-  std::uint64_t bytes_per_second = 0;  // most that is sent; 0: no limit
+  /// Most that is sent, asked before each object; 0, and where it is empty: no limit.
+  std::function<std::uint64_t()> bytes_per_second = {};
   std::chrono::seconds connecting{10};
   /// An answer or a transfer that stands still for so long has failed.
   std::chrono::seconds silence{60};
@@ -60,13 +64,11 @@ class StoreError : public Error {
   std::string code_;
 };
 
-/// One version of an object as the store tells of it.
-struct StoredObject {
-  std::uint64_t bytes = 0;
-  std::string version;
-  std::string sha256;                // hexadecimal, as it was put by this program; "" of other objects
-  bool compliance = false;           // locked in COMPLIANCE mode
-  std::optional<UtcTime> lock_ends;  // whichever the mode
+/// What is to lock a version that is put.
+struct PutLock {
+  std::optional<UtcTime> ends =
+      {};  // in COMPLIANCE mode; nothing: by nothing but what the bucket's own rule is
+  bool legal_hold = false;
 };
 
 /// Not thread-safe: one connection, which is kept open.
@@ -84,20 +86,34 @@ class ObjectStore {
 
   /// Throws StoreError where the bucket is not there, cannot be seen, or has no Object Lock.
   void require_lockable();
-  /// Puts a version of `key` ([A-Za-z0-9._/-]) that is locked until `lock_ends`, or by nothing but what the
-  /// bucket's own rule is. `sha256` is that of all of `body`: the store refuses a body of another hash.
-  /// Returns the version. Throws StoreError, kiroku::IoError of `body`.
+  /// Puts a version of `key` ([A-Za-z0-9._/-]) that `lock` locks. `sha256` is that of all of `body`: the
+  /// store refuses a body of another hash. Returns the version. Throws StoreError, kiroku::IoError of `body`.
   std::string put(const std::string& key, const crypto::ByteSource& body, const crypto::Sha256Digest& sha256,
-                  std::optional<UtcTime> lock_ends);
+                  const PutLock& lock);
   /// A version of `key`, the newest where `version` is empty; nothing where there is none.
   std::optional<StoredObject> look(const std::string& key, const std::string& version = {});
+  /// Every version of every object whose key begins with `prefix`. Throws StoreError, kiroku::Error where the
+  /// answer makes no sense; what `visit` throws.
+  void for_each_version(const std::string& prefix, const std::function<void(const ListedVersion&)>& visit);
+  /// What follows `prefix` in keys, up to the next '/' and without it, each once. Throws as
+  /// for_each_version().
+  std::vector<std::string> folders(const std::string& prefix);
+  /// Sets or lifts the legal hold of a version. Whether the store did is for look() to tell. Throws
+  /// StoreError.
+  void set_legal_hold(const std::string& key, const std::string& version, bool on);
   /// All of a version's bytes. Throws kiroku::Error where there are more than `most`.
   Bytes get(const std::string& key, const std::string& version, std::size_t most);
+  /// The same, piece by piece as it comes; what the store tells of it beside. More than `most` bytes are not
+  /// taken. Throws what `take` throws, too.
+  StoredObject get(const std::string& key, const std::string& version, std::uint64_t most,
+                   const std::function<void(ByteView)>& take);
   /// Asks the store to remove a version; whether it did. Throws StoreError where it did not answer.
   bool remove(const std::string& key, const std::string& version);
 
  private:
   struct State;
+  void for_each_page(const std::string& prefix, bool by_folders,
+                     const std::function<void(const VersionPage&)>& visit);
   std::unique_ptr<State> state_;
 };
 

@@ -137,6 +137,8 @@ struct Shipper::Pass {
   const fs::path& archive;
   const std::function<bool()>* is_ended = nullptr;  // null: nothing is sent
   ShippingReport report;
+  const archive::Holds* holds = nullptr;  // null: the log cannot be read
+  bool held = false;                      // what is shipped now is of a case under legal hold
 
   [[nodiscard]] std::string prefix() const { return shipper.terms_.appliance + "/"; }
   [[nodiscard]] bool ended() const { return is_ended != nullptr && (*is_ended)(); }
@@ -148,9 +150,9 @@ struct Shipper::Pass {
   }
 
   /// Whether the store tells of the object as it must be.
-  [[nodiscard]] static bool is_as_put(const StoredObject& stored, const ShippedObject& object) {
-    return stored.bytes == object.file.bytes && stored.sha256 == object.sha256 && stored.compliance &&
-           stored.lock_ends &&
+  [[nodiscard]] bool is_as_put(const StoredObject& stored, const ShippedObject& object) const {
+    return (!held || stored.legal_hold) && stored.bytes == object.file.bytes &&
+           stored.sha256 == object.sha256 && stored.compliance && stored.lock_ends &&
            *stored.lock_ends >= std::chrono::floor<std::chrono::seconds>(object.lock_ends);
   }
 
@@ -160,6 +162,7 @@ struct Shipper::Pass {
     if (there.sha256 != object.sha256 || there.bytes != object.file.bytes || !there.compliance ||
         !there.lock_ends)
       return false;
+    if (held) require_hold(key, there.version, true);
     object.version = there.version;
     object.lock_ends = *there.lock_ends;
     shipper.list_.enter(key, object);
@@ -172,16 +175,23 @@ struct Shipper::Pass {
     ShippingList& list = shipper.list_;
     const crypto::Sha256Digest hash = hash_of(source);
     ShippedObject object{state, crypto::to_hex(hash), "", shipper.time_.utc() + shipper.terms_.retention};
-    if (list.may_be_behind() && !list.find(key)) {
+    if (list.may_be_behind()) {
       const std::optional<StoredObject> there = shipper.store_.look(key);
       if (there && take_up(key, *there, object)) return;
     }
     list.before_putting();
-    object.version = shipper.store_.put(key, source, hash, object.lock_ends);
-    const std::optional<StoredObject> stored = shipper.store_.look(key, object.version);
+    std::optional<StoredObject> stored;
+    try {
+      object.version = shipper.store_.put(key, source, hash, {object.lock_ends, held});
+      stored = shipper.store_.look(key, object.version);
+    } catch (const Error&) {
+      list.doubt();
+      throw;
+    }
     if (!stored || !is_as_put(*stored, object)) {
+      list.doubt();
       throw Error("the store took " + key + ", and does not hold it as it was put, locked until " +
-                  format_utc(object.lock_ends) +
+                  format_utc(object.lock_ends) + (held ? " and under legal hold" : "") +
                   ": its locks cannot be relied on ('kiroku ship --probe' tries them)");
     }
     list.enter(key, object);
@@ -248,7 +258,65 @@ struct Shipper::Pass {
     shipper.list_.set_grown(recording, grown);
   }
 
+  /// Whether the case is to be under legal hold in the store, as far as is known.
+  [[nodiscard]] bool is_held(const std::string& case_id) {
+    if (holds == nullptr) return shipper.list_.hold(case_id).value_or(false);
+    return !archive::why_held(*holds, case_id).empty();
+  }
+
+  /// Sets or lifts the hold of a version where the store does not tell of it so, and asks back.
+  void require_hold(const std::string& key, const std::string& version, bool standing) {
+    ObjectStore& store = shipper.store_;
+    const std::optional<StoredObject> before = store.look(key, version);
+    if (!before || before->legal_hold == standing) return;
+    store.set_legal_hold(key, version, standing);
+    const std::optional<StoredObject> after = store.look(key, version);
+    if (!after || after->legal_hold != standing) {
+      throw Error("the store took the legal hold of " + key + " as " + (standing ? "set" : "lifted") +
+                  ", and does not tell of it so");
+    }
+  }
+
+  /// What the log says of a case's legal hold, on every version of its objects, whoever put them.
+  void hold_of(const std::string& case_id, bool standing) {
+    const std::string evidence = prefix() + std::string(archive::kEvidenceFolder) + "/" + case_id + ".ers";
+    for (const std::string& begin :
+         {prefix() + case_id + "/", prefix() + "growing/" + case_id + "/", evidence}) {
+      std::vector<ListedVersion> versions;
+      shipper.store_.for_each_version(begin, [&](const ListedVersion& each) { versions.push_back(each); });
+      for (const ListedVersion& each : versions) {
+        if (ended()) return;
+        if (!is_plain_key(each.key)) {
+          throw Error("'" + printable(each.key) + "' in the store has a name that nothing of Kiroku gives: " +
+                      "its legal hold was not " + (standing ? "set" : "lifted"));
+        }
+        require_hold(each.key, each.version, standing);
+      }
+    }
+    shipper.list_.set_hold(case_id, standing);
+    shipper.list_.keep();
+  }
+
+  /// Of every case that was ever held. What the store refuses keeps nothing from being shipped.
+  void run_holds() {
+    guarded([&] { holds = &shipper.holds_in(archive / kLogFolder); });
+    if (holds == nullptr) return;
+    for (const auto& [case_id, standing] : *holds) {
+      if (shipper.list_.hold(case_id) == !standing.empty()) continue;
+      if (is_ended != nullptr && !ended()) {
+        try {
+          guarded([&] { hold_of(case_id, !standing.empty()); });
+        } catch (const StoreError& error) {
+          if (error.passes()) throw;
+          report.problems.emplace_back(error.what());
+        }
+      }
+      if (shipper.list_.hold(case_id) != !standing.empty()) report.holds_waiting.push_back(case_id);
+    }
+  }
+
   void recording(const std::string& name) {
+    held = is_held(name);
     const fs::path place = archive / name;
     const FolderState state = state_of(place);
     if (shipper.list_.whole(name) == state.text) return;
@@ -311,6 +379,7 @@ struct Shipper::Pass {
   }
 
   void run() {
+    run_holds();
     std::vector<std::string> names = archive::real_reading().names_in(archive);
     // Cases in the order of their beginning; the log, which tells of them, behind.
     std::erase_if(names, [](const std::string& name) { return !archive::is_case_id(name); });
@@ -329,8 +398,9 @@ struct Shipper::Pass {
     const CaseFolder folder = CaseFolder::open(archive / name);
     for (const ListedFile& each : folder.list()) {
       if (ended()) return;
-      if (each.kind == ListedFile::Kind::kRegular && each.path.ends_with(".ers"))
-        file(folder, each, prefix() + name + "/" + each.path);
+      if (each.kind != ListedFile::Kind::kRegular || !each.path.ends_with(".ers")) continue;
+      held = is_held(fs::path(each.path).stem().string());
+      file(folder, each, prefix() + name + "/" + each.path);
     }
     if (is_ended != nullptr && state.newest + kSettled < shipper.time_.utc())
       shipper.list_.set_whole(name, state.text);
@@ -339,6 +409,16 @@ struct Shipper::Pass {
 
 Shipper::Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, const Clock& time)
     : store_(store), list_(list), terms_(std::move(terms)), time_(time) {}
+
+/// A log of years is not read every five seconds.
+const archive::Holds& Shipper::holds_in(const fs::path& log) {
+  const std::string state = state_of(log).text;
+  if (holds_read_of_ != state) {
+    holds_ = archive::read_holds(log, terms_.device);
+    holds_read_of_ = state;
+  }
+  return holds_;
+}
 
 ShippingReport Shipper::ship(const fs::path& archive, const std::function<bool()>& is_ended) {
   store_.require_lockable();
@@ -368,8 +448,8 @@ LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clo
   const UtcTime ends = time.utc() + std::chrono::minutes(1);
   const std::string text = "kiroku tries this store's locks\n";
   const std::string other = "kiroku tries to replace what is locked\n";
-  const auto put = [&](const std::string& key, const std::string& what, std::optional<UtcTime> until) {
-    return store.put(key, *crypto::memory_source(bytes_of(what)), crypto::sha256(bytes_of(what)), until);
+  const auto put = [&](const std::string& key, const std::string& what, const PutLock& lock) {
+    return store.put(key, *crypto::memory_source(bytes_of(what)), crypto::sha256(bytes_of(what)), lock);
   };
   const auto removes = [&](const std::string& key, const std::string& version) {
     return store.remove(key, version) && !store.look(key, version);
@@ -379,13 +459,21 @@ LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clo
   // A refusal says something of locks only where what is not locked can be removed.
   const std::string free = probe.key + ".free";
   probe.may_remove = removes(free, put(free, text, {}));
-  probe.version = put(probe.key, text, ends);
+  const std::string held = probe.key + ".held";
+  const std::string held_version = put(held, text, {.legal_hold = true});
+  const auto told = store.look(held, held_version);
+  probe.hold_removed = !told || !told->legal_hold || removes(held, held_version);
+  if (store.look(held, held_version)) {
+    store.set_legal_hold(held, held_version, false);
+    store.remove(held, held_version);
+  }
+  probe.version = put(probe.key, text, {ends});
   const auto stored = store.look(probe.key, probe.version);
   probe.unlocked = !stored || !stored->compliance || !stored->lock_ends ||
                    *stored->lock_ends < std::chrono::floor<std::chrono::seconds>(ends);
   probe.removed = removes(probe.key, probe.version);
   if (probe.removed) return probe;
-  put(probe.key, other, ends);
+  put(probe.key, other, {ends});
   constexpr std::size_t kMost = 4096;
   probe.replaced = store.get(probe.key, probe.version, kMost) != to_bytes(text);
   return probe;

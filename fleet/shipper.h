@@ -9,7 +9,8 @@
 //
 // Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,
 // whenever it is made, is what a recorder that was cut off could have left. An object counts once the store
-// has told of it with its size, its SHA-256 and its lock. Not thread-safe.
+// has told of it with its size, its SHA-256 and its lock. What the appliance log says of legal holds is set
+// in the store, on every version of the case's objects, and asked back. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -20,7 +21,9 @@
 #include <string>
 #include <vector>
 
+#include "archive/upkeep/holds.h"
 #include "base/clock.h"
+#include "crypto/signed_note.h"
 #include "fleet/object_store.h"
 #include "fleet/shipping_list.h"
 
@@ -30,6 +33,8 @@ struct ShippingTerms {
   std::string appliance;  // [a-z0-9-], what its keys begin with
   /// How long each object is locked, from when it is put.
   std::chrono::hours retention{0};
+  /// Whose appliance log it is: by that, cases are under legal hold.
+  crypto::VerifierKey device;
 };
 
 /// What one pass did, and what it left.
@@ -38,6 +43,8 @@ struct ShippingReport {
   std::uint64_t found = 0;                       // were in the store already, which the list did not know
   std::uint64_t waiting = 0, waiting_bytes = 0;  // not in the store yet
   std::optional<UtcTime> waiting_since;          // when the oldest of them was written
+  /// Cases of which the store has not confirmed what the log says of their legal hold.
+  std::vector<std::string> holds_waiting;
   /// What could not be shipped, a sentence each; the rest was.
   std::vector<std::string> problems;
 };
@@ -56,26 +63,32 @@ class Shipper {
 
  private:
   struct Pass;
+  const archive::Holds& holds_in(const std::filesystem::path& log);
   ObjectStore& store_;
   ShippingList& list_;
   const ShippingTerms terms_;
   const Clock& time_;
+  /// The holds as they were read last, and how the log was then.
+  std::string holds_read_of_;
+  archive::Holds holds_;
 };
 
 /// What became of an object that was put under a lock of a minute, to find out whether the store's locks
 /// hold.
 struct LockProbe {
   std::string key, version;
-  bool may_remove = false;  // the store removed an object without a lock: its refusals say something
-  bool removed = false;     // the store removed the locked version
-  bool replaced = false;    // after another put of the same key, the first version's bytes were others
-  bool unlocked = false;    // the store told of no lock, of another mode, or of an earlier end
-  [[nodiscard]] bool fails() const { return removed || replaced || unlocked; }
+  bool may_remove = false;    // the store removed an object without a lock: its refusals say something
+  bool removed = false;       // the store removed the locked version
+  bool replaced = false;      // after another put of the same key, the first version's bytes were others
+  bool unlocked = false;      // the store told of no lock, of another mode, or of an earlier end
+  bool hold_removed = false;  // the store removed an object under legal hold, or told of no such hold
+  [[nodiscard]] bool fails() const { return removed || replaced || unlocked || hold_removed; }
   [[nodiscard]] bool holds() const { return may_remove && !fails(); }
 };
 /// Puts it below "probe/" of the appliance, asks the store to remove and to replace it, and looks; before,
-/// the same with an object that nothing locks. Neither fails() nor holds(): the access key may remove
-/// nothing, or the bucket locks everything by itself, and nothing was shown. Throws StoreError.
+/// the same with an object that nothing locks, and with one under legal hold, which is lifted then. Neither
+/// fails() nor holds(): the access key may remove nothing, or the bucket locks everything by itself, and
+/// nothing was shown. Throws StoreError.
 LockProbe probe_lock(ObjectStore& store, const std::string& appliance, const Clock& time = Clock::system());
 
 }  // namespace kiroku::fleet

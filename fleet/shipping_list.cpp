@@ -32,6 +32,12 @@ UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microse
 
 ShippingList::ShippingList(const std::filesystem::path& file)
     : path_(file), may_be_behind_(true), file_(archive::SqliteFile::open(file, kSchema)) {
+  // Lists that were made before there were legal holds lack it.
+  file_
+      ->statement(
+          "CREATE TABLE IF NOT EXISTS hold (case_id TEXT PRIMARY KEY, standing INTEGER NOT NULL) WITHOUT "
+          "ROWID")
+      .step();
   auto state = file_->statement("SELECT unfinished FROM state");
   may_be_behind_ = !state.step() || state.integer(0) != 0;
 }
@@ -125,6 +131,20 @@ void ShippingList::set_whole(const std::string& recording, const std::string& st
   begin();
   auto put = file_->statement("INSERT OR REPLACE INTO whole VALUES (?, ?)");
   put.bind(std::string_view(recording)).bind(std::string_view(state));
+  put.step();
+}
+
+std::optional<bool> ShippingList::hold(const std::string& case_id) {
+  auto found = file_->statement("SELECT standing FROM hold WHERE case_id = ?");
+  found.bind(std::string_view(case_id));
+  if (!found.step()) return {};
+  return found.integer(0) != 0;
+}
+
+void ShippingList::set_hold(const std::string& case_id, bool standing) {
+  begin();
+  auto put = file_->statement("INSERT OR REPLACE INTO hold VALUES (?, ?)");
+  put.bind(std::string_view(case_id)).bind(std::int64_t{standing});
   put.step();
 }
 

@@ -40,9 +40,11 @@ class ShippingList {
   /// kiroku::UsageError where another one does, kiroku::IoError.
   void take();
 
-  /// Whether the store may hold what the list does not know: the list is new, or a process that shipped by it
-  /// died.
+  /// Whether the store may hold what the list does not know: the list is new, a process that shipped by it
+  /// died, or an answer was lost.
   [[nodiscard]] bool may_be_behind() const { return may_be_behind_; }
+  /// Something was put, and nobody knows whether the store took it.
+  void doubt() { may_be_behind_ = true; }
   /// Before something is put into the store. Durable when it returns.
   void before_putting();
   /// Everything that was entered so far survives a crash.
@@ -62,6 +64,11 @@ class ShippingList {
   /// How a folder was when all of it was in the store, as the shipper writes it; "" where it was not yet.
   [[nodiscard]] std::string whole(const std::string& recording);
   void set_whole(const std::string& recording, const std::string& state);
+
+  /// Whether all that the store holds of a case was last confirmed to be under legal hold, or not to be;
+  /// nothing where nobody looked.
+  [[nodiscard]] std::optional<bool> hold(const std::string& case_id);
+  void set_hold(const std::string& case_id, bool standing);
 
   struct Totals {
     std::uint64_t objects = 0, bytes = 0;

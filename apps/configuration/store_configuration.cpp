@@ -1,5 +1,7 @@
 #include "apps/configuration/store_configuration.h"
 
+#include <vector>
+
 #include "apps/common/format.h"
 #include "apps/configuration/retention_configuration.h"
 #include "apps/configuration/table_reader.h"
@@ -8,6 +10,11 @@
 #include "base/printable.h"
 
 namespace kiroku::apps {
+
+std::uint64_t StoreConfiguration::bytes_per_second_at(const std::tm& local) const {
+  constexpr std::uint64_t kMegabyte = 1'000'000;
+  return unlimited.contains(local) ? 0 : static_cast<std::uint64_t>(megabytes_per_second) * kMegabyte;
+}
 
 std::optional<StoreConfiguration> read_store(TableReader& top) {
   const toml::table* table = top.table("store");
@@ -38,7 +45,15 @@ std::optional<StoreConfiguration> read_store(TableReader& top) {
     store.retain = std::chrono::duration_cast<std::chrono::hours>(age);
   });
   reader.integer("megabytes_per_second", 1, 100'000, store.megabytes_per_second);
+  reader.texts("unlimited", [&](const std::vector<std::string>& windows) {
+    store.unlimited = recorder::Schedule::parse(windows);
+  });
   reader.refuse_unknown_keys();
+  if (!store.unlimited.empty() && store.megabytes_per_second == 0) {
+    reader.refuse(table->source(),
+                  "[store] has windows without a limit in 'unlimited', and no limit beside them: write "
+                  "'megabytes_per_second', too");
+  }
   if (store.endpoint.empty() || store.bucket.empty() || store.retain.count() == 0)
     reader.refuse(table->source(), "[store] needs 'endpoint', 'bucket' and 'retain', such as \"3653d\"");
   return store;

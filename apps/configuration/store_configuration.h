@@ -3,8 +3,11 @@
 
 #include <chrono>
 #include <cstdint>
+#include <ctime>
 #include <optional>
 #include <string>
+
+#include "recorder/daemon/schedule.h"
 
 namespace kiroku::apps {
 
@@ -18,6 +21,10 @@ struct StoreConfiguration {
   std::string appliance;                          // "": the device's name
   std::chrono::hours retain{0};                   // required
   std::int64_t megabytes_per_second = 0;          // 0: no limit
+  recorder::Schedule unlimited;                   // windows of local time in which there is no such limit
+
+  /// Most that is sent, in bytes a second, when clocks on the wall show `local`; 0: no limit.
+  [[nodiscard]] std::uint64_t bytes_per_second_at(const std::tm& local) const;
 };
 
 /// [store], out of the whole file; nothing where there is none. Throws kiroku::UsageError with line and

@@ -27,6 +27,9 @@ void add_tsa_command(Command& program);
 void add_log_command(Command& program);
 void add_witness_command(Command& program);
 void add_ship_command(Command& program);
+void add_fetch_command(Command& program);
+void add_hold_command(Command& program);
+void add_release_command(Command& program);
 /// Last, so that it knows all others.
 void add_completion_command(Command& program);
 

@@ -16,6 +16,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/reading/case_reader.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/holds.h"
 #include "archive/upkeep/retention.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
@@ -252,24 +253,29 @@ int run(const Request& request) {
                                                 : what_was_named(home, request, refusals);
   std::optional<Eraser> eraser;
   std::optional<Copies> copies;
+  archive::Holds holds;
   if (!candidates.empty()) {
+    holds = archive::read_holds(home.log_folder(), home.device());
     eraser.emplace(home, configuration);
     if (!request.only_copy) copies.emplace(home, configuration);
   }
   ordered_json cases = ordered_json::array(), kept = ordered_json::array();
+  const auto keep = [&](const Candidate& candidate, const std::string& reason, const std::string& sentence) {
+    const std::string name = candidate.folder.filename().string();
+    kept.push_back({{"case", name}, {"stream", candidate.stream}, {"reason", reason}});
+    if (!request.json) print_error("kiroku", name + ": " + candidate.stream + " is kept" + sentence);
+  };
   const auto take = [&](const Candidate& candidate) {
     const std::string name = candidate.folder.filename().string();
+    if (const std::string held = archive::why_held(holds, name); !held.empty())
+      return keep(candidate, held, ": " + held);
     const bool may_go = request.only_copy ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
     const auto only_copy = may_go ? std::nullopt : copies->why_none_holds(candidate);
     if (only_copy) {
-      kept.push_back({{"case", name}, {"stream", candidate.stream}, {"reason", *only_copy}});
-      if (!request.json) {
-        print_error("kiroku", name + ": " + candidate.stream + " is kept, for nothing else holds it (" +
-                                  *only_copy + ")" +
-                                  (request.due ? "" : "; --only-copy erases it all the same"));
-      }
-      return;
+      return keep(candidate, *only_copy,
+                  ", for nothing else holds it (" + *only_copy + ")" +
+                      (request.due ? "" : "; --only-copy erases it all the same"));
     }
     const archive::Erasure erased = eraser->erase(candidate);
     cases.push_back({{"case", name},
@@ -322,7 +328,8 @@ void add_erase_command(Command& program) {
       "erased by which policy. That they are erased is signed and time-stamped before the first byte goes. "
       "There is no way back. A case that is not closed is refused. What neither a replica of [storage] in "
       "kiroku.toml holds, byte for byte, nor the store of [store], confirmed and locked, is kept, and the "
-      "exit status is 1, unless --only-copy is given. Where several "
+      "exit status is 1, unless --only-copy is given. What is under legal hold ('kiroku hold') is kept, too, "
+      "whatever is given. Where several "
       "cases "
       "are asked for, one that cannot be read or written keeps the others from nothing: it is named, and the "
       "exit status is 2.");

@@ -34,6 +34,7 @@ nlohmann::ordered_json json_of(const fleet::ShippingReport& report, const fleet:
                               {"found", report.found},     {"in_store", held.objects},
                               {"waiting", report.waiting}, {"waiting_bytes", report.waiting_bytes}};
   if (report.waiting_since) json["waiting_since"] = format_utc(*report.waiting_since);
+  json["holds_waiting"] = report.holds_waiting;
   json["problems"] = report.problems;
   return json;
 }
@@ -55,9 +56,12 @@ int tell_status(const Request& request, const fleet::ShippingReport& report, fle
       std::cout << "not there yet  " << objects(report.waiting) << ", " << format_bytes(report.waiting_bytes)
                 << ", the oldest since " << format_utc(*report.waiting_since) << "\n";
     }
+    for (const std::string& each : report.holds_waiting)
+      std::cout << "legal hold     of case " << each << " is not confirmed by the store as the log says it\n";
     for (const std::string& problem : report.problems) print_error("kiroku", problem);
   }
-  return report.waiting == 0 && report.problems.empty() ? kDone : kNoAnswer;
+  const bool is_all_there = report.waiting == 0 && report.holds_waiting.empty() && report.problems.empty();
+  return is_all_there ? kDone : kNoAnswer;
 }
 
 int probe(const Request& request, fleet::ObjectStore& store, const std::string& appliance) {
@@ -68,7 +72,8 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
                 {"removes_unlocked", found.may_remove},
                 {"told", !found.unlocked},
                 {"removed", found.removed},
-                {"replaced", found.replaced}});
+                {"replaced", found.replaced},
+                {"hold_removed", found.hold_removed}});
   } else {
     const char* verdict =
         found.fails()   ? "The locks of this store DO NOT HOLD: it is no place for evidence.\n"
@@ -84,6 +89,10 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
               << "told      " << (found.unlocked ? "no such lock" : "COMPLIANCE until then") << "\n"
               << "removing  " << (found.removed ? "REMOVED it" : "was refused, or removed nothing") << "\n"
               << "replacing " << (found.replaced ? "CHANGED it" : "left the first version as it was") << "\n"
+              << "holding   "
+              << (found.hold_removed ? "REMOVED what was under legal hold, or told of no hold"
+                                     : "what was under legal hold was not removed")
+              << "\n"
               << verdict;
   }
   return found.holds() ? kDone : kNoAnswer;
@@ -131,7 +140,7 @@ int run(const Request& request) {
     throw UsageError("give one of --follow, --status and --probe");
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
-  const fleet::ShippingTerms terms{of.appliance, of.retain};
+  const fleet::ShippingTerms terms{of.appliance, of.retain, home.device()};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   fleet::ShippingList list(shipping_list_file(home, of));
@@ -145,6 +154,7 @@ int run(const Request& request) {
   report.waiting = left.waiting;
   report.waiting_bytes = left.waiting_bytes;
   report.waiting_since = left.waiting_since;
+  report.holds_waiting = left.holds_waiting;
   if (!request.json) {
     std::cout << "sent           " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << "\n";
     if (report.found > 0)

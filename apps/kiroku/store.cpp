@@ -8,6 +8,7 @@
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "fleet/store_credentials.h"
+#include "recorder/daemon/schedule.h"
 
 namespace kiroku::apps {
 
@@ -33,9 +34,9 @@ std::filesystem::path shipping_list_file(const Home& home, const StoreConfigurat
   return home.shipping_file(crypto::to_hex(crypto::sha256(bytes_of(store))).substr(0, kDigits));
 }
 
-fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of) {
+fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of, const Clock& time) {
   fleet::StoreTerms terms;
-  terms.bytes_per_second = static_cast<std::uint64_t>(of.megabytes_per_second) * 1'000'000;
+  terms.bytes_per_second = [of, &time] { return of.bytes_per_second_at(recorder::local_time(time.utc())); };
   return {{of.endpoint, of.bucket, of.region, of.ca_file.empty() ? "" : home.folder() / of.ca_file},
           fleet::read_credentials(home.folder() / of.credentials),
           terms};

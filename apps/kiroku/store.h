@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "apps/kiroku/home.h"
+#include "base/clock.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::apps {
@@ -14,7 +15,9 @@ StoreConfiguration store_of(const Home& home);
 /// Where the list of what is in that store under that name lies: another store, or another name, has another
 /// list.
 std::filesystem::path shipping_list_file(const Home& home, const StoreConfiguration& of);
-/// Reads the credentials, reaches nothing yet. Throws kiroku::UsageError.
-fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of);
+/// Reads the credentials, reaches nothing yet. `time` says which limit of speed holds. Throws
+/// kiroku::UsageError.
+fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of,
+                              const Clock& time = Clock::system());
 
 }  // namespace kiroku::apps

@@ -14,9 +14,9 @@ namespace {
 constexpr std::size_t kMaximumDepth = 1;
 
 constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{
-    "boot",        "shutdown",        "config-changed",    "device-key-changed", "plan-sealed",
-    "case-opened", "case-checkpoint", "case-closed",       "replicated",         "erased",
-    "access",      "recovered",       "pre-roll-discarded"};
+    "boot",        "shutdown",        "config-changed",     "device-key-changed", "plan-sealed",
+    "case-opened", "case-checkpoint", "case-closed",        "replicated",         "erased",
+    "access",      "recovered",       "pre-roll-discarded", "case-held",          "case-released"};
 
 // -- writing, one function an entry type
 
@@ -58,6 +58,15 @@ void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
   if (entry.duration_ns) {
     line.integer("duration_ns", *entry.duration_ns);
   }
+}
+void write(JsonWriter& line, const CaseHeldEntry& entry) {
+  line.text("case", entry.case_id).text("reason", entry.reason).text("who", entry.who);
+}
+void write(JsonWriter& line, const CaseReleasedEntry& entry) {
+  line.text("case", entry.case_id)
+      .count("hold", entry.hold)
+      .text("reason", entry.reason)
+      .text("who", entry.who);
 }
 
 // -- reading, likewise; each takes every key it knows
@@ -117,6 +126,17 @@ void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
   if (fields.has("duration_ns")) {
     entry.duration_ns = fields.integer("duration_ns");
   }
+}
+void read(JsonFields& fields, CaseHeldEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.reason = fields.text("reason");
+  entry.who = fields.text("who");
+}
+void read(JsonFields& fields, CaseReleasedEntry& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.hold = fields.count("hold");
+  entry.reason = fields.text("reason");
+  entry.who = fields.text("who");
 }
 
 /// A body of the type called `type`, its fields still empty.

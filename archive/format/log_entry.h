@@ -16,6 +16,8 @@
 //   erased               case, stream (absent: the whole case), policy
 //   access               case (as it was asked for), what, who
 //   recovered            truncated (bytes of a torn last line that were cut off before this entry)
+//   case-held            case, reason, who
+//   case-released        case, hold (the number of its case-held), reason, who
 #pragma once
 
 #include <cstdint>
@@ -75,11 +77,20 @@ struct PreRollDiscardedEntry {
   std::uint64_t segments = 0;               // that were still there
   std::optional<std::int64_t> duration_ns;  // they covered; nothing where a dead recorder left them
 };
+/// A legal hold: no retention erases anything of the case.
+struct CaseHeldEntry {
+  std::string case_id, reason, who;
+};
+struct CaseReleasedEntry {
+  std::string case_id;
+  std::uint64_t hold = 0;  // number of the CaseHeldEntry that it ends
+  std::string reason, who;
+};
 
 using LogEntryBody =
     std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, PlanSealedEntry,
                  CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
-                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry>;
+                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

@@ -11,6 +11,7 @@
 #include "archive/format/ledger_tail.h"
 #include "archive/format/pointing_stream.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/holds.h"
 #include "archive/upkeep/retention.h"
 #include "archive/upkeep/standby_folder.h"
 #include "archive/verify/carried_on.h"
@@ -23,6 +24,15 @@ namespace kiroku::archive {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// "" where no legal hold of the case stands. Throws kiroku::Error where nobody can tell.
+std::string why_held_now(const RecoveryOptions& options, const std::string& case_id) {
+  if (options.log == nullptr) {
+    return "";
+  }
+  return why_held(read_holds(options.log->folder(), {options.device_name, options.key->public_key()}),
+                  case_id);
+}
 using std::chrono::nanoseconds;
 
 constexpr std::string_view kHiddenPrefix = ".new-";
@@ -429,6 +439,11 @@ class Recovery {
     if (left.empty()) {
       return;
     }
+    const ErasingTurn turn(options_.archive);
+    if (const std::string held = why_held_now(options_, result_.case_id); !held.empty()) {
+      result_.problem = "what is left of an erasure that was cut off stays: " + held;
+      return;
+    }
     if (options_.log != nullptr) {
       options_.log->erased(result_.case_id, standing_.erased.back().stream, standing_.erased.back().policy);
     }
@@ -446,14 +461,17 @@ class Recovery {
 
 /// Whether the case was brought to its end: closed, covered by a checkpoint, not open by the log. (One that
 /// the log does not know at all came from elsewhere.)
-bool is_finished(const FileReading& files, const fs::path& folder, const ApplianceLog* log) {
+bool is_finished(const FileReading& files, const fs::path& folder, const RecoveryOptions& options) {
+  const ApplianceLog* const log = options.log;
   if (log != nullptr && log->case_state(folder.filename().string()) == ApplianceLog::CaseState::kOpened) {
     return false;
   }
   const std::optional<LedgerTail> tail = read_ledger_tail(folder, files);
   try {
-    return tail && tail->closed && tail->covered && files_to_erase(files, folder, tail->erased).empty();
-  } catch (const IoError&) {
+    return tail && tail->closed && tail->covered &&
+           (files_to_erase(files, folder, tail->erased).empty() ||
+            !why_held_now(options, folder.filename().string()).empty());
+  } catch (const Error&) {
     return false;  // whoever takes the case up says what cannot be read
   }
 }
@@ -505,7 +523,7 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
     }
     if (is_hidden) {
       hidden.insert(folder);
-    } else if (!is_excerpt(folder, files) && !is_finished(files, folder, options.log)) {
+    } else if (!is_excerpt(folder, files) && !is_finished(files, folder, options)) {
       unfinished.insert(folder);
     }
   }

@@ -8,6 +8,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/holds.h"
 #include "archive/writing/appliance_log.h"
 
 namespace kiroku::archive {
@@ -166,6 +167,15 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
     throw UsageError("case " + writer->case_id() +
                      " is not as it was when it was chosen, and may not go: nothing was erased; find out who "
                      "writes to the archive");
+  }
+  const ErasingTurn turn(folder.parent_path());
+  if (options.log != nullptr) {
+    const std::string held =
+        why_held(read_holds(options.log->folder(), {options.device_name, options.key->public_key()}),
+                 writer->case_id());
+    if (!held.empty()) {
+      throw UsageError("nothing is erased from case " + writer->case_id() + ": " + held);
+    }
   }
   // After close the case clock stands.
   const auto now = [&] { return Moment{options.now(), segments.last_mono_ns}; };

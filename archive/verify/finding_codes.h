@@ -252,6 +252,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the log says that the whole case was erased, and here it is: a copy that was kept, or an erasure that "
      "did "
      "not come about"},
+    {"erased-while-held", Severity::kGap,
+     "the log says that something of a case was erased while a legal hold of it stood"},
     {"log-of-another-device", Severity::kUnproven,
      "the log was another device's when it says that the case was opened: whether the case's own device has "
      "it in "

@@ -78,6 +78,7 @@ LogContents LogWalk::run() {
     told_now_.reset();
     closed_now_.reset();
     opened_now_ = false;
+    of_holds_now_.reset();
     take(line, number);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
@@ -102,6 +103,9 @@ LogContents LogWalk::run() {
       contents_.cases[*erased_now_].erased = true;
     }
     judge_told(number, has_its_own);
+    if (has_its_own) {
+      judge_holds(number);
+    }
     if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
@@ -185,6 +189,27 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
   if (!has_its_own) {
     contents_.doubted.insert(number);
   }
+}
+
+void LogWalk::judge_holds(std::uint64_t number) {
+  if (!of_holds_now_) {
+    return;
+  }
+  std::visit(
+      Overloaded{[&](const CaseHeldEntry& held) { holds_[held.case_id].insert(number); },
+                 [&](const CaseReleasedEntry& released) { holds_[released.case_id].erase(released.hold); },
+                 [&](const CaseErasedEntry& erased) {
+                   const std::set<std::uint64_t>& standing = holds_[erased.case_id];
+                   if (!standing.empty()) {
+                     const std::string what =
+                         erased.stream ? "stream " + *erased.stream + " of case " : std::string("case ");
+                     findings_->add("erased-while-held", in_ledger(number),
+                                    "the log says that " + what + erased.case_id +
+                                        " was erased while its legal hold of " + at_entry(*standing.begin()) +
+                                        " stood");
+                   }
+                 }},
+      *of_holds_now_);
 }
 
 void LogWalk::judge_tail() {
@@ -297,6 +322,13 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                    if (!erased.stream && logged(erased.case_id) != nullptr) {
                      erased_now_ = erased.case_id;
                    }
+                   if (is_asked_for(erased.case_id)) of_holds_now_ = erased;
+                 },
+                 [&](const CaseHeldEntry& held) {
+                   if (is_asked_for(held.case_id)) of_holds_now_ = held;
+                 },
+                 [&](const CaseReleasedEntry& released) {
+                   if (is_asked_for(released.case_id)) of_holds_now_ = released;
                  },
                  [](const auto&) {}},
       entry.body);
@@ -326,7 +358,11 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
 }
 
 LoggedCase* LogWalk::logged(const std::string& case_id) {
-  return case_id_.empty() || case_id == case_id_ ? &contents_.cases[case_id] : nullptr;
+  return is_asked_for(case_id) ? &contents_.cases[case_id] : nullptr;
+}
+
+bool LogWalk::is_asked_for(const std::string& case_id) const {
+  return case_id_.empty() || case_id == case_id_;
 }
 
 void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {

@@ -5,9 +5,11 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <unordered_set>
+#include <variant>
 #include <vector>
 
 #include "archive/format/case_folder.h"
@@ -96,6 +98,7 @@ class LogWalk {
   void set_device(const std::string& device, std::uint64_t number);
   /// What is known of a case; nothing where it is not asked for.
   LoggedCase* logged(const std::string& case_id);
+  [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
   void note_root(const std::string& case_id, const KnownRoot& root);
   void check_names();
   /// Notes that were signed while the log was read, of the newest entries.
@@ -106,6 +109,8 @@ class LogWalk {
   /// When it is known whether the newest entry, `number`, has a checkpoint of its own: here, or one that was
   /// kept elsewhere.
   void judge_told(std::uint64_t number, bool has_its_own);
+  /// Of an entry that was signed before another followed; no other holds, releases or accuses.
+  void judge_holds(std::uint64_t number);
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -127,7 +132,10 @@ class LogWalk {
   std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
   std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
   std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
-  std::uint64_t since_note_ = 0;               // entries to be followed, since the last checkpoint that fits
+  /// The newest entry, if it holds, releases or erases something of a case that is asked for.
+  std::optional<std::variant<CaseHeldEntry, CaseReleasedEntry, CaseErasedEntry>> of_holds_now_;
+  std::map<std::string, std::set<std::uint64_t>> holds_;  // entries of the holds that stand, by case
+  std::uint64_t since_note_ = 0;  // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };
 

@@ -115,8 +115,8 @@ struct ApplianceLog::State {
     append_locked(body);
   }
 
-  /// A line whose checkpoint finds no room is taken back before anybody else sees it.
-  void append_and_checkpoint(const LogEntryBody& body) {
+  /// A line whose checkpoint finds no room is taken back before anybody else sees it. Its number.
+  std::uint64_t append_and_checkpoint(const LogEntryBody& body) {
     const std::lock_guard guard(mutex);
     const Ledger::Turn turn(*ledger);
     settle_locked();
@@ -127,6 +127,7 @@ struct ApplianceLog::State {
       take_back_unsigned_line();
       throw;
     }
+    return ledger->size() - 1;
   }
 
   /// Whether there is no note of the log's size; where that cannot be told there is one.
@@ -273,6 +274,18 @@ void ApplianceLog::erased(const std::string& case_id, const std::optional<std::s
                           const std::string& policy) {
   check_case_id(case_id);
   state_->append_and_checkpoint(CaseErasedEntry{case_id, stream, policy});
+}
+
+std::uint64_t ApplianceLog::case_held(const std::string& case_id, const std::string& reason,
+                                      const std::string& who) {
+  check_case_id(case_id);
+  return state_->append_and_checkpoint(CaseHeldEntry{case_id, reason, who});
+}
+
+void ApplianceLog::case_released(const std::string& case_id, std::uint64_t hold, const std::string& reason,
+                                 const std::string& who) {
+  check_case_id(case_id);
+  state_->append_and_checkpoint(CaseReleasedEntry{case_id, hold, reason, who});
 }
 
 void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns) {

@@ -65,6 +65,10 @@ class ApplianceLog {
   /// One stream's segments by retention; without a stream, the whole case.
   void erased(const std::string& case_id, const std::optional<std::string>& stream,
               const std::string& policy);
+  /// A legal hold of a case; the entry's number, by which case_released() names it.
+  std::uint64_t case_held(const std::string& case_id, const std::string& reason, const std::string& who);
+  void case_released(const std::string& case_id, std::uint64_t hold, const std::string& reason,
+                     const std::string& who);
   /// Who decrypted or exported what.
   void access(const std::string& case_id, const std::string& what, const std::string& who);
 

@@ -181,18 +181,18 @@ def a_killed_shipper_goes_on(appliance, store):
     require(not doubled, f"put twice: {doubled}")
 
 
-def judged(appliance, store, case):
+def judged(appliance, store, case, name="or-1"):
     """What kiroku-verify says of the store's copy alone: its exit status and its words."""
     with tempfile.TemporaryDirectory() as copy:
         parts = b""
         for key in sorted(store.versions("recordings")):
-            if key.startswith(f"or-1/growing/{case}/"):
+            if key.startswith(f"{name}/growing/{case}/"):
                 parts += store.get("recordings", key)
-            if key.startswith(f"or-1/{case}/"):
+            if key.startswith(f"{name}/{case}/"):
                 file = pathlib.Path(copy, key)
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_bytes(store.get("recordings", key))
-        folder = pathlib.Path(copy, "or-1", case)
+        folder = pathlib.Path(copy, name, case)
         ledger = folder / "ledger.jsonl"
         if ledger.exists():
             require(ledger.read_bytes().startswith(parts), "the parts of the ledger are not its beginning")
@@ -224,6 +224,50 @@ def a_destroyed_appliances_case_reads_as_cut_off(appliance, store):
         appliance.kiroku("ship")
         status, words = judged(appliance, store, case)
         require(status in (0, 3) and "TAMPERED" not in words, f"recovered it reads: {words}")
+
+
+def another_machine_gets_the_cases_back(appliance, store):
+    """A running case whose appliance is gone, and a closed one, by the store's keys and another home."""
+    closed = appliance.recorded(4)
+    appliance.kiroku("ship")
+    recording = appliance.record(30)
+    known = set(store.versions("recordings"))
+    following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL,
+                                 stderr=subprocess.DEVNULL)
+    eventually(lambda: any("/segments/endoscope/" in key for key in set(store.versions("recordings")) - known), "nothing came")
+    for each in (following, recording):
+        each.kill()
+        each.wait()
+    running = next(key.split("/")[2] for key in set(store.versions("recordings")) - known if "/growing/2" in key)
+    other = Appliance(appliance.programs, appliance.home.parent / "rescuer", store.endpoint, "recordings")
+    listed = json.loads(other.kiroku("fetch", "--list", "--json"))["cases"]
+    cases = {each.name for each in (appliance.home / "archive").iterdir() if each.name.startswith("2")}
+    require(set(listed) == cases, f"listed {listed}, and there are {cases}")
+    keys = ("--device", str(appliance.home / "device.pub"), "--own-authority", str(appliance.home / "own-authority.pem"))
+    folder = appliance.home.parent / "fetched"
+    told = other.ask("fetch", closed, "-o", str(folder), *keys)
+    require(told.returncode == 0 and "\nINTACT" in told.stdout, f"closed: {told}")
+    source = appliance.home / "archive" / closed
+    same = {str(file.relative_to(source)): file.read_bytes() for file in source.rglob("*") if file.is_file()}
+    require(same == {str(file.relative_to(folder / closed)): file.read_bytes() for file in (folder / closed).rglob("*") if file.is_file()},
+            "what was fetched is not what was recorded")
+    told = other.ask("fetch", running, "-o", str(folder), "--json", *keys)
+    (case,) = json.loads(told.stdout)["cases"]
+    require(told.returncode == 3 and case["report"]["verdict"] == "incomplete" and not case["closed"], f"running: {told}")
+    require(case["report"]["streams"][0]["segments"] > 0, f"no segment of it: {case['report']}")
+    again = other.ask("fetch", running, "-o", str(folder), *keys)
+    require(again.returncode == 2 and "is there already" in again.stderr, f"written over: {again}")
+    nothing = other.ask("fetch", "20200101T000000Z-00000000", "-o", str(folder))
+    require(nothing.returncode == 2 and "has nothing of case" in nothing.stderr, f"{nothing}")
+    # Somebody with the appliance's keys puts another version of a segment, and a name that leads out of the folder.
+    segment = f"or-1/{closed}/segments/endoscope/00000000.ts.age"
+    store.ask("PUT", f"/recordings/{segment}", "Content-Length: 0")
+    store.ask("PUT", f"/recordings/or-1/{closed}/.hidden", "Content-Length: 0")
+    told = other.ask("fetch", closed, "-o", str(folder / "second"), *keys)
+    require(told.returncode == 0 and "an older version was taken" in told.stderr and "'or-1/" in told.stderr, f"another version: {told}")
+    require(not (folder / "second" / closed / ".hidden").exists(), "a hidden file came")
+    appliance.kiroku("recover")
+    appliance.kiroku("ship")
 
 
 def an_appliance_of_the_same_name_is_told(appliance, store):
@@ -311,6 +355,77 @@ def what_the_store_holds_may_be_erased(appliance, store):
     require(f"or-1/{case}/segments/endoscope/00000000.ts.age" in store.versions("recordings"), "the store lost it, too")
 
 
+def holds(store, case):
+    """What the store tells of the legal hold of every version of the case's objects."""
+    told = {}
+    for key, versions in store.versions("recordings").items():
+        if key.startswith((f"or-1/{case}/", f"or-1/growing/{case}/")):
+            for version in versions:
+                status, body = store.ask("GET", f"/recordings/{key}?legal-hold=&versionId={version}")
+                told[key, version] = b"<Status>ON<" in body
+    return told
+
+
+def what_is_held_stays_here_and_there(appliance, store):
+    case = appliance.recorded(4)
+    appliance.kiroku("ship")
+    require(not any(holds(store, case).values()), "something is held that nobody held")
+    # Whoever has the appliance's keys may have put other versions.
+    segment = f"or-1/{case}/segments/endoscope/00000000.ts.age"
+    status, body = store.ask("PUT", f"/recordings/{segment}", "Content-Length: 0")
+    require(status == 200, f"no second version: {body}")
+    appliance.kiroku("hold", case, "--reason", "court order")
+    told = appliance.ask("ship", "--status", "--json")
+    require(told.returncode == 3 and json.loads(told.stdout)["holds_waiting"] == [case], f"not told: {told.stdout}")
+    require(json.loads(appliance.kiroku("ship", "--json"))["holds_waiting"] == [], "the store did not confirm the hold")
+    held = holds(store, case)
+    require(len(held) > 5 and all(held.values()), f"not held: {[key for key, on in held.items() if not on]}")
+    require(sum(key == segment for key, _ in held) == 2, "another version was not looked at")
+    erase = ("erase", case, "--stream", "endoscope", "--policy", "reviewed", "--only-copy")
+    kept = appliance.ask(*erase)
+    require(kept.returncode == 1 and "under legal hold" in kept.stderr and "court order" in kept.stderr, f"not kept: {kept}")
+    # What comes later is held when it is put.
+    (appliance.home / "archive" / case / "authorities").mkdir(exist_ok=True)
+    (appliance.home / "archive" / case / "authorities/another.pem").write_text("none")
+    appliance.kiroku("ship")
+    require(holds(store, case).keys() > held.keys() and all(holds(store, case).values()), "what came later is not held")
+    (appliance.home / "archive" / case / "authorities/another.pem").unlink()
+    second = json.loads(appliance.kiroku("hold", case, "--reason", "complaint", "--json"))["hold"]
+    refused = appliance.ask("release", case, "--reason", "settled")
+    require(refused.returncode == 2 and "2 legal holds" in refused.stderr, f"which one? {refused.stderr}")
+    appliance.kiroku("release", case, "--hold", str(second), "--reason", "settled")
+    appliance.kiroku("ship")
+    require(all(holds(store, case).values()), "one of two holds ended, and the store let go")
+    appliance.kiroku("release", case, "--reason", "settled")
+    # Also by a list that knows of no hold.
+    for each in appliance.home.glob("shipping-*.sqlite"):
+        each.unlink()
+    appliance.kiroku("ship")
+    require(not any(holds(store, case).values()), "the store holds what was released")
+    require("erased 2 segments" in appliance.kiroku(*erase), "released, and not erased")
+
+
+def a_running_case_is_held(appliance, store):
+    recording = appliance.record(12)
+    following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL)
+    known = set(store.versions("recordings"))
+
+    def begun():
+        return [key.split("/")[2] for key in set(store.versions("recordings")) - known if "/growing/2" in key]
+
+    eventually(begun, "no line of the case came")
+    case = begun()[0]
+    appliance.kiroku("hold", case, "--reason", "complaint")
+    require(recording.wait(timeout=120) == 0, "recording failed")
+    eventually(lambda: f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "its end did not come")
+    following.send_signal(signal.SIGTERM)
+    require(following.wait(timeout=60) == 0, "it did not end")
+    require(json.loads(appliance.kiroku("ship", "--json"))["holds_waiting"] == [], "the store did not confirm the hold")
+    held = holds(store, case)
+    require(len(held) > 5 and all(held.values()), f"not held: {[key for key, on in held.items() if not on]}")
+    appliance.kiroku("release", case, "--reason", "settled")
+
+
 def a_file_that_cannot_go_keeps_no_other_from_going(appliance, store):
     case = appliance.recorded(2)
     folder = appliance.home / "archive" / case
@@ -375,8 +490,9 @@ def main():
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
         for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
                         a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
+                        another_machine_gets_the_cases_back,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
-                        what_the_store_holds_may_be_erased, a_file_that_cannot_go_keeps_no_other_from_going,
+                        what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
                         what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)

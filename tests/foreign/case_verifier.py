@@ -590,6 +590,9 @@ class AgainstLog:
         self.log, self.entries, self.report = log, entries, report
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
+        for name, number in log.held_and_erased if log else ():
+            if not entries.opening or name == entries.opening["case"]:
+                report("erased-while-held", f"line {number} of the log")
         if log and entries.opening:
             if self.known and self.known.device != entries.opening["device"]:
                 report("log-of-another-device", entries.opening["device"])

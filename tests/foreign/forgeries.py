@@ -1253,6 +1253,75 @@ def erased_case_in_its_archive(world):
     return the_log(world, lambda log, written: log.signed("erased", 90 * SECOND, case=written.case.id, policy="after ten years"))
 
 
+def held_and_erased(log, written, between=lambda log, case: None):
+    case = written.case.id
+    log.signed("case-held", 90 * SECOND, case=case, reason="court order", who="anna")
+    between(log, case)
+    log.signed("erased", 93 * SECOND, case=case, stream="vitals", policy="30 days")
+
+
+def release(hold, sign=True, of=None):
+    """Between a hold and an erasure: a release that names `hold` entries before it."""
+    def add(log, case):
+        lines = sum(isinstance(step, w.Entry) for step in log.steps)
+        (log.signed if sign else log.add)("case-released", 91 * SECOND, case=of or case, hold=lines - hold, reason="settled", who="ben")
+    return add
+
+
+@reaches("erased-while-held")
+def erased_while_held(world):
+    return the_log(world, held_and_erased)
+
+
+@reaches("erased-while-held")
+def case_whose_stream_was_erased_while_held(world):
+    return with_log(world, held_and_erased)
+
+
+@reaches()
+def erased_after_the_release(world):
+    return the_log(world, lambda log, written: held_and_erased(log, written, release(1)))
+
+
+@reaches("erased-while-held")
+def released_of_another_entry(world):
+    return the_log(world, lambda log, written: held_and_erased(log, written, release(2)))
+
+
+@reaches("erased-while-held")
+def released_by_another_case(world):
+    return the_log(world, lambda log, written: held_and_erased(log, written, release(1, of="20200101T000000Z-00000000")))
+
+
+@reaches("erased-while-held")
+def released_by_nobody_who_signed(world):
+    return the_log(world, lambda log, written: held_and_erased(log, written, release(1, sign=False)))
+
+
+@reaches()
+def held_by_nobody_who_signed(world):
+    def change(log, written):
+        held_and_erased(log, written)
+        del log.steps[-3]
+    return the_log(world, change)
+
+
+@reaches("erased-while-held")
+def one_of_two_holds_released(world):
+    def between(log, case):
+        log.signed("case-held", 90 * SECOND, case=case, reason="second", who="ben")
+        release(1)(log, case)
+    return the_log(world, lambda log, written: held_and_erased(log, written, between))
+
+
+@reaches()
+def another_case_held(world):
+    def change(log, written):
+        log.signed("case-held", 90 * SECOND, case="20200101T000000Z-00000000", reason="court order", who="anna")
+        log.signed("erased", 93 * SECOND, case=written.case.id, stream="vitals", policy="30 days")
+    return with_log(world, change)
+
+
 @reaches("case-missing")
 def two_cases_of_one_identifier(world):
     return the_log(world, lambda log, written: log.signed("case-opened", 90 * SECOND, case=written.case.id, sha256="0" * 64))

@@ -35,14 +35,14 @@ class LogRead:
     """What the log says; findings are in `folder`. `alone`: it is judged itself, so all notes kept outside are about it."""
 
     def __init__(self, path, trust, alone=False):
-        self.path, self.folder, self.cases, self.doubted = pathlib.Path(path), Folder(path, trust), {}, set()
+        self.path, self.folder, self.cases, self.doubted, self.held_and_erased = pathlib.Path(path), Folder(path, trust), {}, set(), []
         folder, report = self.folder, self.folder.report
         data = folder.read("ledger.jsonl") or b""
         self.ledger = Ledger(data, "appliance-log", 1, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
         notes = trust.against if alone else outside_notes(trust, True)
-        outside = _held(notes, trust)
+        outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
         for number, entry in enumerate(self.ledger.entries):
             told, erased, closed = None, None, None
             if entry is not None:
@@ -77,6 +77,8 @@ class LogRead:
             own = folder.covered == size or any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
             if erased and own:
                 erased.erased = True
+            if own and entry is not None:
+                self._judge_holds(holds, number, entry)
             if told:
                 if own and kind == "case-opened":
                     told.erased = False
@@ -116,6 +118,15 @@ class LogRead:
             return None, self.cases.setdefault(entry["case"], KnownCase()), None
         return None, None, None
 
+    def _judge_holds(self, holds, number, entry):
+        standing = holds.setdefault(entry.get("case"), set())
+        if entry["type"] == "case-held":
+            standing.add(number)
+        elif entry["type"] == "case-released":
+            standing.discard(entry["hold"])
+        elif entry["type"] == "erased" and standing:
+            self.held_and_erased.append((entry["case"], number))
+
     def _judge_tail(self, to_be_followed):
         covered, is_empty = self.folder.covered, len(self.ledger) == 0
         if covered == len(self.ledger) and not is_empty:
@@ -150,6 +161,8 @@ def _judge_name(file):
 
 def verify_log(path, trust):
     log = LogRead(path, trust, alone=True)
+    for name, number in log.held_and_erased:
+        log.folder.report("erased-while-held", f"{name}, line {number}")
     if log.ledger.readable:
         _look_for_cases(log, pathlib.Path(path).resolve())
     return Judgement(log.folder.findings)

@@ -32,7 +32,8 @@ LOG = [
     _entry("plan-sealed", sha256=_HASH), _entry("case-opened", **_CASE, sha256=_HASH), _entry("case-checkpoint", **_CASE, size=1, root=_HASH),
     _entry("case-closed", **_CASE, size=1, root=_HASH, final_token=_HASH), _entry("replicated", **_CASE, target="t"),
     _entry("erased", **_CASE, stream="s", policy="p"), _entry("access", case="*", what="w", who="w"), _entry("recovered", truncated=1),
-    _entry("pre-roll-discarded", segments=1, duration_ns=2)]
+    _entry("pre-roll-discarded", segments=1, duration_ns=2),
+    _entry("case-held", **_CASE, reason="r", who="w"), _entry("case-released", **_CASE, hold=1, reason="r", who="w")]
 
 _LARGE = 1 << 53
 _VALUES = [

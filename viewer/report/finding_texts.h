@@ -201,6 +201,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"log-case-open", Check::kLog, "装置ログに症例の終了がない。"},
     {"log-case-erased", Check::kLog,
      "装置ログによれば症例全体は消去されたが、ここに存在する。残された写しか、行われなかった消去である。"},
+    {"erased-while-held", Check::kLog, "装置ログによれば、法的保全が続いている間に症例の記録が消去された。"},
     {"log-of-another-device", Check::kLog,
      "装置ログは、症例の開始を記した時点で別の装置のものであった。署名した装置自身のログは確かめていない。"},
     {"log-algorithm-ended", Check::kLog,

@@ -87,6 +87,7 @@ TEST(ObjectStore, SaysWhatARefusalMeans) {
   EXPECT_THAT(said_of(refusal("403 Forbidden", "SignatureDoesNotMatch")),
               HasSubstr("the secret key is not the one of"));
   EXPECT_THAT(said_of(refusal("403 Forbidden", "RequestTimeTooSkewed")), HasSubstr("set the clock"));
+  EXPECT_THAT(said_of(refusal("400 Bad Request", "ExpiredToken")), HasSubstr("has expired or was suspended"));
   EXPECT_THAT(said_of(refusal("403 Forbidden", "AccessDenied")), HasSubstr("has no right to do this"));
   EXPECT_THAT(said_of(refusal("301 Moved", "PermanentRedirect")),
               HasSubstr("in another region than 'us-east-1'"));
@@ -142,6 +143,79 @@ TEST(ObjectStore, ReadsWhatAVersionIs) {
   EXPECT_EQ(object->sha256, "abc");
   EXPECT_TRUE(object->compliance);
   EXPECT_EQ(object->lock_ends, parse_utc("2036-11-23T15:00:00Z"));
+}
+
+TEST(ObjectStore, ALegalHoldIsAskedForAndTold) {
+  test::ScriptedServer server(
+      "HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: 0\r\n"
+      "x-amz-version-id: v1\r\n\r\n");
+  ObjectStore store = store_at(endpoint_of(server));
+  store.put("a", *crypto::memory_source({}), crypto::sha256({}), {.legal_hold = true});
+  EXPECT_THAT(server.last_request(),
+              AllOf(HasSubstr("x-amz-object-lock-legal-hold: ON"), Not(HasSubstr("x-amz-object-lock-mode"))));
+  store.put("a", *crypto::memory_source({}), crypto::sha256({}), {});
+  EXPECT_THAT(server.last_request(), Not(HasSubstr("x-amz-object-lock")));
+  store.set_legal_hold("a", "v/1", true);
+  EXPECT_THAT(server.last_request(), AllOf(HasSubstr("PUT /recordings/a?legal-hold=&versionId=v%2F1"),
+                                           HasSubstr("x-amz-checksum-sha256: ")));
+  server.answer_with(head_answer("Content-Length: 1\r\nx-amz-object-lock-legal-hold: ON\r\n"));
+  EXPECT_TRUE(store.look("a")->legal_hold);
+  server.answer_with(head_answer("Content-Length: 1\r\nx-amz-object-lock-legal-hold: OFF\r\n"));
+  EXPECT_FALSE(store.look("a")->legal_hold);
+  server.answer_with(refusal("403 Forbidden", "AccessDenied"));
+  EXPECT_THAT([&] { store.set_legal_hold("a", "v1", false); },
+              ThrowsMessage<StoreError>(HasSubstr("cannot lift the legal hold of a")));
+}
+
+TEST(ObjectStore, HowFastItSendsIsAskedBeforeEachObject) {
+  const test::ScriptedServer server(
+      "HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: 0\r\n"
+      "x-amz-version-id: v1\r\n\r\n");
+  int asked = 0;
+  ObjectStore store({endpoint_of(server), "recordings", "us-east-1", {}}, keys(),
+                    {.bytes_per_second = [&] { return std::uint64_t{++asked == 1 ? 20'000'000U : 0U}; }});
+  for (int i = 1; i <= 2; ++i) {
+    store.put("a", *crypto::memory_source({}), crypto::sha256({}), {});
+    EXPECT_EQ(asked, i);
+  }
+}
+
+std::string listing(const std::string& inside) {
+  return test::http_answer("200 OK", "application/xml",
+                           "<?xml version=\"1.0\"?><ListVersionsResult>" + inside + "</ListVersionsResult>");
+}
+
+TEST(ObjectStore, ListsEveryVersion) {
+  test::ScriptedServer server(listing(
+      "<IsTruncated>false</IsTruncated>"
+      "<Version><Key>or-1/a</Key><VersionId>v2</VersionId><IsLatest>true</IsLatest><Size>2</Size></Version>"
+      "<DeleteMarker><Key>or-1/b</Key><VersionId>v1</VersionId></DeleteMarker>"
+      "<Version><Key>or-1/a</Key><VersionId>v1</VersionId><IsLatest>false</IsLatest><Size>1</Size></"
+      "Version>"));
+  ObjectStore store = store_at(endpoint_of(server));
+  std::vector<std::string> found;
+  const auto list = [&] {
+    store.for_each_version("or-1/", [&](const ListedVersion& each) {
+      found.push_back(each.key + " " + each.version + " " + std::to_string(each.bytes) +
+                      (each.newest ? " newest" : ""));
+    });
+  };
+  list();
+  EXPECT_THAT(found, testing::ElementsAre("or-1/a v2 2 newest", "or-1/a v1 1"));
+  EXPECT_THAT(server.last_request(), HasSubstr("GET /recordings?prefix=or-1%2F&versions="));
+  const auto refused = [&](const std::string& inside, const std::string& sentence) {
+    server.answer_with(listing(inside));
+    EXPECT_THAT(list, ThrowsMessage<Error>(HasSubstr(sentence)));
+  };
+  refused("<IsTruncated>true</IsTruncated>", "does not say where");
+  refused("<IsTruncated>true</IsTruncated><NextKeyMarker>or-1/a</NextKeyMarker>", "told before");
+  refused("<Version><Key>or-2/a</Key><VersionId>v1</VersionId><Size>1</Size></Version>",
+          "among what begins with or-1/");
+  refused("<Version><Key>or-1/a</Key><Size>1</Size></Version>", "without key, version or size");
+  refused("<Version><Key>or-1/a</Key><VersionId>v1</VersionId><Size>-1</Size></Version>",
+          "without key, version or size");
+  server.answer_with(test::http_answer("200 OK", "text/html", "<html>"));
+  EXPECT_THAT(list, ThrowsMessage<Error>(HasSubstr("is none")));
 }
 
 TEST(ObjectStore, AnotherModeIsNoLock) {

@@ -32,6 +32,10 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
     list.enter("or-1/a", kSent);
     list.set_grown("log", {4096, 12});
     list.set_whole("log", "ledger 7");
+    EXPECT_EQ(list.hold("a"), std::nullopt);
+    list.set_hold("a", true);
+    list.set_hold("b", true);
+    list.set_hold("b", false);
     list.finish();
     EXPECT_FALSE(list.may_be_behind());
   }
@@ -47,6 +51,9 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
   EXPECT_EQ(list.grown("log").lines, 12U);
   EXPECT_EQ(list.grown("another").bytes, 0U);
   EXPECT_EQ(list.whole("log"), "ledger 7");
+  EXPECT_EQ(list.hold("a"), true);
+  EXPECT_EQ(list.hold("b"), false);
+  EXPECT_EQ(list.hold("c"), std::nullopt);
   EXPECT_EQ(list.whole("another"), "");
   EXPECT_EQ(list.totals().objects, 1U);
   EXPECT_EQ(list.totals().bytes, 4711U);

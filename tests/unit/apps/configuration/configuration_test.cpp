@@ -234,9 +234,32 @@ TEST(Configuration, StoreNeedsAPlaceAndATime) {
               HasSubstr("needs 'endpoint', 'bucket' and 'retain'"));
   EXPECT_THAT(refusal(whole + "appliance = \"OR 1\"\n"), HasSubstr("'appliance' is 'OR 1'"));
   EXPECT_THAT(refusal(whole + "megabytes_per_second = 0\n"), HasSubstr("from 1 to"));
+  EXPECT_THAT(refusal(whole + "unlimited = [\"daily 19:00-06:00\"]\n"), HasSubstr("no limit beside them"));
+  EXPECT_THAT(refusal(whole + "megabytes_per_second = 20\nunlimited = [\"at night\"]\n"),
+              HasSubstr("'at night' is no window of time"));
   EXPECT_THAT(refusal("[store]\nretain = \"5m\"\n"), HasSubstr("an hour at least"));
   EXPECT_THAT(refusal("[store]\nretain = \"40000d\"\n"), HasSubstr("36525d"));
   EXPECT_THAT(refusal("[store]\nretain = \"30\"\n"), HasSubstr("does not say of what"));
+}
+
+TEST(Configuration, AStoresLimitHoldsOutsideItsWindows) {
+  const auto store = parse_configuration(
+                         "[store]\nendpoint = \"https://s.example\"\nbucket = \"recordings\"\nretain = "
+                         "\"3653d\"\nmegabytes_per_second = 20\nunlimited = [\"mon-fri 22:00-06:00\"]\n",
+                         "k.toml")
+                         .store;
+  const auto at = [&](int day, int hour, int minute) {
+    std::tm local{};
+    local.tm_wday = day;
+    local.tm_hour = hour;
+    local.tm_min = minute;
+    return store->bytes_per_second_at(local);
+  };
+  EXPECT_EQ(at(1, 21, 59), 20'000'000U);
+  EXPECT_EQ(at(1, 22, 0), 0U);
+  EXPECT_EQ(at(6, 5, 59), 0U) << "friday's window";
+  EXPECT_EQ(at(6, 6, 0), 20'000'000U);
+  EXPECT_EQ(at(6, 23, 0), 20'000'000U);
 }
 
 TEST(Configuration, RefusesUnknownKeysWithTheirPlace) {

@@ -57,6 +57,10 @@ std::vector<Example> examples() {
       {PreRollDiscardedEntry{3, 4'000'000'000},
        head_of("pre-roll-discarded") + R"(,"segments":3,"duration_ns":4000000000})"},
       {PreRollDiscardedEntry{3, {}}, head_of("pre-roll-discarded") + R"(,"segments":3})"},
+      {CaseHeldEntry{id, "court order", "anna"},
+       head_of("case-held") + with_case + R"(,"reason":"court order","who":"anna"})"},
+      {CaseReleasedEntry{id, 12, "settled", "ben"},
+       head_of("case-released") + with_case + R"(,"hold":12,"reason":"settled","who":"ben"})"},
   };
 }
 

@@ -8,6 +8,8 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_tail.h"
+#include "archive/format/log_entry.h"
+#include "archive/upkeep/holds.h"
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
@@ -25,11 +27,13 @@ using test::entries_of;
 using test::FaultFileSystem;
 using test::SampleArchive;
 using test::SampleCase;
+using testing::AllOf;
 using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
+using testing::ThrowsMessage;
 
 const char* const kBoot = "00000000-0000-4000-8000-000000000000";
 
@@ -708,6 +712,97 @@ TEST_F(RetentionTest, RefusesWhatMakesNoSense) {
   EXPECT_THROW(erase(folder, "nobody"), UsageError);
   EXPECT_THROW(erase_stream(real_file_system(), retention(), folder, "vitals", ""), UsageError);
   EXPECT_EQ(verify(folder).verdict, Verdict::kIntact);
+}
+
+TEST_F(RetentionTest, WhatIsHeldIsKeptUntilEveryHoldIsReleased) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string id = folder.filename().string();
+  const std::uint64_t first = log()->case_held(id, "court order", "anna");
+  const std::uint64_t second = log()->case_held(id, "complaint", "ben");
+  const auto said = [&] {
+    try {
+      erase(folder, "endoscope");
+    } catch (const UsageError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(said(),
+              AllOf(HasSubstr("under legal hold since 2"), HasSubstr("by anna): court order; 1 more")));
+  log()->case_released(id, first, "settled", "anna");
+  EXPECT_THAT(said(), HasSubstr("by ben): complaint"));
+  log()->case_released("20200101T000000Z-00000000", second, "of another case", "ben");
+  EXPECT_THAT(said(), HasSubstr("complaint"));
+  EXPECT_THAT(codes(verify(folder)), IsEmpty());
+  log()->case_released(id, second, "settled", "ben");
+  EXPECT_EQ(said(), "");
+  EXPECT_THAT(codes(verify(folder)), ElementsAre("segments-erased"));
+}
+
+TEST_F(RetentionTest, AHoldThatSomebodyTookOutOfTheLogLetsNothingGo) {
+  const fs::path folder = SampleCase::write(archive_);
+  log()->case_held(folder.filename().string(), "court order", "anna");
+  log()->access("*", "unlocked", "ben");
+  const fs::path ledger = archive_.log_folder() / "ledger.jsonl";
+  const auto lines = read_log(archive_.log_folder());
+  std::string without;
+  for (const LogLine& line : lines) {
+    without += line.type == "case-held" ? "" : line.json + "\n";
+  }
+  std::ofstream(ledger, std::ios::binary) << without;
+  EXPECT_THAT([&] { read_holds(archive_.log_folder(), archive_.device()); },
+              ThrowsMessage<Error>(HasSubstr("nobody can tell which cases are under legal hold")));
+  EXPECT_THAT(codes(verify_log(archive_.log_folder(), archive_.options())), Contains("ledger-cut"));
+  // With as many lines as before, and without the checkpoints that speak against them.
+  std::string other;
+  for (const LogLine& line : lines) {
+    other += line.type == "case-held" ? lines.back().json + "\n" : line.json + "\n";
+  }
+  std::ofstream(ledger, std::ios::binary) << other;
+  EXPECT_THAT([&] { read_holds(archive_.log_folder(), archive_.device()); },
+              ThrowsMessage<Error>(HasSubstr("does not fit its newest checkpoint")));
+  for (const auto& note : fs::directory_iterator(archive_.log_folder() / "checkpoints")) {
+    fs::remove(note);
+  }
+  const LogEntry first = parse_log_entry(lines.front().json).entry.value();
+  std::ofstream(ledger, std::ios::binary)
+      << lines.front().json << "\n"
+      << to_line({1, first.at, CaseHeldEntry{folder.filename().string(), "made up", "nobody"}}) << "\n";
+  EXPECT_THAT([&] { read_holds(archive_.log_folder(), archive_.device()); },
+              ThrowsMessage<Error>(HasSubstr("has no checkpoint")));
+}
+
+TEST_F(RetentionTest, AReleaseThatNobodySignedReleasesNothingAndAHoldThatNobodySignedHolds) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string id = folder.filename().string();
+  const std::uint64_t hold = log()->case_held(id, "court order", "anna");
+  const auto add = [&](LogEntryBody body) {
+    const auto lines = read_log(archive_.log_folder());
+    const LogEntry last = parse_log_entry(lines.back().json).entry.value();
+    std::ofstream(archive_.log_folder() / "ledger.jsonl", std::ios::app)
+        << to_line({lines.size(), last.at, std::move(body)}) << "\n";
+  };
+  add(CaseReleasedEntry{id, hold, "settled", "nobody"});
+  EXPECT_THAT(why_held(read_holds(archive_.log_folder(), archive_.device()), id), HasSubstr("court order"));
+  add(CaseHeldEntry{"20200101T000000Z-00000000", "made up", "nobody"});
+  EXPECT_EQ(read_holds(archive_.log_folder(), archive_.device()).size(), 2U);
+}
+
+TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhileItsCaseIsHeld) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string id = folder.filename().string();
+  {
+    const auto writer = CaseWriter::resume(real_file_system(), folder, archive_.key(),
+                                           SampleArchive::kDeviceName, log(), [](const CaseEntry&) {});
+    writer->append({ErasedEntry{"endoscope", 0, 2, "room: 30 days"}}, archive_.now());
+    writer->checkpoint(archive_.now());
+  }
+  const std::uint64_t hold = log()->case_held(id, "court order", "anna");
+  EXPECT_THAT(recover(), IsEmpty()) << "nothing may be done";
+  EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
+  log()->case_released(id, hold, "settled", "anna");
+  EXPECT_EQ(recover().size(), 1U);
+  EXPECT_THAT(codes(verify(folder)), ElementsAre("segments-erased"));
 }
 
 TEST_F(RetentionTest, AnErasureThatWasCutOffIsBroughtToItsEnd) {

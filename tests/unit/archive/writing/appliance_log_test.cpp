@@ -92,10 +92,12 @@ TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
   log->replicated(kApplianceCase, "s3://bucket");
   log->erased(kApplianceCase, std::nullopt, "10 years");
   log->access(kApplianceCase, "what", "who");
+  EXPECT_EQ(log->case_held(kApplianceCase, "court order", "anna"), 10U);
+  log->case_released(kApplianceCase, 10, "settled", "ben");
   log->shutdown();
-  EXPECT_THAT(types(),
-              ElementsAre("boot", "config-changed", "device-key-changed", "plan-sealed", "case-opened",
-                          "case-checkpoint", "case-closed", "replicated", "erased", "access", "shutdown"));
+  EXPECT_THAT(types(), ElementsAre("boot", "config-changed", "device-key-changed", "plan-sealed",
+                                   "case-opened", "case-checkpoint", "case-closed", "replicated", "erased",
+                                   "access", "case-held", "case-released", "shutdown"));
   std::uint64_t seq = 0;
   std::int64_t last_ns = 0;
   for (const LogLine& line : read_log(folder_ / "log")) {
@@ -104,8 +106,8 @@ TEST_F(ApplianceLogTest, CarriesWhatItIsTold) {
     EXPECT_GE(parsed.entry->at.mono_ns, last_ns);
     last_ns = parsed.entry->at.mono_ns;
   }
-  EXPECT_EQ(log->size(), 11U);
-  EXPECT_EQ(log->root(), root_of_first(11));
+  EXPECT_EQ(log->size(), 13U);
+  EXPECT_EQ(log->root(), root_of_first(13));
 }
 
 TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {

@@ -23,6 +23,14 @@ describe('An entry of the appliance log', () => {
       ['segments', '30'],
       ['duration_ns', '1 min 30 s'],
     ]);
+    expect(rowOf({ ...head, type: 'case-released', case: '20260805T091502Z-3f9c21ab', hold: 12, reason: 'settled', who: 'ben' })).toMatchObject({
+      case: '20260805T091502Z-3f9c21ab',
+      who: 'ben',
+      carries: [
+        ['hold', '12'],
+        ['reason', 'settled'],
+      ],
+    });
     expect(rowOf({ ...head, type: 'shutdown' })).toMatchObject({ case: '', who: '', deed: '', carries: [] });
   });
   it('of no single case leads to none', () => {

@@ -11,6 +11,8 @@ export const kLogTypes = [
   'plan-sealed',
   'replicated',
   'erased',
+  'case-held',
+  'case-released',
   'boot',
   'shutdown',
   'config-changed',

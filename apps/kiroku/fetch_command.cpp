@@ -1,0 +1,132 @@
+// 'kiroku fetch': cases out of a store, where their appliance is not there any more.
+#include <algorithm>
+#include <array>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/store.h"
+#include "apps/kiroku/verify_extras.h"
+#include "apps/verify/judging.h"
+#include "apps/verify/report_text.h"
+#include "archive/verify/report_json.h"
+#include "base/error.h"
+#include "base/printable.h"
+#include "fleet/fetcher.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+struct Request {
+  std::optional<std::string> case_name, output, appliance;
+  bool all = false, list = false, json = false;
+  JudgingRequest judging;
+};
+
+int list(const Request& request, const std::string& appliance, const std::vector<std::string>& cases) {
+  if (request.json) {
+    print_json({{"appliance", appliance}, {"cases", cases}});
+    return kDone;
+  }
+  for (const std::string& each : cases) std::cout << each << "\n";
+  if (cases.empty()) std::cout << "The store has no case of " << printable(appliance) << ".\n";
+  return kDone;
+}
+
+/// The worst of two exit statuses, in the order of docs/reference/format.md, "Verification".
+int worse(int a, int b) {
+  constexpr std::array<int, 5> kOrder{1, 2, 3, 4, 0};
+  return std::ranges::find(kOrder, a) < std::ranges::find(kOrder, b) ? a : b;
+}
+
+/// Gets one case, judges it, tells of both.
+int fetch(const Request& request, fleet::ObjectStore& store, const std::string& appliance,
+          const std::string& name, const Judge& judge, ordered_json& told) {
+  const fleet::FetchedCase fetched = fleet::fetch_case(store, appliance, name, *request.output);
+  const Judged judged = judge.judge(fetched.folder);
+  told.push_back({{"case", name},
+                  {"folder", fetched.folder.string()},
+                  {"objects", fetched.objects},
+                  {"bytes", fetched.bytes},
+                  {"closed", !fetched.growing},
+                  {"remarks", fetched.remarks},
+                  {"report", archive::report_json(judged.report)}});
+  if (!request.json) {
+    for (const std::string& remark : fetched.remarks) print_error("kiroku", name + ": " + remark);
+    std::cout << "fetched " << fetched.objects << " objects, " << format_bytes(fetched.bytes) << ", into "
+              << printable(fetched.folder.string()) << "\n"
+              << (fetched.growing
+                      ? "The case was not closed when the last of it came: it is judged as far as "
+                        "it is in the store.\n"
+                      : "")
+              << report_text(judged.report, fetched.folder.string(), judged.device_trusted,
+                             judged.log ? judged.log->string() : no_log_words());
+  }
+  return archive::exit_status(judged.report.verdict);
+}
+
+int run(const Request& request, const std::optional<std::string>& asked_home, const VerifyExtras& extras) {
+  const Home home = Home::open(asked_home);
+  const StoreConfiguration of = store_of(home);
+  const std::string appliance = request.appliance.value_or(of.appliance);
+  if (int{request.case_name.has_value()} + int{request.all} + int{request.list} != 1)
+    throw UsageError("give a CASE, or one of --all and --list");
+  if (!request.list && !request.output) throw UsageError("say where to with -o DIR");
+  fleet::ObjectStore store = open_store(home, of);
+  if (request.list) return list(request, appliance, fleet::cases_in_store(store, appliance));
+  const Judge judge(request.judging, extras);
+  const std::vector<std::string> cases =
+      request.all ? fleet::cases_in_store(store, appliance) : std::vector{*request.case_name};
+  ordered_json told = ordered_json::array();
+  int status = kDone;
+  for (const std::string& each : cases) {
+    try {
+      status = worse(status, fetch(request, store, appliance, each, judge, told));
+    } catch (const UsageError& error) {
+      if (!request.all) throw;
+      print_error("kiroku", error.what());
+      status = worse(status, kRefused);
+    }
+  }
+  if (request.json) print_json({{"appliance", appliance}, {"cases", told}});
+  return status;
+}
+
+}  // namespace
+
+void add_fetch_command(Command& program) {
+  Command& command = program.add_command("fetch", "gets cases back out of a store, and verifies them");
+  command.explain(
+      "For when an appliance is not there any more: what the store of [store] in kiroku.toml holds of a case "
+      "becomes a folder again, and is verified as 'kiroku verify' does, with the same exit status. A case "
+      "that "
+      "was being recorded is there as far as it had come, and is incomplete; it stays so, for only its own "
+      "device can sign its end.");
+  const auto request = std::make_shared<Request>();
+  const auto asked_home = std::make_shared<std::optional<std::string>>();
+  const auto extras = std::make_shared<VerifyExtras>(verify_extras(asked_home));
+  command.argument("CASE", request->case_name, "identifier of a case in the store");
+  command.flag("--all", request->all, "every case that the store has of the appliance, instead");
+  command.flag("--list", request->list, "only names the cases that the store has of the appliance");
+  command.option("-o,--output", "DIR", request->output, "the folder that gets a folder for each case");
+  command.option("--appliance", "NAME", request->appliance, "whose cases", "[store] of kiroku.toml");
+  add_judging_options(command, request->judging, *extras);
+  add_home_option(command, *asked_home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.example("kiroku fetch --list --appliance or-2", "which cases the store has of another appliance");
+  command.example("kiroku fetch --all --appliance or-2 -o fetched --device or-2.pub",
+                  "gets all of them, and says what each still proves");
+  command.on_run([request, asked_home, extras] { return run(*request, *asked_home, *extras); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,108 @@
+#include "archive/upkeep/holds.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <fcntl.h>
+#include <optional>
+#include <sys/file.h>
+
+#include "archive/format/case_layout.h"
+#include "archive/format/log_entry.h"
+#include "archive/verify/found_files.h"
+#include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "base/printable.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void throw_unknown(const fs::path& log_folder, const std::string& why) {
+  throw Error("nobody can tell which cases are under legal hold: the appliance log in " +
+              log_folder.string() + " " + why + "; 'kiroku log --verify' says more");
+}
+
+}  // namespace
+
+Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device) {
+  if (std::error_code ignored; !fs::exists(log_folder / kLedgerFile, ignored)) {
+    return {};
+  }
+  // Before the lines are read: another process may add lines and checkpoints meanwhile.
+  const std::uint64_t newest = newest_note(log_folder);
+  crypto::MerkleFrontier tree;
+  std::optional<crypto::Sha256Digest> root_at_newest;
+  std::optional<crypto::VerifierKey> signer;
+  Holds holds;
+  for_each_log_line(log_folder, [&](const LogLine& line) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    if (tree.size() == newest) {
+      root_at_newest = tree.root();
+    }
+    constexpr std::array<std::string_view, 4> kTypes{"boot", "device-key-changed", "case-held",
+                                                     "case-released"};
+    if (std::ranges::find(kTypes, line.type) == kTypes.end()) {
+      return;
+    }
+    const LogEntry entry = parse_log_entry(line.json).entry.value();
+    if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
+      signer = crypto::VerifierKey::parse(boot->device);
+    } else if (const auto* change = std::get_if<DeviceKeyChangedEntry>(&entry.body)) {
+      signer = crypto::VerifierKey::parse(change->device);
+    } else if (const auto* held = std::get_if<CaseHeldEntry>(&entry.body)) {
+      holds[held->case_id].push_back({line.seq, line.utc, held->reason, held->who});
+    } else if (const auto* released = std::get_if<CaseReleasedEntry>(&entry.body)) {
+      const auto of_case = holds.find(released->case_id);
+      if (of_case == holds.end() || !signer || !is_signed_entry(log_folder, *signer, line.seq, tree.root())) {
+        return;
+      }
+      std::erase_if(of_case->second, [&](const Hold& each) { return each.entry == released->hold; });
+    }
+  });
+  if (newest > tree.size()) {
+    throw_unknown(log_folder, "has " + std::to_string(tree.size()) + " entries where one was signed over " +
+                                  std::to_string(newest));
+  }
+  if (newest == 0 && tree.size() > 0 && !holds.empty()) {
+    throw_unknown(log_folder, "has no checkpoint");
+  }
+  if (newest > 0 && !is_signed_entry(log_folder, device, newest - 1, root_at_newest.value())) {
+    throw_unknown(log_folder,
+                  "does not fit its newest checkpoint, or that is not signed by " + device.name());
+  }
+  return holds;
+}
+
+std::string why_held(const Holds& holds, const std::string& case_id) {
+  const auto found = holds.find(case_id);
+  if (found == holds.end() || found->second.empty()) {
+    return "";
+  }
+  const Hold& first = found->second.front();
+  const std::size_t more = found->second.size() - 1;
+  return "it is under legal hold since " + format_utc(first.since) + " (entry " +
+         std::to_string(first.entry) + " of the appliance log, by " + printable(first.who) +
+         "): " + printable(first.reason) +
+         (more == 0 ? ""
+                    : "; " + std::to_string(more) + (more == 1 ? " more hold stands" : " more holds stand"));
+}
+
+ErasingTurn::ErasingTurn(const fs::path& archive)
+    : folder_(::open(archive.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+  if (!folder_) {
+    throw IoError("open", archive, errno);
+  }
+  int result = 0;
+  do {
+    result = ::flock(folder_.number(), LOCK_EX);
+  } while (result != 0 && errno == EINTR);
+  if (result != 0) {
+    throw IoError("lock", archive, errno);
+  }
+}
+
+}  // namespace kiroku::archive

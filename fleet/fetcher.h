@@ -1,0 +1,34 @@
+// A case out of a store, as a folder that kiroku-verify judges: what remains where an appliance was
+// destroyed. Functions; one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "fleet/object_store.h"
+
+namespace kiroku::fleet {
+
+/// Identifiers of the cases that the store has anything of under an appliance's name, in their order. Throws
+/// StoreError.
+std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance);
+
+struct FetchedCase {
+  std::filesystem::path folder;
+  std::uint64_t objects = 0, bytes = 0;
+  /// The store has the ledger only as far as it had grown: the case was not closed when the last of it came.
+  bool growing = false;
+  /// What was left out or taken otherwise than as the newest version, a sentence each.
+  std::vector<std::string> remarks;
+};
+/// Makes `into`/<case>, which must not be there. Of each object the newest version is taken; of a file that
+/// the ledger names with a hash, where the newest has another, the one that has it. What is there is no
+/// verdict: verify it. Throws StoreError, kiroku::UsageError where the store has nothing of the case or the
+/// folder is there, kiroku::IoError; nothing is left behind then but a folder ".fetching-<case>", which the
+/// next try removes.
+FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
+                       const std::filesystem::path& into);
+
+}  // namespace kiroku::fleet
