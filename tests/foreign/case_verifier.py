@@ -404,8 +404,9 @@ class Entries:
         if entry["checkpoint"] not in self.folder.note_sizes:
             self.report("checkpoint-missing", entry["file"])
             return None, "", None
-        data = self.folder.read(f"checkpoints/{entry['checkpoint']:08d}.note", LARGEST_NOTE)
-        if data is None:
+        name = f"checkpoints/{entry['checkpoint']:08d}.note"
+        data = self.folder.read(name, LARGEST_NOTE)
+        if data is None or (self.folder.path / name).stat().st_size > LARGEST_NOTE:
             return None, "", None
         try:
             read = stamp.parse(response)
@@ -466,6 +467,9 @@ class Entries:
         for expected, stream, index in self.checked:
             name = expected["file"]
             path = self.folder.path / name
+            if self.folder.leads_elsewhere(name):
+                self.report("file-not-regular", name)
+                continue
             if not path.exists() and not path.is_symlink():
                 if stream is None or not stream.is_erased(index):
                     self.report("file-missing", name)
@@ -520,7 +524,7 @@ class Entries:
         path = self.folder.path / "device.pub"
         if path.is_symlink() or path.exists() and not path.is_file():
             self.report("file-not-regular", "device.pub")
-        elif not path.exists() or path.read_bytes() != (self.opening["device"] + "\n").encode():
+        elif not path.exists() or path.stat().st_size != len(self.opening["device"].encode()) + 1 or path.read_bytes() != (self.opening["device"] + "\n").encode():
             self.report("device-file-differs", "device.pub")
 
     def judge_authority(self, file):
@@ -621,7 +625,8 @@ class AgainstLog:
         said = set()
         for root in self.known.roots:
             doubted = root.entry in self.log.doubted
-            if ledger.first < root.size <= len(ledger) and doubted not in said and ledger.root(root.size).hex() != root.root:
+            ours = ledger.root(root.size) if ledger.first < root.size <= len(ledger) else None
+            if ours is not None and doubted not in said and ours.hex() != root.root:
                 said.add(doubted)
                 self._add("log-checkpoint-differs", root.entry, covered >= root.size, f"at {root.size} entries")
         if whole:
@@ -651,6 +656,7 @@ def verify_case(path, trust):
     folder = Folder(path, trust)
     data = folder.read("ledger.jsonl")
     if data is None:
+        folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [], None, True)
         return Judgement(folder.findings)
     newest = max(folder.note_sizes, default=0)
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
@@ -937,8 +943,9 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
 
 
 def _root_stated(folder, size):
+    path = folder.path / f"checkpoints/{size:08d}.note"
     try:
-        return note.parse_checkpoint((folder.path / f"checkpoints/{size:08d}.note").read_bytes()).root
+        return note.parse_checkpoint(path.read_bytes()).root if path.is_file() else b""
     except (note.Malformed, OSError):
         return b""
 
