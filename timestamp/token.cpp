@@ -100,7 +100,7 @@ std::optional<TokenInfo> parse_token_info(ByteView token, std::string& explanati
 CmsContent parse_envelope(ByteView token, std::string& explanation) {
   auto envelope = decode_with<CmsContent, d2i_CMS_ContentInfo>(token);
   if (!envelope || OBJ_obj2nid(CMS_get0_type(envelope.get())) != NID_pkcs7_signed) {
-    explanation = "the token is not one CMS SignedData (RFC 5652)";
+    explanation = kNoSignedData;
     return {};
   }
   return envelope;

@@ -3,12 +3,15 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "timestamp/asn1_objects.h"
 #include "timestamp/token.h"
 
 namespace kiroku::timestamp {
+
+inline constexpr std::string_view kNoSignedData = "the token is not one CMS SignedData (RFC 5652)";
 
 /// The CMS SignedData of a token; nothing (and why) for anything else. BER is accepted where CMS permits it
 /// (RFC 5652 section 4), trailing bytes never.

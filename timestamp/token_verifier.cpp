@@ -255,7 +255,7 @@ std::optional<Refusal> Judge::take_certificates(const std::vector<ByteView>& cer
       }
       known = pool.certificates.emplace(hash, decode_with<Certificate, d2i_X509>(der)).first;
     }
-    if (!known->second) return Refusal{TokenCode::kNotAToken, "one of the token's certificates is none"};
+    if (!known->second) return Refusal{TokenCode::kNotAToken, std::string(kNoSignedData)};
     X509_up_ref(known->second.get());
     sk_X509_push(enclosed_.get(), known->second.get());
   }
