@@ -416,12 +416,12 @@ class Entries:
         same = (nanoseconds(entry["gen_time"]) == read.gen_ns // 1000 * 1000 and entry["accuracy_ns"] == read.accuracy_ns and entry["serial"] == read.serial)
         if not same:
             self.report("token-entry-differs", f"line {number}")
-        elif self.close is not None:
-            self.restating.add(number)
         if read.imprint != hashlib.sha256(data).digest():
             self.report("token-imprint-differs", entry["file"])
             return None, "", read
         kind, root, why = stamp.judge(response, self.folder.trust.roots, self.folder.trust.own_roots)
+        if same and kind != "refused" and self.close is not None:
+            self.restating.add(number)
         if kind == "refused":
             self.report("token-refused", f"{entry['file']}: {why}")
         elif kind == "no trust":
@@ -625,8 +625,9 @@ class AgainstLog:
         said = set()
         for root in self.known.roots:
             doubted = root.entry in self.log.doubted
-            ours = ledger.root(root.size) if ledger.first < root.size <= len(ledger) else None
-            if ours is not None and doubted not in said and ours.hex() != root.root:
+            here = ledger.first < root.size <= len(ledger)
+            ours = ledger.root(root.size) if here else None  # none where an excerpt's own proof is none
+            if here and doubted not in said and (ours is None or ours.hex() != root.root):
                 said.add(doubted)
                 self._add("log-checkpoint-differs", root.entry, covered >= root.size, f"at {root.size} entries")
         if whole:
@@ -667,8 +668,8 @@ def verify_case(path, trust):
     for number, entry in enumerate(ledger.entries):
         entries.take(number, entry)
         size = number + 1
-        entries.mono_at[size] = entries.last_mono
         if size in folder.note_sizes:
+            entries.mono_at[size] = entries.last_mono
             folder.judge_note(size, ledger.root(size), entries.device, entries.origin if entries.device else None, size <= ledger.known)
     if not ledger.readable:
         return Judgement(folder.findings)
@@ -924,8 +925,8 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
                 log = LogRead(trust.log, trust)
                 folder.findings += log.folder.findings
             comparison = AgainstLog(log, entries, report)
-        entries.mono_at[number + 1] = entries.last_mono
         if number + 1 in folder.note_sizes:
+            entries.mono_at[number + 1] = entries.last_mono
             folder.judge_note(number + 1, lines.root(number + 1) or b"", entries.device, entries.origin if entries.device else None)
     if lines.torn:
         report("excerpt-malformed", "the last line is not whole")

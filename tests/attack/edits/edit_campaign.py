@@ -2,13 +2,14 @@
 """Edits recorded cases, excerpts, a renewed case and a log in every way of a grammar, one and two at a time, and asks
 whether kiroku-verify ever says more of them than is true.
 
-Usage: edit_campaign.py PROGRAMS [--seconds N] [--seed N] [--all] [--plan TEXT] [--scripts] [--other N]
+Usage: edit_campaign.py PROGRAMS [--seconds N] [--seed N] [--all] [--plan TEXT] [--scripts] [--report N] [--other N]
   PROGRAMS      the folder of kiroku and kiroku-verify
   --seconds N   how long (15, or without end with --all)
   --seed N      which edits, in which order; without it another one each time, which is printed
   --all         every single edit first; then pairs until the seconds are over
   --plan TEXT   this one alone, as a failure prints it
   --scripts     asks the scripts with stock tools, too, which takes a second each
+  --report N    reads the answers of the report for one edit in N (10); 0: of none
   --other N     asks the other verifier about one edit in N (1), which takes most of the time; 0: about none
 
 Nothing is believed that the verifier says: oracle.py knows from the edit what may be said. tests/foreign judges the same
@@ -46,7 +47,7 @@ import stamp  # noqa: E402
 import tree as t  # noqa: E402
 import verifier  # noqa: E402
 
-LONGEST_WAIT_S = 30   # it only ends a run that hangs, which is a finding
+LONGEST_WAIT_S = 120   # it only ends a run that hangs, which is a finding
 DEFAULT_SECONDS = 15
 EMBEDDED_POLICY = "2.25.197830237812365870224498532130945381713"
 
@@ -78,8 +79,8 @@ class OwnAuthority(stamp.Authority):
 class Campaign:
     """The bases, the edits of each, and what judges them."""
 
-    def __init__(self, programs, scratch, scripts=False, other=1):
-        self.programs, self.scratch, self.other = pathlib.Path(programs).resolve(), scratch, other
+    def __init__(self, programs, scratch, scripts=False, other=1, report=10):
+        self.programs, self.scratch, self.other, self.report = pathlib.Path(programs).resolve(), scratch, other, report
         stranger = stamp.Authority(scratch / "stranger", "outside")  # before: its certificates must be valid while a case is recorded
         recorded, outside = bases.record(self.programs, scratch)
         signer = recorded[0].signer
@@ -133,6 +134,16 @@ class Campaign:
         edits = " + ".join(self.edits[plan.base][number].name for number in plan.edits)
         signed = f"; signed again, tokens {plan.tokens}{', counted again' if plan.count_again else ''}" if self.is_signed(plan) else ""
         return f"{self.bases[plan.base].name}: {edits}{signed}{'; with the log' if plan.with_log else ''}{'; against a kept note' if plan.against else ''}"
+
+    def plan_in(self, words):
+        """What words() gave."""
+        name, _, rest = words.partition(": ")
+        edits, *more = rest.split("; ")
+        base = [each.name for each in self.bases].index(name)
+        names = [edit.name for edit in self.edits[base]]
+        signed = next((each for each in more if each.startswith("signed again")), "signed again, tokens kept")
+        return Plan(base, tuple(names.index(edit) for edit in edits.split(" + ")), signed.split("tokens ")[1].split(",")[0], signed.endswith("counted again"),
+                    "with the log" in more, "against a kept note" in more)
 
     def is_signed(self, plan):
         return any(self.edits[plan.base][number].of_entries for number in plan.edits)
@@ -208,6 +219,18 @@ class Campaign:
                                (scratch / "kept.note",) if plan.against else ())
         return (log_verifier.verify_log if base.form == "log" else case_verifier.verify_case)(folder, trust)
 
+    def ask_report(self, options, folder, scratch):
+        """Its questions that are answered with Yes."""
+        page = scratch / "report.html"
+        done = subprocess.run([self.programs / "kiroku", "report", "--force", "--threads", "1", "-o", page, *options, folder], capture_output=True, text=True,
+                              stdin=subprocess.DEVNULL, env={**os.environ, "KIROKU_HOME": str(self.scratch / "home")})
+        if done.returncode != 0:
+            raise RuntimeError(f"kiroku report ended with {done.returncode}: {done.stderr}")
+        rows = re.findall(r"<th[^>]*>([^<]*\?)</th><td[^>]*>(.*?)</td>", page.read_text("utf-8"), re.S)
+        if not rows:
+            raise RuntimeError("the report asks nothing")
+        return [question for question, answer in rows if re.search(r"\bYes\b(?!,)", answer)]
+
     def ask_script(self, edited, folder, scratch):
         """What the scripts with stock tools say: the verdict's words."""
         is_excerpt = "excerpt.json" in edited.tree
@@ -239,6 +262,8 @@ class Campaign:
             if (other.verdict, other.codes) != (said.verdict, said.codes):
                 found.append(f"the verifiers disagree: ours {said.verdict}, the other {other.verdict}; ours alone {sorted(said.codes - other.codes)}, "
                              f"the other alone {sorted(other.codes - said.codes)}")
+        if self.report > 0 and hash(plan) % self.report == 0 and base.form != "log":
+            found += oracle.objections_to_answers(edited, self.ask_report(options, folder, scratch))
         if self.script and base.form != "log" and not plan.with_log and not plan.against:
             words, status = self.ask_script(edited, folder, scratch)
             if words.startswith("INTACT"):
@@ -310,6 +335,7 @@ def main():
     asked.add_argument("--all", action="store_true")
     asked.add_argument("--plan")
     asked.add_argument("--scripts", action="store_true")
+    asked.add_argument("--report", type=int, default=10)
     asked.add_argument("--other", type=int, default=1)
     asked = asked.parse_args()
     print(f"seed {asked.seed}", flush=True)
@@ -317,7 +343,7 @@ def main():
     chance = random.Random(asked.seed)
     scratch = pathlib.Path(tempfile.mkdtemp(prefix="kiroku-edits-"))
     try:
-        CAMPAIGN = Campaign(asked.programs, scratch, asked.scripts, asked.other)
+        CAMPAIGN = Campaign(asked.programs, scratch, asked.scripts, asked.other, asked.report)
         missed = blind_verifier_is_found_out(CAMPAIGN, chance)
         if missed:
             print("FAILED: the oracle takes a film that is not the recorded one for it:", *missed[:20], sep="\n  ")
@@ -328,28 +354,13 @@ def main():
 
 
 def plans_of(campaign, chance, asked):
-    if asked.plan:
-        wanted = [each for each in campaign.singles(chance)]
-        wanted += [plan for plan, _ in zip(campaign.some(chance), range(200_000))]
-        for tokens in grammar.TOKENS:
-            for count_again in (False, True):
-                for with_log in (False, True):
-                    for against in (False, True):
-                        for plan in list({(p.base, p.edits) for p in wanted}):
-                            yield Plan(*plan, tokens, count_again, with_log, against)
-        return
     if asked.all:
         yield from campaign.singles(chance)
     yield from campaign.some(chance)
 
 
 def run(campaign, chance, asked, seconds):
-    plans = plans_of(campaign, chance, asked)
-    if asked.plan:
-        plans = [plan for plan in plans if campaign.words(plan) == asked.plan][:1]
-        if not plans:
-            print("there is no such plan")
-            return 1
+    plans = [campaign.plan_in(asked.plan)] if asked.plan else plans_of(campaign, chance, asked)
     ends, counts, failures = time.monotonic() + seconds, collections.Counter(), 0
     singles = sum(map(len, campaign.edits)) if asked.all else None
     with multiprocessing.get_context("fork").Pool(os.cpu_count()) as pool:

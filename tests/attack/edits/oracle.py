@@ -298,3 +298,38 @@ def _of_a_log(edited, said):
         yield f"{said.verdict}, of other lines than those that were signed"
     if edited.against and _same(lines, edited.recorded) < max(edited.base.notes):
         yield f"{said.verdict} beside a note that was kept of {max(edited.base.notes)} other lines"
+
+
+def objections_to_answers(edited, answered_yes):
+    """Of a report about a case, whatever its verdict: what is answered with Yes must be so."""
+    yes = " / ".join(answered_yes)
+    lines = _lines(edited.tree.get("ledger.jsonl"))
+    entries = _parsed(lines) if lines else None
+    if "excerpt.json" in edited.tree:
+        return
+    if entries is None:
+        if yes:
+            yield f"of a ledger that is none the report says Yes to: {yes}"
+        return
+    if "Is the list of everything recorded" in yes and lines != edited.whole_lines:
+        yield "the report says that the list is unchanged"
+    if "Is every file there" in yes and entries[0]["type"] == "open":
+        close = next((i for i, e in enumerate(entries) if e["type"] == "close"), len(entries))
+        erased = [(e["stream"], e["first_index"], e["last_index"]) for e in entries[close:] if e["type"] == "erased"]
+        for entry in entries:
+            if entry["type"] == "segment" and not any(s == entry["stream"] and a <= entry["index"] <= b for s, a, b in erased) and not _holds(edited.tree, entry):
+                yield f"the report says that every file is there, without {entry['file']}"
+    if "without a break" in yes:
+        for info in entries[0].get("streams", ()):
+            segments = [e for e in entries if e["type"] == "segment" and e.get("stream") == info["name"]]
+            if any(e["type"] == "gap" and e.get("stream") == info["name"] for e in entries):
+                yield f"the report says that there was no break, where a gap of {info['name']} is stated"
+            for one, other in zip(segments, segments[1:]):
+                if other["start_ns"] > one["end_ns"] + MS:
+                    yield f"the report says that there was no break, where {info['name']} has a hole"
+    if "Does somebody outside prove" in yes and edited.tokens != "late":
+        same = _same(lines, edited.recorded)
+        if not any(e["type"] == "token" and e["authority"] == "outside" and e["checkpoint"] <= same for e in _parsed(edited.recorded)):
+            yield "the report says that somebody outside proves when it existed"
+    if "own log know this case" in yes and (not edited.with_log or _same(lines, edited.recorded) < _recorded_size(edited)):
+        yield "the report says that the log knows the case"
