@@ -63,8 +63,13 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   const bool is_excused = gravest == nullptr || gravest->severity <= archive::Severity::kGap;
   if (answered.check == Check::kStreams && answered.answer == Answer::kNo && is_excused)
     return words("check.streams.nothing");
-  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt)
+  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt &&
+      leaves_files_unasked(found_))
     return words("check.files.unasked");
+  const bool rests_on_lines =
+      answered.check == Check::kFiles || answered.check == Check::kStreams || answered.check == Check::kEnd;
+  if (is_excused && rests_on_lines && answered.answer == Answer::kUnknown && !in_.facts.excerpt)
+    return words("check.ledger.changed");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")

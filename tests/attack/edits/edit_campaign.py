@@ -263,7 +263,7 @@ class Campaign:
                 found.append(f"the verifiers disagree: ours {said.verdict}, the other {other.verdict}; ours alone {sorted(said.codes - other.codes)}, "
                              f"the other alone {sorted(other.codes - said.codes)}")
         if self.report > 0 and hash(plan) % self.report == 0 and base.form != "log":
-            found += oracle.objections_to_answers(edited, self.ask_report(options, folder, scratch))
+            found += oracle.objections_to_answers(edited, said, self.ask_report(options, folder, scratch))
         if self.script and base.form != "log" and not plan.with_log and not plan.against:
             words, status = self.ask_script(edited, folder, scratch)
             if words.startswith("INTACT"):

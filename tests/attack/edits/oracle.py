@@ -300,16 +300,17 @@ def _of_a_log(edited, said):
         yield f"{said.verdict} beside a note that was kept of {max(edited.base.notes)} other lines"
 
 
-def objections_to_answers(edited, answered_yes):
+def objections_to_answers(edited, said, answered_yes):
     """Of a report about a case, whatever its verdict: what is answered with Yes must be so."""
     yes = " / ".join(answered_yes)
     lines = _lines(edited.tree.get("ledger.jsonl"))
     entries = _parsed(lines) if lines else None
     if "excerpt.json" in edited.tree:
         return
+    of_lines = [each for each in answered_yes if each.startswith(("Is every file", "Was it recorded", "Was the recording"))]
+    if of_lines and said.verdict != "incomplete" and (entries is None or lines != edited.whole_lines[:len(lines)]):
+        yield f"of lines that nobody signed the report says Yes to: {' / '.join(of_lines)}"
     if entries is None:
-        if yes:
-            yield f"of a ledger that is none the report says Yes to: {yes}"
         return
     if "Is the list of everything recorded" in yes and lines != edited.whole_lines:
         yield "the report says that the list is unchanged"
