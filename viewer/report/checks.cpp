@@ -90,15 +90,14 @@ void withhold(std::vector<CheckAnswer>& answers, bool read) {
   }
 }
 
-/// Of a ledger that was changed nobody signed which files there were, what is missing, or an end.
+/// Of a ledger that was changed nobody signed which files there were, what is missing, or an end; nor is what
+/// log and authorities know of the same lines.
 void withhold_what_lines_say(std::vector<CheckAnswer>& answers) {
   if (std::ranges::find(answers, Check::kLedger, &CheckAnswer::check)->answer != Answer::kNo) return;
   for (CheckAnswer& each : answers) {
-    const bool rests_on_lines =
-        each.check == Check::kFiles || each.check == Check::kStreams || each.check == Check::kEnd;
-    const bool positive =
-        each.answer == Answer::kYes || each.answer == Answer::kWithGaps || each.answer == Answer::kInPart;
-    if (rests_on_lines && positive) each.answer = Answer::kUnknown;
+    const bool positive = each.answer == Answer::kYes || each.answer == Answer::kWithGaps ||
+                          each.answer == Answer::kInPart || each.answer == Answer::kInsideOnly;
+    if (rests_on_lines(each.check) && positive) each.answer = Answer::kUnknown;
   }
 }
 
@@ -113,6 +112,10 @@ void withhold_what_ended(std::vector<CheckAnswer>& answers) {
 }
 
 }  // namespace
+
+bool rests_on_lines(Check check) {
+  return check != Check::kLedger && check != Check::kDevice && check != Check::kContents;
+}
 
 bool leaves_files_unasked(const archive::VerificationReport& verification) {
   return std::ranges::any_of(verification.findings, [](const archive::Finding& finding) {

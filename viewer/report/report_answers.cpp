@@ -66,9 +66,9 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt &&
       leaves_files_unasked(found_))
     return words("check.files.unasked");
-  const bool rests_on_lines =
-      answered.check == Check::kFiles || answered.check == Check::kStreams || answered.check == Check::kEnd;
-  if (is_excused && rests_on_lines && answered.answer == Answer::kUnknown && !in_.facts.excerpt)
+  const bool ledger_changed =
+      std::ranges::find(answers_, Check::kLedger, &CheckAnswer::check)->answer == Answer::kNo;
+  if (is_excused && ledger_changed && rests_on_lines(answered.check) && !in_.facts.excerpt)
     return words("check.ledger.changed");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt

@@ -224,6 +224,8 @@ class Campaign:
         page = scratch / "report.html"
         done = subprocess.run([self.programs / "kiroku", "report", "--force", "--threads", "1", "-o", page, *options, folder], capture_output=True, text=True,
                               stdin=subprocess.DEVNULL, env={**os.environ, "KIROKU_HOME": str(self.scratch / "home")})
+        if done.returncode == 2 and "cannot report on" in done.stderr:
+            return []
         if done.returncode != 0:
             raise RuntimeError(f"kiroku report ended with {done.returncode}: {done.stderr}")
         rows = re.findall(r"<th[^>]*>([^<]*\?)</th><td[^>]*>(.*?)</td>", page.read_text("utf-8"), re.S)
