@@ -100,10 +100,57 @@ std::optional<TokenInfo> parse_token_info(ByteView token, std::string& explanati
 CmsContent parse_envelope(ByteView token, std::string& explanation) {
   auto envelope = decode_with<CmsContent, d2i_CMS_ContentInfo>(token);
   if (!envelope || OBJ_obj2nid(CMS_get0_type(envelope.get())) != NID_pkcs7_signed) {
-    explanation = "the token is not one CMS SignedData (RFC 5652)";
+    explanation = kNoSignedData;
     return {};
   }
   return envelope;
+}
+
+std::optional<SplitToken> split_certificates(ByteView token) {
+  // ContentInfo { contentType, [0] SignedData { version, digestAlgorithms, encapContentInfo,
+  //               certificates [0] OPTIONAL, crls [1] OPTIONAL, signerInfos } }
+  const auto all_of = [](ByteView bytes) -> std::optional<std::vector<DerElement>> {
+    std::vector<DerElement> found;
+    DerReader reader(bytes, Encoding::kBer);
+    while (const auto element = reader.next()) found.push_back(*element);
+    return reader.at_end() ? std::optional(std::move(found)) : std::nullopt;
+  };
+  const auto only_of = [&](ByteView bytes, std::uint8_t identifier) -> std::optional<DerElement> {
+    const auto found = all_of(bytes);
+    return found && found->size() == 1 && found->front().identifier == identifier
+               ? std::optional(found->front())
+               : std::nullopt;
+  };
+  const auto content_info = only_of(token, der::kSequence);
+  const auto parts = content_info ? all_of(content_info->content) : std::nullopt;
+  if (!parts || parts->size() != 2 || (*parts)[1].identifier != der::kContext0) return {};
+  const auto signed_data = only_of((*parts)[1].content, der::kSequence);
+  const auto members = signed_data ? all_of(signed_data->content) : std::nullopt;
+  constexpr std::size_t kCertificates = 3;
+  if (!members || members->size() <= kCertificates) return {};
+  SplitToken split;
+  Bytes kept;
+  const auto keep = [](Bytes& to, ByteView bytes) { to.insert(to.end(), bytes.begin(), bytes.end()); };
+  for (std::size_t i = 0; i < members->size(); ++i) {
+    if (i != kCertificates || (*members)[i].identifier != der::kContext0) {
+      keep(kept, (*members)[i].whole);
+      continue;
+    }
+    const auto choices = all_of((*members)[i].content);
+    if (!choices) return {};
+    Bytes others;  // attribute certificates and other forms, which OpenSSL reads with the rest
+    for (const DerElement& choice : *choices) {
+      if (choice.identifier == der::kSequence) {
+        split.certificates.push_back(choice.whole);
+      } else {
+        keep(others, choice.whole);
+      }
+    }
+    if (!others.empty()) keep(kept, der_value(der::kContext0, {others}));
+  }
+  const Bytes inner = der_value(der::kContext0, {der_value(der::kSequence, {kept})});
+  split.envelope = der_value(der::kSequence, {(*parts)[0].whole, inner});
+  return split;
 }
 
 std::optional<ByteView> attached_info(CMS_ContentInfo* envelope, std::string& explanation) {

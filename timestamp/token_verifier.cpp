@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 
 #include <openssl/core_names.h>
 
 #include "crypto/encoding.h"
 #include "timestamp/authority.h"
 #include "timestamp/certificate_path.h"
+#include "timestamp/certificate_pool_state.h"
 #include "timestamp/own_authority.h"
 #include "timestamp/signature_use.h"
 #include "timestamp/signed_attributes.h"
@@ -114,6 +116,12 @@ bool is_dear(const X509* signer) {
   }
 }
 
+Bytes hashes_of(const std::set<crypto::Sha256Digest>& hashes) {
+  Bytes out;
+  for (const crypto::Sha256Digest& hash : hashes) out.insert(out.end(), hash.begin(), hash.end());
+  return out;
+}
+
 /// One judgement: each step either finds a reason against the token or lets it pass to the next. What speaks
 /// against the token itself comes before what merely cannot be checked.
 class Judge {
@@ -140,6 +148,9 @@ class Judge {
 
  private:
   std::optional<Refusal> read(ByteView response_or_token);
+  /// The token's envelope, and its certificates from the pool where there is one.
+  std::optional<Refusal> open(ByteView token);
+  std::optional<Refusal> take_certificates(const std::vector<ByteView>& certificates);
   std::optional<Refusal> check_expectation() const;
   std::optional<Refusal> find_signer();
   std::optional<Refusal> check_for_stranger();
@@ -160,8 +171,9 @@ class Judge {
   ByteView content_;                       // the TSTInfo inside envelope_
   CMS_SignerInfo* signer_info_ = nullptr;  // inside envelope_
   SignedAttributes attributes_;
-  OwnedCertificates enclosed_;  // the token's own certificates
-  X509* signer_ = nullptr;      // one of enclosed_ or trust_
+  OwnedCertificates enclosed_;            // the token's own certificates
+  crypto::Sha256Digest enclosed_hash_{};  // of those of a pool
+  X509* signer_ = nullptr;                // one of enclosed_ or trust_
   std::optional<crypto::HashAlgorithm> signature_hash_;
   std::optional<CertificatePath> path_;
   bool path_is_own_ = false;  // it ends at the recorder's own authority
@@ -179,8 +191,7 @@ std::optional<Refusal> Judge::read(ByteView response_or_token) {
     for (const std::string& line : response->status_text) text += ": " + line;
     return Refusal{TokenCode::kRejected, text};
   }
-  envelope_ = parse_envelope(response->token, why);
-  if (!envelope_) return Refusal{TokenCode::kNotAToken, why};
+  if (auto refusal = open(response->token)) return refusal;
   const auto content = attached_info(envelope_.get(), why);
   if (!content) return Refusal{TokenCode::kMalformed, why};
   content_ = *content;
@@ -214,6 +225,41 @@ std::optional<Refusal> Judge::read(ByteView response_or_token) {
   auto attributes = read_signed_attributes(signer_info_, refusal);
   if (!attributes) return refusal;
   attributes_ = std::move(*attributes);
+  return {};
+}
+
+std::optional<Refusal> Judge::open(ByteView token) {
+  std::string why;
+  const auto split = expectation_.pool != nullptr ? split_certificates(token) : std::nullopt;
+  envelope_ = parse_envelope(split ? split->envelope : token, why);
+  if (!envelope_) return Refusal{TokenCode::kNotAToken, why};
+  if (split) return take_certificates(split->certificates);
+  enclosed_.reset(CMS_get1_certs(envelope_.get()));
+  forget_openssl_errors();
+  return {};
+}
+
+std::optional<Refusal> Judge::take_certificates(const std::vector<ByteView>& certificates) {
+  CertificatePoolAccess::State& pool = CertificatePoolAccess::state_of(*expectation_.pool);
+  enclosed_.reset(sk_X509_new_null());
+  std::set<crypto::Sha256Digest> taken;
+  for (const ByteView der : certificates) {
+    const crypto::Sha256Digest hash = crypto::sha256(der);
+    if (!taken.insert(hash).second) continue;
+    auto known = pool.certificates.find(hash);
+    if (known == pool.certificates.end()) {
+      if (pool.certificates.size() >= CertificatePool::kMostCertificates) {
+        return Refusal{TokenCode::kTooDear, "the tokens judged before it enclose " +
+                                                std::to_string(CertificatePool::kMostCertificates) +
+                                                " different certificates, and this one encloses more"};
+      }
+      known = pool.certificates.emplace(hash, decode_with<Certificate, d2i_X509>(der)).first;
+    }
+    if (!known->second) return Refusal{TokenCode::kNotAToken, std::string(kNoSignedData)};
+    X509_up_ref(known->second.get());
+    sk_X509_push(enclosed_.get(), known->second.get());
+  }
+  enclosed_hash_ = crypto::sha256(hashes_of(taken));
   return {};
 }
 
@@ -251,8 +297,6 @@ std::optional<Refusal> Judge::check_expectation() const {
 }
 
 std::optional<Refusal> Judge::find_signer() {
-  enclosed_.reset(CMS_get1_certs(envelope_.get()));
-  forget_openssl_errors();
   std::vector<X509*> candidates;
   const int enclosed = std::max(sk_X509_num(enclosed_.get()), 0);
   candidates.reserve(static_cast<std::size_t>(enclosed) + trust_.untrusted.size() +
@@ -353,9 +397,23 @@ const CertificatePath& Judge::path() {
 
 std::optional<Refusal> Judge::check_for_stranger() {
   if (check_signer_certificate(signer_, out_.info->gen_time)) return {};  // told in its place
-  std::optional<Refusal> refusal =
-      nobody_is_trusted() ? Refusal{TokenCode::kNoTrust, no_trust_words()} : path().refusal;
+  std::string* known = nullptr;  // why there is no path from this signer, with these certificates
+  if (expectation_.pool != nullptr && !nobody_is_trusted()) {
+    const Bytes der = encode_with<i2d_X509>(signer_);
+    Bytes key = to_bytes(text_of(crypto::sha256(der)));
+    key.insert(key.end(), enclosed_hash_.begin(), enclosed_hash_.end());
+    known = &CertificatePoolAccess::state_of(*expectation_.pool).without_path[crypto::sha256(key)];
+  }
+  std::optional<Refusal> refusal;
+  if (nobody_is_trusted()) {
+    refusal = Refusal{TokenCode::kNoTrust, no_trust_words()};
+  } else if (known != nullptr && !known->empty()) {
+    refusal = Refusal{TokenCode::kIssuerUnknown, *known};
+  } else {
+    refusal = path().refusal;
+  }
   if (!refusal || verdict_of(refusal->code) != TokenVerdict::kCouldNotCheck) return {};
+  if (known != nullptr && refusal->code == TokenCode::kIssuerUnknown) *known = refusal->explanation;
   refusal->explanation += "; whether its signature holds was not looked at";
   return refusal;
 }

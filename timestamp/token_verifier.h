@@ -33,6 +33,7 @@
 #include <vector>
 
 #include "base/bytes.h"
+#include "timestamp/certificate_pool.h"
 #include "timestamp/request.h"
 #include "timestamp/token.h"
 
@@ -87,6 +88,9 @@ struct Expectation {
   /// is kIssuerUnknown or kNoTrust whether it holds or not. For whoever judges thousands: nobody vouches for
   /// such a signature, and its key is chosen by whoever wants the judging to take long.
   bool judge_strangers = true;
+  /// Set: what tokens that were judged with it have in common is not computed again. It must have been used
+  /// with the same TrustStore alone.
+  CertificatePool* pool = nullptr;
 };
 
 /// Each refusal has its own code; `code_name` gives the stable text ("token-imprint-differs").
@@ -110,7 +114,8 @@ enum class TokenCode {
   kSignerCertificateMissing,  // token has no certificate and none was given
   kIssuerUnknown,             // no chain to a trusted root could be built
   kNoTrust,                   // no trusted roots were given
-  kTooDear,  // the signer's key is one that no authority has, chosen so that judging takes long
+  kTooDear,  // chosen so that judging takes long: a signer's key that no authority has, certificates without
+             // end
 };
 std::string_view code_name(TokenCode code);
 

@@ -135,6 +135,7 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
   timestamp::Expectation expectation;
   expectation.data = to_bytes(*note);
   expectation.judge_strangers = strangers_ < kMostJudgedStrangers;
+  expectation.pool = &pool_;
   const timestamp::TokenJudgement judgement = timestamp::judge_token(
       bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
   strangers_ += judgement.code == timestamp::TokenCode::kValid ? 0 : 1;

@@ -19,6 +19,7 @@
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
+#include "timestamp/certificate_pool.h"
 
 namespace kiroku::archive {
 
@@ -100,6 +101,7 @@ class TokenRules {
   FindingList* findings_;
   const CheckpointRules* checkpoints_;
   CaseClockRules clock_rules_;
+  timestamp::CertificatePool pool_;
 
   std::vector<StampedToken> valid_;
   std::vector<StampedToken> outside_;  // those of valid_ that are of outside authorities

@@ -243,5 +243,24 @@ TEST(StrangersTokens, AreJudgedWhollyUpToANumber) {
   EXPECT_FALSE(tells(report, "token-refused"));
 }
 
+// Tokens may enclose as many certificates as they like, each of them another one.
+TEST(StrangersTokens, AreNotJudgedWhereTheyEncloseMoreCertificatesThanAnyRecordingHas) {
+  const TemporaryFolder folder(quick_parent());
+  form("tokens with a certificate each").write(folder.path(), 6 * kMegabyte / 10);
+  timestamp::TrustStore trust;
+  trust.add_trusted(bytes_of(make_test_authority().root_pem()), "somebody else's");
+  archive::VerifyOptions options;
+  options.trust = &trust;
+  options.threads = 1;
+  const VerificationReport report = archive::verify_case(folder / HostileCase::kCaseId, options);
+  std::uint64_t all = 0, too_many = 0;
+  for (const archive::Finding& each : report.findings) {
+    all += each.code == "token-untrusted" ? 1U : 0U;
+    too_many += each.text.ends_with("and this one encloses more") ? 1U : 0U;
+  }
+  EXPECT_GT(too_many, 10U);
+  EXPECT_EQ(all - too_many, timestamp::CertificatePool::kMostCertificates);
+}
+
 }  // namespace
 }  // namespace kiroku::test

@@ -404,8 +404,9 @@ class Entries:
         if entry["checkpoint"] not in self.folder.note_sizes:
             self.report("checkpoint-missing", entry["file"])
             return None, "", None
-        data = self.folder.read(f"checkpoints/{entry['checkpoint']:08d}.note", LARGEST_NOTE)
-        if data is None:
+        name = f"checkpoints/{entry['checkpoint']:08d}.note"
+        data = self.folder.read(name, LARGEST_NOTE)
+        if data is None or (self.folder.path / name).stat().st_size > LARGEST_NOTE:
             return None, "", None
         try:
             read = stamp.parse(response)
@@ -415,12 +416,12 @@ class Entries:
         same = (nanoseconds(entry["gen_time"]) == read.gen_ns // 1000 * 1000 and entry["accuracy_ns"] == read.accuracy_ns and entry["serial"] == read.serial)
         if not same:
             self.report("token-entry-differs", f"line {number}")
-        elif self.close is not None:
-            self.restating.add(number)
         if read.imprint != hashlib.sha256(data).digest():
             self.report("token-imprint-differs", entry["file"])
             return None, "", read
         kind, root, why = stamp.judge(response, self.folder.trust.roots, self.folder.trust.own_roots)
+        if same and kind != "refused" and self.close is not None:
+            self.restating.add(number)
         if kind == "refused":
             self.report("token-refused", f"{entry['file']}: {why}")
         elif kind == "no trust":
@@ -466,6 +467,9 @@ class Entries:
         for expected, stream, index in self.checked:
             name = expected["file"]
             path = self.folder.path / name
+            if self.folder.leads_elsewhere(name):
+                self.report("file-not-regular", name)
+                continue
             if not path.exists() and not path.is_symlink():
                 if stream is None or not stream.is_erased(index):
                     self.report("file-missing", name)
@@ -520,7 +524,7 @@ class Entries:
         path = self.folder.path / "device.pub"
         if path.is_symlink() or path.exists() and not path.is_file():
             self.report("file-not-regular", "device.pub")
-        elif not path.exists() or path.read_bytes() != (self.opening["device"] + "\n").encode():
+        elif not path.exists() or path.stat().st_size != len(self.opening["device"].encode()) + 1 or path.read_bytes() != (self.opening["device"] + "\n").encode():
             self.report("device-file-differs", "device.pub")
 
     def judge_authority(self, file):
@@ -624,7 +628,9 @@ class AgainstLog:
         said = set()
         for root in self.known.roots:
             doubted = root.entry in self.log.doubted
-            if ledger.first < root.size <= len(ledger) and doubted not in said and ledger.root(root.size).hex() != root.root:
+            here = ledger.first < root.size <= len(ledger)
+            ours = ledger.root(root.size) if here else None  # none where an excerpt's own proof is none
+            if here and doubted not in said and (ours is None or ours.hex() != root.root):
                 said.add(doubted)
                 self._add("log-checkpoint-differs", root.entry, covered >= root.size, f"at {root.size} entries")
         if whole:
@@ -654,6 +660,7 @@ def verify_case(path, trust):
     folder = Folder(path, trust)
     data = folder.read("ledger.jsonl")
     if data is None:
+        folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [], None, True)
         return Judgement(folder.findings)
     newest = max(folder.note_sizes, default=0)
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
@@ -664,8 +671,8 @@ def verify_case(path, trust):
     for number, entry in enumerate(ledger.entries):
         entries.take(number, entry)
         size = number + 1
-        entries.mono_at[size] = entries.last_mono
         if size in folder.note_sizes:
+            entries.mono_at[size] = entries.last_mono
             folder.judge_note(size, ledger.root(size), entries.device, entries.origin if entries.device else None, size <= ledger.known)
     if not ledger.readable:
         return Judgement(folder.findings)
@@ -827,9 +834,11 @@ class PartOfLedger(Ledger):
 
 def verify_excerpt(path, trust):
     folder = Folder(path, trust)
-    text = (path / "excerpt.json").read_bytes()
+    text = folder.read("excerpt.json", 4194304)
+    if text is None:
+        return Judgement(folder.findings, True)
     try:
-        if len(text) > 4194304 or not text.endswith(b"\n"):
+        if not text.endswith(b"\n"):
             raise strict_json.Malformed("too long, or without a line feed at its end")
         document = strict_json.parse(text[:-1])
         schema.check(document, schema.load("excerpt"))
@@ -921,8 +930,8 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
                 log = LogRead(trust.log, trust)
                 folder.findings += log.folder.findings
             comparison = AgainstLog(log, entries, report)
-        entries.mono_at[number + 1] = entries.last_mono
         if number + 1 in folder.note_sizes:
+            entries.mono_at[number + 1] = entries.last_mono
             folder.judge_note(number + 1, lines.root(number + 1) or b"", entries.device, entries.origin if entries.device else None)
     if lines.torn:
         report("excerpt-malformed", "the last line is not whole")
@@ -942,8 +951,9 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
 
 
 def _root_stated(folder, size):
+    path = folder.path / f"checkpoints/{size:08d}.note"
     try:
-        return note.parse_checkpoint((folder.path / f"checkpoints/{size:08d}.note").read_bytes()).root
+        return note.parse_checkpoint(path.read_bytes()).root if path.is_file() else b""
     except (note.Malformed, OSError):
         return b""
 

@@ -194,14 +194,23 @@ class Folder:
             raise KeyError(f"the page has no code {code}")
         self.findings.append((code, text))
 
+    def leads_elsewhere(self, name):
+        """Whether a link or a special file stands where a folder above the file must."""
+        def kind(path):
+            try:
+                return os.lstat(path).st_mode
+            except (FileNotFoundError, NotADirectoryError):
+                return stat.S_IFDIR
+        above = [kind(self.path / parent) for parent in list(pathlib.PurePath(name).parents)[:-1]]
+        return not all(stat.S_ISDIR(mode) or stat.S_ISREG(mode) for mode in above)
+
     def read(self, name, most=None):
         """The bytes of a regular file; None, and a finding, where there is none."""
         path = self.path / name
+        if self.leads_elsewhere(name):
+            self.report("file-not-regular", name)
+            return None
         try:
-            for parent in list(path.relative_to(self.path).parents)[:-1]:
-                if stat.S_ISLNK(os.lstat(self.path / parent).st_mode):
-                    self.report("file-not-regular", name)
-                    return None
             status = os.lstat(path)
         except (FileNotFoundError, NotADirectoryError):
             self.report("file-missing", name)

@@ -211,6 +211,30 @@ void tokens_by_a_dear_key(HostileCase& of, std::uint64_t bytes) {
   tokens_signed_by(of, bytes, stranger, signer);
 }
 
+/// Tokens that each enclose a certificate that no other one does.
+void tokens_with_a_certificate_each(HostileCase& of, std::uint64_t bytes) {
+  static const TestAuthority stranger = make_test_authority();
+  of.note();
+  archive::TokenEntry token;
+  token.checkpoint = of.size();
+  token.gen_time = *parse_utc("2026-08-05T09:15:02.250000Z");
+  token.serial = "07";
+  TokenRecipe recipe;
+  recipe.imprint = to_bytes(crypto::sha256(bytes_of(of.signed_note())));
+  for (std::uint64_t written = 0, i = 0; written < bytes; ++i) {
+    const timestamp::Credential signer = make_signer(stranger, crypto::PrivateKey(EVP_EC_gen("P-256")));
+    recipe.signer = &signer;
+    recipe.enclosed = {signer.certificate.get()};
+    const Bytes response = make_response(make_token(recipe));
+    token.sha256 = crypto::sha256(response);
+    token.authority = "a" + std::to_string(i);
+    token.file = archive::token_path(token.checkpoint, token.authority);
+    of.file(token.file, text_of(response));
+    of.add(token);
+    written += response.size() + 400;
+  }
+}
+
 /// Tokens whose clock contradicts the case clock, and steps that do not explain it.
 void tokens_and_steps(HostileCase& of, std::uint64_t bytes) {
   const std::uint64_t until = of.bytes() + bytes;
@@ -695,6 +719,7 @@ const std::vector<HostileLines>& hostile_lines() {
       {"totals of unknown streams", many_unknown_totals},
       {"tokens of a stranger", tokens_of_a_stranger},
       {"tokens by a dear key", tokens_by_a_dear_key},
+      {"tokens with a certificate each", tokens_with_a_certificate_each},
   };
   return kLines;
 }

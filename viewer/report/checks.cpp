@@ -54,7 +54,7 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
   };
   switch (check) {
     case Check::kFiles:
-      return std::ranges::any_of(kLeavesFilesUnasked, found) ? Answer::kUnknown : Answer::kYes;
+      return leaves_files_unasked(verification) ? Answer::kUnknown : Answer::kYes;
     case Check::kLog:
       if (given.log.empty() && given.proof.empty()) return Answer::kNotAsked;
       if (found("log-algorithm-ended")) return Answer::kUnknown;
@@ -90,6 +90,17 @@ void withhold(std::vector<CheckAnswer>& answers, bool read) {
   }
 }
 
+/// Of a ledger that was changed nobody signed which files there were, what is missing, or an end; nor is what
+/// log and authorities know of the same lines.
+void withhold_what_lines_say(std::vector<CheckAnswer>& answers) {
+  if (std::ranges::find(answers, Check::kLedger, &CheckAnswer::check)->answer != Answer::kNo) return;
+  for (CheckAnswer& each : answers) {
+    const bool positive = each.answer == Answer::kYes || each.answer == Answer::kWithGaps ||
+                          each.answer == Answer::kInPart || each.answer == Answer::kInsideOnly;
+    if (rests_on_lines(each.check) && positive) each.answer = Answer::kUnknown;
+  }
+}
+
 /// Who can find another text with the same hash, or sign in the device's name, can write all of it anew.
 void withhold_what_ended(std::vector<CheckAnswer>& answers) {
   for (CheckAnswer& each : answers) {
@@ -101,6 +112,16 @@ void withhold_what_ended(std::vector<CheckAnswer>& answers) {
 }
 
 }  // namespace
+
+bool rests_on_lines(Check check) {
+  return check != Check::kLedger && check != Check::kDevice && check != Check::kContents;
+}
+
+bool leaves_files_unasked(const archive::VerificationReport& verification) {
+  return std::ranges::any_of(verification.findings, [](const archive::Finding& finding) {
+    return std::ranges::find(kLeavesFilesUnasked, finding.code) != kLeavesFilesUnasked.end();
+  });
+}
 
 bool nothing_recorded(const archive::VerificationReport& verification) {
   const auto is_recorded = [](const archive::StreamReport& stream) {
@@ -168,6 +189,7 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
   if (excerpt) withhold(answers, verification.excerpt.has_value());
+  withhold_what_lines_say(answers);
   if (std::ranges::find(verification.findings, kAlgorithmEnded, &archive::Finding::code) !=
       verification.findings.end())
     withhold_what_ended(answers);

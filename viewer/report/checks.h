@@ -50,6 +50,10 @@ struct CheckAnswer {
 std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verification, const Given& given,
                                        bool excerpt);
 
+/// Whether the question asks what the ledger's lines say, or what others know of them.
+bool rests_on_lines(Check check);
+/// Whether files were not looked for, since the entries that list them cannot be read or may not name them.
+bool leaves_files_unasked(const archive::VerificationReport& verification);
 /// Whether no stream of pictures or vital signs has a segment: then no gap makes it a recording.
 bool nothing_recorded(const archive::VerificationReport& verification);
 

@@ -63,8 +63,13 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   const bool is_excused = gravest == nullptr || gravest->severity <= archive::Severity::kGap;
   if (answered.check == Check::kStreams && answered.answer == Answer::kNo && is_excused)
     return words("check.streams.nothing");
-  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt)
+  if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt &&
+      leaves_files_unasked(found_))
     return words("check.files.unasked");
+  const bool ledger_changed =
+      std::ranges::find(answers_, Check::kLedger, &CheckAnswer::check)->answer == Answer::kNo;
+  if (is_excused && ledger_changed && rests_on_lines(answered.check) && !in_.facts.excerpt)
+    return words("check.ledger.changed");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")

@@ -123,6 +123,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "記録の一覧（台帳）は変更されておらず、記載の装置により署名されているか"},
     {"check.ledger.yes", "{0} and {1} agree, each signature is that of the key in the ledger.",
      "{0}と{1}は一致し、署名はいずれも台帳に記載の鍵によるものです。"},
+    {"check.ledger.changed", "The lines of the ledger do not hold, so nothing is said about this.",
+     "台帳の行が成立しないため、これについては何も述べません。"},
     {"check.excerpt.unread", "The lines of this excerpt do not hold, so nothing is said about this.",
      "この抜粋の台帳の行が成立しないため、これについては何も述べません。"},
     {"check.files", "Is every file there, and exactly as it was when it was listed?",

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "crypto/encoding.h"
+#include "tests/support/judged_alike.h"
 #include "tests/support/token_maker.h"
+#include "timestamp/certificate_pool_state.h"
 #include "timestamp/der.h"
 #include "timestamp/token_verifier.h"
 
@@ -12,6 +14,7 @@ namespace kiroku::timestamp {
 namespace {
 
 using test::make_response;
+using test::make_signer;
 using test::make_test_authority;
 using test::make_token;
 using test::pem_of;
@@ -32,7 +35,7 @@ class HostileToken : public ::testing::Test {
                               const Expectation& expectation = {}) {
     TrustStore trust;
     trust.add_trusted(bytes_of(trusted.root_pem()), "test root");
-    return judge_token(token, expectation, trust);
+    return test::judge_alike(token, expectation, trust);
   }
   TokenJudgement judge(const TokenRecipe& recipe, const Expectation& expectation = {}) {
     return judge(make_token(recipe), authority_, expectation);
@@ -140,7 +143,7 @@ TEST_F(HostileToken, WithoutCertificateCannotBeCheckedUntilItIsGiven) {
   TrustStore trust;
   trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
   trust.add_untrusted(bytes_of(pem_of(authority_.signer.certificate.get())), "test signer");
-  EXPECT_EQ(judge_token(token, {}, trust).code, TokenCode::kValid);
+  EXPECT_EQ(test::judge_alike(token, {}, trust).code, TokenCode::kValid);
 }
 
 TEST_F(HostileToken, FromASignerForMoreThanTimeStampingIsRefused) {
@@ -319,7 +322,7 @@ TEST_F(HostileToken, OfAStrangerIsNotAskedForItsSignatureWhereTheCallerSaysSo) {
   EXPECT_TRUE(stranger.explanation.ends_with("; whether its signature holds was not looked at"))
       << stranger.explanation;
   EXPECT_TRUE(stranger.info);
-  EXPECT_EQ(judge_token(broken, few, TrustStore()).code, TokenCode::kNoTrust);
+  EXPECT_EQ(test::judge_alike(broken, few, TrustStore()).code, TokenCode::kNoTrust);
   EXPECT_EQ(judge(broken, authority_, few).code, TokenCode::kSignatureInvalid);
   const auto sound = judge(recipe(), few);
   EXPECT_EQ(sound.code, TokenCode::kValid) << sound.explanation;
@@ -330,7 +333,7 @@ TEST_F(HostileToken, OfAStrangerIsNotAskedForItsSignatureWhereTheCallerSaysSo) {
 }
 
 TEST_F(HostileToken, CannotBeCheckedWithoutAnyTrust) {
-  const auto judgement = judge_token(make_token(recipe()), {}, TrustStore());
+  const auto judgement = test::judge_alike(make_token(recipe()), {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kNoTrust);
   EXPECT_EQ(judgement.signer_subject, "CN=Test signer,O=Test");
 }
@@ -338,7 +341,7 @@ TEST_F(HostileToken, CannotBeCheckedWithoutAnyTrust) {
 TEST_F(HostileToken, MayEndAtATrustedCertificateThatIsNoRoot) {
   TrustStore trust;
   trust.add_trusted(bytes_of(pem_of(authority_.signer.certificate.get())), "test signer");
-  EXPECT_EQ(judge_token(make_token(recipe()), {}, trust).root_subject, "CN=Test signer,O=Test");
+  EXPECT_EQ(test::judge_alike(make_token(recipe()), {}, trust).root_subject, "CN=Test signer,O=Test");
 }
 
 TEST_F(HostileToken, ThroughASignerThatIsNoAuthorityIsRefused) {
@@ -357,7 +360,7 @@ TEST_F(HostileToken, ThroughASignerThatIsNoAuthorityIsRefused) {
   spoilt.enclosed = {below.signer.certificate.get(), below.ca.certificate.get()};
   TrustStore trust;
   trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
-  EXPECT_EQ(judge_token(make_token(spoilt), {}, trust).code, TokenCode::kChainInvalid);
+  EXPECT_EQ(test::judge_alike(make_token(spoilt), {}, trust).code, TokenCode::kChainInvalid);
 }
 
 TEST_F(HostileToken, IsNotSpoiltByAnIntermediateThatOnlyLooksRight) {
@@ -386,13 +389,13 @@ TEST_F(HostileToken, IsNotSpoiltByAnIntermediateThatOnlyLooksRight) {
   TokenRecipe recipe;
   recipe.signer = &below.signer;
   recipe.enclosed = {below.signer.certificate.get(), below.ca.certificate.get()};
-  const auto judgement = judge_token(make_token(recipe), {}, trust);
+  const auto judgement = test::judge_alike(make_token(recipe), {}, trust);
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   ASSERT_EQ(judgement.chain.size(), 3U);
   EXPECT_EQ(judgement.chain[1], encode_with<i2d_X509>(below.ca.certificate.get()));
 
   recipe.enclosed = {below.signer.certificate.get()};
-  EXPECT_EQ(judge_token(make_token(recipe), {}, trust).code, TokenCode::kChainInvalid);
+  EXPECT_EQ(test::judge_alike(make_token(recipe), {}, trust).code, TokenCode::kChainInvalid);
 }
 
 TEST_F(HostileToken, UnderACertificateSignedOverAWeakHashIsRefused) {
@@ -483,6 +486,59 @@ TEST_F(HostileToken, UnderAnotherPolicyIsRefused) {
   EXPECT_EQ(judge(recipe(), expectation).code, TokenCode::kValid);
   expectation.policy = "1.2.3.5";
   EXPECT_EQ(judge(recipe(), expectation).code, TokenCode::kPolicyDiffers);
+}
+
+// A bit flipped anywhere: whoever splits a token before OpenSSL reads it must refuse what OpenSSL refuses.
+TEST_F(HostileToken, IsJudgedAlikeWithAPoolWhateverBitIsFlipped) {
+  TokenRecipe sound = recipe();
+  sound.enclosed.push_back(authority_.ca.certificate.get());
+  TrustStore trust;
+  trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
+  const Bytes token = make_token(sound);
+  for (std::size_t at = 0; at < token.size(); at += 3) {
+    Bytes changed = token;
+    changed[at] ^= std::byte{1} << (at / 3 % 8);
+    test::judge_alike(changed, {}, trust);
+    ASSERT_FALSE(HasFailure()) << "byte " << at;
+  }
+}
+
+TEST_F(HostileToken, AmongThousandsOfOneSignerDecodesItsCertificatesOnce) {
+  TrustStore trust;
+  trust.add_trusted(bytes_of(make_test_authority().root_pem()), "somebody else's root");
+  CertificatePool pool;
+  Expectation expectation;
+  expectation.judge_strangers = false;
+  expectation.pool = &pool;
+  TokenRecipe stranger = recipe();
+  stranger.enclosed = {authority_.ca.certificate.get(), authority_.signer.certificate.get()};
+  for (int second = 10; second < 60; ++second) {
+    stranger.gen_time = "202608050915" + std::to_string(second) + "Z";
+    const TokenJudgement judgement = judge_token(make_token(stranger), expectation, trust);
+    EXPECT_EQ(judgement.code, TokenCode::kIssuerUnknown) << judgement.explanation;
+  }
+  EXPECT_EQ(CertificatePoolAccess::state_of(pool).certificates.size(), 2U);
+  EXPECT_EQ(CertificatePoolAccess::state_of(pool).without_path.size(), 1U);
+}
+
+// Each token may enclose certificates of its own, so the pool bounds how many are decoded.
+TEST_F(HostileToken, WithMoreCertificatesThanAnyRecordingHasIsNotJudged) {
+  TrustStore trust;
+  trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
+  CertificatePool pool;
+  Expectation expectation;
+  expectation.pool = &pool;
+  const Bytes known = make_token(recipe());
+  EXPECT_EQ(judge_token(known, expectation, trust).code, TokenCode::kValid);
+  TokenRecipe stuffed = recipe();
+  std::vector<Credential> others;
+  for (std::size_t i = 0; i < CertificatePool::kMostCertificates; ++i) {
+    others.push_back(make_signer(authority_, crypto::PrivateKey(EVP_EC_gen("P-256"))));
+    stuffed.enclosed.push_back(others.back().certificate.get());
+  }
+  EXPECT_EQ(judge_token(make_token(stuffed), expectation, trust).code, TokenCode::kTooDear);
+  EXPECT_EQ(CertificatePoolAccess::state_of(pool).certificates.size(), CertificatePool::kMostCertificates);
+  EXPECT_EQ(judge_token(known, expectation, trust).code, TokenCode::kValid) << "known ones are judged on";
 }
 
 TEST(TokenCodes, HaveEachTheirOwnStableName) {

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "tests/support/judged_alike.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/token_maker.h"
 #include "timestamp/der.h"
@@ -60,9 +61,9 @@ TEST_F(RealToken, OfDigiCertIsValidWithItsChainAndRoot) {
   const Bytes response = file("digicert-ysimonx/file.digicert.tsr");
   const Expectation expectation = over(file("digicert-ysimonx/file.txt"));
   // Neither the signer nor its chain is enclosed, since the request did not ask for them.
-  EXPECT_EQ(judge_token(response, expectation, trust).code, TokenCode::kSignerCertificateMissing);
+  EXPECT_EQ(test::judge_alike(response, expectation, trust).code, TokenCode::kSignerCertificateMissing);
   EXPECT_EQ(trust.add_untrusted_file(shared_data("timestamp/digicert-ysimonx/CHAIN.pem")), 3U);
-  const auto judgement = judge_token(response, expectation, trust);
+  const auto judgement = test::judge_alike(response, expectation, trust);
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   EXPECT_EQ(format_utc(judgement.info->gen_time), "2024-09-18T21:17:50.000000Z");
   EXPECT_EQ(judgement.info->serial, "1ac5fa61f8004c0f75fdecdb6e261b9b");
@@ -71,21 +72,21 @@ TEST_F(RealToken, OfDigiCertIsValidWithItsChainAndRoot) {
   EXPECT_EQ(judgement.root_subject, "CN=DigiCert Assured ID Root CA,OU=www.digicert.com,O=DigiCert Inc,C=US");
   EXPECT_EQ(judgement.chain.size(), 4U);
   EXPECT_EQ(judgement.authority, TimeAuthority::kOutside);
-  EXPECT_EQ(judge_token(response, answering("digicert-ysimonx/file.digicert.tsq"), trust).code,
+  EXPECT_EQ(test::judge_alike(response, answering("digicert-ysimonx/file.digicert.tsq"), trust).code,
             TokenCode::kValid);
 }
 
 TEST_F(RealToken, OfDigiCertEndsAtACrossSignedRootWhereThatIsTrusted) {
-  const auto judgement = judge_token(file("digicert-ysimonx/toto.sha256.tsr"), {},
-                                     trusting("digicert-ysimonx/DigiCertTrustedRootG4.cer"));
+  const auto judgement = test::judge_alike(file("digicert-ysimonx/toto.sha256.tsr"), {},
+                                           trusting("digicert-ysimonx/DigiCertTrustedRootG4.cer"));
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   EXPECT_EQ(judgement.chain.size(), 3U);
 }
 
 TEST_F(RealToken, ForAnotherRequestIsRefused) {
-  const auto judgement =
-      judge_token(file("digicert-ysimonx/toto.sha256.tsr"), answering("digicert-ysimonx/file.digicert.tsq"),
-                  trusting("digicert-ysimonx/DigiCertAssuredIDRootCA.crt.pem"));
+  const auto judgement = test::judge_alike(file("digicert-ysimonx/toto.sha256.tsr"),
+                                           answering("digicert-ysimonx/file.digicert.tsq"),
+                                           trusting("digicert-ysimonx/DigiCertAssuredIDRootCA.crt.pem"));
   EXPECT_EQ(judgement.code, TokenCode::kImprintDiffers);
   EXPECT_EQ(judgement.explanation, "the token is over a sha256 hash, where sha512 was expected");
 }
@@ -93,8 +94,8 @@ TEST_F(RealToken, ForAnotherRequestIsRefused) {
 TEST_F(RealToken, OfSigstoreIsValidWithEachHash) {
   for (const char* name : {"sha256", "sha384", "sha512"}) {
     const auto judgement =
-        judge_token(file("rfc3161-client/sigstage/response-" + std::string(name) + ".tsr"),
-                    over(bytes_of("hello")), trusting("rfc3161-client/sigstage/ts_chain.pem"));
+        test::judge_alike(file("rfc3161-client/sigstage/response-" + std::string(name) + ".tsr"),
+                          over(bytes_of("hello")), trusting("rfc3161-client/sigstage/ts_chain.pem"));
     EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
     EXPECT_EQ(judgement.info->algorithm_name, name);
     EXPECT_EQ(judgement.info->accuracy_ns, 1'000'000'000);
@@ -104,30 +105,32 @@ TEST_F(RealToken, OfSigstoreIsValidWithEachHash) {
 
 TEST_F(RealToken, WithoutCertificateIsValidOnceTheChainIsGiven) {
   const Bytes response = file("rfc3161-client/sigstage/response-no-embedded-cert.tsr");
-  EXPECT_EQ(judge_token(response, over(bytes_of("hello")), TrustStore()).code,
+  EXPECT_EQ(test::judge_alike(response, over(bytes_of("hello")), TrustStore()).code,
             TokenCode::kSignerCertificateMissing);
   EXPECT_EQ(
-      judge_token(response, over(bytes_of("hello")), trusting("rfc3161-client/sigstage/ts_chain.pem")).code,
+      test::judge_alike(response, over(bytes_of("hello")), trusting("rfc3161-client/sigstage/ts_chain.pem"))
+          .code,
       TokenCode::kValid);
 }
 
 TEST_F(RealToken, WithABrokenSignatureIsRefused) {
   const auto judgement =
-      judge_token(file("rfc3161-client/sigstage/response-invalid-signature.tsr"), over(bytes_of("hello")),
-                  trusting("rfc3161-client/sigstage/ts_chain.pem"));
+      test::judge_alike(file("rfc3161-client/sigstage/response-invalid-signature.tsr"),
+                        over(bytes_of("hello")), trusting("rfc3161-client/sigstage/ts_chain.pem"));
   EXPECT_EQ(judgement.code, TokenCode::kSignatureInvalid);
 }
 
 TEST_F(RealToken, OverOtherDataIsRefused) {
-  EXPECT_EQ(judge_token(file("rfc3161-client/sigstage/response-sha256.tsr"), over(bytes_of("hello\n")),
-                        trusting("rfc3161-client/sigstage/ts_chain.pem"))
+  EXPECT_EQ(test::judge_alike(file("rfc3161-client/sigstage/response-sha256.tsr"), over(bytes_of("hello\n")),
+                              trusting("rfc3161-client/sigstage/ts_chain.pem"))
                 .code,
             TokenCode::kImprintDiffers);
 }
 
 TEST_F(RealToken, OfIdenTrustIsValidUnderADerRoot) {
-  const auto judgement = judge_token(file("rfc3161-client/identrust/issue-104.tsr"), over(bytes_of("hello")),
-                                     trusting("rfc3161-client/identrust/ts_chain.pem"));
+  const auto judgement =
+      test::judge_alike(file("rfc3161-client/identrust/issue-104.tsr"), over(bytes_of("hello")),
+                        trusting("rfc3161-client/identrust/ts_chain.pem"));
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   EXPECT_EQ(judgement.root_subject, "CN=IdenTrust Commercial Root CA 1,O=IdenTrust,C=US");
   EXPECT_EQ(judgement.info->nonce, crypto::from_hex("75c3b3214ac39fbb"));
@@ -135,9 +138,9 @@ TEST_F(RealToken, OfIdenTrustIsValidUnderADerRoot) {
 
 TEST_F(RealToken, WithForeignCertificatesInjectedIsAttributedToItsTrueSigner) {
   for (const char* name : {"response", "response-injected-certs"}) {
-    const auto judgement = judge_token(file("rfc3161-client/test_tsa/" + std::string(name) + ".tsr"),
-                                       answering("rfc3161-client/test_tsa/request.der"),
-                                       trusting("rfc3161-client/test_tsa/ts_chain.pem"));
+    const auto judgement = test::judge_alike(file("rfc3161-client/test_tsa/" + std::string(name) + ".tsr"),
+                                             answering("rfc3161-client/test_tsa/request.der"),
+                                             trusting("rfc3161-client/test_tsa/ts_chain.pem"));
     EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
     EXPECT_EQ(judgement.signer_subject, "CN=Test TSA Timestamping,O=local");
     EXPECT_EQ(judgement.root_subject, "CN=Test TSA Root,O=local");
@@ -147,14 +150,14 @@ TEST_F(RealToken, WithForeignCertificatesInjectedIsAttributedToItsTrueSigner) {
 TEST_F(RealToken, OfASecondInstallationWithTheSameNamesIsNotConfused) {
   const TrustStore trust = trusting("rfc3161-client/test_tsa/ts_chain.pem");
   const Bytes response = file("rfc3161-client/test_tsa/other_response.tsr");
-  EXPECT_EQ(judge_token(response, over(bytes_of("hello")), trust).code, TokenCode::kIssuerUnknown);
-  EXPECT_EQ(judge_token(response, answering("rfc3161-client/test_tsa/request.der"), trust).code,
+  EXPECT_EQ(test::judge_alike(response, over(bytes_of("hello")), trust).code, TokenCode::kIssuerUnknown);
+  EXPECT_EQ(test::judge_alike(response, answering("rfc3161-client/test_tsa/request.der"), trust).code,
             TokenCode::kNonceDiffers);
 }
 
 TEST_F(RealToken, WhoseCertificateExpiredSinceIsValid) {
-  const auto judgement = judge_token(file("rfc3161-client/sigstore.mock/response-expired.tsr"), {},
-                                     trusting("rfc3161-client/sigstore.mock/ts_chain.pem"));
+  const auto judgement = test::judge_alike(file("rfc3161-client/sigstore.mock/response-expired.tsr"), {},
+                                           trusting("rfc3161-client/sigstore.mock/ts_chain.pem"));
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   EXPECT_EQ(format_utc(judgement.info->gen_time), "2023-02-01T00:00:00.000000Z");
   EXPECT_EQ(judgement.info->serial, "-21524111");
@@ -168,27 +171,27 @@ TEST_F(RealToken, Of2017IsReadWithAndWithoutNonceAndCertificates) {
   TrustStore trust;
   trust.add_trusted(bytes_of(certificates[1]), "GlobalSign Primary SHA256 CA for Adobe");
 
-  const auto judgement = judge_token(with_nonce, answering("digitorus-embedded/reqNonce.tsq"), trust);
+  const auto judgement = test::judge_alike(with_nonce, answering("digitorus-embedded/reqNonce.tsq"), trust);
   EXPECT_EQ(judgement.code, TokenCode::kValid) << judgement.explanation;
   EXPECT_EQ(judgement.signer_subject, "CN=GlobalSign TSA for Adobe CDS - G2,O=GMO GlobalSign Pte Ltd,C=SG");
 
   const Bytes no_nonce = file("digitorus-embedded/respNoNonce.tsr");
-  EXPECT_EQ(judge_token(no_nonce, answering("digitorus-embedded/reqNoNonce.tsq"), trust).code,
+  EXPECT_EQ(test::judge_alike(no_nonce, answering("digitorus-embedded/reqNoNonce.tsq"), trust).code,
             TokenCode::kValid);
-  const auto other = judge_token(no_nonce, answering("digitorus-embedded/reqNonce.tsq"), trust);
+  const auto other = test::judge_alike(no_nonce, answering("digitorus-embedded/reqNonce.tsq"), trust);
   EXPECT_EQ(other.code, TokenCode::kNonceDiffers);
   EXPECT_EQ(other.explanation, "the token carries no nonce, although the request did");
 
   const Bytes no_certificate = file("digitorus-embedded/respNoCert.tsr");
   const Expectation expectation = answering("digitorus-embedded/reqNoCert.tsq");
-  EXPECT_EQ(judge_token(no_certificate, expectation, trust).code, TokenCode::kSignerCertificateMissing);
+  EXPECT_EQ(test::judge_alike(no_certificate, expectation, trust).code, TokenCode::kSignerCertificateMissing);
   trust.add_untrusted(bytes_of(certificates[0]), "GlobalSign TSA for Adobe");
-  EXPECT_EQ(judge_token(no_certificate, expectation, trust).code, TokenCode::kValid);
+  EXPECT_EQ(test::judge_alike(no_certificate, expectation, trust).code, TokenCode::kValid);
 }
 
 TEST_F(RealToken, WithoutAResponseAroundItIsRead) {
-  const auto judgement =
-      judge_token(file("digitorus-embedded/timeStampToken.tst"), {}, trusting("ca-extra/freetsa_cacert.pem"));
+  const auto judgement = test::judge_alike(file("digitorus-embedded/timeStampToken.tst"), {},
+                                           trusting("ca-extra/freetsa_cacert.pem"));
   EXPECT_EQ(judgement.code, TokenCode::kIssuerUnknown);
   EXPECT_EQ(judgement.signer_subject,
             "CN=Globalsign TSA for AATL - SHA256 - G2,O=GMO GlobalSign Pte Ltd,C=SG");
@@ -197,7 +200,7 @@ TEST_F(RealToken, WithoutAResponseAroundItIsRead) {
 }
 
 TEST_F(RealToken, ThatIsARejectionSaysWhy) {
-  const auto judgement = judge_token(file("digitorus-embedded/respRejection.tsr"), {}, TrustStore());
+  const auto judgement = test::judge_alike(file("digitorus-embedded/respRejection.tsr"), {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kRejected);
   EXPECT_EQ(judgement.explanation,
             "the authority rejected the request (rejection, addInfoNotAvailable): Error during serial number "
@@ -241,7 +244,7 @@ class TokenInEvidenceRecord : public RealToken {
     for (const std::string& certificate : enclosed_in(token))
       trust.add_untrusted(bytes_of(certificate), "enclosed");
     trust.add_trusted(bytes_of(enclosed_in(token).back()), "enclosed");
-    return judge_token(token, {}, trust);
+    return test::judge_alike(token, {}, trust);
   }
 };
 
@@ -270,7 +273,7 @@ TEST_F(TokenInEvidenceRecord, SignedWithRsaPssIsRead) {
   for (const char* name : {"xaip_ok_qualified_dtrust.ers", "ER_SHA256-DGN_XAIP_OK_SC1.ers"}) {
     const auto tokens = tokens_of(name);
     ASSERT_EQ(tokens.size(), 1U) << name;
-    EXPECT_EQ(judge_token(tokens[0], {}, TrustStore()).code, TokenCode::kNoTrust) << name;
+    EXPECT_EQ(test::judge_alike(tokens[0], {}, TrustStore()).code, TokenCode::kNoTrust) << name;
   }
 }
 
@@ -289,7 +292,7 @@ TEST_F(TokenInEvidenceRecord, UnderAnAuthorityThatHadExpiredByThenIsRefused) {
 TEST_F(TokenInEvidenceRecord, OfTheWrongCmsVersionIsRefused) {
   const auto tokens = tokens_of("example_wrong_cms_version.ers.b64");
   ASSERT_EQ(tokens.size(), 1U);
-  const auto judgement = judge_token(tokens[0], {}, TrustStore());
+  const auto judgement = test::judge_alike(tokens[0], {}, TrustStore());
   EXPECT_EQ(judgement.code, TokenCode::kMalformed);
   EXPECT_EQ(judgement.explanation, "the token's SignedData has version 1, which RFC 5652 forbids");
 }
@@ -298,7 +301,7 @@ TEST_F(TokenInEvidenceRecord, ByASignerWhoseKeyUsageIsNotCriticalIsRefused) {
   const auto tokens = tokens_of("example_invalidTSPs.ers.b64");
   ASSERT_EQ(tokens.size(), 4U);
   for (const Bytes& token : tokens) {
-    EXPECT_EQ(judge_token(token, {}, TrustStore()).code, TokenCode::kNotATimeStampSigner);
+    EXPECT_EQ(test::judge_alike(token, {}, TrustStore()).code, TokenCode::kNotATimeStampSigner);
   }
 }
 

@@ -317,6 +317,23 @@ TEST_F(ReportDocument, SaysYesToNoFileThatWasNotLookedFor) {
   }
 }
 
+// Whoever changes a line can take away a gap, or a segment with its file.
+TEST_F(ReportDocument, OfALedgerThatWasChangedSaysYesToNothingThatItsLinesSay) {
+  ReportInput in = input();
+  in.verification.findings.push_back(
+      {"ledger-changed", archive::Severity::kTampered, "ledger.jsonl", 3, {}, "it was changed"});
+  const std::string text = test::text_of(make_report(in));
+  for (const char* asked :
+       {"Is every file there, and exactly as it was when it was listed? | ",
+        "Was it recorded without a break from beginning to end? | ",
+        "Was the recording brought to its end? | ", "Does somebody outside prove when it existed? | ",
+        "Does the device's own log know this case, and the same of it? | "}) {
+    EXPECT_THAT(text, HasSubstr(std::string(asked) +
+                                "! Could not be checked | The lines of the ledger do not hold, so nothing is "
+                                "said about this."));
+  }
+}
+
 TEST_F(ReportDocument, CountsNoFindingsThatItDoesNotHave) {
   ReportInput in = input();
   in.verification.findings.push_back({"gap", archive::Severity::kGap, {}, 3, {}, "it is silent"});
