@@ -26,7 +26,7 @@ import tempfile
 import threading
 import time
 
-from ship_test import HERE, Appliance, Store, judged, require
+from ship_test import HERE, Appliance, Store, eventually, judged, require
 
 FAULTS = ("500", "503", "torn request", "lost answer", "torn answer", "wrong hash", "wrong etag", "no lock", "silence")
 SLOW_S = 5
@@ -203,6 +203,21 @@ def network(appliance, store, proxy, dice):
     return runs, objects
 
 
+def lost_answer(appliance, store, proxy):
+    """A shipper whose list knows all, and which goes on after the answer to a put was lost, asks before it puts again."""
+    use(appliance, proxy.endpoint, "followed")
+    appliance.kiroku("ship")
+    appliance.recorded(2)
+    left = ["lost answer"]
+    proxy.next_fault = lambda method: left.pop() if left and method == "PUT" else None
+    following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    eventually(lambda: appliance.ask("ship", "--status").returncode == 0 and not left, "it did not catch up")
+    following.kill()
+    following.wait()
+    proxy.next_fault = lambda method: None
+    require_all_there(appliance, store, "followed", "after a lost answer")
+
+
 def slow(appliance, store, proxy):
     """Each answer takes seconds; recording does not wait for it."""
     proxy.slow_s, proxy.next_fault = SLOW_S, lambda method: "silence"
@@ -274,6 +289,8 @@ def main():
         proxy = Proxy(store.endpoint)
         runs, through = network(appliance, store, proxy, dice)
         print(f"holds: {sum(proxy.made.values())} faults of the network in {runs} runs, {through} objects: {proxy.made}", flush=True)
+        lost_answer(appliance, store, proxy)
+        print("holds: after a lost answer the same process puts nothing twice", flush=True)
         print(f"holds: 4 s recorded in {slow(appliance, store, proxy):.1f} s beside a store of {SLOW_S} s an answer", flush=True)
         clock(appliance, store)
         credentials(appliance, store, scratch / "store")
