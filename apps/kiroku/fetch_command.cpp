@@ -92,9 +92,10 @@ int run(const Request& request, const std::optional<std::string>& asked_home, co
   for (const std::string& each : cases) {
     try {
       status = worse(status, fetch(request, store, appliance, each, judge, told));
-    } catch (const UsageError& error) {
+    } catch (const Error& error) {
+      // One that cannot be had keeps no other back.
       if (!request.all) throw;
-      print_error("kiroku", error.what());
+      print_error("kiroku", each + ": " + error.what());
       status = worse(status, kRefused);
     }
   }

@@ -226,15 +226,15 @@ TEST_F(Witnesses, OfACaseAreJudgedByItsProofWithoutTheLog) {
   EXPECT_THAT(told.out, HasSubstr("the case's end is among them"));
   EXPECT_THAT(told.out, HasSubstr("b.example/w cosigned, at "));
   EXPECT_THAT(told.out, HasSubstr("c.example/w did not cosign"));
-  const nlohmann::json json =
+  const nlohmann::json as_json =
       nlohmann::json::parse(verify({"--proof", proof, "--witnesses", path("witnesses.txt"), "--json"}).out);
-  EXPECT_TRUE(json["witnesses"]["quorum"]);
-  EXPECT_EQ(json["witnesses"]["holds"], "end");
-  EXPECT_EQ(json["witnesses"]["witnesses"].size(), 3U);
+  EXPECT_TRUE(as_json["witnesses"]["quorum"]);
+  EXPECT_EQ(as_json["witnesses"]["holds"], "end");
+  EXPECT_EQ(as_json["witnesses"]["witnesses"].size(), 3U);
 
   // The verdict is the same without witnesses, and too few of them change the exit status alone.
   const nlohmann::json plain = nlohmann::json::parse(verify({"--json"}).out);
-  EXPECT_EQ(plain["verdict"], json["verdict"]);
+  EXPECT_EQ(plain["verdict"], as_json["verdict"]);
   EXPECT_TRUE(plain["witnesses"].is_null());
   std::string all_three = read_text(folder() / "witnesses.txt");
   all_three.replace(all_three.find("group two 2"), 11, "group two 3");
