@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
-# Runs tests of the viewer's page: run.sh lint|unit|page|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not built, or
-# no browser is there; with 1 where KIROKU_PAGE_REQUIRED is set, as in continuous integration.
+# Runs tests of the viewer's page: run.sh lint|unit|page|measured|long STAGE PAGE SOURCE [KIROKU KIROKUD [VITEST OPTION...]]. Leaves with 77 where the page was not
+# built, or no browser is there; with 1 where KIROKU_PAGE_REQUIRED is set, as in continuous integration.
+# Of page, without options, two files run at a time, as each waits for servers and browsers half of its time; measured are those that look at what is seen
+# and heard when, one at a time.
 set -euo pipefail
 project=$1 stage=$2
 export KIROKU_PAGE=$3 KIROKU_SOURCE_DIR=$4 KIROKU_PROGRAM=${5:-} KIROKU_DAEMON_PROGRAM=${6:-}
@@ -29,7 +31,19 @@ if [[ $project != unit ]]; then
     echo "firefox-esr is not installed: its part of browsers.test.ts is skipped"
     unset KIROKU_FIREFOX
   fi
-  options+=(--no-file-parallelism --bail 8)
+  options+=(--bail 8)
+  measured=(page/page.test.ts page/sound.test.ts page/live.test.ts)
+  if [[ $project == page && $# -lt 7 ]]; then
+    options+=(--maxWorkers 2 --minWorkers 1)
+    for file in "$KIROKU_SOURCE_DIR"/tests/page/*.test.ts; do
+      file=page/${file##*/}
+      [[ " ${measured[*]} " == *" $file "* ]] || options+=("$file")
+    done
+  else
+    options+=(--no-file-parallelism)
+    [[ $project != measured ]] || options+=("${measured[@]}")
+  fi
+  [[ $project != measured ]] || project=page
 fi
 cd "$stage"
 exec node_modules/.bin/vitest run --project "$project" --reporter verbose "${options[@]}" "${@:7}"
