@@ -32,11 +32,11 @@ if [[ $project != unit ]]; then
     unset KIROKU_FIREFOX
   fi
   options+=(--bail 8)
-  measured=(page/page.test.ts page/sound.test.ts page/live.test.ts)
+  measured=(page.test.ts sound.test.ts live.test.ts)
   if [[ $project == page && $# -lt 7 ]]; then
     options+=(--maxWorkers 2 --minWorkers 1)
     for file in "$KIROKU_SOURCE_DIR"/tests/page/*.test.ts; do
-      file=page/${file##*/}
+      file=${file##*/}
       [[ " ${measured[*]} " == *" $file "* ]] || options+=("$file")
     done
   else
