@@ -209,7 +209,7 @@ std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& a
   cases.insert(cases.end(), growing.begin(), growing.end());
   std::erase_if(cases, [](const std::string& name) { return !archive::is_case_id(name); });
   std::ranges::sort(cases);
-  cases.erase(std::ranges::unique(cases).begin(), cases.end());
+  cases.erase(std::unique(cases.begin(), cases.end()), cases.end());  // Clang 14 knows no ranges::unique here
   return cases;
 }
 

@@ -301,17 +301,19 @@ struct Shipper::Pass {
   void run_holds() {
     guarded([&] { holds = &shipper.holds_in(archive / kLogFolder); });
     if (holds == nullptr) return;
-    for (const auto& [case_id, standing] : *holds) {
-      if (shipper.list_.hold(case_id) == !standing.empty()) continue;
+    for (const auto& each : *holds) {
+      const std::string& case_id = each.first;
+      const bool held_now = !each.second.empty();
+      if (shipper.list_.hold(case_id) == held_now) continue;
       if (is_ended != nullptr && !ended()) {
         try {
-          guarded([&] { hold_of(case_id, !standing.empty()); });
+          guarded([&] { hold_of(case_id, held_now); });
         } catch (const StoreError& error) {
           if (error.passes()) throw;
           report.problems.emplace_back(error.what());
         }
       }
-      if (shipper.list_.hold(case_id) != !standing.empty()) report.holds_waiting.push_back(case_id);
+      if (shipper.list_.hold(case_id) != held_now) report.holds_waiting.push_back(case_id);
     }
   }
 
