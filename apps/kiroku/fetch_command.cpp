@@ -96,6 +96,7 @@ int run(const Request& request, const std::optional<std::string>& asked_home, co
       // One that cannot be had keeps no other back.
       if (!request.all) throw;
       print_error("kiroku", each + ": " + error.what());
+      told.push_back({{"case", each}, {"problem", error.what()}});
       status = worse(status, kRefused);
     }
   }

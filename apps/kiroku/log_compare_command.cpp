@@ -20,6 +20,7 @@
 #include "archive/verify/log_histories.h"
 #include "base/error.h"
 #include "base/json_or_null.h"
+#include "base/number_text.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 
@@ -77,10 +78,6 @@ bool is_of_one_of(const LogHistory& history, const std::vector<crypto::VerifierK
   });
 }
 
-std::string count(std::uint64_t entries) {
-  return std::to_string(entries) + (entries == 1 ? " entry" : " entries");
-}
-
 /// What was signed stays signed, whatever became of the lines.
 std::string judge_newest_checkpoint(const Side& damaged, const Side& other,
                                     const std::vector<crypto::VerifierKey>& trusted) {
@@ -91,8 +88,8 @@ std::string judge_newest_checkpoint(const Side& damaged, const Side& other,
     switch (judged.relation) {
       case HistoryRelation::kSame:
       case HistoryRelation::kFirstBegins:
-        return "its newest checkpoint is of the first " + count(*judged.common) + " of " +
-               other.history.name + ": these are what the device signed";
+        return "its newest checkpoint is of the first " + counted(*judged.common, "entry", "entries") +
+               " of " + other.history.name + ": these are what the device signed";
       case HistoryRelation::kForked:
         return judged.two_histories()
                    ? "its newest checkpoint is of other entries than those of " + other.history.name +
@@ -150,17 +147,28 @@ std::string file_of(const Side& side, const HistoryComparison::Signer& signer) {
                      : side.history.name;
 }
 
-std::string headline(const HistoryComparison& comparison, const Side& first, const Side& second) {
+/// Whether a key that was asked for signed both; any where none was.
+bool is_by_one_of(const HistoryComparison& comparison, const std::vector<crypto::VerifierKey>& asked_for) {
+  return comparison.two_histories() &&
+         (asked_for.empty() || std::ranges::any_of(asked_for, [&](const crypto::VerifierKey& key) {
+            return key.to_string() == comparison.first->device;
+          }));
+}
+
+std::string headline(const HistoryComparison& comparison, const Side& first, const Side& second,
+                     const std::vector<crypto::VerifierKey>& asked_for) {
   switch (comparison.relation) {
     case HistoryRelation::kSame:
-      return "SAME: both are one history of " + count(*comparison.common) + ".";
+      return "SAME: both are one history of " + counted(*comparison.common, "entry", "entries") + ".";
     case HistoryRelation::kFirstBegins:
       return "ONE HISTORY: " + second.history.name + " goes on from " + first.history.name +
-             ", behind its first " + count(*comparison.common) + ".";
+             ", behind its first " + counted(*comparison.common, "entry", "entries") + ".";
     case HistoryRelation::kSecondBegins:
       return "ONE HISTORY: " + first.history.name + " goes on from " + second.history.name +
-             ", behind its first " + count(*comparison.common) + ".";
+             ", behind its first " + counted(*comparison.common, "entry", "entries") + ".";
     case HistoryRelation::kForked:
+      if (comparison.two_histories() && !is_by_one_of(comparison, asked_for))
+        return "FORKED: one key signed both, and it is not one that was asked for.";
       return comparison.two_histories() ? "TWO HISTORIES: one device signed both, and they cannot be one."
                                         : "FORKED: they part, and nothing shows that one device signed both.";
     case HistoryRelation::kOtherDevices:
@@ -172,21 +180,32 @@ std::string headline(const HistoryComparison& comparison, const Side& first, con
 }
 
 /// What the headline leaves open, a sentence a line.
-std::vector<std::string> explanations(const HistoryComparison& comparison) {
+std::vector<std::string> explanations(const HistoryComparison& comparison,
+                                      const std::vector<crypto::VerifierKey>& asked_for) {
   std::vector<std::string> sentences;
   if (comparison.relation != HistoryRelation::kForked) return sentences;
   if (comparison.common) {
-    sentences.push_back(*comparison.common == 0 ? "They differ from their first entries on."
-                                                : "The first " + count(*comparison.common) +
-                                                      (*comparison.common == 1 ? " is" : " are") +
-                                                      " the same. Behind that each goes its own way.");
+    sentences.push_back(*comparison.common == 0
+                            ? "They differ from their first entries on."
+                            : "The first " + counted(*comparison.common, "entry", "entries") +
+                                  (*comparison.common == 1 ? " is" : " are") +
+                                  " the same. Behind that each goes its own way.");
   } else {
     sentences.emplace_back("Where they part a checkpoint does not tell without its log's lines.");
   }
   if (comparison.two_histories()) {
-    sentences.push_back("The device: " + comparison.first->device);
+    sentences.push_back("The key: " + comparison.first->device);
     sentences.emplace_back(
-        "Nobody else than the holder of its key can have made both. No power cut does this.");
+        "Nobody else than the holder of this key can have made both. No power cut does this.");
+    if (asked_for.empty()) {
+      sentences.emplace_back(
+          "Anybody can make a key of any name: whether it is the device's, --device with its own tells.");
+    } else if (!is_by_one_of(comparison, asked_for)) {
+      sentences.emplace_back(
+          "Of the device that was asked for this shows nothing, unless the key is a later one of it: then "
+          "give "
+          "that with --device.");
+    }
   } else if (comparison.first && comparison.second) {
     sentences.emplace_back(
         "Different keys signed them behind that place. Whoever has no key of the device can make the like.");
@@ -204,7 +223,7 @@ std::string side_text(const Side& side, const std::optional<PartingEntry>& parti
   const LogHistory& history = side.history;
   std::string text = "\n" + printable(history.name) +
                      (history.note ? ": a checkpoint"
-                                   : ": a log of " + count(history.log.lines.size()) +
+                                   : ": a log of " + counted(history.log.lines.size(), "entry", "entries") +
                                          (history.log.whole ? "" : ", as far as it can be read")) +
                      "\n";
   const auto line = [&](const std::string& sentence) { text += "  " + printable(sentence) + "\n"; };
@@ -214,8 +233,9 @@ std::string side_text(const Side& side, const std::optional<PartingEntry>& parti
   }
   if (parting) line(parting->text(*comparison.common));
   if (signer) {
-    line("signed: " + file_of(side, *signer) + ", over the first " + count(signer->checkpoint.size) +
-         ", root " + crypto::to_hex(signer->checkpoint.root) +
+    line("signed: " + file_of(side, *signer) + ", over the first " +
+         counted(signer->checkpoint.size, "entry", "entries") + ", root " +
+         crypto::to_hex(signer->checkpoint.root) +
          (comparison.two_histories() ? "" : ", by " + signer->device));
   } else if (comparison.relation == HistoryRelation::kForked) {
     line("signed: by nobody, behind that place");
@@ -282,20 +302,23 @@ int run(const Request& request) {
   if (request.json) {
     print_json({{"relation", archive::relation_name(comparison.relation)},
                 {"two_histories", comparison.two_histories()},
+                {"by_asked_device", asked_for.empty() ? ordered_json(nullptr)
+                                                      : ordered_json(is_by_one_of(comparison, asked_for))},
                 {"common_entries", or_null(comparison.common)},
                 {"why", or_null(comparison.why)},
                 {"logs",
                  {side_json(first, parting_first, comparison.first),
                   side_json(second, parting_second, comparison.second)}}});
   } else {
-    std::string text = printable(headline(comparison, first, second)) + "\n";
-    for (const std::string& sentence : explanations(comparison)) text += printable(sentence) + "\n";
+    std::string text = printable(headline(comparison, first, second, asked_for)) + "\n";
+    for (const std::string& sentence : explanations(comparison, asked_for))
+      text += printable(sentence) + "\n";
     text += side_text(first, parting_first, comparison.first, comparison);
     text += side_text(second, parting_second, comparison.second, comparison);
     std::cout << text;
   }
   const bool is_damaged = !first.history.damage.empty() || !second.history.damage.empty();
-  if (is_damaged || comparison.two_histories()) return kAnswerIsNo;
+  if (is_damaged || is_by_one_of(comparison, asked_for)) return kAnswerIsNo;
   const bool is_told = comparison.relation == HistoryRelation::kSame ||
                        comparison.relation == HistoryRelation::kFirstBegins ||
                        comparison.relation == HistoryRelation::kSecondBegins;
@@ -329,7 +352,7 @@ void add_log_compare_command(Command& log) {
       "signed, or a log that does not hold by itself; 2 wrong usage or unreadable; 3 nothing follows: logs "
       "of "
       "different devices, a fork that one device did not sign on both sides, what cannot be told from a "
-      "checkpoint alone, or logs of another device than --device.");
+      "checkpoint alone, or logs and signatures of another device than --device.");
   command.example("kiroku log compare /mnt/audit-2025/log ~/.local/share/kiroku",
                   "whether the home's log goes on from an exported one");
   command.example("kiroku log compare from-the-insurer/log from-the-court/log --device device.pub",

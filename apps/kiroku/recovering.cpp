@@ -4,16 +4,13 @@
 #include "apps/common/format.h"
 #include "archive/storage/file_system.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "recorder/checkpoint_stamper.h"
 
 namespace kiroku::apps {
 namespace {
 
 using archive::CaseRecovery;
-
-std::string count(std::uint64_t number, const std::string& one, const std::string& many) {
-  return std::to_string(number) + " " + (number == 1 ? one : many);
-}
 
 void tell_catalogue(const Home& home, const std::filesystem::path& folder) {
   try {
@@ -39,9 +36,9 @@ std::string outcome_text(const CaseRecovery& recovery) {
 }
 
 std::string found_text(const CaseRecovery& recovery) {
-  std::string out = "found " + count(recovery.segments, "segment", "segments") + " without an entry";
+  std::string out = "found " + counted(recovery.segments, "segment", "segments") + " without an entry";
   if (recovery.incomplete > 0) out += ", " + std::to_string(recovery.incomplete) + " of them cut off";
-  if (recovery.tokens > 0) out += "; " + count(recovery.tokens, "time-stamp", "time-stamps");
+  if (recovery.tokens > 0) out += "; " + counted(recovery.tokens, "time-stamp", "time-stamps");
   return out;
 }
 

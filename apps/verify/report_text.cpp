@@ -12,6 +12,7 @@
 #include "apps/common/terminal.h"
 #include "apps/verify/witness_judgement.h"
 #include "archive/verify/report_json.h"
+#include "base/number_text.h"
 
 namespace kiroku::apps {
 namespace {
@@ -71,10 +72,6 @@ std::string both_times(UtcTime time) {
   return format_utc_for_people(time) + (local.ends_with("+0000") ? "" : " (" + local + ")");
 }
 
-std::string count(std::uint64_t number, const std::string& one, const std::string& many) {
-  return std::to_string(number) + " " + (number == 1 ? one : many);
-}
-
 std::string line(const std::string& name, const std::string& text) {
   std::string label = "  " + name;
   label.resize(13, ' ');
@@ -107,7 +104,7 @@ std::string bracket_lines(const VerificationReport& report) {
     out += line("", "not after  " + both_times(*latest) + ", up to entry " + std::to_string(last) + whose);
   }
   if (widest) {
-    out += line("", count(report.brackets.size(), "bracket", "brackets") + ", the widest " +
+    out += line("", counted(report.brackets.size(), "bracket", "brackets") + ", the widest " +
                         format_duration(std::chrono::nanoseconds(*widest).count()));
   }
   return out;
@@ -123,9 +120,10 @@ std::string authority_lines(const VerificationReport& report) {
       names += (i > 0 ? ", " : "") + authority.names[i];
     }
     if (authority.names.size() > kMostNames) names += ", …";
-    out += line(out.empty() ? "stamped by" : "",
-                authority.subject + (authority.outside ? "" : " (self-issued)") + ": " +
-                    count(authority.tokens, "time-stamp", "time-stamps") + ", in the ledger called " + names);
+    out +=
+        line(out.empty() ? "stamped by" : "",
+             authority.subject + (authority.outside ? "" : " (self-issued)") + ": " +
+                 counted(authority.tokens, "time-stamp", "time-stamps") + ", in the ledger called " + names);
   }
   return out;
 }
@@ -159,8 +157,8 @@ std::string clock_lines(const VerificationReport& report) {
 
 /// How far the segments were looked into.
 std::string contents_words(const archive::OpenedContents& contents) {
-  if (contents.opened == 0) return "none of " + count(contents.segments, "segment", "segments");
-  return std::to_string(contents.opened) + " of " + count(contents.segments, "segment", "segments") +
+  if (contents.opened == 0) return "none of " + counted(contents.segments, "segment", "segments");
+  return std::to_string(contents.opened) + " of " + counted(contents.segments, "segment", "segments") +
          " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated";
 }
 
@@ -176,9 +174,9 @@ std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_
   const bool all = evidence.entries >= entries;
   std::string text = excerpt ? std::string("checkpoint")
                              : (all ? "all " : "the first " + std::to_string(evidence.entries) + " of ") +
-                                   count(entries, "entry", "entries");
+                                   counted(entries, "entry", "entries");
   // What no outside clock stands behind is said by the recorder, and proved to nobody.
-  text += " and " + count(evidence.files, "file", "files") +
+  text += " and " + counted(evidence.files, "file", "files") +
           (evidence.outside ? " proved since " : " there by the recorder's own word at ") +
           format_utc_for_people(*evidence.since) + (evidence.outside ? " by " : ": ");
   text += evidence.time_stamps == 1
@@ -198,7 +196,7 @@ std::string witness_lines(const archive::WitnessReport& witnesses) {
     out = line("witnesses", "nothing shows that anybody cosigned what the appliance log says of this case");
   } else {
     const bool is_end = witnesses.holds == Holds::kEnd;
-    out = line("witnesses", std::string("the log's first ") + count(witnesses.entries, "entry", "entries") +
+    out = line("witnesses", std::string("the log's first ") + counted(witnesses.entries, "entry", "entries") +
                                 (witnesses.entries == 1 ? " is " : " are ") +
                                 (witnesses.witnessed.quorum ? "" : "NOT ") +
                                 "witnessed as the policy asks (" + witnesses.note + ")");
@@ -317,10 +315,10 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   out += bracket_lines(report);
   out += authority_lines(report);
   out += clock_lines(report);
-  out += line("checked", count(report.entries, "entry", "entries") + ", " +
-                             count(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
-                             "), " + count(report.checkpoints, "checkpoint", "checkpoints") + ", " +
-                             count(report.tokens, "time-stamp", "time-stamps"));
+  out += line("checked", counted(report.entries, "entry", "entries") + ", " +
+                             counted(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
+                             "), " + counted(report.checkpoints, "checkpoint", "checkpoints") + ", " +
+                             counted(report.tokens, "time-stamp", "time-stamps"));
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
   if (!log.empty()) out += line("log", log);
@@ -337,7 +335,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   std::vector<archive::Finding> findings = report.findings;
   std::stable_sort(findings.begin(), findings.end(),
                    [](const auto& a, const auto& b) { return a.severity > b.severity; });
-  out += "\n" + count(findings.size(), "finding", "findings") + "\n";
+  out += "\n" + counted(findings.size(), "finding", "findings") + "\n";
   for (const auto& finding : findings) out += finding_text(finding);
   return out;
 }

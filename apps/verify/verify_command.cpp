@@ -137,8 +137,8 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "not "
       "be compared: exit status 3.");
   command.explain(
-      "--witnesses changes no verdict: witnesses say of a log that it is the only one, and of a case "
-      "nothing. "
+      "Witnesses say of a log that it is the only one, and of a case nothing: --witnesses changes no "
+      "verdict. (In a home, the log's cosigned checkpoint that it keeps is compared, as with --against.) "
       "Where the policy's quorum did not cosign the case's end, exit status 0 or 4 becomes 3.");
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "

@@ -12,6 +12,7 @@
 #include "archive/verify/report_json.h"
 #include "archive/writing/appliance_log.h"
 #include "base/json_or_null.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "base/utc_time.h"
 #include "crypto/merkle_tree.h"
@@ -50,17 +51,13 @@ std::optional<Candidate> candidate_of(const archive::OutsideNote& note, const cr
   return Candidate{&note, *checkpoint, false, std::nullopt};
 }
 
-std::string count_of(std::uint64_t entries) {
-  return std::to_string(entries) + (entries == 1 ? " entry" : " entries");
-}
-
 /// Why a note tells nothing of the entries that are here.
 std::string misfit_of(const Candidate& candidate, std::uint64_t entries) {
   const std::uint64_t stated = candidate.checkpoint.size;
   const std::string says_nothing = candidate.note->name + " says nothing of witnesses here: ";
   if (stated > entries) {
-    return says_nothing + "it is of " + count_of(stated) + ", and here are " + std::to_string(entries) +
-           ". Entries were taken away, or this is a copy from before";
+    return says_nothing + "it is of " + counted(stated, "entry", "entries") + ", and here are " +
+           std::to_string(entries) + ". Entries were taken away, or this is a copy from before";
   }
   return says_nothing + "it was not signed of the entries that this log begins with";
 }
@@ -149,9 +146,9 @@ std::string WitnessJudgement::text() const {
   if (note.empty()) {
     text = "Witnesses: nothing shows that anybody cosigned this log.\n";
   } else {
-    text = std::string("Witnesses: the first ") + std::to_string(entries) + " of " + count_of(log_entries) +
-           (entries == 1 ? " is " : " are ") + (witnessed.quorum ? "" : "NOT ") +
-           "witnessed as the policy asks (" + printable(note) + ").\n";
+    text = std::string("Witnesses: the first ") + std::to_string(entries) + " of " +
+           counted(log_entries, "entry", "entries") + (entries == 1 ? " is " : " are ") +
+           (witnessed.quorum ? "" : "NOT ") + "witnessed as the policy asks (" + printable(note) + ").\n";
     if (first_unwitnessed) {
       const std::uint64_t rest = log_entries - entries;
       text += std::string("  Of the ") + (rest == 1 ? "one" : std::to_string(rest)) +

@@ -170,6 +170,13 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
   }
   const ErasingTurn turn(folder.parent_path());
   if (options.log != nullptr) {
+    // Who removes the log removes its holds: what the device signs here must not say otherwise.
+    if (segments.opening.appliance_log_size > 0 &&
+        options.log->case_state(writer->case_id()) == ApplianceLog::CaseState::kUnknown) {
+      throw UsageError("the appliance log does not know case " + writer->case_id() +
+                       ", which was recorded beside one: nobody can tell whether it is under legal hold, and "
+                       "nothing was erased from it; put the log back");
+    }
     const std::string held =
         why_held(read_holds(options.log->folder(), {options.device_name, options.key->public_key()}),
                  writer->case_id());

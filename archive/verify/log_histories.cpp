@@ -10,6 +10,7 @@
 #include "archive/verify/finding_list.h"
 #include "archive/verify/log_rules.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "crypto/merkle_tree.h"
 
@@ -18,10 +19,6 @@ namespace kiroku::archive {
 namespace {
 
 using Signer = HistoryComparison::Signer;
-
-std::string count_of_entries(std::uint64_t count) {
-  return std::to_string(count) + (count == 1 ? " entry" : " entries");
-}
 
 std::string origin_of(const std::string& device) {
   return log_origin(crypto::VerifierKey::parse(device).name());
@@ -102,7 +99,8 @@ HistoryComparison compare_logs(const LogHistory& first, const LogHistory& second
   const bool first_ends = parted.in1 == a.lines.end() && a.whole;
   const bool second_ends = parted.in2 == b.lines.end() && b.whole;
   if (!first_ends && !second_ends) {
-    return unknown("the first " + count_of_entries(common) + " are the same, and what follows in " +
+    return unknown("the first " + counted(common, "entry", "entries") +
+                       " are the same, and what follows in " +
                        (parted.in1 == a.lines.end() ? first : second).name + " cannot be read",
                    common);
   }
@@ -144,8 +142,8 @@ HistoryComparison compare_with_kept(const LogHistory& history, const Signer& kep
   }
   const std::uint64_t size = kept.checkpoint.size;
   if (size > log.lines.size()) {
-    return unknown(name + " is of " + count_of_entries(size) + ", and " + history.name + " shows " +
-                   std::to_string(log.lines.size()) +
+    return unknown(name + " is of " + counted(size, "entry", "entries") + ", and " + history.name +
+                   " shows " + std::to_string(log.lines.size()) +
                    ": a copy from before, or one whose end was removed; only the lines can tell more");
   }
   HistoryComparison comparison;
@@ -170,8 +168,8 @@ HistoryComparison compare_kept(const LogHistory& first, const Signer& a, const L
                                const Signer& b) {
   if (a.checkpoint.origin != b.checkpoint.origin) return other_devices(a.device, b.device);
   if (a.checkpoint.size != b.checkpoint.size) {
-    return unknown(first.name + " is of " + count_of_entries(a.checkpoint.size) + " and " + second.name +
-                   " of " + std::to_string(b.checkpoint.size) +
+    return unknown(first.name + " is of " + counted(a.checkpoint.size, "entry", "entries") + " and " +
+                   second.name + " of " + std::to_string(b.checkpoint.size) +
                    ": whether one goes on from the other only the log's lines can tell");
   }
   if (a.checkpoint.root == b.checkpoint.root)

@@ -5,19 +5,12 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/limits.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/note_format.h"
 
 namespace kiroku::archive {
-
-namespace {
-
-std::string entries_of(std::uint64_t count) {
-  return std::to_string(count) + (count == 1 ? " entry" : " entries");
-}
-
-}  // namespace
 
 Bytes LogProofExtra::to_bytes() const {
   Bytes bytes;
@@ -124,8 +117,9 @@ void LogProof::hold(const std::string& of_what) {
   proved_ = Proved{name_, proof_->index, *checkpoint_, proof_->note};
   findings_->add("log-proof-holds", {},
                  name_ + " holds: entry " + std::to_string(proof_->index) +
-                     " of the appliance log says that the case ended with " + entries_of(entry_->size) +
-                     ", " + of_what + ". The device signed the log's first " + entries_of(checkpoint_->size));
+                     " of the appliance log says that the case ended with " +
+                     counted(entry_->size, "entry", "entries") + ", " + of_what +
+                     ". The device signed the log's first " + counted(checkpoint_->size, "entry", "entries"));
 }
 
 void LogProof::finish(const std::string& case_id, std::uint64_t entries, bool read) {
@@ -137,14 +131,15 @@ void LogProof::finish(const std::string& case_id, std::uint64_t entries, bool re
   }
   if (root_fits_ == false) {
     findings_->add("log-proof-differs", {std::string(kLedgerFile), entry_->size - 1},
-                   "the first " + entries_of(entry_->size) + " are not those with which, by " + name_ +
+                   "the first " + counted(entry_->size, "entry", "entries") +
+                       " are not those with which, by " + name_ +
                        ", the case ended: the device signed another history of it");
   } else if (read && entries < entry_->size) {
     findings_->add("log-proof-differs", {std::string(kLedgerFile), entries},
-                   "by " + name_ + " the case ended with " + entries_of(entry_->size) + ", and there are " +
-                       std::to_string(entries) + ": the end of the ledger was removed");
+                   "by " + name_ + " the case ended with " + counted(entry_->size, "entry", "entries") +
+                       ", and there are " + std::to_string(entries) + ": the end of the ledger was removed");
   } else {
-    refuse("what is here does not show the root of " + entries_of(entry_->size));
+    refuse("what is here does not show the root of " + counted(entry_->size, "entry", "entries"));
   }
 }
 
@@ -166,8 +161,8 @@ void LogProof::finish_part(const std::string& case_id, std::uint64_t size,
   // A wrong path shows nothing, whoever made it. Another root of the very same size is a statement.
   if (size == end && *root != entry_->root) {
     findings_->add("log-proof-differs", {},
-                   "the excerpt is not of the case that, by " + name_ + ", ended with " + entries_of(end) +
-                       ": the device signed two histories of it");
+                   "the excerpt is not of the case that, by " + name_ + ", ended with " +
+                       counted(end, "entry", "entries") + ": the device signed two histories of it");
     return;
   }
   refuse(consistency_.empty()

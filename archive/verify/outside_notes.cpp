@@ -6,14 +6,11 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "base/number_text.h"
 
 namespace kiroku::archive {
 
 namespace {
-
-std::string entries(std::uint64_t count) {
-  return std::to_string(count) + (count == 1 ? " entry" : " entries");
-}
 
 Place in_ledger(std::uint64_t entry) { return {std::string(kLedgerFile), entry}; }
 
@@ -91,7 +88,7 @@ void OutsideNotes::compare_with_each_other() {
       contradict_ = true;
       findings_->add("outside-notes-contradict", {},
                      notes_[i].name + " and " + notes_[j].name + " are both signed by the device for \"" +
-                         one.origin + "\" with " + entries(one.size) +
+                         one.origin + "\" with " + counted(one.size, "entry", "entries") +
                          " and different roots: it signed two histories, whatever is shown now");
     }
   }
@@ -141,21 +138,22 @@ void OutsideNotes::finish(std::uint64_t size, bool whole_ledger) {
                          "\", which is not what was shown, so it was not compared");
     } else if (note.answer == Answer::kHolds) {
       findings_->add("outside-note-holds", {},
-                     note.name + " holds: the first " + entries(stated) + " are those that it was signed of");
+                     note.name + " holds: the first " + counted(stated, "entry", "entries") +
+                         " are those that it was signed of");
     } else if (note.answer == Answer::kDiffers) {
       findings_->add("outside-note-forked", in_ledger(note.fork_after),
-                     "the first " + entries(stated) + " are not those that " + note.name +
+                     "the first " + counted(stated, "entry", "entries") + " are not those that " + note.name +
                          " was signed of: the device signed another history, which parts from this one at "
                          "entry " +
                          std::to_string(note.fork_after) + " or later");
     } else if (note.answer == Answer::kNotReached && whole_ledger) {
       findings_->add("outside-note-rolled-back", in_ledger(size),
-                     note.name + " was signed of " + entries(stated) + " and there are " +
-                         std::to_string(size) + ": the last " + entries(stated - size) +
+                     note.name + " was signed of " + counted(stated, "entry", "entries") + " and there are " +
+                         std::to_string(size) + ": the last " + counted(stated - size, "entry", "entries") +
                          " were removed, or this is a copy from before");
     } else {
       findings_->add("outside-note-unchecked", {},
-                     note.name + " was signed of " + entries(stated) +
+                     note.name + " was signed of " + counted(stated, "entry", "entries") +
                          ", and what is here does not show the root at that size, so it was not compared");
     }
   }

@@ -3,7 +3,6 @@
 // places drawn with a fixed seed. KIROKU_FLIP_EVERY=N tries one place in N: of each flip a sanitizer sees
 // much the same.
 #include <algorithm>
-#include <cstdlib>
 #include <random>
 #include <set>
 
@@ -12,6 +11,7 @@
 
 #include "archive/format/case_layout.h"
 #include "tests/attack/attacked_case.h"
+#include "tests/support/asked_number.h"
 #include "tests/support/report_text.h"
 
 namespace kiroku::test {
@@ -22,10 +22,7 @@ using archive::Finding;
 using archive::Verdict;
 using archive::VerificationReport;
 
-std::size_t flip_step() {
-  const char* const asked = std::getenv("KIROKU_FLIP_EVERY");
-  return asked == nullptr ? 1 : std::max<std::size_t>(1, std::stoul(asked));
-}
+std::size_t flip_step() { return std::max<std::size_t>(1, asked_number("KIROKU_FLIP_EVERY", 1)); }
 
 class BitFlips : public ::testing::Test {
  protected:

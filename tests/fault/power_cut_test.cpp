@@ -2,7 +2,6 @@
 // file of its full length, half a header, a name without its bytes. The next start recovers. No such case may
 // read as tampered, and it must read the same with and without an identity.
 #include <algorithm>
-#include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <iostream>
@@ -22,6 +21,7 @@
 #include "crypto/age_file.h"
 #include "media/inspection/inspector.h"
 #include "recorder/checkpoint_stamper.h"
+#include "tests/support/asked_number.h"
 #include "tests/support/empty_log.h"
 #include "tests/support/power_cut_file_system.h"
 #include "tests/support/recording.h"
@@ -44,8 +44,7 @@ constexpr std::uint64_t kSealedChunk = archive::kAgeChunkBytes + archive::kAgeTa
 /// How many power cuts are played: KIROKU_POWER_CUTS, else a sample.
 std::size_t power_cuts() {
   constexpr std::size_t kSample = 60;
-  const char* const asked = std::getenv("KIROKU_POWER_CUTS");
-  return asked == nullptr ? kSample : std::stoul(asked);
+  return test::asked_number("KIROKU_POWER_CUTS", kSample);
 }
 
 std::string text_in(const fs::path& file) {

@@ -55,7 +55,7 @@ TEST_F(LogCompare, ABackupThatWentOnIsASecondHistoryWithItsEntriesAndCheckpoints
   EXPECT_EQ(told.status, 1) << told.out << told.err;
   EXPECT_THAT(told.out, HasSubstr("TWO HISTORIES: one device signed both"));
   EXPECT_THAT(told.out, HasSubstr("case-opened  case="));
-  EXPECT_THAT(told.out, HasSubstr("The device: " + read_text(home() / "device.pub").substr(0, 8)));
+  EXPECT_THAT(told.out, HasSubstr("The key: " + read_text(home() / "device.pub").substr(0, 8)));
   Arguments as_json = compare;
   as_json.emplace_back("--json");
   const ProcessResult json = kiroku(as_json);
@@ -75,6 +75,26 @@ TEST_F(LogCompare, ABackupThatWentOnIsASecondHistoryWithItsEntriesAndCheckpoints
   const ProcessResult notes = kiroku({"log", "compare", one, two});
   EXPECT_EQ(notes.status, 1) << notes.out;
   EXPECT_THAT(notes.out, HasSubstr("TWO HISTORIES"));
+}
+
+// Whoever makes a key of the device's name can sign two histories with it, and accuse the device of them.
+TEST_F(LogCompare, TwoHistoriesOfAStrangersKeyAreNoneOfTheDeviceThatIsAskedFor) {
+  record_in_copy_of_home();
+  EXPECT_FALSE(record().empty());
+  EXPECT_EQ(kiroku({"init", "--demo", "--home", path("accused")}).status, 0);
+  const Arguments compare{"log", "compare", home().string(), path("copy")};
+  EXPECT_THAT(kiroku(compare).out, HasSubstr("Anybody can make a key of any name"));
+  Arguments asked = compare;
+  asked.insert(asked.end(), {"--device", path("accused/device.pub")});
+  const ProcessResult told = kiroku(asked);
+  EXPECT_EQ(told.status, 3) << told.out;
+  EXPECT_THAT(told.out, HasSubstr("FORKED: one key signed both, and it is not one that was asked for."));
+  EXPECT_THAT(told.out, testing::Not(HasSubstr("TWO HISTORIES")));
+  asked.emplace_back("--json");
+  EXPECT_EQ(nlohmann::json::parse(kiroku(asked).out)["by_asked_device"], false);
+  asked = compare;
+  asked.insert(asked.end(), {"--device", (home() / "device.pub").string()});
+  EXPECT_EQ(kiroku(asked).status, 1);
 }
 
 TEST_F(LogCompare, AChangedCopyIsDamagedAndItsCheckpointsStillSpeakForTheOther) {

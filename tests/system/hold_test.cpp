@@ -1,0 +1,73 @@
+// Legal holds, by the program that people run.
+#include <filesystem>
+
+#include "tests/system/program_test.h"
+
+namespace kiroku::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class LegalHold : public ProgramTest {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    case_ = record();
+    ASSERT_FALSE(case_.empty());
+  }
+  [[nodiscard]] std::string name() const { return case_.filename().string(); }
+  [[nodiscard]] fs::path log() const { return home() / "archive/log"; }
+  [[nodiscard]] ProcessResult erase() const {
+    return kiroku({"erase", name(), "--stream", "endoscope", "--policy", "30 days", "--only-copy"});
+  }
+  [[nodiscard]] std::size_t segments() const {
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(case_ / "segments/endoscope"), {}));
+  }
+
+  fs::path case_;
+};
+
+TEST_F(LegalHold, KeepsEverythingUntilTheLastIsReleased) {
+  const std::size_t before = segments();
+  EXPECT_REFUSED(kiroku({"hold", name()}), "say why with --reason");
+  const int first = kiroku_json({"hold", name(), "--reason", "court", "--json"})["hold"];
+  const int second = kiroku_json({"hold", name(), "--reason", "insurer", "--json"})["hold"];
+  const ProcessResult kept = erase();
+  EXPECT_EQ(kept.status, 1) << kept.err;
+  EXPECT_THAT(kept.err, HasSubstr("it is under legal hold since "));
+  EXPECT_THAT(kept.err, HasSubstr(": court; 1 more hold stands"));
+  EXPECT_REFUSED(kiroku({"release", name(), "--reason", "settled"}), "say which one ends with --hold");
+  for (const int each : {first, second}) {
+    EXPECT_EQ(erase().status, 1);
+    EXPECT_EQ(segments(), before);
+    EXPECT_EQ(kiroku({"release", name(), "--reason", "settled", "--hold", std::to_string(each)}).status, 0);
+  }
+  EXPECT_THAT(kiroku({"hold", "--list"}).out, HasSubstr("No case is under legal hold."));
+  EXPECT_EQ(erase().status, 0);
+  EXPECT_LT(segments(), before);
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+TEST_F(LegalHold, IsNotReleasedByALineThatNobodySigned) {
+  const int held = kiroku_json({"hold", name(), "--reason", "court", "--json"})["hold"];
+  const std::string line = R"({"type":"case-released","seq":)" + std::to_string(held + 1) +
+                           R"(,"utc":"2026-11-26T20:00:00.000000Z","mono_ns":0,"case":")" + name() +
+                           R"(","hold":)" + std::to_string(held) + R"(,"reason":"none","who":"nobody"})";
+  write_text(log() / "ledger.jsonl", read_text(log() / "ledger.jsonl") + line + "\n");
+  EXPECT_NE(erase().status, 0);
+  EXPECT_GT(segments(), 0U);
+}
+
+TEST_F(LegalHold, OfALogThatWasRemovedNobodyCanTell) {
+  const std::size_t before = segments();
+  EXPECT_EQ(kiroku({"hold", name(), "--reason", "court"}).status, 0);
+  fs::rename(log(), folder() / "log-away");
+  const ProcessResult kept = erase();
+  EXPECT_EQ(kept.status, 2) << kept.out << kept.err;
+  EXPECT_THAT(kept.err, HasSubstr("nobody can tell whether it is under legal hold"));
+  EXPECT_EQ(segments(), before);
+}
+
+}  // namespace
+}  // namespace kiroku::test
