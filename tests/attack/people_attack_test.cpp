@@ -13,6 +13,7 @@
 #include "archive/writing/case_writer.h"
 #include "crypto/age_file.h"
 #include "crypto/hash.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/api/api.h"
@@ -278,11 +279,7 @@ TEST_F(PeopleAttack, ASubjectThatIsChangedInPlaceIsNotShownAsItWasReadBefore) {
   for (const auto& file : fs::directory_iterator(home / "archive" / yamada)) {
     if (!file.path().filename().string().starts_with("subject")) continue;
     // As many bytes as before: neither the ledger nor a size tells of it.
-    std::fstream bytes(file.path(), std::ios::binary | std::ios::in | std::ios::out);
-    bytes.seekg(-1, std::ios::end);
-    const char last = static_cast<char>(bytes.get() ^ 1);
-    bytes.seekp(-1, std::ios::end);
-    bytes.put(last);
+    test::flip_byte(file.path(), -1);
   }
   const std::string found = search(sato, "");
   EXPECT_THAT(found, Not(HasSubstr("Yamada")));

@@ -71,13 +71,6 @@ void write_text(const fs::path& file, const std::string& text) {
   std::ofstream(file, std::ios::binary) << text;
 }
 
-void flip_byte(const fs::path& file, std::size_t offset) {
-  std::string bytes = read_text(file);
-  ASSERT_LT(offset, bytes.size());
-  bytes[offset] = char(bytes[offset] ^ 1);
-  write_text(file, bytes);
-}
-
 std::vector<std::string> files_below(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code ignored;

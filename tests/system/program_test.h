@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/flipped_byte.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -42,8 +43,6 @@ class ProgramTest : public testing::Test {
 
 std::string read_text(const std::filesystem::path& file);
 void write_text(const std::filesystem::path& file, const std::string& text);
-/// Changes one byte.
-void flip_byte(const std::filesystem::path& file, std::size_t offset);
 /// Everything below a folder, relative, sorted.
 std::vector<std::string> files_below(const std::filesystem::path& folder);
 bool has_tool(const std::string& name);

@@ -93,7 +93,7 @@ TEST_F(Renew, APolicyMakesTimeStampsAndHashesDue) {
 TEST_F(Renew, ACaseThatCannotBeReadIsNamedAndKeepsTheOthersFromNothing) {
   const auto bad = record(), good = record();
   const fs::path segment = bad / "segments/endoscope/00000000.ts.age";
-  flip_byte(segment, fs::file_size(segment) / 2);
+  flip_byte(segment, -1);
   const ProcessResult result = kiroku({"renew"});
   EXPECT_EQ(result.status, 1);
   EXPECT_THAT(result.err, HasSubstr(bad.filename().string() + ": nothing was renewed: "));

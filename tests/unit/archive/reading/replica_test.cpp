@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/upkeep/retention.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {
@@ -62,10 +63,7 @@ TEST_F(ReplicaTest, AHoleOfTebibytesIsNotRead) {
 
 TEST_F(ReplicaTest, ItsLedgerMustBeThisOne) {
   const fs::path ledger = copy_ / "ledger.jsonl";
-  std::fstream changed(ledger, std::ios::in | std::ios::out);
-  changed.seekp(40);
-  changed << "x";
-  changed.close();
+  test::flip_byte(ledger, 40);
   EXPECT_THAT(why_not(), Optional(HasSubstr("another one")));
   fs::remove(ledger);
   EXPECT_THAT(why_not(), Optional(HasSubstr("ledger is not there")));

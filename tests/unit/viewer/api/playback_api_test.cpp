@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/decoded_video.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"
 #include "viewer/api/api.h"
@@ -212,7 +213,7 @@ TEST_F(PlaybackApiTest, WithoutAFittingIdentityNothingIsShown) {
 TEST_F(PlaybackApiTest, ATamperedSegmentIsRefusedInASentence) {
   const test::RecordedCase recorded(folder_, reader_.identities);
   const std::string file = recorded.segments("room").at(1).file.file;
-  std::fstream(folder_ / file, std::ios::in | std::ios::out | std::ios::binary).seekp(500).put('!');
+  test::flip_byte(folder_ / file, 500);
   EXPECT_EQ(get("streams/room/pieces/0.mp4").status, 200);
   const Response refused = get("streams/room/pieces/1.mp4");
   EXPECT_EQ(refused.status, 422);

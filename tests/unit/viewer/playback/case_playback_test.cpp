@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/forger.h"
 #include "tests/support/recording.h"
 #include "tests/unit/viewer/playback/rewritten_case.h"
@@ -266,11 +267,7 @@ TEST_F(CasePlaybackTest, UnusualRatesAndPixelFormatsAreShown) {
 TEST_F(CasePlaybackTest, ATamperedSegmentIsRefusedInASentence) {
   const Recorded recorded = record("synthetic:room?size=96x64&rate=25&speed=max", Profile::kMpeg2, 6s, 2s);
   const std::string file = recorded.contents.segments("room").at(1).file.file;
-  {
-    std::fstream bytes(recorded.folder / file, std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekp(1000);
-    bytes.put('!');
-  }
+  test::flip_byte(recorded.folder / file, 1000);
   const auto playback = open(recorded);
   EXPECT_THAT(playback->piece("room", 0), Not(IsEmpty()));
   for (int again = 0; again < 2; ++again) {
@@ -290,11 +287,7 @@ TEST_F(CasePlaybackTest, ASegmentTouchedAfterItWasCheckedIsFoundOut) {
   EXPECT_NO_THROW((void)media.open(segment));
   const std::filesystem::path file = recorded.folder / segment.file.file;
   const auto written = std::filesystem::last_write_time(file);
-  {
-    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekp(-3, std::ios::end);
-    bytes.put('!');
-  }
+  test::flip_byte(file, -3);
   std::filesystem::last_write_time(file, written);
   EXPECT_THAT([&] { (void)media.open(segment); },
               testing::ThrowsMessage<Error>(HasSubstr(segment.file.file + " of " + recorded.folder.string() +
@@ -355,7 +348,7 @@ TEST_F(CasePlaybackTest, WhatIsInTheCacheIsUnreadableAndAMissWhereDamaged) {
     std::ifstream input(file, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(input), {}};
     EXPECT_THAT(bytes, Not(HasSubstr("moof")));
-    std::fstream(file, std::ios::in | std::ios::out | std::ios::binary).seekp(100).put('!');
+    test::flip_byte(file, 100);
   }
   EXPECT_EQ(open(recorded)->piece("room", 0), piece);
 }

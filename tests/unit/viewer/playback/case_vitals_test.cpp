@@ -1,6 +1,5 @@
 #include "viewer/playback/case_vitals.h"
 
-#include <fstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,6 +7,7 @@
 #include "base/error.h"
 #include "media/vital_codes.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"
@@ -133,9 +133,7 @@ TEST_F(CaseVitalsTest, WhatATamperedSegmentHeldIsLeftOutAndSaidSo) {
   const auto recorded =
       record({{heart_rate(0, 60)}, {heart_rate(kSecond, 61)}, {heart_rate(2 * kSecond, 62)}});
   const std::string file = "segments/vitals/00000001.jsonl.age";
-  std::fstream(recorded / file, std::ios::in | std::ios::out | std::ios::binary)
-      .seekp(-1, std::ios::end)
-      .put('!');
+  test::flip_byte(recorded / file, -1);
   CaseVitals& vitals = open(recorded).vitals("vitals");
   for (const std::size_t bins : {std::size_t{3}, std::size_t{1000}}) {
     const VitalsView view = vitals.view(0, 3 * kSecond, bins, kPatienceMs);

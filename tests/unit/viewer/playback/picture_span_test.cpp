@@ -1,10 +1,10 @@
 #include "viewer/playback/picture_span.h"
 
-#include <fstream>
 
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
@@ -70,10 +70,7 @@ TEST_F(PictureSpanTest, RefusesDamageAndWhatItCannotOpen) {
   const test::Reader other = test::make_reader();
   PictureSpan closed(recording, other.identities, "room");
   EXPECT_THROW(closed.next(), Error);
-  std::fstream file(folder / "segments/room/00000000.ts.age", std::ios::in | std::ios::out);
-  file.seekp(5000);
-  file.put('x').put('y');
-  file.close();
+  test::flip_byte(folder / "segments/room/00000000.ts.age", 5000);
   EXPECT_THROW(times(recording), Error);
 }
 

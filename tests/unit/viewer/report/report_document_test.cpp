@@ -8,6 +8,7 @@
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
 #include "base/utc_time.h"
+#include "tests/support/flipped_byte.h"
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
 #include "tests/unit/viewer/report/document_text.h"
@@ -46,13 +47,7 @@ class ReportDocument : public testing::Test {
   [[nodiscard]] std::string report(const archive::VerifyOptions& options) const {
     return test::text_of(make_report(input(options)));
   }
-  void change_byte(const std::string& file, std::streamoff at) const {
-    std::fstream stream(folder_ / file, std::ios::in | std::ios::out | std::ios::binary);
-    stream.seekg(at);
-    const char old = static_cast<char>(stream.get());
-    stream.seekp(at);
-    stream.put(static_cast<char>(old ^ 1));
-  }
+  void change_byte(const std::string& file, std::streamoff at) const { test::flip_byte(folder_ / file, at); }
   std::string tool(const std::vector<std::string>& command) const {
     test::Process::Options run;
     run.command = command;
