@@ -163,10 +163,11 @@ run_tests() {
   rm -f "$report"
 }
 
-# minutes WHAT: how long WHAT took since the last call, so that a log shows where the time goes.
+# minutes WHAT: how long WHAT took since the last call, so that a log shows where the time goes; tally says it once more.
 stage_began=$SECONDS
 minutes() {
-  printf '   %s: %d min %02d s\n' "$1" $(((SECONDS - stage_began) / 60)) $(((SECONDS - stage_began) % 60))
+  : "${test_results:=$(mktemp -d)}"
+  printf '   %s: %d min %02d s\n' "$1" $(((SECONDS - stage_began) / 60)) $(((SECONDS - stage_began) % 60)) | tee -a "$test_results/stages"
   stage_began=$SECONDS
 }
 
@@ -181,6 +182,10 @@ tally() {
   local passed failed skipped
   say "The slowest tests"
   cat "$test_results/slowest"
+  if [[ -s $test_results/stages ]]; then
+    say "Where the time went"
+    cat "$test_results/stages"
+  fi
   if [[ -s $test_results/failed ]]; then
     say "Failed tests, with the end of what each printed"
     cat "$test_results/failed"
