@@ -81,8 +81,25 @@ class Fetching {
   Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder)
       : store_(store), prefix_(std::move(prefix)), case_id_(std::move(case_id)), folder_(std::move(folder)) {}
 
+  /// Its ledger alone; whether there is one.
+  bool run_ledger() {
+    const std::string ledger(archive::kLedgerFile);
+    list_files(ledger);
+    list_parts();
+    make_folders(folder_);
+    if (versions_.contains(ledger)) {
+      take(ledger, versions_.at(ledger).front());
+    } else if (!parts_.empty()) {
+      join_parts();
+    } else {
+      return false;
+    }
+    return true;
+  }
+
   FetchedCase run() {
-    list();
+    list_files("");
+    list_parts();
     if (versions_.empty() && parts_.empty()) {
       throw UsageError("the store has nothing of case " + case_id_ + " below '" + prefix_ +
                        "': 'kiroku fetch --list' names the cases that it has");
@@ -95,9 +112,10 @@ class Fetching {
   }
 
  private:
-  void list() {
+  /// Those whose names begin with `beginning`.
+  void list_files(const std::string& beginning) {
     const std::string of_case = prefix_ + case_id_ + "/";
-    store_.for_each_version(of_case, [&](const ListedVersion& each) {
+    store_.for_each_version(of_case + beginning, [&](const ListedVersion& each) {
       const std::string path = each.key.substr(of_case.size());
       if (!is_name_below(path)) {
         result_.remarks.push_back("'" + printable(each.key) +
@@ -107,6 +125,9 @@ class Fetching {
       std::vector<ListedVersion>& versions = versions_[path];
       versions.insert(each.newest ? versions.begin() : versions.end(), each);
     });
+  }
+
+  void list_parts() {
     const std::string of_parts = prefix_ + std::string(kGrowing) + case_id_ + "/";
     store_.for_each_version(of_parts, [&](const ListedVersion& each) {
       if (each.newest) parts_[each.key.substr(of_parts.size())] = each;
@@ -211,6 +232,11 @@ std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& a
   std::ranges::sort(cases);
   cases.erase(std::unique(cases.begin(), cases.end()), cases.end());  // Clang 14 knows no ranges::unique here
   return cases;
+}
+
+bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::string& case_id,
+                  const fs::path& folder) {
+  return Fetching(store, appliance + "/", case_id, folder).run_ledger();
 }
 
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,

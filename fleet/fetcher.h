@@ -31,4 +31,9 @@ struct FetchedCase {
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const std::filesystem::path& into);
 
+/// The ledger of a case alone, in `folder`, which is made where it is not there: the newest one, or as far as
+/// it had grown. False where the store has none. Throws StoreError, kiroku::IoError.
+bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::string& case_id,
+                  const std::filesystem::path& folder);
+
 }  // namespace kiroku::fleet

@@ -2,27 +2,15 @@
 // One file serves one archive. Not thread-safe; other processes may use the same file.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "archive/catalogue/case_table.h"
 #include "base/utc_time.h"
 
 namespace kiroku::archive {
-
-struct CatalogueRow {
-  std::string case_id;                      // name of the folder
-  UtcTime opened;                           // by the ledger; of an unreadable case, by the folder's name
-  std::optional<std::int64_t> duration_ns;  // nothing while open
-  std::string state;                        // "closed", "open", "unreadable"
-  std::vector<std::string> streams;
-  std::uint64_t segments = 0, bytes = 0, tokens = 0;
-  std::optional<std::string> last_verdict;  // and when it was last verified
-  std::optional<UtcTime> verified;
-};
 
 /// Every function throws kiroku::Error where the catalogue or the archive cannot be used.
 class Catalogue {
@@ -45,9 +33,8 @@ class Catalogue {
   void set_verdict(const std::string& case_id, const std::string& verdict, UtcTime when);
 
  private:
-  struct State;
-  explicit Catalogue(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  explicit Catalogue(std::unique_ptr<CaseTable> table);
+  std::unique_ptr<CaseTable> table_;
 };
 
 }  // namespace kiroku::archive

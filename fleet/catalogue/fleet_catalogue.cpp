@@ -1,0 +1,301 @@
+#include "fleet/catalogue/fleet_catalogue.h"
+
+#include <string_view>
+
+#include "base/error.h"
+
+namespace kiroku::fleet {
+namespace {
+
+using archive::CaseStamp;
+using archive::CatalogueRow;
+
+constexpr std::int64_t kVersion = 1;
+
+// A statement each. Times are of microseconds, as in ledgers.
+constexpr const char* kTables[] = {
+    "CREATE SCHEMA kiroku",
+    "CREATE TABLE kiroku.version (version bigint NOT NULL)",
+    R"(CREATE TABLE kiroku.cases (
+         appliance    text COLLATE "C" NOT NULL,
+         case_id      text COLLATE "C" NOT NULL,
+         opened       timestamptz NOT NULL,
+         duration_ns  bigint,
+         state        text NOT NULL CHECK (state IN ('closed', 'open', 'unreadable', 'missing')),
+         streams      text NOT NULL,
+         segments     bigint NOT NULL,
+         bytes        bigint NOT NULL,
+         tokens       bigint NOT NULL,
+         ledger_bytes bigint NOT NULL,
+         changed      bigint NOT NULL,
+         verdict      text,
+         verified     timestamptz,
+         leased_by    text,
+         leased_until timestamptz,
+         PRIMARY KEY (appliance, case_id)))",
+    "CREATE INDEX cases_newest ON kiroku.cases (opened DESC, appliance DESC, case_id DESC)",
+    "CREATE INDEX cases_of_appliance ON kiroku.cases (appliance, opened DESC, case_id DESC)",
+    "CREATE INDEX cases_by_verdict ON kiroku.cases (verdict, opened DESC, appliance DESC, case_id DESC)",
+    "CREATE INDEX cases_by_state ON kiroku.cases (state, opened DESC, appliance DESC, case_id DESC)",
+    "CREATE INDEX cases_due ON kiroku.cases (verified NULLS FIRST, opened) WHERE state = 'closed'",
+    R"(CREATE TABLE kiroku.verifications (
+         number    bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
+         appliance text COLLATE "C" NOT NULL,
+         case_id   text COLLATE "C" NOT NULL,
+         at        timestamptz NOT NULL,
+         verdict   text NOT NULL,
+         findings  bigint NOT NULL,
+         detail    text NOT NULL,
+         entered_by text NOT NULL DEFAULT session_user))",
+    "CREATE INDEX verifications_of_case ON kiroku.verifications (appliance, case_id, number)",
+};
+
+// Roles belong to the whole server, and may be there from another database of it.
+constexpr const char* kRoles[] = {
+    R"(DO $$ DECLARE role text; BEGIN
+         FOREACH role IN ARRAY ARRAY['kiroku_reader', 'kiroku_indexer', 'kiroku_verifier'] LOOP
+           IF NOT EXISTS (SELECT FROM pg_roles WHERE rolname = role) THEN
+             EXECUTE format('CREATE ROLE %I NOLOGIN', role);
+           END IF;
+         END LOOP;
+       END $$)",
+    "GRANT USAGE ON SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
+    "GRANT SELECT ON ALL TABLES IN SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
+    "GRANT INSERT, DELETE ON kiroku.cases TO kiroku_indexer",
+    R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed, verdict,
+                     verified, leased_by) ON kiroku.cases TO kiroku_indexer)",
+    "GRANT UPDATE (verdict, verified, leased_by, leased_until) ON kiroku.cases TO kiroku_verifier",
+    "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
+};
+
+#define KIROKU_US(column) "(extract(epoch FROM " column ") * 1000000)::bigint"
+constexpr std::string_view kColumns = "case_id, " KIROKU_US("opened") ", duration_ns, state, streams, segments, bytes, tokens, verdict, " KIROKU_US(
+    "verified") ", appliance";
+#undef KIROKU_US
+
+/// A parameter that holds microseconds since 1970, as a time.
+std::string time_from(const std::string& parameter) {
+  return "(timestamptz 'epoch' + " + parameter + "::bigint * interval '1 microsecond')";
+}
+
+Postgres::Value number(std::int64_t value) { return std::to_string(value); }
+Postgres::Value number(std::uint64_t value) { return std::to_string(value); }
+Postgres::Value number(UtcTime time) { return std::to_string(time.time_since_epoch().count()); }
+
+CatalogueRow row_of(const Postgres::Rows& rows, int at) {
+  const auto time = [&](int column) { return UtcTime(std::chrono::microseconds(rows.integer(at, column))); };
+  const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(at, column)); };
+  CatalogueRow row;
+  row.case_id = rows.text(at, 0);
+  row.opened = time(1);
+  if (!rows.is_null(at, 2)) row.duration_ns = rows.integer(at, 2);
+  row.state = rows.text(at, 3);
+  row.streams = archive::split_names(rows.text(at, 4));
+  row.segments = count(5);
+  row.bytes = count(6);
+  row.tokens = count(7);
+  if (!rows.is_null(at, 8)) row.last_verdict = rows.text(at, 8);
+  if (!rows.is_null(at, 9)) row.verified = time(9);
+  return row;
+}
+
+class PostgresCaseTable final : public archive::CaseTable {
+ public:
+  PostgresCaseTable(Postgres& database, std::string appliance)
+      : database_(database), appliance_(std::move(appliance)) {}
+
+  void put(const CatalogueRow& row, const CaseStamp& stamp) override {
+    database_.ask(
+        "INSERT INTO kiroku.cases AS c (appliance, case_id, opened, duration_ns, state, streams, segments, "
+        "bytes, "
+        "tokens, ledger_bytes, changed) VALUES ($1, $2, " +
+            time_from("$3") + R"(, $4, $5, $6, $7, $8, $9, $10, $11)
+           ON CONFLICT (appliance, case_id) DO UPDATE SET
+             verdict = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.verdict END,
+             verified = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.verified END,
+             leased_by = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.leased_by END,
+             opened = excluded.opened, duration_ns = excluded.duration_ns, state = excluded.state,
+             streams = excluded.streams, segments = excluded.segments, bytes = excluded.bytes, tokens = excluded.tokens,
+             ledger_bytes = excluded.ledger_bytes, changed = excluded.changed)",
+        {appliance_, row.case_id, number(row.opened),
+         row.duration_ns ? number(*row.duration_ns) : std::nullopt, row.state,
+         archive::joined_names(row.streams), number(row.segments), number(row.bytes), number(row.tokens),
+         number(stamp.bytes), number(stamp.changed)});
+  }
+  std::map<std::string, CaseStamp> stamps() override {
+    const Postgres::Rows rows = database_.ask(
+        "SELECT case_id, ledger_bytes, changed FROM kiroku.cases WHERE appliance = $1", {appliance_});
+    std::map<std::string, CaseStamp> stamps;
+    for (int i = 0; i < rows.size(); ++i) stamps[rows.text(i, 0)] = {rows.integer(i, 1), rows.integer(i, 2)};
+    return stamps;
+  }
+  std::vector<CatalogueRow> rows() override {
+    const Postgres::Rows found =
+        database_.ask("SELECT " + std::string(kColumns) +
+                          " FROM kiroku.cases WHERE appliance = $1 ORDER BY opened DESC, case_id DESC",
+                      {appliance_});
+    std::vector<CatalogueRow> list;
+    for (int i = 0; i < found.size(); ++i) list.push_back(row_of(found, i));
+    return list;
+  }
+  void remove(const std::string& case_id) override {
+    database_.ask("DELETE FROM kiroku.cases WHERE appliance = $1 AND case_id = $2", {appliance_, case_id});
+  }
+  void set_verdict(const std::string& case_id, const std::string& verdict, UtcTime when) override {
+    database_.ask("UPDATE kiroku.cases SET verdict = $3, verified = " + time_from("$4") +
+                      " WHERE appliance = $1 AND case_id = $2",
+                  {appliance_, case_id, verdict, number(when)});
+  }
+  void together(const std::function<void()>& work) override { database_.together(work); }
+
+ private:
+  Postgres& database_;
+  const std::string appliance_;
+};
+
+std::optional<std::int64_t> version_of(Postgres& database) {
+  if (database.ask("SELECT to_regclass('kiroku.version')").is_null(0, 0)) return {};
+  const Postgres::Rows rows = database.ask("SELECT version FROM kiroku.version");
+  return rows.size() == 1 ? std::optional(rows.integer(0, 0)) : std::nullopt;
+}
+
+}  // namespace
+
+void FleetCatalogue::prepare(Postgres& database) {
+  database.together([&] {
+    // Of two that begin at once the second waits here, and finds everything made.
+    database.ask("SELECT pg_advisory_xact_lock(hashtext('kiroku.version'))");
+    const std::optional<std::int64_t> there = version_of(database);
+    if (there && *there > kVersion) {
+      throw UsageError("the catalogue is of version " + std::to_string(*there) + ", and this program knows " +
+                       std::to_string(kVersion) + ": use the newer program");
+    }
+    if (!there) {
+      for (const char* statement : kTables) database.ask(statement);
+      database.ask("INSERT INTO kiroku.version VALUES ($1)", {number(kVersion)});
+    }
+    for (const char* statement : kRoles) database.ask(statement);
+  });
+}
+
+FleetCatalogue::FleetCatalogue(Postgres database) : database_(std::move(database)) {
+  const std::optional<std::int64_t> there = version_of(database_);
+  if (there == kVersion) return;
+  throw UsageError(
+      there ? "the catalogue is of version " + std::to_string(*there) + ", and this program needs " +
+                  std::to_string(kVersion) + ": run 'kiroku-fleet init' of the newest program"
+            : "this database holds no catalogue of Kiroku: run 'kiroku-fleet init' as its administrator");
+}
+
+std::vector<std::string> FleetCatalogue::appliances() {
+  const Postgres::Rows rows = database_.ask("SELECT DISTINCT appliance FROM kiroku.cases ORDER BY appliance");
+  std::vector<std::string> names;
+  for (int i = 0; i < rows.size(); ++i) names.push_back(rows.text(i, 0));
+  return names;
+}
+
+std::unique_ptr<archive::CaseTable> FleetCatalogue::table_of(const std::string& appliance) {
+  return std::make_unique<PostgresCaseTable>(database_, appliance);
+}
+
+std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
+  std::vector<Postgres::Value> values;
+  std::string where;
+  const auto parameter = [&](Postgres::Value value) {
+    values.push_back(std::move(value));
+    return "$" + std::to_string(values.size());
+  };
+  const auto require = [&](const std::string& condition) {
+    where += (where.empty() ? " WHERE " : " AND ") + condition;
+  };
+  if (query.appliance) require("appliance = " + parameter(query.appliance));
+  if (query.state) require("state = " + parameter(query.state));
+  if (query.verdict) require("verdict = " + parameter(query.verdict));
+  if (query.never_verified) require("verified IS NULL");
+  if (query.opened_from) require("opened >= " + time_from(parameter(number(*query.opened_from))));
+  if (query.opened_before) require("opened < " + time_from(parameter(number(*query.opened_before))));
+  if (query.after) {
+    const std::string opened = time_from(parameter(number(query.after->opened)));
+    const std::string appliance = parameter(query.after->appliance),
+                      case_id = parameter(query.after->case_id);
+    require("(opened, appliance, case_id) < (" + opened + ", " + appliance + ", " + case_id + ")");
+  }
+  const Postgres::Rows rows = database_.ask("SELECT " + std::string(kColumns) + " FROM kiroku.cases" + where +
+                                                " ORDER BY opened DESC, appliance DESC, case_id DESC LIMIT " +
+                                                parameter(number(std::uint64_t{query.limit})),
+                                            values);
+  std::vector<FleetCase> found;
+  for (int i = 0; i < rows.size(); ++i) found.push_back({rows.text(i, 10), row_of(rows, i)});
+  return found;
+}
+
+FleetTotals FleetCatalogue::totals() {
+  const Postgres::Rows rows = database_.ask(R"(
+    SELECT count(*), coalesce(sum(segments), 0)::bigint, coalesce(sum(bytes), 0)::bigint,
+           count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
+           count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state = 'closed' AND verified IS NULL),
+           count(*) FILTER (WHERE verdict NOT IN ('intact', 'intact-with-gaps')),
+           count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now())
+    FROM kiroku.cases)");
+  const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(0, column)); };
+  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8)};
+}
+
+std::optional<Lease> FleetCatalogue::lease(UtcTime verified_before, std::chrono::seconds for_how_long) {
+  // The database's clock counts the lease: workers' clocks may differ.
+  const Postgres::Rows rows = database_.ask(
+      R"(UPDATE kiroku.cases AS c SET leased_by = gen_random_uuid()::text, leased_until = now() + $2::bigint * interval '1 second'
+         FROM (SELECT appliance, case_id FROM kiroku.cases
+               WHERE state = 'closed' AND (verified IS NULL OR verified < )" +
+          time_from("$1") + R"() AND (leased_until IS NULL OR leased_until <= now())
+               ORDER BY verified NULLS FIRST, opened LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
+         WHERE c.appliance = due.appliance AND c.case_id = due.case_id
+         RETURNING c.appliance, c.case_id, c.leased_by)",
+      {number(verified_before), number(std::int64_t{for_how_long.count()})});
+  if (rows.size() == 0) return {};
+  return Lease{rows.text(0, 0), rows.text(0, 1), rows.text(0, 2)};
+}
+
+bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
+  bool entered = false;
+  database_.together([&] {
+    const Postgres::Rows rows = database_.ask(
+        "UPDATE kiroku.cases SET verdict = $4, verified = " + time_from("$5") +
+            ", leased_by = NULL, leased_until = NULL "
+            "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state = 'closed' RETURNING 1",
+        {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when)});
+    entered = rows.size() == 1;
+    if (!entered) return;
+    database_.ask(
+        "INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail) VALUES ($1, "
+        "$2, " +
+            time_from("$3") + ", $4, $5, $6)",
+        {lease.appliance, lease.case_id, number(found.when), found.verdict,
+         number(std::uint64_t{found.findings}), found.detail});
+  });
+  return entered;
+}
+
+void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause) {
+  database_.ask(
+      "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second' "
+      "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3",
+      {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()})});
+}
+
+std::vector<Verification> FleetCatalogue::verifications(const std::string& appliance,
+                                                        const std::string& case_id) {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT verdict, (extract(epoch FROM at) * 1000000)::bigint, findings, detail FROM "
+      "kiroku.verifications "
+      "WHERE appliance = $1 AND case_id = $2 ORDER BY number",
+      {appliance, case_id});
+  std::vector<Verification> all;
+  for (int i = 0; i < rows.size(); ++i) {
+    all.push_back({rows.text(i, 0), UtcTime(std::chrono::microseconds(rows.integer(i, 1))),
+                   static_cast<std::size_t>(rows.integer(i, 2)), rows.text(i, 3)});
+  }
+  return all;
+}
+
+}  // namespace kiroku::fleet

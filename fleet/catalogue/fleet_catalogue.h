@@ -1,0 +1,93 @@
+// The cases of all appliances of a hospital, in PostgreSQL: an index for lists, searches and sharing out
+// work. The store is the truth: index_appliance() makes it anew from there. No patient's data is in it: what
+// a case is about stays sealed. Not thread-safe; any number of processes may use one database.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/catalogue/case_table.h"
+#include "base/utc_time.h"
+#include "fleet/catalogue/postgres.h"
+
+namespace kiroku::fleet {
+
+struct FleetCase {
+  std::string appliance;
+  archive::CatalogueRow row;
+};
+
+/// What is asked for; an empty field asks for anything. Newest first.
+struct CaseQuery {
+  std::optional<std::string> appliance = {}, state = {}, verdict = {};
+  bool never_verified = false;
+  std::optional<UtcTime> opened_from = {}, opened_before = {};  // half open
+  std::size_t limit = 100;
+  /// What follows this one in the same order: the last of the page before.
+  struct Place {
+    UtcTime opened;
+    std::string appliance, case_id;
+  };
+  std::optional<Place> after = {};
+};
+
+/// A case that one worker verifies. It is another's once it ended.
+struct Lease {
+  std::string appliance, case_id;
+  std::string holder;  // of this lease alone
+};
+
+/// What one verification found.
+struct Verification {
+  std::string verdict;
+  UtcTime when;
+  std::size_t findings = 0;
+  std::string detail;  // the first finding's sentence, or why it could not be judged; may be empty
+};
+
+struct FleetTotals {
+  std::uint64_t cases = 0, segments = 0, bytes = 0;
+  std::uint64_t open = 0, unreadable = 0, missing = 0;
+  std::uint64_t never_verified = 0, not_intact = 0;
+  std::uint64_t being_verified = 0;
+};
+
+/// Every function throws DatabaseError.
+class FleetCatalogue {
+ public:
+  /// Makes tables and roles, or brings older ones up to this program's version. `database` belongs to
+  /// somebody who may create roles. kiroku_reader may read; kiroku_indexer may also write rows;
+  /// kiroku_verifier may also lease cases and enter verdicts. No role may change or remove a verdict that was
+  /// entered.
+  static void prepare(Postgres& database);
+
+  /// Takes the connection. Throws UsageError where prepare() of this version has not been run on it.
+  explicit FleetCatalogue(Postgres database);
+
+  [[nodiscard]] std::vector<std::string> appliances();
+  /// Its rows alone; lives no longer than this object.
+  [[nodiscard]] std::unique_ptr<archive::CaseTable> table_of(const std::string& appliance);
+  [[nodiscard]] std::vector<FleetCase> find(const CaseQuery& query);
+  [[nodiscard]] FleetTotals totals();
+
+  /// Leases a closed case that was never verified, or not since `verified_before`; the one that waits
+  /// longest. None that another worker holds (FOR UPDATE SKIP LOCKED). Nothing where none is due.
+  std::optional<Lease> lease(UtcTime verified_before, std::chrono::seconds for_how_long);
+  /// Enters what was found, and ends the lease. False, and nothing entered, where the lease is another's by
+  /// now, or the case changed since it was leased.
+  bool enter(const Lease& lease, const Verification& found);
+  /// Ends it without a word, so that another may try: now, or once `pause` is over.
+  void give_back(const Lease& lease, std::chrono::seconds pause = std::chrono::seconds(0));
+  /// All that was ever found of a case, oldest first.
+  [[nodiscard]] std::vector<Verification> verifications(const std::string& appliance,
+                                                        const std::string& case_id);
+
+ private:
+  Postgres database_;
+};
+
+}  // namespace kiroku::fleet

@@ -1,0 +1,278 @@
+// Run beside a PostgreSQL server: tests/fleet/postgres.sh with fleet_catalogue_test.
+#include "fleet/catalogue/fleet_catalogue.h"
+
+#include <cstdlib>
+#include <future>
+#include <set>
+
+#include "tests/support/case_table_suite.h"
+
+namespace kiroku::fleet {
+namespace {
+
+using archive::CatalogueRow;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using namespace std::chrono_literals;
+
+std::string administrator() {
+  const char* const given = std::getenv("KIROKU_POSTGRES");
+  if (given == nullptr) throw std::runtime_error("run by tests/fleet/postgres.sh with");
+  return given;
+}
+
+/// A database of the test's own.
+class OfItsOwn : public testing::Test {
+ protected:
+  OfItsOwn() {
+    Postgres server(administrator());
+    server.ask("CREATE DATABASE " + name_);
+    Postgres database(connection());
+    FleetCatalogue::prepare(database);
+  }
+  ~OfItsOwn() override { Postgres(administrator()).ask("DROP DATABASE " + name_ + " WITH (FORCE)"); }
+
+  /// As the administrator, or as `user`.
+  [[nodiscard]] std::string connection(const std::string& user = "administrator") const {
+    return administrator() + " dbname=" + name_ + " user=" + user;
+  }
+  [[nodiscard]] FleetCatalogue catalogue() const { return FleetCatalogue(Postgres(connection())); }
+  /// A person who has one of the roles.
+  std::string with_role(const std::string& role) {
+    Postgres database(connection());
+    database.ask("CREATE ROLE " + user_of(role) + " LOGIN IN ROLE " + role);
+    return user_of(role);
+  }
+  [[nodiscard]] std::string user_of(const std::string& role) const { return name_ + "_" + role; }
+
+ private:
+  static std::string new_name() {
+    static int number = 0;
+    return "test_" + std::to_string(++number);
+  }
+  const std::string name_ = new_name();
+};
+
+class InPostgres : public OfItsOwn {
+ protected:
+  std::unique_ptr<archive::CaseTable> open() { return catalogue_.table_of("or-1"); }
+
+ private:
+  FleetCatalogue catalogue_ = catalogue();
+};
+
+}  // namespace
+}  // namespace kiroku::fleet
+
+namespace kiroku::archive {
+namespace {
+INSTANTIATE_TYPED_TEST_SUITE_P(Postgres, CaseTableSuite, fleet::InPostgres);
+}  // namespace
+}  // namespace kiroku::archive
+
+namespace kiroku::fleet {
+namespace {
+
+class FleetCatalogueTest : public OfItsOwn {
+ protected:
+  void put(const std::string& appliance, const std::string& case_id, UtcTime opened,
+           const std::string& state = "closed", std::int64_t changed = 0) {
+    CatalogueRow row;
+    row.case_id = case_id;
+    row.opened = opened;
+    row.state = state;
+    row.segments = 3;
+    row.bytes = 1000;
+    catalogue_.table_of(appliance)->put(row, {1, changed});
+  }
+  static UtcTime day(int number) { return *parse_utc("2026-08-01T00:00:00Z") + std::chrono::days(number); }
+  std::vector<std::string> found(const CaseQuery& query) {
+    std::vector<std::string> names;
+    for (const FleetCase& each : catalogue_.find(query))
+      names.push_back(each.appliance + "/" + each.row.case_id);
+    return names;
+  }
+  static void expect_refused(const std::function<void()>& work, const std::string& why) {
+    try {
+      work();
+      ADD_FAILURE() << "not refused";
+    } catch (const DatabaseError& error) {
+      EXPECT_THAT(error.what(), HasSubstr(why));
+      EXPECT_FALSE(error.passes());
+    }
+  }
+
+  FleetCatalogue catalogue_ = catalogue();
+};
+
+TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
+  put("or-1", "a", day(1));
+  put("or-1", "b", day(3), "open");
+  put("or-2", "a", day(2));
+  put("or-2", "c", day(4), "unreadable");
+  catalogue_.table_of("or-2")->set_verdict("a", "tampered", day(9));
+  EXPECT_THAT(found({}), ElementsAre("or-2/c", "or-1/b", "or-2/a", "or-1/a"));
+  EXPECT_THAT(found({.appliance = "or-2"}), ElementsAre("or-2/c", "or-2/a"));
+  EXPECT_THAT(found({.state = "open"}), ElementsAre("or-1/b"));
+  EXPECT_THAT(found({.verdict = "tampered"}), ElementsAre("or-2/a"));
+  EXPECT_THAT(found({.state = "closed", .never_verified = true}), ElementsAre("or-1/a"));
+  EXPECT_THAT(found({.opened_from = day(2), .opened_before = day(4)}), ElementsAre("or-1/b", "or-2/a"));
+  EXPECT_THAT(catalogue_.appliances(), ElementsAre("or-1", "or-2"));
+  const FleetTotals totals = catalogue_.totals();
+  EXPECT_EQ(totals.cases, 4U);
+  EXPECT_EQ(totals.segments, 12U);
+  EXPECT_EQ(totals.bytes, 4000U);
+  EXPECT_EQ(totals.open, 1U);
+  EXPECT_EQ(totals.unreadable, 1U);
+  EXPECT_EQ(totals.never_verified, 1U);
+  EXPECT_EQ(totals.not_intact, 1U);
+}
+
+TEST_F(FleetCatalogueTest, GoesThroughItInPages) {
+  // Many began in the same microsecond: no page may leave one out or have it twice.
+  for (int i = 0; i < 25; ++i) put("or-" + std::to_string(i % 3), "case" + std::to_string(i), day(i / 10));
+  std::vector<std::string> all = found({});
+  ASSERT_EQ(all.size(), 25U);
+  std::vector<std::string> paged;
+  CaseQuery query{.limit = 4};
+  for (;;) {
+    const std::vector<FleetCase> page = catalogue_.find(query);
+    for (const FleetCase& each : page) paged.push_back(each.appliance + "/" + each.row.case_id);
+    if (page.size() < query.limit) break;
+    query.after = {page.back().row.opened, page.back().appliance, page.back().row.case_id};
+  }
+  EXPECT_EQ(paged, all);
+}
+
+TEST_F(FleetCatalogueTest, LeasesEachDueCaseToOneWorker) {
+  for (int i = 0; i < 60; ++i) put("or-1", "case" + std::to_string(i), day(i));
+  put("or-1", "growing", day(0), "open");
+  constexpr int kWorkers = 4;
+  std::vector<std::future<std::vector<Lease>>> workers;
+  for (int i = 0; i < kWorkers; ++i) {
+    workers.push_back(std::async(std::launch::async, [this] {
+      FleetCatalogue own = catalogue();
+      std::vector<Lease> leases;
+      while (std::optional<Lease> lease = own.lease(day(100), 600s)) leases.push_back(*lease);
+      return leases;
+    }));
+  }
+  std::set<std::string> cases;
+  std::size_t leased = 0;
+  for (auto& worker : workers) {
+    for (const Lease& lease : worker.get()) {
+      cases.insert(lease.case_id);
+      ++leased;
+    }
+  }
+  EXPECT_EQ(leased, 60U);
+  EXPECT_EQ(cases.size(), 60U);
+  EXPECT_EQ(catalogue_.totals().being_verified, 60U);
+}
+
+TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {
+  for (const char* id : {"never", "old", "older", "fresh"}) put("or-1", id, day(1));
+  const auto table = catalogue_.table_of("or-1");
+  table->set_verdict("fresh", "intact", day(100));
+  table->set_verdict("old", "intact", day(20));
+  table->set_verdict("older", "intact", day(10));
+  for (const char* expected : {"never", "older", "old"}) {
+    const std::optional<Lease> lease = catalogue_.lease(day(50), 600s);
+    ASSERT_TRUE(lease);
+    EXPECT_EQ(lease->case_id, expected);
+  }
+  EXPECT_FALSE(catalogue_.lease(day(50), 600s));
+}
+
+TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMore) {
+  put("or-1", "a", day(1));
+  const std::optional<Lease> dead = catalogue_.lease(day(100), 0s);
+  ASSERT_TRUE(dead);
+  const std::optional<Lease> next = catalogue_.lease(day(100), 600s);
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->case_id, "a");
+  EXPECT_FALSE(catalogue_.enter(*dead, {"intact", day(101), 0, ""}));
+  EXPECT_THAT(catalogue_.verifications("or-1", "a"), IsEmpty());
+  EXPECT_TRUE(catalogue_.enter(*next, {"tampered", day(102), 2, "segment 3 is not there"}));
+  EXPECT_FALSE(catalogue_.enter(*next, {"intact", day(103), 0, ""}));
+  const std::vector<FleetCase> rows = catalogue_.find({});
+  EXPECT_EQ(rows[0].row.last_verdict, "tampered");
+  EXPECT_EQ(rows[0].row.verified, day(102));
+  const std::vector<Verification> all = catalogue_.verifications("or-1", "a");
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].findings, 2U);
+  EXPECT_EQ(all[0].when, day(102));
+  EXPECT_EQ(all[0].detail, "segment 3 is not there");
+}
+
+TEST_F(FleetCatalogueTest, NoVerdictIsEnteredOfACaseThatChangedMeanwhile) {
+  put("or-1", "a", day(1));
+  const std::optional<Lease> lease = catalogue_.lease(day(100), 600s);
+  ASSERT_TRUE(lease);
+  put("or-1", "a", day(1), "closed", 7);
+  EXPECT_FALSE(catalogue_.enter(*lease, {"intact", day(101), 0, ""}));
+  EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
+}
+
+TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
+  put("or-1", "a", day(1));
+  const std::optional<Lease> lease = catalogue_.lease(day(100), 600s);
+  ASSERT_TRUE(lease);
+  catalogue_.give_back(*lease, 600s);
+  EXPECT_FALSE(catalogue_.lease(day(100), 600s)) << "it rests";
+  put("or-1", "b", day(2));
+  const std::optional<Lease> other = catalogue_.lease(day(100), 600s);
+  ASSERT_TRUE(other);
+  catalogue_.give_back(*other);
+  EXPECT_TRUE(catalogue_.lease(day(100), 600s));
+}
+
+TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
+  put("or-1", "a", day(1));
+  FleetCatalogue reader(Postgres(connection(with_role("kiroku_reader"))));
+  FleetCatalogue indexer(Postgres(connection(with_role("kiroku_indexer"))));
+  FleetCatalogue verifier(Postgres(connection(with_role("kiroku_verifier"))));
+  EXPECT_EQ(reader.find({}).size(), 1U);
+  CatalogueRow row = reader.find({})[0].row;
+  expect_refused([&] { reader.table_of("or-1")->put(row, {}); }, "kiroku-fleet init");
+  expect_refused([&] { reader.lease(day(100), 600s); }, "permission denied");
+  expect_refused([&] { verifier.table_of("or-1")->put(row, {}); }, "permission denied");
+  expect_refused([&] { verifier.table_of("or-1")->remove("a"); }, "permission denied");
+  EXPECT_NO_THROW(indexer.table_of("or-1")->put(row, {}));
+  const std::optional<Lease> lease = verifier.lease(day(100), 600s);
+  ASSERT_TRUE(lease);
+  expect_refused([&] { indexer.enter(*lease, {"intact", day(101), 0, ""}); }, "permission denied");
+  EXPECT_TRUE(verifier.enter(*lease, {"intact", day(101), 0, ""}));
+  // What was found once nobody takes back.
+  for (const char* role : {"kiroku_indexer", "kiroku_verifier"}) {
+    Postgres database(connection(user_of(role)));
+    expect_refused([&] { database.ask("UPDATE kiroku.verifications SET verdict = 'tampered'"); },
+                   "permission denied");
+    expect_refused([&] { database.ask("DELETE FROM kiroku.verifications"); }, "permission denied");
+  }
+}
+
+TEST_F(FleetCatalogueTest, ADatabaseWithoutOneOfAnotherVersionOrAwayIsToldOf) {
+  try {
+    FleetCatalogue none{Postgres(administrator())};
+    FAIL() << "opened";
+  } catch (const UsageError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("run 'kiroku-fleet init'"));
+  }
+  Postgres database(connection());
+  EXPECT_NO_THROW(FleetCatalogue::prepare(database)) << "again";
+  database.ask("UPDATE kiroku.version SET version = 99");
+  EXPECT_THROW(FleetCatalogue::prepare(database), UsageError);
+  EXPECT_THROW(catalogue(), UsageError);
+  try {
+    Postgres away("host=/nowhere dbname=x");
+    FAIL() << "connected";
+  } catch (const DatabaseError& error) {
+    EXPECT_TRUE(error.passes());
+    EXPECT_THAT(error.what(), HasSubstr("cannot reach PostgreSQL"));
+  }
+}
+
+}  // namespace
+}  // namespace kiroku::fleet
