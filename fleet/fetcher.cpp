@@ -24,6 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr std::uint64_t kLargestObject = 5ULL << 30;
 constexpr std::string_view kGrowing = "growing/";
+constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
 /// Names of files below a case's folder, as the store tells them: nothing may lead out of it.
 bool is_name_below(std::string_view path) {
@@ -101,13 +102,14 @@ class Fetching {
     list_files("");
     list_parts();
     if (versions_.empty() && parts_.empty()) {
+      if (case_id_ == kLog) throw UsageError("the store has no log of an appliance below '" + prefix_ + "'");
       throw UsageError("the store has nothing of case " + case_id_ + " below '" + prefix_ +
                        "': 'kiroku fetch --list' names the cases that it has");
     }
     make_folders(folder_);
     for (const auto& [path, versions] : versions_) take(path, versions.front());
     if (!versions_.contains(std::string(archive::kLedgerFile))) join_parts();
-    take_what_the_ledger_names();
+    if (case_id_ != kLog) take_what_the_ledger_names();
     return std::move(result_);
   }
 
@@ -222,6 +224,22 @@ class Fetching {
   FetchedCase result_;
 };
 
+FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::string& name,
+                  const fs::path& into) {
+  const fs::path folder = into / name, part = into / (".fetching-" + name);
+  if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
+    throw UsageError(folder.string() + " is there already: give another folder with -o");
+  }
+  std::error_code failed;
+  fs::remove_all(part, failed);
+  if (failed) throw IoError("remove", part, failed.value());
+  FetchedCase result = Fetching(store, appliance + "/", name, part).run();
+  fs::rename(part, folder, failed);
+  if (failed) throw IoError("rename", part, failed.value());
+  result.folder = folder;
+  return result;
+}
+
 }  // namespace
 
 std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance) {
@@ -244,18 +262,11 @@ FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const s
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  const fs::path folder = into / case_id, part = into / (".fetching-" + case_id);
-  if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
-    throw UsageError(folder.string() + " is there already: give another folder with -o");
-  }
-  std::error_code failed;
-  fs::remove_all(part, failed);
-  if (failed) throw IoError("remove", part, failed.value());
-  FetchedCase result = Fetching(store, appliance + "/", case_id, part).run();
-  fs::rename(part, folder, failed);
-  if (failed) throw IoError("rename", part, failed.value());
-  result.folder = folder;
-  return result;
+  return fetch(store, appliance, case_id, into);
+}
+
+FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {
+  return fetch(store, appliance, std::string(kLog), into);
 }
 
 }  // namespace kiroku::fleet

@@ -16,7 +16,7 @@ std::uint64_t StoreConfiguration::bytes_per_second_at(const std::tm& local) cons
   return unlimited.contains(local) ? 0 : static_cast<std::uint64_t>(megabytes_per_second) * kMegabyte;
 }
 
-std::optional<StoreConfiguration> read_store(TableReader& top) {
+std::optional<StoreConfiguration> read_store(TableReader& top, StoreUse use) {
   const toml::table* table = top.table("store");
   if (table == nullptr) return {};
   StoreConfiguration store;
@@ -29,6 +29,12 @@ std::optional<StoreConfiguration> read_store(TableReader& top) {
   into("region", store.region);
   into("credentials", store.credentials);
   into("ca_file", store.ca_file);
+  if (use == StoreUse::kRead) {
+    reader.refuse_unknown_keys();
+    if (store.endpoint.empty() || store.bucket.empty())
+      reader.refuse(table->source(), "[store] needs 'endpoint' and 'bucket'");
+    return store;
+  }
   reader.text("appliance", [&](const std::string& text) {
     if (!archive::is_short_name(text)) {
       throw UsageError("'appliance' is '" + printable(text) +

@@ -27,8 +27,10 @@ struct StoreConfiguration {
   [[nodiscard]] std::uint64_t bytes_per_second_at(const std::tm& local) const;
 };
 
-/// [store], out of the whole file; nothing where there is none. Throws kiroku::UsageError with line and
-/// column.
-std::optional<StoreConfiguration> read_store(TableReader& top);
+/// What a [store] is for: an appliance ships to it, a hospital's program only reads what appliances shipped.
+enum class StoreUse { kShip, kRead };
+/// [store], out of the whole file; nothing where there is none. To read takes address and credentials alone.
+/// Throws kiroku::UsageError with line and column.
+std::optional<StoreConfiguration> read_store(TableReader& top, StoreUse use = StoreUse::kShip);
 
 }  // namespace kiroku::apps

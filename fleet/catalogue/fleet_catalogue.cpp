@@ -241,19 +241,24 @@ FleetTotals FleetCatalogue::totals() {
   return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8)};
 }
 
-std::optional<Lease> FleetCatalogue::lease(UtcTime verified_before, std::chrono::seconds for_how_long) {
+std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds for_how_long) {
   // The database's clock counts the lease: workers' clocks may differ.
   const Postgres::Rows rows = database_.ask(
-      R"(UPDATE kiroku.cases AS c SET leased_by = gen_random_uuid()::text, leased_until = now() + $2::bigint * interval '1 second'
+      R"(UPDATE kiroku.cases AS c
+         SET leased_by = gen_random_uuid()::text, leased_until = now() + $3::bigint * interval '1 second'
          FROM (SELECT appliance, case_id FROM kiroku.cases
                WHERE state = 'closed' AND (verified IS NULL OR verified < )" +
-          time_from("$1") + R"() AND (leased_until IS NULL OR leased_until <= now())
+          time_from("$1") + ") AND opened + duration_ns / 1000 * interval '1 microsecond' < " +
+          time_from("$2") +
+          R"( AND (leased_until IS NULL OR leased_until <= now())
                ORDER BY verified NULLS FIRST, opened LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
          WHERE c.appliance = due.appliance AND c.case_id = due.case_id
-         RETURNING c.appliance, c.case_id, c.leased_by)",
-      {number(verified_before), number(std::int64_t{for_how_long.count()})});
+         RETURNING c.appliance, c.case_id, (extract(epoch FROM c.opened) * 1000000)::bigint + c.duration_ns / 1000,
+                   c.leased_by)",
+      {number(due.verified_before), number(due.closed_before), number(std::int64_t{for_how_long.count()})});
   if (rows.size() == 0) return {};
-  return Lease{rows.text(0, 0), rows.text(0, 1), rows.text(0, 2)};
+  return Lease{rows.text(0, 0), rows.text(0, 1), UtcTime(std::chrono::microseconds(rows.integer(0, 2))),
+               rows.text(0, 3)};
 }
 
 bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
@@ -265,22 +270,29 @@ bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
             "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state = 'closed' RETURNING 1",
         {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when)});
     entered = rows.size() == 1;
-    if (!entered) return;
-    database_.ask(
-        "INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail) VALUES ($1, "
-        "$2, " +
-            time_from("$3") + ", $4, $5, $6)",
-        {lease.appliance, lease.case_id, number(found.when), found.verdict,
-         number(std::uint64_t{found.findings}), found.detail});
+    if (entered) keep(lease, found);
   });
   return entered;
 }
 
-void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause) {
+void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when,
+                               const std::string& why) {
+  database_.together([&] {
+    const Postgres::Rows rows = database_.ask(
+        "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second' "
+        "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING 1",
+        {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()})});
+    if (rows.size() == 1) keep(lease, {"could-not-check", when, 0, why});
+  });
+}
+
+void FleetCatalogue::keep(const Lease& lease, const Verification& found) {
   database_.ask(
-      "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second' "
-      "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3",
-      {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()})});
+      "INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail) VALUES ($1, "
+      "$2, " +
+          time_from("$3") + ", $4, $5, $6)",
+      {lease.appliance, lease.case_id, number(found.when), found.verdict,
+       number(std::uint64_t{found.findings}), found.detail});
 }
 
 std::vector<Verification> FleetCatalogue::verifications(const std::string& appliance,

@@ -38,6 +38,7 @@ struct CaseQuery {
 /// A case that one worker verifies. It is another's once it ended.
 struct Lease {
   std::string appliance, case_id;
+  UtcTime closed;      // when the case ended
   std::string holder;  // of this lease alone
 };
 
@@ -74,19 +75,27 @@ class FleetCatalogue {
   [[nodiscard]] std::vector<FleetCase> find(const CaseQuery& query);
   [[nodiscard]] FleetTotals totals();
 
-  /// Leases a closed case that was never verified, or not since `verified_before`; the one that waits
-  /// longest. None that another worker holds (FOR UPDATE SKIP LOCKED). Nothing where none is due.
-  std::optional<Lease> lease(UtcTime verified_before, std::chrono::seconds for_how_long);
+  /// Which cases are due.
+  struct Due {
+    UtcTime verified_before;  // never verified, or last before this
+    UtcTime closed_before;    // and ended before this
+  };
+  /// Leases a closed case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
+  /// SKIP LOCKED). Nothing where none is due.
+  std::optional<Lease> lease(const Due& due, std::chrono::seconds for_how_long);
   /// Enters what was found, and ends the lease. False, and nothing entered, where the lease is another's by
   /// now, or the case changed since it was leased.
   bool enter(const Lease& lease, const Verification& found);
-  /// Ends it without a word, so that another may try: now, or once `pause` is over.
-  void give_back(const Lease& lease, std::chrono::seconds pause = std::chrono::seconds(0));
+  /// Ends it without a verdict, so that another may try once `pause` is over. `why` is kept among what was
+  /// found, as of the verdict "could-not-check"; what the case's row says stays. Nothing where the lease is
+  /// another's by now.
+  void give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when, const std::string& why);
   /// All that was ever found of a case, oldest first.
   [[nodiscard]] std::vector<Verification> verifications(const std::string& appliance,
                                                         const std::string& case_id);
 
  private:
+  void keep(const Lease& lease, const Verification& found);
   Postgres database_;
 };
 

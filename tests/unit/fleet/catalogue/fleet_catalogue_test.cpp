@@ -82,10 +82,12 @@ class FleetCatalogueTest : public OfItsOwn {
     row.case_id = case_id;
     row.opened = opened;
     row.state = state;
+    row.duration_ns = 3'600'000'000'000;
     row.segments = 3;
     row.bytes = 1000;
     catalogue_.table_of(appliance)->put(row, {1, changed});
   }
+  static FleetCatalogue::Due due(int verified_before_day) { return {day(verified_before_day), day(1000)}; }
   static UtcTime day(int number) { return *parse_utc("2026-08-01T00:00:00Z") + std::chrono::days(number); }
   std::vector<std::string> found(const CaseQuery& query) {
     std::vector<std::string> names;
@@ -154,7 +156,7 @@ TEST_F(FleetCatalogueTest, LeasesEachDueCaseToOneWorker) {
     workers.push_back(std::async(std::launch::async, [this] {
       FleetCatalogue own = catalogue();
       std::vector<Lease> leases;
-      while (std::optional<Lease> lease = own.lease(day(100), 600s)) leases.push_back(*lease);
+      while (std::optional<Lease> lease = own.lease(due(100), 600s)) leases.push_back(*lease);
       return leases;
     }));
   }
@@ -178,18 +180,27 @@ TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {
   table->set_verdict("old", "intact", day(20));
   table->set_verdict("older", "intact", day(10));
   for (const char* expected : {"never", "older", "old"}) {
-    const std::optional<Lease> lease = catalogue_.lease(day(50), 600s);
+    const std::optional<Lease> lease = catalogue_.lease(due(50), 600s);
     ASSERT_TRUE(lease);
     EXPECT_EQ(lease->case_id, expected);
   }
-  EXPECT_FALSE(catalogue_.lease(day(50), 600s));
+  EXPECT_FALSE(catalogue_.lease(due(50), 600s));
+}
+
+TEST_F(FleetCatalogueTest, ACaseThatEndedJustNowWaitsForItsLog) {
+  put("or-1", "a", day(1));
+  const UtcTime end = day(1) + 1h;
+  EXPECT_FALSE(catalogue_.lease({day(100), end}, 600s));
+  const std::optional<Lease> lease = catalogue_.lease({day(100), end + 1us}, 600s);
+  ASSERT_TRUE(lease);
+  EXPECT_EQ(lease->closed, end);
 }
 
 TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMore) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> dead = catalogue_.lease(day(100), 0s);
+  const std::optional<Lease> dead = catalogue_.lease(due(100), 0s);
   ASSERT_TRUE(dead);
-  const std::optional<Lease> next = catalogue_.lease(day(100), 600s);
+  const std::optional<Lease> next = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(next);
   EXPECT_EQ(next->case_id, "a");
   EXPECT_FALSE(catalogue_.enter(*dead, {"intact", day(101), 0, ""}));
@@ -208,7 +219,7 @@ TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMor
 
 TEST_F(FleetCatalogueTest, NoVerdictIsEnteredOfACaseThatChangedMeanwhile) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> lease = catalogue_.lease(day(100), 600s);
+  const std::optional<Lease> lease = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(lease);
   put("or-1", "a", day(1), "closed", 7);
   EXPECT_FALSE(catalogue_.enter(*lease, {"intact", day(101), 0, ""}));
@@ -217,15 +228,21 @@ TEST_F(FleetCatalogueTest, NoVerdictIsEnteredOfACaseThatChangedMeanwhile) {
 
 TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> lease = catalogue_.lease(day(100), 600s);
+  const std::optional<Lease> lease = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(lease);
-  catalogue_.give_back(*lease, 600s);
-  EXPECT_FALSE(catalogue_.lease(day(100), 600s)) << "it rests";
+  catalogue_.give_back(*lease, 600s, day(101), "the store was away");
+  EXPECT_FALSE(catalogue_.lease(due(100), 600s)) << "it rests";
   put("or-1", "b", day(2));
-  const std::optional<Lease> other = catalogue_.lease(day(100), 600s);
+  const std::optional<Lease> other = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(other);
-  catalogue_.give_back(*other);
-  EXPECT_TRUE(catalogue_.lease(day(100), 600s));
+  catalogue_.give_back(*other, 0s, day(102), "again");
+  EXPECT_TRUE(catalogue_.lease(due(100), 600s));
+  catalogue_.give_back(*other, 0s, day(103), "the lease is another's");
+  const std::vector<Verification> all = catalogue_.verifications("or-1", "b");
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].verdict, "could-not-check");
+  EXPECT_EQ(all[0].detail, "again");
+  EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
 }
 
 TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
@@ -236,11 +253,11 @@ TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   EXPECT_EQ(reader.find({}).size(), 1U);
   CatalogueRow row = reader.find({})[0].row;
   expect_refused([&] { reader.table_of("or-1")->put(row, {}); }, "kiroku-fleet init");
-  expect_refused([&] { reader.lease(day(100), 600s); }, "permission denied");
+  expect_refused([&] { reader.lease(due(100), 600s); }, "permission denied");
   expect_refused([&] { verifier.table_of("or-1")->put(row, {}); }, "permission denied");
   expect_refused([&] { verifier.table_of("or-1")->remove("a"); }, "permission denied");
   EXPECT_NO_THROW(indexer.table_of("or-1")->put(row, {}));
-  const std::optional<Lease> lease = verifier.lease(day(100), 600s);
+  const std::optional<Lease> lease = verifier.lease(due(100), 600s);
   ASSERT_TRUE(lease);
   expect_refused([&] { indexer.enter(*lease, {"intact", day(101), 0, ""}); }, "permission denied");
   EXPECT_TRUE(verifier.enter(*lease, {"intact", day(101), 0, ""}));

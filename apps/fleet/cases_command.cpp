@@ -1,0 +1,206 @@
+// 'kiroku-fleet cases' and 'kiroku-fleet status'.
+#include <algorithm>
+#include <charconv>
+#include <iostream>
+#include <memory>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/fleet/commands.h"
+#include "apps/fleet/fleet_configuration.h"
+#include "archive/catalogue/catalogue_json.h"
+#include "base/error.h"
+#include "base/number_text.h"
+
+namespace kiroku::apps {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Request {
+  std::string configuration;
+  std::optional<std::string> appliance, state, verdict, from, to, limit, after, history;
+  bool unverified = false, json = false;
+};
+
+/// "2026-08-05" or a whole time, as RFC 3339 writes it in UTC.
+UtcTime time_of(const std::string& text, const std::string& option) {
+  constexpr std::size_t kDate = 10;
+  const std::optional<UtcTime> time = parse_utc(text.size() == kDate ? text + "T00:00:00Z" : text);
+  if (!time) {
+    throw UsageError(option + " is '" + printable(text) +
+                     "': write a day as 2026-08-05, or a time as 2026-08-05T09:15:02Z");
+  }
+  return *time;
+}
+
+std::size_t limit_of(const std::string& text) {
+  constexpr std::size_t kMost = 10'000;
+  std::size_t limit = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), limit);
+  if (error != std::errc() || end != text.data() + text.size() || limit < 1 || limit > kMost)
+    throw UsageError("--limit is '" + printable(text) + "': it takes a number from 1 to " +
+                     std::to_string(kMost));
+  return limit;
+}
+
+/// Where a page ended: "2026-08-05T09:15:02.000123Z,or-1,20260805T091502Z-3f9c21ab".
+std::string place_after(const fleet::FleetCase& last) {
+  return format_utc(last.row.opened) + "," + last.appliance + "," + last.row.case_id;
+}
+fleet::CaseQuery::Place place_of(const std::string& text) {
+  const std::size_t first = text.find(','), second = text.find(',', first + 1);
+  if (first == std::string::npos || second == std::string::npos)
+    throw UsageError("--after is '" + printable(text) + "': give what the page before ended with");
+  return {time_of(text.substr(0, first), "--after"), text.substr(first + 1, second - first - 1),
+          text.substr(second + 1)};
+}
+
+fleet::CaseQuery query_of(const Request& request) {
+  fleet::CaseQuery query;
+  query.appliance = request.appliance;
+  query.state = request.state;
+  query.verdict = request.verdict;
+  query.never_verified = request.unverified;
+  if (request.from) query.opened_from = time_of(*request.from, "--from");
+  if (request.to) query.opened_before = time_of(*request.to, "--to");
+  if (query.opened_from && query.opened_before && *query.opened_before <= *query.opened_from)
+    throw UsageError("--to is not after --from");
+  if (request.limit) query.limit = limit_of(*request.limit);
+  if (request.after) query.after = place_of(*request.after);
+  return query;
+}
+
+void print_table(const std::vector<fleet::FleetCase>& cases) {
+  constexpr std::size_t kToTheMinute = 16;
+  std::vector<std::vector<std::string>> rows{
+      {"appliance", "case", "start", "length", "size", "verdict", "verified"}};
+  for (const auto& [appliance, row] : cases) {
+    const bool is_there = row.state == "closed" || row.state == "open";
+    rows.push_back({printable(appliance), printable(row.case_id),
+                    is_there ? format_local(row.opened).substr(0, kToTheMinute) : "-",
+                    row.state == "closed" && row.duration_ns ? format_duration(*row.duration_ns) : row.state,
+                    format_bytes(row.bytes), printable(row.last_verdict.value_or("-")),
+                    row.verified ? format_local(*row.verified).substr(0, kToTheMinute) : "never"});
+  }
+  std::cout << format_table(rows, "lllrrll", 0);
+}
+
+int history(const Request& request, fleet::FleetCatalogue& catalogue) {
+  if (!request.appliance) throw UsageError("say whose case it is: --appliance NAME");
+  const auto all = catalogue.verifications(*request.appliance, *request.history);
+  if (request.json) {
+    ordered_json told = ordered_json::array();
+    for (const fleet::Verification& each : all) {
+      told.push_back({{"at", format_utc(each.when)},
+                      {"verdict", each.verdict},
+                      {"findings", each.findings},
+                      {"detail", each.detail}});
+    }
+    print_json({{"appliance", *request.appliance}, {"case", *request.history}, {"verifications", told}});
+    return kDone;
+  }
+  if (all.empty()) std::cout << "It was never verified here.\n";
+  for (const fleet::Verification& each : all) {
+    std::cout << format_local(each.when) << "  " << printable(each.verdict)
+              << (each.detail.empty() ? "" : ": " + printable(each.detail)) << "\n";
+  }
+  return kDone;
+}
+
+int cases(const Request& request) {
+  fleet::FleetCatalogue catalogue = FleetConfiguration::read(request.configuration).open_catalogue();
+  if (request.history) return history(request, catalogue);
+  const fleet::CaseQuery query = query_of(request);
+  const std::vector<fleet::FleetCase> found = catalogue.find(query);
+  const std::optional<std::string> next =
+      found.size() == query.limit ? std::optional(place_after(found.back())) : std::nullopt;
+  if (request.json) {
+    ordered_json told = ordered_json::array();
+    for (const auto& [appliance, row] : found) {
+      ordered_json one{{"appliance", appliance}, {"case", row.case_id}};
+      one.update(archive::catalogue_json(row));
+      told.push_back(one);
+    }
+    print_json({{"cases", told}, {"next", next ? ordered_json(*next) : ordered_json()}});
+    return kDone;
+  }
+  if (found.empty()) {
+    std::cout << "No case is so. 'kiroku-fleet index' brings the catalogue up to date.\n";
+    return kDone;
+  }
+  print_table(found);
+  if (next) std::cout << "There may be more: --after " << *next << "\n";
+  return kDone;
+}
+
+int status(const Request& request) {
+  const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
+  fleet::FleetCatalogue catalogue = configuration.open_catalogue();
+  const fleet::FleetTotals totals = catalogue.totals();
+  if (request.json) {
+    print_json({{"cases", totals.cases},
+                {"segments", totals.segments},
+                {"bytes", totals.bytes},
+                {"open", totals.open},
+                {"unreadable", totals.unreadable},
+                {"missing", totals.missing},
+                {"never_verified", totals.never_verified},
+                {"not_intact", totals.not_intact},
+                {"being_verified", totals.being_verified}});
+  } else {
+    std::cout << "in the catalogue  " << counted(totals.cases, "case", "cases") << ", "
+              << format_bytes(totals.bytes) << ", " << totals.open << " of them not closed\n"
+              << "never verified    " << totals.never_verified << ", and " << totals.being_verified
+              << " being verified now\n"
+              << "not intact        " << totals.not_intact
+              << (totals.not_intact > 0 ? ": 'kiroku-fleet cases --verdict tampered' and so on name them"
+                                        : "")
+              << "\n"
+              << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
+              << " whose ledger cannot be read\n";
+  }
+  return totals.not_intact + totals.missing + totals.unreadable > 0 ? kAnswerIsNo : kDone;
+}
+
+}  // namespace
+
+void add_fleet_cases_command(Command& program) {
+  Command& command = program.add_command("cases", "lists cases of all appliances, newest first");
+  command.explain(
+      "Shown is what the catalogue knows, with the verdict of the last 'kiroku-fleet verify'; nothing is "
+      "judged here. "
+      "What a case is about is not in the catalogue: it stays sealed.");
+  const auto request = std::make_shared<Request>();
+  command.option("--appliance", "NAME", request->appliance, "only of this one");
+  command.option("--from", "TIME", request->from, "only what began then or later");
+  command.option("--to", "TIME", request->to, "only what began before");
+  command.choice("--state", {"closed", "open", "unreadable", "missing"}, request->state, "only these", "any");
+  command.option("--verdict", "VERDICT", request->verdict, "only these, such as tampered");
+  command.flag("--unverified", request->unverified, "only what was never verified");
+  command.option("--limit", "N", request->limit, "how many at most", "100");
+  command.option("--after", "PLACE", request->after, "what follows the page that ended with this");
+  command.option("--history", "CASE", request->history,
+                 "instead, all that was ever found of one case of --appliance");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  add_fleet_configuration_option(command, request->configuration);
+  command.example("kiroku-fleet cases --from 2026-08-01 --appliance or-2", "what or-2 recorded since August");
+  command.example("kiroku-fleet cases --verdict tampered", "what does not hold");
+  command.on_run([request] { return cases(*request); });
+}
+
+void add_fleet_status_command(Command& program) {
+  Command& command = program.add_command("status", "how many cases there are, and what needs a person");
+  command.explain(
+      "Exit status 1 says that a case is not intact, not in the store any more, or has a ledger that cannot "
+      "be read.");
+  const auto request = std::make_shared<Request>();
+  command.flag("--json", request->json, "prints one JSON object instead");
+  add_fleet_configuration_option(command, request->configuration);
+  command.example("kiroku-fleet status", "at a glance");
+  command.on_run([request] { return status(*request); });
+}
+
+}  // namespace kiroku::apps

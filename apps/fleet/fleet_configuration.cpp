@@ -1,0 +1,101 @@
+#include "apps/fleet/fleet_configuration.h"
+
+#include <cstdlib>
+
+#include <toml++/toml.h>
+
+#include "apps/common/file.h"
+#include "apps/configuration/retention_configuration.h"
+#include "apps/configuration/table_reader.h"
+#include "base/error.h"
+#include "fleet/store_credentials.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::chrono::hours hours_of(const std::string& text, const std::string& what) {
+  const std::chrono::nanoseconds age = parse_age(text, what);
+  if (age < std::chrono::hours(1) || age > std::chrono::hours(24) * 3653) {
+    throw UsageError(what + " is '" + printable(text) +
+                     "': it takes an hour at least, and ten years (3653d) at most");
+  }
+  return std::chrono::duration_cast<std::chrono::hours>(age);
+}
+
+void read_verification(TableReader& top, FleetConfiguration& into) {
+  const toml::table* table = top.table("verification");
+  if (table == nullptr) return;
+  TableReader reader(*table, "[verification]", top.file());
+  const fs::path folder = into.file.parent_path();
+  reader.text("devices", [&](const std::string& text) { into.devices = folder / text; });
+  reader.texts("trust", [&](const std::vector<std::string>& files) {
+    for (const std::string& each : files) into.trust.push_back(folder / each);
+  });
+  reader.texts("own_authority", [&](const std::vector<std::string>& files) {
+    for (const std::string& each : files) into.own_authority.push_back(folder / each);
+  });
+  reader.text("every", [&](const std::string& text) { into.verify_every = hours_of(text, "'every'"); });
+  constexpr std::int64_t kWeek = 7 * 24 * 60;
+  std::int64_t minutes = into.settles.count();
+  reader.integer("settle_minutes", 0, kWeek, minutes);
+  into.settles = std::chrono::minutes(minutes);
+  reader.refuse_unknown_keys();
+}
+
+}  // namespace
+
+FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::path& file) {
+  toml::table root;
+  try {
+    root = toml::parse(toml);
+  } catch (const toml::parse_error& error) {
+    throw UsageError(file.string() + ":" + std::to_string(error.source().begin.line) + ":" +
+                     std::to_string(error.source().begin.column) + ": " + std::string(error.description()));
+  }
+  FleetConfiguration configuration;
+  configuration.file = file;
+  configuration.devices = file.parent_path() / "devices";
+  TableReader top(root, "the file", file.string());
+  const std::optional<StoreConfiguration> store = read_store(top, StoreUse::kRead);
+  const toml::table* catalogue = top.table("catalogue");
+  if (!store || catalogue == nullptr) {
+    throw UsageError(file.string() +
+                     " needs [store] with endpoint and bucket, and [catalogue] with connection "
+                     "(docs/how-to/run-a-fleet.md)");
+  }
+  configuration.store = *store;
+  TableReader reader(*catalogue, "[catalogue]", file.string());
+  reader.text("connection", [&](const std::string& text) { configuration.connection = text; });
+  reader.refuse_unknown_keys();
+  if (configuration.connection.empty())
+    reader.refuse(catalogue->source(),
+                  "[catalogue] needs 'connection', such as \"host=db.example dbname=kiroku\"");
+  read_verification(top, configuration);
+  top.refuse_unknown_keys();
+  return configuration;
+}
+
+FleetConfiguration FleetConfiguration::read(const fs::path& file) {
+  return parse(text_of(read_small_file(file, "the configuration")), file);
+}
+
+fleet::ObjectStore FleetConfiguration::open_store() const {
+  const fs::path folder = file.parent_path();
+  return {{store.endpoint, store.bucket, store.region,
+           store.ca_file.empty() ? fs::path() : folder / store.ca_file},
+          fleet::read_credentials(folder / store.credentials)};
+}
+
+fleet::FleetCatalogue FleetConfiguration::open_catalogue() const {
+  return fleet::FleetCatalogue(fleet::Postgres(connection));
+}
+
+void add_fleet_configuration_option(Command& command, std::string& into) {
+  const char* const given = std::getenv("KIROKU_FLEET");
+  into = given != nullptr && *given != '\0' ? given : "/etc/kiroku/fleet.toml";
+  command.option("--config", "FILE", into, "what to work with");
+}
+
+}  // namespace kiroku::apps

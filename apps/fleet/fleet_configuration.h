@@ -1,0 +1,38 @@
+// fleet.toml: the store, the catalogue and the keys that kiroku-fleet works with.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "apps/common/command_line.h"
+#include "apps/configuration/store_configuration.h"
+#include "fleet/catalogue/fleet_catalogue.h"
+#include "fleet/object_store.h"
+
+namespace kiroku::apps {
+
+struct FleetConfiguration {
+  std::filesystem::path file;
+  StoreConfiguration store;
+  std::string connection;                            // of libpq, to the catalogue
+  std::filesystem::path devices;                     // folder: or-1.pub is the key of the appliance or-1
+  std::vector<std::filesystem::path> trust;          // PEM files: roots of outside authorities,
+  std::vector<std::filesystem::path> own_authority;  // and of the appliances' own
+  std::chrono::hours verify_every{24 * 91};
+  std::chrono::minutes settles{60};  // after its end a case is left alone for so long
+
+  /// Throws kiroku::UsageError with line and column, kiroku::Error where the file cannot be read.
+  static FleetConfiguration read(const std::filesystem::path& file);
+  static FleetConfiguration parse(std::string_view toml, const std::filesystem::path& file);
+
+  [[nodiscard]] fleet::ObjectStore open_store() const;
+  [[nodiscard]] fleet::FleetCatalogue open_catalogue() const;
+};
+
+/// --config, with its default.
+void add_fleet_configuration_option(Command& command, std::string& into);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,241 @@
+// 'kiroku-fleet verify': stored cases are verified anew, by any number of workers.
+#include <algorithm>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/json_output.h"
+#include "apps/fleet/commands.h"
+#include "apps/fleet/fleet_configuration.h"
+#include "apps/fleet/scratch_folder.h"
+#include "apps/kiroku/told_to_end.h"
+#include "apps/verify/judging.h"
+#include "base/clock.h"
+#include "base/error.h"
+#include "base/number_text.h"
+#include "fleet/fetcher.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A lease outlives the slowest fetch of the longest case; what a dead worker held is taken up afterwards.
+constexpr std::chrono::hours kLease{12};
+/// Before a case that could not be checked is tried again.
+constexpr std::chrono::minutes kPause{30};
+constexpr std::chrono::seconds kLook{30};
+
+struct Request {
+  std::string configuration;
+  std::optional<std::string> scratch;
+  bool follow = false, all = false, json = false;
+};
+
+/// Logs of appliances as they are in the store, each fetched anew when a case ended after it was.
+class Logs {
+ public:
+  Logs(fleet::ObjectStore& store, fs::path folder, std::chrono::minutes settles)
+      : store_(store), folder_(std::move(folder)), settles_(settles) {}
+
+  fs::path of(const std::string& appliance, UtcTime closed, UtcTime now) {
+    const fs::path into = folder_ / appliance;
+    const auto known = fetched_.find(appliance);
+    if (known != fetched_.end() && closed + settles_ < known->second) return into / "log";
+    fetched_.erase(appliance);
+    fs::remove_all(into);
+    fs::create_directories(into);
+    fleet::fetch_log(store_, appliance, into);
+    fetched_[appliance] = now;
+    return into / "log";
+  }
+
+ private:
+  fleet::ObjectStore& store_;
+  const fs::path folder_;
+  const std::chrono::minutes settles_;
+  std::map<std::string, UtcTime> fetched_;
+};
+
+/// The finding that the verdict stands on, in its sentence.
+std::string gravest(const archive::VerificationReport& report) {
+  const auto worst = std::ranges::max_element(report.findings, {}, &archive::Finding::severity);
+  return worst == report.findings.end() || worst->severity == archive::Severity::kNote ? "" : worst->text;
+}
+
+class Worker {
+ public:
+  Worker(const FleetConfiguration& configuration, const Request& request)
+      : configuration_(configuration),
+        request_(request),
+        store_(configuration.open_store()),
+        scratch_(request.scratch),
+        logs_(store_, scratch_.path() / "logs", configuration.settles),
+        catalogue_(configuration.open_catalogue()) {}
+
+  /// All that is due, one after the other, until it is told to end.
+  void run() {
+    const UtcTime began = time_.utc();
+    while (!told_to_end()) {
+      const UtcTime now = time_.utc();
+      // With --all what this run has verified is not due again.
+      const UtcTime verified_before = request_.all ? began : now - configuration_.verify_every;
+      const auto lease = catalogue_.lease({verified_before, now - configuration_.settles}, kLease);
+      if (!lease) return;
+      take(*lease);
+    }
+  }
+
+  /// The exit status that all so far amounts to.
+  [[nodiscard]] int status() const { return bad_ > 0 ? kAnswerIsNo : unchecked_ > 0 ? kNoAnswer : kDone; }
+  [[nodiscard]] const nlohmann::ordered_json& told() const { return told_; }
+  [[nodiscard]] std::string summary() const {
+    return counted(done_, "case", "cases") + " verified" +
+           (bad_ > 0 ? ", " + std::to_string(bad_) + " NOT INTACT" : "") +
+           (unchecked_ > 0 ? ", " + std::to_string(unchecked_) + " could not be checked" : "");
+  }
+
+ private:
+  void take(const fleet::Lease& lease) {
+    fleet::Verification found;
+    try {
+      found = verify(lease);
+    } catch (const fleet::DatabaseError&) {
+      throw;
+    } catch (const std::exception& error) {
+      // What could not be checked has no verdict, and is tried again later.
+      ++unchecked_;
+      tell(lease, {"could-not-check", time_.utc(), 0, error.what()});
+      catalogue_.give_back(lease, kPause, time_.utc(), error.what());
+      return;
+    }
+    if (!catalogue_.enter(lease, found)) {
+      tell(lease, {"could-not-check", found.when, 0,
+                   "the case changed while it was verified, or took too long: it is verified again"});
+      return;
+    }
+    ++done_;
+    if (found.verdict != "intact" && found.verdict != "intact-with-gaps") ++bad_;
+    tell(lease, found);
+  }
+
+  fleet::Verification verify(const fleet::Lease& lease) {
+    const fs::path key = configuration_.devices / (lease.appliance + ".pub");
+    std::error_code ignored;
+    if (!fs::exists(key, ignored)) {
+      throw UsageError(key.string() + " is not there: put the device.pub of " + lease.appliance +
+                       " there, from its home");
+    }
+    JudgingRequest judging;
+    judging.devices = {key.string()};
+    for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
+    for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
+    const fs::path folder = scratch_.path() / "cases";
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    const fleet::FetchedCase fetched = fleet::fetch_case(store_, lease.appliance, lease.case_id, folder);
+    judging.log = logs_.of(lease.appliance, lease.closed, time_.utc()).string();
+    const VerifyExtras none;
+    const Judged judged = Judge(judging, none).judge(fetched.folder);
+    fs::remove_all(folder);
+    const auto told = static_cast<std::size_t>(std::ranges::count_if(
+        judged.report.findings,
+        [](const archive::Finding& each) { return each.severity != archive::Severity::kNote; }));
+    return {std::string(archive::verdict_name(judged.report.verdict)), time_.utc(), told,
+            gravest(judged.report)};
+  }
+
+  void tell(const fleet::Lease& lease, const fleet::Verification& found) {
+    if (request_.json) {
+      told_.push_back({{"appliance", lease.appliance},
+                       {"case", lease.case_id},
+                       {"verdict", found.verdict},
+                       {"findings", found.findings},
+                       {"detail", found.detail}});
+    } else {
+      std::cout << lease.appliance << "  " << lease.case_id << "  " << found.verdict
+                << (found.detail.empty() ? "" : ": " + printable(found.detail)) << std::endl;
+    }
+  }
+
+  const FleetConfiguration& configuration_;
+  const Request& request_;
+  const Clock& time_ = Clock::system();
+  fleet::ObjectStore store_;
+  const ScratchFolder scratch_;
+  Logs logs_;
+  fleet::FleetCatalogue catalogue_;
+  std::uint64_t done_ = 0, bad_ = 0, unchecked_ = 0;
+  nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
+};
+
+void rest() {
+  constexpr std::chrono::milliseconds kStep{100};
+  for (std::chrono::milliseconds left = kLook; left.count() > 0 && !told_to_end(); left -= kStep)
+    std::this_thread::sleep_for(kStep);
+}
+
+/// Again and again; a database or a store that is away is waited for.
+int follow(const FleetConfiguration& configuration, const Request& request) {
+  while (!told_to_end()) {
+    try {
+      Worker worker(configuration, request);
+      while (!told_to_end()) {
+        worker.run();
+        rest();
+      }
+    } catch (const fleet::DatabaseError& error) {
+      if (!error.passes()) throw;
+      print_error("kiroku-fleet", std::string(error.what()) + "; it is tried again");
+      rest();
+    }
+  }
+  return kDone;
+}
+
+int run(const Request& request) {
+  const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
+  if (request.follow && (request.all || request.json))
+    throw UsageError("--follow goes on for ever: leave out --all and --json");
+  end_when_told();
+  if (request.follow) return follow(configuration, request);
+  Worker worker(configuration, request);
+  worker.run();
+  if (request.json) {
+    print_json({{"cases", worker.told()}});
+  } else {
+    std::cout << worker.summary() << "\n";
+  }
+  return worker.status();
+}
+
+}  // namespace
+
+void add_fleet_verify_command(Command& program) {
+  Command& command =
+      program.add_command("verify", "verifies stored cases anew, those that wait longest first");
+  command.explain(
+      "Each closed case that was never verified, or not for the time that [verification] says, is fetched "
+      "from the "
+      "store into a scratch folder and judged as 'kiroku-verify' does, by the key of its appliance, the "
+      "roots of "
+      "[verification] and the appliance's log in the store. Any number of these may run, on one machine or "
+      "many: each "
+      "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one could not be "
+      "checked.");
+  const auto request = std::make_shared<Request>();
+  command.flag("--all", request->all, "every closed case, due or not");
+  command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
+  command.option("--scratch", "DIR", request->scratch, "where there is room for a whole case",
+                 "the folder for temporary files");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  add_fleet_configuration_option(command, request->configuration);
+  command.example("kiroku-fleet verify", "what is due, once");
+  command.example("kiroku-fleet verify --follow --scratch /srv/scratch", "as a service");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps
