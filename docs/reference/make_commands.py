@@ -43,7 +43,7 @@ def main():
     if len(arguments) != 1:
         sys.exit(__doc__)
     folder = pathlib.Path(arguments[0])
-    page = HEAD + "".join("".join(commands_below(folder, [program])) for program in ("kiroku", "kirokud", "kiroku-verify"))
+    page = HEAD + "".join("".join(commands_below(folder, [program])) for program in ("kiroku", "kirokud", "kiroku-fleet", "kiroku-verify"))
     if "--check" in sys.argv[1:]:
         if PAGE.read_text("utf-8") != page:
             print(f"docs/reference/commands.md is not what --help prints: run docs/reference/make_commands.py {folder}", file=sys.stderr)

@@ -1,6 +1,5 @@
 #include "viewer/playback/case_vitals.h"
 
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,6 +1,5 @@
 #include "viewer/playback/picture_span.h"
 
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
