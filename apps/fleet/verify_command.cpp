@@ -25,6 +25,8 @@ namespace fs = std::filesystem;
 
 /// A lease outlives the slowest fetch of the longest case; what a dead worker held is taken up afterwards.
 constexpr std::chrono::hours kLease{12};
+/// A case that began so long ago and has no end was cut off.
+constexpr std::chrono::hours kLongestCase{48};
 /// Before a case that could not be checked is tried again.
 constexpr std::chrono::minutes kPause{30};
 constexpr std::chrono::seconds kLook{30};
@@ -83,7 +85,8 @@ class Worker {
       const UtcTime now = time_.utc();
       // With --all what this run has verified is not due again.
       const UtcTime verified_before = request_.all ? began : now - configuration_.verify_every;
-      const auto lease = catalogue_.lease({verified_before, now - configuration_.settles}, kLease);
+      const auto lease =
+          catalogue_.lease({verified_before, now - configuration_.settles, now - kLongestCase}, kLease);
       if (!lease) return;
       take(*lease);
     }
@@ -218,7 +221,7 @@ void add_fleet_verify_command(Command& program) {
   Command& command =
       program.add_command("verify", "verifies stored cases anew, those that wait longest first");
   command.explain(
-      "Each closed case that was never verified, or not for the time that [verification] says, is fetched "
+      "Each case that was never verified, or not for the time that [verification] says, is fetched "
       "from the "
       "store into a scratch folder and judged as 'kiroku-verify' does, by the key of its appliance, the "
       "roots of "
@@ -227,7 +230,7 @@ void add_fleet_verify_command(Command& program) {
       "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one could not be "
       "checked.");
   const auto request = std::make_shared<Request>();
-  command.flag("--all", request->all, "every closed case, due or not");
+  command.flag("--all", request->all, "every case that is closed or was cut off, due or not");
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
   command.option("--scratch", "DIR", request->scratch, "where there is room for a whole case",
                  "the folder for temporary files");

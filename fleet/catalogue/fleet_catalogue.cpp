@@ -37,7 +37,7 @@ constexpr const char* kTables[] = {
     "CREATE INDEX cases_of_appliance ON kiroku.cases (appliance, opened DESC, case_id DESC)",
     "CREATE INDEX cases_by_verdict ON kiroku.cases (verdict, opened DESC, appliance DESC, case_id DESC)",
     "CREATE INDEX cases_by_state ON kiroku.cases (state, opened DESC, appliance DESC, case_id DESC)",
-    "CREATE INDEX cases_due ON kiroku.cases (verified NULLS FIRST, opened) WHERE state = 'closed'",
+    "CREATE INDEX cases_due ON kiroku.cases (verified NULLS FIRST, opened) WHERE state <> 'missing'",
     R"(CREATE TABLE kiroku.verifications (
          number    bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
          appliance text COLLATE "C" NOT NULL,
@@ -233,7 +233,7 @@ FleetTotals FleetCatalogue::totals() {
   const Postgres::Rows rows = database_.ask(R"(
     SELECT count(*), coalesce(sum(segments), 0)::bigint, coalesce(sum(bytes), 0)::bigint,
            count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
-           count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state = 'closed' AND verified IS NULL),
+           count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
            count(*) FILTER (WHERE verdict NOT IN ('intact', 'intact-with-gaps')),
            count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now())
     FROM kiroku.cases)");
@@ -247,15 +247,17 @@ std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds 
       R"(UPDATE kiroku.cases AS c
          SET leased_by = gen_random_uuid()::text, leased_until = now() + $3::bigint * interval '1 second'
          FROM (SELECT appliance, case_id FROM kiroku.cases
-               WHERE state = 'closed' AND (verified IS NULL OR verified < )" +
-          time_from("$1") + ") AND opened + duration_ns / 1000 * interval '1 microsecond' < " +
-          time_from("$2") +
-          R"( AND (leased_until IS NULL OR leased_until <= now())
+               WHERE state <> 'missing' AND (verified IS NULL OR verified < )" +
+          time_from("$1") +
+          R"() AND CASE state WHEN 'closed' THEN opened + duration_ns / 1000 * interval '1 microsecond' < )" +
+          time_from("$2") + " ELSE opened < " + time_from("$4") +
+          R"( END AND (leased_until IS NULL OR leased_until <= now())
                ORDER BY verified NULLS FIRST, opened LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
          WHERE c.appliance = due.appliance AND c.case_id = due.case_id
-         RETURNING c.appliance, c.case_id, (extract(epoch FROM c.opened) * 1000000)::bigint + c.duration_ns / 1000,
+         RETURNING c.appliance, c.case_id, (extract(epoch FROM c.opened) * 1000000)::bigint + coalesce(c.duration_ns, 0) / 1000,
                    c.leased_by)",
-      {number(due.verified_before), number(due.closed_before), number(std::int64_t{for_how_long.count()})});
+      {number(due.verified_before), number(due.closed_before), number(std::int64_t{for_how_long.count()}),
+       number(due.begun_before)});
   if (rows.size() == 0) return {};
   return Lease{rows.text(0, 0), rows.text(0, 1), UtcTime(std::chrono::microseconds(rows.integer(0, 2))),
                rows.text(0, 3)};
@@ -267,7 +269,7 @@ bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
     const Postgres::Rows rows = database_.ask(
         "UPDATE kiroku.cases SET verdict = $4, verified = " + time_from("$5") +
             ", leased_by = NULL, leased_until = NULL "
-            "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state = 'closed' RETURNING 1",
+            "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state <> 'missing' RETURNING 1",
         {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when)});
     entered = rows.size() == 1;
     if (entered) keep(lease, found);

@@ -38,7 +38,7 @@ struct CaseQuery {
 /// A case that one worker verifies. It is another's once it ended.
 struct Lease {
   std::string appliance, case_id;
-  UtcTime closed;      // when the case ended
+  UtcTime closed;      // when the case ended; of one that did not: when it began
   std::string holder;  // of this lease alone
 };
 
@@ -78,9 +78,10 @@ class FleetCatalogue {
   /// Which cases are due.
   struct Due {
     UtcTime verified_before;  // never verified, or last before this
-    UtcTime closed_before;    // and ended before this
+    UtcTime closed_before;    // and ended before this;
+    UtcTime begun_before;     // one that did not end, or whose ledger cannot be read: began before this
   };
-  /// Leases a closed case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
+  /// Leases a case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
   /// SKIP LOCKED). Nothing where none is due.
   std::optional<Lease> lease(const Due& due, std::chrono::seconds for_how_long);
   /// Enters what was found, and ends the lease. False, and nothing entered, where the lease is another's by

@@ -82,12 +82,14 @@ class FleetCatalogueTest : public OfItsOwn {
     row.case_id = case_id;
     row.opened = opened;
     row.state = state;
-    row.duration_ns = 3'600'000'000'000;
+    if (state == "closed") row.duration_ns = 3'600'000'000'000;
     row.segments = 3;
     row.bytes = 1000;
     catalogue_.table_of(appliance)->put(row, {1, changed});
   }
-  static FleetCatalogue::Due due(int verified_before_day) { return {day(verified_before_day), day(1000)}; }
+  static FleetCatalogue::Due due(int verified_before_day) {
+    return {day(verified_before_day), day(1000), day(0)};
+  }
   static UtcTime day(int number) { return *parse_utc("2026-08-01T00:00:00Z") + std::chrono::days(number); }
   std::vector<std::string> found(const CaseQuery& query) {
     std::vector<std::string> names;
@@ -127,7 +129,7 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   EXPECT_EQ(totals.bytes, 4000U);
   EXPECT_EQ(totals.open, 1U);
   EXPECT_EQ(totals.unreadable, 1U);
-  EXPECT_EQ(totals.never_verified, 1U);
+  EXPECT_EQ(totals.never_verified, 3U);
   EXPECT_EQ(totals.not_intact, 1U);
 }
 
@@ -190,10 +192,25 @@ TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {
 TEST_F(FleetCatalogueTest, ACaseThatEndedJustNowWaitsForItsLog) {
   put("or-1", "a", day(1));
   const UtcTime end = day(1) + 1h;
-  EXPECT_FALSE(catalogue_.lease({day(100), end}, 600s));
-  const std::optional<Lease> lease = catalogue_.lease({day(100), end + 1us}, 600s);
+  EXPECT_FALSE(catalogue_.lease({day(100), end, day(0)}, 600s));
+  const std::optional<Lease> lease = catalogue_.lease({day(100), end + 1us, day(0)}, 600s);
   ASSERT_TRUE(lease);
   EXPECT_EQ(lease->closed, end);
+}
+
+TEST_F(FleetCatalogueTest, WhatWasCutOffOrCannotBeReadIsVerifiedOnceItsTimeIsOver) {
+  put("or-1", "open", day(1), "open");
+  put("or-1", "unreadable", day(2), "unreadable");
+  put("or-1", "missing", day(0), "missing");
+  EXPECT_FALSE(catalogue_.lease({day(100), day(100), day(1)}, 600s));
+  const std::optional<Lease> cut_off = catalogue_.lease({day(100), day(100), day(3)}, 600s);
+  ASSERT_TRUE(cut_off);
+  EXPECT_EQ(cut_off->case_id, "open");
+  EXPECT_TRUE(catalogue_.enter(*cut_off, {"incomplete", day(101), 1, "it has no end"}));
+  const std::optional<Lease> other = catalogue_.lease({day(100), day(100), day(3)}, 600s);
+  ASSERT_TRUE(other);
+  EXPECT_EQ(other->case_id, "unreadable");
+  EXPECT_FALSE(catalogue_.lease({day(100), day(100), day(3)}, 600s));
 }
 
 TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMore) {
