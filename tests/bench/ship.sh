@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # A backlog into a store, by `kiroku ship` and by curl: the same files, locks and hashes, one connection, one after the other. Three rounds turn about,
 # the best of each counts. curl is given the hashes, which `kiroku ship` computes, and asks nothing afterwards. Goal: 0.8 of curl's speed.
-# Usage: tests/bench/ship.sh [SECONDS OF UNCOMPRESSED VIDEO]; needs Ceph (group nightly of deploy/dependencies), else leaves with 77.
+# Usage: tests/bench/ship.sh [SECONDS OF UNCOMPRESSED VIDEO]; needs Ceph (group fleet of deploy/dependencies), else leaves with 77.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 kiroku=${KIROKU:-$root/build/release/apps/kiroku} seconds=${1:-10}

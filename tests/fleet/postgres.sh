@@ -6,7 +6,7 @@
 #   down  ends it
 #   with  runs COMMAND beside one that lives as long; KIROKU_POSTGRES says how to connect
 #
-# Leaves with 77 where PostgreSQL is not installed (group test of deploy/dependencies).
+# Leaves with 77 where PostgreSQL is not installed (group fleet of deploy/dependencies).
 set -euo pipefail
 action=${1-}
 [[ $# -ge 2 && $action =~ ^(up|down|with)$ ]] || { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$0"; exit 2; }

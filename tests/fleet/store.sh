@@ -5,7 +5,7 @@
 #   up    starts it with all its state below FOLDER, and prints its endpoint; its user has access key "testaccess" and secret key "testsecret0123456789"
 #   down  ends its processes
 #
-# Leaves with 77 where Ceph is not installed (group nightly of deploy/dependencies).
+# Leaves with 77 where Ceph is not installed (group fleet of deploy/dependencies).
 set -euo pipefail
 action=${1-} folder=${2-}
 [[ -n $folder && ($action == up || $action == down) ]] || { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$0"; exit 2; }

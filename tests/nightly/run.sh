@@ -49,7 +49,7 @@ for wanted in "$@"; do
   [[ $known == *" $wanted "* ]] || die "there is no step '$wanted'; there are:$known"
 done
 
-install_missing verify build run test sanitize lint nightly
+install_missing verify build run test sanitize lint fleet nightly
 mkdir -p build/nightly
 failed=()
 for step in "${steps[@]}"; do
