@@ -187,6 +187,25 @@ TEST_F(Witnesses, ProveNothingByAnAlgorithmThatEnded) {
   EXPECT_THAT(told.out, HasSubstr("cosignatures prove nothing any more"));
 }
 
+TEST_F(Witnesses, AreFoundByASecondImplementationAsWell) {
+  if (!has_tool("python3")) GTEST_SKIP() << "python3 is not installed";
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const auto found_in = [&](const std::string& note) {
+    write_text(folder() / "found.note", note);
+    return tool({"python3", (source_folder() / "tests/foreign/cosignature.py").string(), path("found.note"),
+                 path("witnesses.txt")})
+        .out;
+  };
+  const std::string note = read_text(home() / "witnessed/log.note");
+  EXPECT_THAT(found_in(note), testing::MatchesRegex("a.example/w cosigned [0-9]+\nb.example/w cosigned "
+                                                    "[0-9]+\nc.example/w absent\n"));
+  // One character of a's signature, ML-DSA's, becomes another of base64's alphabet.
+  std::string changed = note;
+  char& character = changed[changed.find("a.example/w ") + 1000];
+  character = character == 'A' ? 'B' : 'A';
+  EXPECT_THAT(found_in(changed), HasSubstr("a.example/w invalid\nb.example/w cosigned"));
+}
+
 TEST_F(Witnesses, ByMlDsaCountOnWhereEd25519Ended) {
   ASSERT_EQ(kiroku(ask()).status, 0);
   write_text(folder() / "algorithms.toml",
