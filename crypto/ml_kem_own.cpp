@@ -5,6 +5,7 @@
 
 #include "crypto/keccak.h"
 #include "crypto/ml_kem_polynomial.h"
+#include "crypto/published.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -47,6 +48,7 @@ KeyPair generate(ByteView d) {
   keccak(Keccak::kSha3With512Bits, {d, {&rank, 1}}, seeds.bytes());
   const auto matrix_seed = seeds.bytes().first(kSeedSize);
   const auto noise_seed = seeds.bytes().last(kSeedSize);
+  publish(matrix_seed.data(), matrix_seed.size());
 
   KeyPair pair{sample_small_vector(noise_seed, 0), Bytes(kMlKemPublicKeySize)};
   Vector error = sample_small_vector(noise_seed, kRank);

@@ -188,7 +188,8 @@ bool WitnessPolicy::is_met(const std::vector<bool>& has_cosigned) const {
   return met[*quorum_];
 }
 
-WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s) {
+WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s,
+                              CountedCosignatures counted) {
   WitnessedNote judged;
   std::vector<bool> has_cosigned;
   const NoteParts parts = parse_note(note);
@@ -197,7 +198,7 @@ WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note
     const bool counts = check.state == CosignatureCheck::State::kValid && check.time_s <= now_s + kMostAheadS;
     if (check.state == CosignatureCheck::State::kValid && !counts)
       check.state = CosignatureCheck::State::kInvalid;
-    has_cosigned.push_back(counts);
+    has_cosigned.push_back(counts && counted.of(witness.key.algorithm()));
     judged.cosigners.push_back({witness.key.name(), check});
   }
   judged.quorum = policy.is_met(has_cosigned);

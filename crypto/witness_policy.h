@@ -53,6 +53,16 @@ class WitnessPolicy {
   std::optional<std::size_t> quorum_;
 };
 
+/// The algorithms whose cosignatures count.
+struct CountedCosignatures {
+  bool ed25519 = true;
+  bool ml_dsa_44 = true;
+  [[nodiscard]] bool of(CosignatureAlgorithm algorithm) const {
+    return algorithm == CosignatureAlgorithm::kEd25519 ? ed25519 : ml_dsa_44;
+  }
+  [[nodiscard]] bool any() const { return ed25519 || ml_dsa_44; }
+};
+
 /// What a policy makes of a note that is known to be a checkpoint of a log.
 struct WitnessedNote {
   struct Cosigner {
@@ -62,7 +72,10 @@ struct WitnessedNote {
   std::vector<Cosigner> cosigners;  // for each of the policy's witnesses
   bool quorum = false;              // enough of them cosigned
 };
-/// Lines of other keys are not looked at. `now_s`: a cosignature of later than a day after it does not count.
-WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s);
+/// Lines of other keys are not looked at, so that a note has at most 100 signatures to check. `now_s`: a
+/// cosignature of later than a day after it does not count. Those by an algorithm that does not count are
+/// told as they are, and are none to the quorum.
+WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s,
+                              CountedCosignatures counted = {});
 
 }  // namespace kiroku::crypto

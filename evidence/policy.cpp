@@ -14,7 +14,7 @@
 namespace kiroku::evidence {
 namespace {
 
-constexpr std::array<std::string_view, 5> kKeys{"rsa", "dsa", "ecdsa", "ed25519", "ed448"};
+constexpr std::array<std::string_view, 6> kKeys{"rsa", "dsa", "ecdsa", "ed25519", "ed448", "ml-dsa-44"};
 constexpr std::int64_t kMostRenewalDays = 3650;
 constexpr std::int64_t kMostKeyBits = 65536;
 
@@ -148,7 +148,7 @@ Policy Policy::parse(std::string_view text, const std::string& name_for_errors) 
       place.refuse(table.source(),
                    "'" + printable(*name) +
                        "' is no algorithm known here; known are sha256, sha384, sha512, sha3-256, "
-                       "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519 and ed448");
+                       "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519, ed448 and ml-dsa-44");
     }
     const auto bits = place.number(table, "minimum_bits", kMostKeyBits);
     if (bits && hash) place.refuse(table.source(), "a hash has no 'minimum_bits'");

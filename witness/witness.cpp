@@ -55,8 +55,8 @@ std::optional<std::string> recent_cosignature(const Submission& submission, cons
 
 }  // namespace
 
-Witness::Witness(Store& store, std::string name, const crypto::SigningKey& key, const Clock& time)
-    : store_(store), key_(key), public_key_(std::move(name), key.public_key()), time_(time) {}
+Witness::Witness(Store& store, const std::string& name, const crypto::CosigningKey& key, const Clock& time)
+    : store_(store), key_(key), public_key_(key.public_key(name)), time_(time) {}
 
 Answer Witness::add_checkpoint(std::string_view body) {
   const ParsedSubmission parsed = parse_submission(body);
@@ -72,6 +72,10 @@ Answer Witness::add_checkpoint(std::string_view body) {
     return refuse(403, is_signed ? "the log's signature does not hold: " + opened.explanation
                                  : "no key of the log signed the checkpoint");
   }
+  if (public_key_.algorithm() == crypto::CosignatureAlgorithm::kMlDsa44 &&
+      !crypto::can_cosign_by_ml_dsa(submission.text))
+    return refuse(400,
+                  "the log's name has more than 255 bytes, which a cosignature by ML-DSA-44 cannot state");
   if (submission.old_size > next.size) return refuse(400, "the old size is larger than the checkpoint's");
   const std::uint64_t known_size = log->latest ? log->latest->size : 0;
   if (submission.old_size != known_size) return other_size(known_size);
@@ -84,7 +88,7 @@ Answer Witness::add_checkpoint(std::string_view body) {
     if (const auto recent = recent_cosignature(submission, *log->latest, public_key_, now_s))
       return {200, "text/plain; charset=utf-8", *recent};
   }
-  const std::string cosignature = crypto::cosign(submission.text, public_key_.name(), key_, now_s);
+  const std::string cosignature = key_.cosign(submission.text, public_key_.name(), now_s);
   if (!store_.advance(next.origin, submission.old_size, {next.size, next.root, note + cosignature})) {
     // Somebody else's request came in between.
     const std::optional<KnownLog> changed = store_.log(next.origin);

@@ -10,7 +10,7 @@
 
 #include "base/clock.h"
 #include "crypto/cosignature.h"
-#include "crypto/signing_key.h"
+#include "crypto/cosigning_key.h"
 #include "witness/store.h"
 
 namespace kiroku::witness {
@@ -25,9 +25,11 @@ struct Answer {
 class Witness {
  public:
   /// `store`, `key` and `time` must outlive it.
-  Witness(Store& store, std::string name, const crypto::SigningKey& key, const Clock& time = Clock::system());
+  Witness(Store& store, const std::string& name, const crypto::CosigningKey& key,
+          const Clock& time = Clock::system());
 
-  /// 200 with a signature line; 400 for what is no submission, or an old size above the checkpoint's; 404 for
+  /// 200 with a signature line; 400 for what is no submission, an old size above the checkpoint's, or a log's
+  /// name that is too long for ML-DSA-44; 404 for
   /// a log that is not known; 403 where none of the log's keys signed, or one did wrongly; 409, with the size
   /// that is known as text/x.tlog.size, for another old size; 422 where the proof does not hold. What was
   /// cosigned is durable before the answer. What was cosigned less than a minute ago is answered with the
@@ -40,7 +42,7 @@ class Witness {
 
  private:
   Store& store_;
-  const crypto::SigningKey& key_;
+  const crypto::CosigningKey& key_;
   const crypto::CosignerKey public_key_;
   const Clock& time_;
 };

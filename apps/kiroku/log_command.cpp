@@ -118,8 +118,7 @@ int verify(const Home& home, const Request& request) {
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   const archive::VerificationReport report = archive::verify_log(home.log_folder(), options);
   std::optional<WitnessJudgement> witnesses;
-  if (policy) witnesses = judge_log_witnesses(home.log_folder(), home.device(), *policy, notes);
-  if (witnesses) withhold_what_ended(*witnesses, options);
+  if (policy) witnesses = judge_log_witnesses(home.log_folder(), home.device(), *policy, notes, options);
   progress.clear();
   if (request.json) {
     ordered_json object = archive::report_json(report);

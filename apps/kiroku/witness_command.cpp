@@ -20,7 +20,7 @@
 #include "base/error.h"
 #include "base/utc_time.h"
 #include "crypto/cosignature.h"
-#include "crypto/note_format.h"
+#include "crypto/cosigning_key.h"
 #include "crypto/witness_policy.h"
 #include "witness/cosigning.h"
 #include "witness/store.h"
@@ -53,9 +53,12 @@ struct WitnessFolder {
   }
 };
 
+constexpr const char* kEd25519 = "ed25519";
+constexpr const char* kMlDsa44 = "ml-dsa-44";
+
 struct Request {
   std::string folder, name, log_key, listen = "127.0.0.1:3171";
-  std::optional<std::string> origin, home, output, policy;
+  std::optional<std::string> origin, home, output, policy, algorithm;
   bool json = false;
 };
 
@@ -70,14 +73,15 @@ int init(const Request& request) {
   if (fs::exists(witness.key_file()) || fs::exists(witness.public_key_file()))
     throw UsageError("there is a witness in " + request.folder +
                      " already; a new one needs a folder of its own");
-  crypto::require_key_name(request.name);
+  const bool is_ed25519 = request.algorithm == kEd25519;
+  const auto key = crypto::CosigningKey::generate(is_ed25519 ? crypto::CosignatureAlgorithm::kEd25519
+                                                             : crypto::CosignatureAlgorithm::kMlDsa44);
+  const crypto::CosignerKey public_key = key.public_key(request.name);
   std::error_code failed;
   fs::create_directories(witness.folder, failed);
   if (failed) throw IoError("create", witness.folder, failed.value());
   witness::Store::make(witness.database());
-  const crypto::SigningKey key = crypto::SigningKey::generate();
-  const crypto::CosignerKey public_key(request.name, key.public_key());
-  write_new(witness.key_file(), key.to_pem(nullptr).bytes(), kOwnerOnly);
+  write_new(witness.key_file(), key.to_pem().bytes(), kOwnerOnly);
   write_new(witness.public_key_file(), bytes_of(public_key.to_string() + "\n"), 0666);
   if (request.json) {
     print_json({{"folder", request.folder}, {"key", public_key.to_string()}});
@@ -148,9 +152,9 @@ int serve(const Request& request) {
         " can be read or written by others than its owner: chmod 600 it, and make a new witness if it "
         "was read");
   }
-  const crypto::SigningKey key = crypto::SigningKey::from_pem(
-      text_of(read_small_file(folder.key_file(), "the witness's private key")), nullptr);
-  if (key.public_key() != public_key.key())
+  const auto key = crypto::CosigningKey::from_pem(
+      text_of(read_small_file(folder.key_file(), "the witness's private key")));
+  if (key.public_key(public_key.name()) != public_key)
     throw UsageError("witness.key and witness.pub in " + request.folder + " do not belong together");
   witness::Store store(folder.database());
   witness::Witness witness(store, public_key.name(), key);
@@ -242,6 +246,8 @@ void add_witness_command(Command& program) {
   const auto made = with_folder(initial);
   initial.required_option("--name", "NAME", made->name,
                           "what it is called in cosignatures: hospital.example/witness");
+  initial.choice("--algorithm", {kMlDsa44, kEd25519}, made->algorithm,
+                 "what it signs with; a quantum computer could forge ed25519", kMlDsa44);
   initial.flag("--json", made->json, "prints one JSON object instead");
   initial.example("kiroku witness init /var/lib/witness --name notary.example/w1", "a new witness");
   initial.on_run([made] { return init(*made); });

@@ -138,8 +138,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
     if (device == options.devices.end()) {
       witnesses.unused.emplace_back("nobody can have cosigned it for certain: its device is not trusted");
     } else {
-      witnesses = judge_log_witnesses(folder, *device, *witnesses_, options.against);
-      withhold_what_ended(witnesses, options);
+      witnesses = judge_log_witnesses(folder, *device, *witnesses_, options.against, options);
     }
   }
   if (extras_.verified && !request_.as_log) {

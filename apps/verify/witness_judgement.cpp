@@ -88,7 +88,8 @@ bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& devi
 
 WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
-                                     const std::vector<archive::OutsideNote>& notes) {
+                                     const std::vector<archive::OutsideNote>& notes,
+                                     const archive::VerifyOptions& options) {
   WitnessJudgement judgement;
   judgement.witnessed.quorum = judgement.asks_for_none = policy.asks_for_none();
   const auto& logs = policy.logs();
@@ -116,13 +117,14 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
   });
   judgement.log_entries = tree.size();
   const auto now = std::chrono::duration_cast<std::chrono::seconds>(utc_now().time_since_epoch()).count();
+  const crypto::CountedCosignatures counting = archive::counted_cosignatures(options);
   for (const Candidate& candidate : candidates) {
     if (!candidate.holds) {
       judgement.unused.push_back(misfit_of(candidate, tree.size()));
       continue;
     }
     crypto::WitnessedNote witnessed =
-        crypto::judge_witnesses(policy, candidate.note->text, static_cast<std::uint64_t>(now));
+        crypto::judge_witnesses(policy, candidate.note->text, static_cast<std::uint64_t>(now), counting);
     // In the order of their entries: a later one tells more, unless it lacks the quorum that an earlier one
     // has.
     if (judgement.witnessed.quorum && !witnessed.quorum) continue;
@@ -131,14 +133,11 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
     judgement.first_unwitnessed = candidate.utc_behind;
     judgement.witnessed = std::move(witnessed);
   }
-  return judgement;
-}
-
-void withhold_what_ended(WitnessJudgement& judgement, const archive::VerifyOptions& options) {
-  if (auto ended = archive::why_cosignatures_ended(options)) {
-    judgement.witnessed.quorum = false;
+  if (auto ended = archive::why_cosignatures_ended(options, policy)) {
+    judgement.witnessed.quorum = judgement.witnessed.quorum && counting.any();
     judgement.unused.push_back(std::move(*ended));
   }
+  return judgement;
 }
 
 std::string WitnessJudgement::text() const {

@@ -39,11 +39,11 @@ bool is_of_log(const archive::OutsideNote& note, const crypto::VerifierKey& devi
 
 /// Only a note counts that the device signed of this very log, and whose root is that of the log's first
 /// entries, of which there must be one. Of several the one with a quorum and most entries is told.
-/// kiroku::Error where the log cannot be read.
+/// By options.policy cosignatures may have ended, as the log's own signatures. kiroku::Error where the log
+/// cannot be read.
 WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
                                      const crypto::VerifierKey& device, const crypto::WitnessPolicy& policy,
-                                     const std::vector<archive::OutsideNote>& notes);
-/// By options.policy cosignatures may have ended, as the log's own signatures.
-void withhold_what_ended(WitnessJudgement& judgement, const archive::VerifyOptions& options);
+                                     const std::vector<archive::OutsideNote>& notes,
+                                     const archive::VerifyOptions& options = {});
 
 }  // namespace kiroku::apps

@@ -56,17 +56,35 @@ std::string_view holds_name(Holds holds) {
   return "nothing";
 }
 
-std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options) {
+crypto::CountedCosignatures counted_cosignatures(const VerifyOptions& options) {
   if (options.policy == nullptr) {
-    return std::nullopt;
+    return {};
   }
   const UtcTime now = options.now.value_or(utc_now());
-  const bool count = options.policy->hash("sha256").holds_at(now) &&
-                     options.policy->signature({"ed25519", 0, ""}).holds_at(now);
-  return count ? std::nullopt
-               : std::optional<std::string>(
-                     "cosignatures prove nothing any more: Ed25519 or SHA-256 ended by the policy of "
-                     "algorithms");
+  const bool hash = options.policy->hash("sha256").holds_at(now);
+  return {hash && options.policy->signature({"ed25519", 0, ""}).holds_at(now),
+          hash && options.policy->signature({"ml-dsa-44", 0, ""}).holds_at(now)};
+}
+
+std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options,
+                                                  const crypto::WitnessPolicy& witnesses) {
+  const crypto::CountedCosignatures counted = counted_cosignatures(options);
+  if (!counted.any()) {
+    return "cosignatures prove nothing any more: SHA-256, or Ed25519 and ML-DSA-44, ended by the policy of "
+           "algorithms or are not listed there";
+  }
+  const auto uses = [&](crypto::CosignatureAlgorithm algorithm) {
+    return std::ranges::any_of(witnesses.witnesses(),
+                               [&](const auto& each) { return each.key.algorithm() == algorithm; });
+  };
+  for (const auto& [algorithm, name] : {std::pair(crypto::CosignatureAlgorithm::kEd25519, "Ed25519"),
+                                        std::pair(crypto::CosignatureAlgorithm::kMlDsa44, "ML-DSA-44")}) {
+    if (!counted.of(algorithm) && uses(algorithm)) {
+      return std::string("cosignatures by ") + name +
+             " prove nothing any more: it ended by the policy of algorithms, or is not listed there";
+    }
+  }
+  return std::nullopt;
 }
 
 WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
@@ -91,6 +109,7 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
   const crypto::WitnessPolicy& policy = *options.witnesses;
   WitnessReport report;
   report.asks_for_none = policy.asks_for_none();
+  const crypto::CountedCosignatures counted = counted_cosignatures(options);
   std::vector<Candidate> candidates;
   if (const auto& proved = proof.proved()) {
     candidates.push_back({proved->name, &proved->note, proved->log, Holds::kEnd});
@@ -120,13 +139,13 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
     told.holds = candidate.holds;
     told.note = candidate.name;
     told.entries = candidate.checkpoint.size;
-    told.witnessed = crypto::judge_witnesses(policy, *candidate.note, now_s(options));
+    told.witnessed = crypto::judge_witnesses(policy, *candidate.note, now_s(options), counted);
     if (report.note.empty() || rank(told) > rank(report)) {
       report = std::move(told);
     }
   }
-  if (auto ended = why_cosignatures_ended(options); ended && !report.note.empty()) {
-    report.witnessed.quorum = false;
+  if (auto ended = why_cosignatures_ended(options, policy); ended && !report.note.empty()) {
+    report.witnessed.quorum = report.witnessed.quorum && counted.any();
     report.unused.push_back(std::move(*ended));
   }
   return report;

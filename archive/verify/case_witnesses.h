@@ -10,6 +10,7 @@
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
+#include "crypto/witness_policy.h"
 
 namespace kiroku::archive {
 
@@ -26,8 +27,11 @@ WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
 std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
                                                   const std::optional<WalkedLog>& log, const LogProof& proof);
 
-/// As options.policy says: cosignatures are by Ed25519 over roots of SHA-256. Nothing to say while they
-/// count.
-std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options);
+/// By options.policy: cosignatures are by Ed25519 or ML-DSA-44 over roots of SHA-256, without which none
+/// counts.
+crypto::CountedCosignatures counted_cosignatures(const VerifyOptions& options);
+/// Which cosignatures of the witnesses count no more, in a sentence; nothing to say while all of them do.
+std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options,
+                                                  const crypto::WitnessPolicy& witnesses);
 
 }  // namespace kiroku::archive

@@ -6,6 +6,7 @@
 #include "archive/verify/log_proof.h"
 #include "base/error.h"
 #include "crypto/cosignature.h"
+#include "crypto/ml_dsa.h"
 #include "crypto/note_format.h"
 #include "crypto/tlog_proof.h"
 #include "crypto/witness_policy.h"
@@ -23,6 +24,30 @@ void require(bool holds) {
 const CosignerKey& nobody() {
   static const CosignerKey kKey("w", SigningKey::generate().public_key());
   return kKey;
+}
+
+const MlDsaPrivateKey& ml_dsa_key() {
+  static const MlDsaPrivateKey kKey = MlDsaPrivateKey::generate(MlDsaSet::k44);
+  return kKey;
+}
+
+/// Any bytes as a signature by a key that never signed, as the key itself, and behind the line of a key that
+/// the note does name.
+void check_ml_dsa(std::string_view text) {
+  static const CosignerKey kNobody = CosignerKey::of_ml_dsa_44("w", ml_dsa_key().public_key());
+  require(check_cosignature(text, kNobody).state != CosignatureCheck::State::kValid);
+  Bytes signature = to_bytes(text);
+  signature.resize(ml_dsa_signature_size(MlDsaSet::k44));
+  require(!verify_ml_dsa(MlDsaSet::k44, ml_dsa_key().public_key(), bytes_of("m"), signature));
+  Bytes key = to_bytes(text);
+  key.resize(ml_dsa_public_key_size(MlDsaSet::k44));
+  // A public key of zeros takes signatures that anybody can make: it may say yes, and must say something.
+  static_cast<void>(verify_ml_dsa(MlDsaSet::k44, key, bytes_of("m"), signature));
+  signature = to_bytes(text);
+  signature.resize(8 + ml_dsa_signature_size(MlDsaSet::k44));
+  const std::string note =
+      Checkpoint{"log", 7, {}}.to_text() + "\n" + signature_line("w", kNobody.key_id(), signature);
+  require(check_cosignature(note, kNobody).state == CosignatureCheck::State::kInvalid);
 }
 
 void check_policy(std::string_view text) {
@@ -72,6 +97,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view text = text_of(std::as_bytes(std::span(data, size)));
   check_policy(text);
   check_cosignatures(text);
+  check_ml_dsa(text);
   check_proof(text);
   check_submission(text);
   return 0;

@@ -19,8 +19,10 @@ class Witnesses : public ProgramTest {
     std::string policy = "# two of three\n";
     for (const std::string name : {"a", "b", "c"}) {
       const std::string folder = path("witness-" + name);
-      const nlohmann::json made =
-          kiroku_json({"witness", "init", folder, "--name", name + ".example/w", "--json"});
+      // One of the three signs by Ed25519, the others by what is the default.
+      Arguments init{"witness", "init", folder, "--name", name + ".example/w", "--json"};
+      if (name == "b") init.insert(init.end(), {"--algorithm", "ed25519"});
+      const nlohmann::json made = kiroku_json(init);
       EXPECT_EQ(kiroku({"witness", "trust", folder, (home() / "device.pub").string()}).status, 0);
       policy += "witness " + name + " " + made["key"].get<std::string>();
       // c is away.
@@ -185,6 +187,43 @@ TEST_F(Witnesses, ProveNothingByAnAlgorithmThatEnded) {
   EXPECT_THAT(told.out, HasSubstr("cosignatures prove nothing any more"));
 }
 
+TEST_F(Witnesses, AreFoundByASecondImplementationAsWell) {
+  if (!has_tool("python3")) GTEST_SKIP() << "python3 is not installed";
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  const auto found_in = [&](const std::string& note) {
+    write_text(folder() / "found.note", note);
+    return tool({"python3", (source_folder() / "tests/foreign/cosignature.py").string(), path("found.note"),
+                 path("witnesses.txt")})
+        .out;
+  };
+  const std::string note = read_text(home() / "witnessed/log.note");
+  EXPECT_THAT(found_in(note), testing::MatchesRegex("a.example/w cosigned [0-9]+\nb.example/w cosigned "
+                                                    "[0-9]+\nc.example/w absent\n"));
+  // One character of a's signature, ML-DSA's, becomes another of base64's alphabet.
+  std::string changed = note;
+  char& character = changed[changed.find("a.example/w ") + 1000];
+  character = character == 'A' ? 'B' : 'A';
+  EXPECT_THAT(found_in(changed), HasSubstr("a.example/w invalid\nb.example/w cosigned"));
+}
+
+TEST_F(Witnesses, ByMlDsaCountOnWhereEd25519Ended) {
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  write_text(folder() / "algorithms.toml",
+             "[[algorithm]]\nname = \"sha256\"\n[[algorithm]]\nname = \"ml-dsa-44\"\n"
+             "[[algorithm]]\nname = \"ed25519\"\nuntil = 2025-12-31\n");
+  const std::string witnesses = read_text(folder() / "witnesses.txt");
+  write_text(folder() / "a-alone.txt",
+             witnesses.substr(0, witnesses.find("group")) + "group one any a\nquorum one\n");
+  const auto told_by = [&](const std::string& policy) {
+    return kiroku({"log", "--verify", "--witnesses", policy, "--policy", "algorithms.toml"}).out;
+  };
+  // b signs by Ed25519: of the two that cosigned, one counts.
+  EXPECT_THAT(told_by("witnesses.txt"), HasSubstr("NOT witnessed as the policy asks"));
+  EXPECT_THAT(told_by("witnesses.txt"), HasSubstr("cosignatures by Ed25519 prove nothing any more"));
+  EXPECT_THAT(told_by("a-alone.txt"), HasSubstr(" witnessed as the policy asks"));
+  EXPECT_THAT(told_by("a-alone.txt"), testing::Not(HasSubstr("NOT witnessed")));
+}
+
 TEST_F(Witnesses, OneOfThreeIsNotEnough) {
   served_.pop_back();
   const ProcessResult asked = kiroku(ask());
@@ -305,6 +344,9 @@ TEST_F(Witnesses, AnExcerptTravelsWithItsProof) {
 TEST_F(Witnesses, RefuseInASentence) {
   EXPECT_REFUSED(kiroku({"witness", "init", path("witness-a"), "--name", "x"}), "there is a witness in");
   EXPECT_REFUSED(kiroku({"witness", "init", path("new"), "--name", "two words"}), "cannot name a key");
+  EXPECT_REFUSED(kiroku({"witness", "init", path("new"), "--name", "w", "--algorithm", "rsa"}), "ml-dsa-44");
+  EXPECT_REFUSED(kiroku({"witness", "init", path("new"), "--name", std::string(256, 'w')}),
+                 "at most 255 bytes");
   EXPECT_FALSE(fs::exists(folder() / "new"));
   EXPECT_REFUSED(kiroku({"witness", "serve", path("nothing")}), "'kiroku witness init' makes one");
   EXPECT_REFUSED(kiroku({"witness", "trust", path("witness-a"), "nonsense"}), "is no verifier key");

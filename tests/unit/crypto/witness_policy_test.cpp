@@ -136,5 +136,27 @@ TEST_F(WitnessPolicyTest, JudgesTheLinesOfANote) {
   EXPECT_FALSE(judge_witnesses(policy, note + cosign(text, name(1), keys[0], kNow), kNow).quorum);
 }
 
+TEST_F(WitnessPolicyTest, CountsBothAlgorithmsAndEachOnlyWhileItHolds) {
+  const MlDsaPrivateKey ml_dsa = MlDsaPrivateKey::generate(MlDsaSet::k44);
+  const CosignerKey by_ml_dsa = CosignerKey::of_ml_dsa_44("post.example", ml_dsa.public_key());
+  const std::string list = witness(0) + "witness P " + by_ml_dsa.to_string() + "\n";
+  const auto both = WitnessPolicy::parse(list + "group both all W0 P\nquorum both\n", "policy.txt");
+  const auto any = WitnessPolicy::parse(list + "group any any W0 P\nquorum any\n", "policy.txt");
+  const std::string text = Checkpoint{"log", 7, {}}.to_text();
+  const std::string plain = sign_note(text, "log", keys[5]) + cosign(text, name(0), keys[0], 5);
+  const std::string note = plain + cosign(text, "post.example", ml_dsa, 5);
+  EXPECT_FALSE(judge_witnesses(both, plain, 5).quorum);
+  EXPECT_TRUE(judge_witnesses(both, note, 5).quorum);
+  EXPECT_FALSE(judge_witnesses(both, note, 5, {.ed25519 = false}).quorum);
+  EXPECT_FALSE(judge_witnesses(both, note, 5, {.ml_dsa_44 = false}).quorum);
+  EXPECT_TRUE(judge_witnesses(any, note, 5, {.ed25519 = false}).quorum);
+  EXPECT_TRUE(judge_witnesses(any, note, 5, {.ml_dsa_44 = false}).quorum);
+  EXPECT_FALSE(judge_witnesses(any, note, 5, {.ed25519 = false, .ml_dsa_44 = false}).quorum);
+  EXPECT_FALSE(judge_witnesses(any, plain, 5, {.ed25519 = false}).quorum);
+  EXPECT_EQ(judge_witnesses(any, note, 5, {.ml_dsa_44 = false}).cosigners[1].check.state, State::kValid);
+  EXPECT_THAT(refusal(list + "witness Q " + by_ml_dsa.to_string() + "\nquorum none\n"),
+              HasSubstr("would count twice"));
+}
+
 }  // namespace
 }  // namespace kiroku::crypto

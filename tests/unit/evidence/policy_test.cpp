@@ -99,7 +99,7 @@ TEST(EvidencePolicy, RefusesWhatIsNoPolicyByItsPlace) {
             "new_hash, algorithm");
   EXPECT_EQ(refusal_of("[[algorithm]]\nname = \"md5\"\n"),
             "policy.toml:1:1: 'md5' is no algorithm known here; known are sha256, sha384, sha512, sha3-256, "
-            "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519 and ed448");
+            "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519, ed448 and ml-dsa-44");
   EXPECT_TRUE(refusal_of("[[algorithm]]\nname = \"sha256\"\nuntil = 2023-02-30\n")
                   .starts_with("policy.toml:3:19: is not TOML: "));
   EXPECT_EQ(refusal_of("[[algorithm]]\nname = \"sha256\"\nuntil = \"2023-02-03\"\n"),

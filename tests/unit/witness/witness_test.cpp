@@ -33,7 +33,9 @@ std::filesystem::path made(const std::filesystem::path& file) {
 /// A log of numbered lines that can be shown at any size.
 class Witnessed : public testing::Test {
  protected:
-  explicit Witnessed(std::uint64_t lines = 40) {
+  explicit Witnessed(std::uint64_t lines = 40,
+                     crypto::CosignatureAlgorithm algorithm = crypto::CosignatureAlgorithm::kEd25519)
+      : key(crypto::CosigningKey::generate(algorithm)) {
     for (std::uint64_t i = 0; i < lines; ++i)
       tree.append(crypto::merkle_leaf_hash(bytes_of("line " + std::to_string(i))));
     store.add_key(kOrigin, {"or-1", log_key.public_key()});
@@ -55,7 +57,8 @@ class Witnessed : public testing::Test {
   static constexpr const char* kOrigin = "kiroku/or-1/log";
   const test::TemporaryFolder folder;
   crypto::MerkleTree tree;
-  const crypto::SigningKey log_key = crypto::SigningKey::generate(), key = crypto::SigningKey::generate();
+  const crypto::SigningKey log_key = crypto::SigningKey::generate();
+  const crypto::CosigningKey key;
   Store store{made(folder / "witness.sqlite")};
   test::MovedClock time;
   Witness witness{store, "w.example/1", key, time};
@@ -92,7 +95,8 @@ TEST_F(Witnessed, AnswersAsTheSpecificationSays) {
   EXPECT_EQ(with([&](Submission& s) { s.note = note(20, "kiroku/or-2/log"); }), 404);
   // 403: no key of the log signed, or one did wrongly.
   const std::string text = crypto::Checkpoint{kOrigin, 20, tree.root(20)}.to_text();
-  EXPECT_EQ(with([&](Submission& s) { s.note = crypto::sign_note(text, "or-1", key); }), 403);
+  const crypto::SigningKey stranger = crypto::SigningKey::generate();
+  EXPECT_EQ(with([&](Submission& s) { s.note = crypto::sign_note(text, "or-1", stranger); }), 403);
   EXPECT_EQ(with([&](Submission& s) { s.note = crypto::sign_note(text, "or-2", log_key); }), 403);
   EXPECT_EQ(with([&](Submission& s) {
               s.note.replace(0, text.size(), crypto::Checkpoint{kOrigin, 21, tree.root(20)}.to_text());
@@ -253,6 +257,8 @@ TEST_F(Witnessed, IsAskedOverHttp) {
 
 class Asking : public Witnessed {
  protected:
+  explicit Asking(crypto::CosignatureAlgorithm algorithm = crypto::CosignatureAlgorithm::kEd25519)
+      : Witnessed(40, algorithm) {}
   [[nodiscard]] LogToShow log(std::uint64_t size) const {
     return {tree, note(size), {kOrigin, size, tree.root(size)}};
   }
@@ -279,6 +285,37 @@ TEST_F(Asking, GoesOnFromWhatTheWitnessKnows) {
   }
   EXPECT_EQ(asked[0], "http://w/add-checkpoint");
   EXPECT_EQ(asked.size(), 1U + 2 + 2 + 2) << "a witness that knows the log says so first";
+}
+
+class AskingByMlDsa : public Asking {
+ protected:
+  AskingByMlDsa() : Asking(crypto::CosignatureAlgorithm::kMlDsa44) {}
+};
+
+TEST_F(AskingByMlDsa, IsCosignedAsByEd25519) {
+  for (const std::uint64_t size : {7U, 20U, 20U, 40U}) {
+    const auto outcomes = cosign_log(log(size), policy(), direct());
+    ASSERT_EQ(outcomes.size(), 1U);
+    EXPECT_EQ(outcomes[0].why, "");
+    EXPECT_TRUE(crypto::judge_witnesses(policy(), cosigned_note(log(size), outcomes), 1'785'920'400).quorum);
+  }
+  // Asked again within a minute, it gives the line that it gave, though signing would draw fresh bytes.
+  EXPECT_EQ(add(40, 40).body, add(40, 40).body);
+  time.move(std::chrono::minutes(2));
+  const std::string first = add(40, 40).body;
+  EXPECT_NE(first, "");
+  time.move(std::chrono::minutes(2));
+  EXPECT_NE(add(40, 40).body, first);
+}
+
+TEST_F(AskingByMlDsa, ALogWhoseNameCannotBeStatedIsRefused) {
+  const std::string origin(256, 'o');
+  store.add_key(origin, {"or-1", log_key.public_key()});
+  Submission made = submission(0, 7);
+  made.note = note(7, origin);
+  const Answer answer = witness.add_checkpoint(made.to_text());
+  EXPECT_EQ(answer.status, 400);
+  EXPECT_THAT(answer.body, HasSubstr("more than 255 bytes"));
 }
 
 TEST_F(Asking, TellsWhyThereIsNoCosignature) {
@@ -311,7 +348,7 @@ TEST_F(Asking, TakesNoCosignatureOnAnotherText) {
   const AskWitness lying = [this](const std::string&, const std::string&) -> WitnessReply {
     const std::string text =
         crypto::parse_note(note(7) + "\n" + crypto::signature_line("x", 1, Bytes(72))).text;
-    return {200, "\n" + crypto::cosign(text, "w.example/1", key, 1'785'920'400)};
+    return {200, "\n" + key.cosign(text, "w.example/1", 1'785'920'400)};
   };
   const auto outcomes = cosign_log(log(7), policy(), lying);
   EXPECT_EQ(outcomes.at(0).line, "");
