@@ -65,6 +65,7 @@ struct Commands {
                                          {"user", kSmall, add_user_command},
                                          {"sim", kSim, add_sim_group},
                                          {"plan", kSim, add_plan_group},
+                                         {"respire", kFull, add_respire_command},
                                          {"compare", kFull, add_compare_command},
                                          {"train", kFull, add_train_command},
                                          {"quality", kFull, add_quality_command},
