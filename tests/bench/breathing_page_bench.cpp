@@ -8,6 +8,8 @@
 #include <numbers>
 #include <thread>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "sim/volume/volume_reader.h"
 #include "viewer/breathing/breathing_messages.h"

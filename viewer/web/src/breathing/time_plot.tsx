@@ -49,7 +49,10 @@ export function TimePlot({
   const known = curves.flatMap(({ values }) => values.filter((one): one is number => one !== null));
   let least = Math.min(...known);
   let most = Math.max(...known);
-  if (!(most - least > 1e-6)) [least, most] = known.length > 0 ? [least - 0.5, most + 0.5] : [0, 1];
+  // Numbers at its ends can be told apart.
+  const lacking = 10 ** (1 - digits) - (most - least);
+  if (known.length === 0) [least, most] = [0, 1];
+  else if (lacking > 0) [least, most] = [least - lacking / 2, most + lacking / 2];
   const begin_s = times_s[0] ?? 0;
   const x = (time_s: number) => place(time_s, begin_s, Math.max(end_s, begin_s + 1e-3), kLeft, kWidth - 4);
   const y = (value: number) => place(value, least, most, kHeight - kBottom, kTop);
