@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <numbers>
 #include <thread>
 
@@ -20,6 +21,42 @@ using namespace kiroku;
 using Clock = std::chrono::steady_clock;
 
 double ms(std::chrono::nanoseconds time) { return static_cast<double>(time.count()) / 1e6; }
+
+double processor_ms() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// Processor time of one picture and of its parts, all threads together: it does not depend on what else the
+/// machine does.
+void measure_parts(const viewer::BreathingBench& bench) {
+  constexpr int kTimes = 10;
+  for (std::size_t factor = 1; factor <= viewer::BreathingBench::kFactors; ++factor) {
+    viewer::BreathingTable table(bench);
+    const auto timed_ms = [&](const auto& act) {
+      const double begin_ms = processor_ms();
+      for (int i = 0; i < kTimes; ++i) act(i);
+      return (processor_ms() - begin_ms) / kTimes;
+    };
+    viewer::MotionDeed motion = bench.own_motion();
+    const auto moved_m = [&](int i) {
+      motion.motion.diaphragm.amplitude_m = 1e-3 * i;
+      return bench.responses().displacement_m(motion.motion, bench.model().waveform, 0.5);
+    };
+    const double sum_ms = timed_ms([&](int i) { static_cast<void>(moved_m(i)); });
+    const double drr_ms = timed_ms([&](int i) { static_cast<void>(bench.drr(factor, moved_m(i))); });
+    const double outline_ms = timed_ms([&](int i) { static_cast<void>(bench.outline(factor, moved_m(i))); });
+    table.apply(viewer::LookDeed{sim::OverlayMode::kOpacity, 0.5, true});
+    const double all_ms = timed_ms([&](int i) {
+      motion.motion.diaphragm.amplitude_m = 1e-3 * i;
+      table.apply(motion);
+      const viewer::BreathingTable::Shown shown = table.picture(factor);
+      static_cast<void>(viewer::path_json(table));
+      static_cast<void>(viewer::moment_message({&shown, 1, 1, 1, {}}));
+    });
+    std::printf(
+        "pixels %zu times as wide: %.1f ms of processor time, of that %.1f the sum of motions, %.1f the DRR, "
+        "%.1f the outline\n",
+        factor, all_ms, sum_ms, drr_ms - sum_ms, outline_ms - sum_ms);
+  }
+}
 
 void measure(const viewer::BreathingBench& bench, const char* what, sim::OverlayMode mode, double seconds) {
   std::atomic<std::uint64_t> pictures = 0, bytes = 0, full = 0;
@@ -83,6 +120,7 @@ int main(int argc, char** argv) {
              .project(inputs.geometry),
          "at rest"});
     const viewer::BreathingBench bench(std::move(inputs));
+    measure_parts(bench);
     measure(bench, "over", sim::OverlayMode::kOpacity, seconds);
     measure(bench, "beside", sim::OverlayMode::kBeside, seconds);
   } catch (const std::exception& error) {
