@@ -1,5 +1,6 @@
 // The breathing workbench as the page does it, without browser and network: a slider that moves, 60 inputs a
-// second; each picture as a JPEG in its message. The figures stand in docs/results/performance.md.
+// second; each picture as a JPEG in its message. The figures stand in
+// docs/reference/viewer.md.
 //   breathing_page_bench VOLUME BREATHING GEOMETRY [SECONDS]
 #include <atomic>
 #include <cmath>

@@ -15,13 +15,18 @@ import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { announce, notify } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
-import { placeOn } from '@/shell/use_field';
 import { lookForWorkplaces } from '@/shell/workplaces';
 
 const kKeyOfMode: Record<Mode, string> = { beside: 'b', opacity: 'o', wipe: 'w', difference: 'd', contour: 'c' };
 const kAxes = ['x', 'y', 'z'] as const;
 
 const stemOf = (file: string) => file.replace(/\.json$/, '');
+/** From the picture's left edge, 0, to its right, 1: beside it the canvas is black. */
+function alongPicture(canvas: HTMLCanvasElement, event: PointerEvent): number {
+  const box = canvas.getBoundingClientRect();
+  const shown = Math.min(box.width, (box.height * canvas.width) / canvas.height);
+  return 0.5 + (event.clientX - box.left - box.width / 2) / shown;
+}
 const within = (value: number) => Math.min(1, Math.max(0, value));
 
 export function BreathingView() {
@@ -164,7 +169,7 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
   const withSeries = (opened?.radiographs ?? 0) > 0;
   const wipes = withSeries && look.mode === 'wipe';
   const drag = (event: PointerEvent) => {
-    if (wipes && event.buttons > 0 && field.current) lung.lookAs({ part: within(placeOn(field.current, event).x) });
+    if (wipes && event.buttons > 0 && canvas.current) lung.lookAs({ part: within(alongPicture(canvas.current, event)) });
   };
   return (
     <main id="main" class="main pad breathing" tabIndex={-1}>
