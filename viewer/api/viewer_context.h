@@ -48,8 +48,8 @@ struct ViewerHome {
   LivePictures live = {};
   LiveRooms rooms = {};
   LiveVitals vitals = {};
-  /// What is served of it, as the page is told: "cases", or "training", "planning" or "breathing", which leave signing in,
-  /// users and the log of the API.
+  /// What is served of it, as the page is told: "cases", or "training", "planning" or "breathing", which
+  /// leave signing in, users and the log of the API.
   std::string serves = "cases";
   /// Empty: scrypt.
   PasswordHasher password_hasher = {};
