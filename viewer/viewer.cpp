@@ -80,8 +80,9 @@ std::unique_ptr<InnerDoor> open_inner_door(const ViewerHome& home, bool has_addr
                                            const std::function<void(const std::string&)>& tell) {
   if (home.serves == "cases") return nullptr;
   try {
-    return std::make_unique<InnerDoor>(home.serves == "planning" ? home.planning_socket
-                                                                 : home.training_socket);
+    return std::make_unique<InnerDoor>(home.serves == "planning"    ? home.planning_socket
+                                       : home.serves == "breathing" ? home.breathing_socket
+                                                                    : home.training_socket);
   } catch (const Error& error) {
     if (!has_address) throw;
     tell(std::string("nobody is led here by the viewer: ") + error.what());

@@ -17,8 +17,8 @@ namespace kiroku::viewer {
 
 struct ViewerOptions {
   ViewerHome home;
-  /// Where `web.listen` is empty, people come through the inner door of planning_socket or training_socket
-  /// alone.
+  /// Where `web.listen` is empty, people come through the inner door of planning_socket, breathing_socket or
+  /// training_socket alone.
   WebServerOptions web;
   SessionLimits sessions;
   /// The page's files; nothing: the API alone.

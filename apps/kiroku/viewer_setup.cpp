@@ -71,6 +71,7 @@ viewer::ViewerHome viewer_home(const Home& home, const Configuration& configurat
           .plans_folder = home.plans_folder(),
           .comparison_program = find_full_program(),
           .planning_socket = home.folder() / "planning.sock",
+          .breathing_socket = home.folder() / "breathing.sock",
           .training_socket = home.folder() / "training.sock",
           .device_key = &device_key,
           .device = home.device(),

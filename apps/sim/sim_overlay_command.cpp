@@ -28,6 +28,7 @@ sim::OverlayMode mode_of(const OverlayRequest& request) {
   if (name == "checkerboard") return sim::OverlayMode::kCheckerboard;
   if (name == "contour") return sim::OverlayMode::kContour;
   if (name == "beside") return sim::OverlayMode::kBeside;
+  if (name == "wipe") return sim::OverlayMode::kWipe;
   return sim::OverlayMode::kOpacity;
 }
 
@@ -192,9 +193,10 @@ void add_sim_overlay_command(Command& sim) {
   command.flag("--align", request->align, "moves the patient as a rigid body until both are most alike");
   command.option("--aligned-geometry", "FILE", request->aligned,
                  "writes what --align found, as a geometry (.json)");
-  command.choice("--mode", {"opacity", "difference", "checkerboard", "contour", "beside"}, request->mode,
-                 "how both are shown", "opacity");
-  command.option("--opacity", "PART", request->opacity, "of the DRR, 0 to 1", "0.5");
+  command.choice("--mode", {"opacity", "difference", "checkerboard", "contour", "beside", "wipe"},
+                 request->mode, "how both are shown", "opacity");
+  command.option("--opacity", "PART", request->opacity, "of the DRR, 0 to 1; of a wipe its part of the width",
+                 "0.5");
   command.option("--outline", "REGION", request->outline, "draws the edge of a region of the mesh (yellow)");
   command.option("--path", "CSV", request->path, "draws where a tumour goes (red): time_s,x_mm,y_mm,z_mm");
   command.option("--measured", "CSV", request->measured, "draws where it was seen (green): the same columns");

@@ -102,6 +102,9 @@ ColourPicture overlay_of(const ProjectionImage& radiograph, const ProjectionImag
           pixel = grey_colour(below[at]);
           picture.pixels[row * width + columns + column] = grey_colour(above[at]);
           break;
+        case OverlayMode::kWipe:
+          pixel = grey_colour(double(column) + 0.5 < opacity * double(columns) ? above[at] : below[at]);
+          break;
       }
     }
   }

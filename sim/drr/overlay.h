@@ -17,6 +17,7 @@ enum class OverlayMode {
   kCheckerboard,  // squares of the one and of the other
   kContour,       // edges of the DRR, in cyan, on the radiograph
   kBeside,        // the radiograph, and the DRR to the right of it
+  kWipe,          // the DRR in the left part of the picture, the radiograph in the rest
 };
 
 /// What of each is shown, from black to white.
@@ -27,7 +28,8 @@ struct OverlayWindows {
 OverlayWindows overlay_windows(const ProjectionImage& radiograph, const ProjectionImage& drr);
 
 /// Light where much attenuates, in `windows`, without which these are of the pictures themselves: a film
-/// keeps those of its first. `opacity` of the DRR, 0 to 1. kiroku::Error for pictures of different sizes.
+/// keeps those of its first. `opacity` of the DRR, 0 to 1; of a wipe how much of the width the DRR takes.
+/// kiroku::Error for pictures of different sizes.
 ColourPicture overlay_of(const ProjectionImage& radiograph, const ProjectionImage& drr, OverlayMode mode,
                          double opacity, const std::optional<OverlayWindows>& windows = {});
 

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kLargestAmplitudeM = 0.2, kLongestPhaseS = 60, kSecondsPerMinute = 60;
+constexpr double kSecondsPerMinute = 60;
 constexpr std::int64_t kMostPhases = 10000;
 
 double within(const JsonField& field, double least, double most) {
@@ -207,7 +207,7 @@ const Tumour& BreathingModel::needed_tumour() const {
       "{\"ball\": {\"center\": [x, y, z], \"radius\": r}}");
 }
 
-std::vector<double> BreathingModel::times_s() const {
+std::vector<double> phase_times_s(const Waveform& waveform, std::size_t phases) {
   // A sine's end is its beginning; of other waveforms both ends are shown.
   const double steps = static_cast<double>(waveform.periodic() ? phases : phases - 1);
   std::vector<double> times_s;

@@ -18,6 +18,13 @@
 
 namespace kiroku::sim {
 
+/// The moments of so many phases (two at least) over the waveform's duration. A sine's last is one phase
+/// before its first comes again.
+std::vector<double> phase_times_s(const Waveform& waveform, std::size_t phases);
+
+/// How far amplitude and baseline of a group may go, either way; the drift by as much in a minute.
+inline constexpr double kLargestAmplitudeM = 0.2, kLongestPhaseS = 60;
+
 struct BreathingModel {
   TetMesh mesh;
   LengthUnit unit = LengthUnit::kMillimetre;
@@ -32,8 +39,7 @@ struct BreathingModel {
 
   /// The tumour; kiroku::Error that says how to give one where there is none.
   [[nodiscard]] const Tumour& needed_tumour() const;
-  /// The moments of the phases. A sine's last is one phase before its first comes again.
-  [[nodiscard]] std::vector<double> times_s() const;
+  [[nodiscard]] std::vector<double> times_s() const { return phase_times_s(waveform, phases); }
 };
 
 /// kiroku::Error in one sentence with the file and the JSON path; also what read_mesh(), read_label_map() and

@@ -299,7 +299,8 @@ TEST_F(EntranceAttack, DeedsThatSucceedAgainAndAgainFillNoLog) {
 
 TEST_F(EntranceAttack, AGuestIsLedNowhere) {
   for (const auto& routes :
-       {std::span<const WorkplaceRoute>(kPlanningRoutes), std::span<const WorkplaceRoute>(kTrainingRoutes)}) {
+       {std::span<const WorkplaceRoute>(kPlanningRoutes), std::span<const WorkplaceRoute>(kBreathingRoutes),
+        std::span<const WorkplaceRoute>(kTrainingRoutes)}) {
     for (const WorkplaceRoute& route : routes) EXPECT_FALSE(may(Role::kGuest, route.right)) << route.pattern;
   }
 }

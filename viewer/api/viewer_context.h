@@ -38,8 +38,8 @@ struct ViewerHome {
   std::filesystem::path comparisons_folder = {};
   /// For making more of them: the home, sealed plans below it, and kiroku-full; without that none is made.
   std::filesystem::path folder = {}, plans_folder = {}, comparison_program = {};
-  /// Where programs that plan and train answer (viewer/server/inner_door.h).
-  std::filesystem::path planning_socket = {}, training_socket = {};
+  /// Where programs that plan, show a breathing lung and train answer (viewer/server/inner_door.h).
+  std::filesystem::path planning_socket = {}, breathing_socket = {}, training_socket = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;
@@ -48,8 +48,8 @@ struct ViewerHome {
   LivePictures live = {};
   LiveRooms rooms = {};
   LiveVitals vitals = {};
-  /// What is served of it, as the page is told: "cases", or "training" or "planning", which leave signing in,
-  /// users and the log of the API.
+  /// What is served of it, as the page is told: "cases", or "training", "planning" or "breathing", which
+  /// leave signing in, users and the log of the API.
   std::string serves = "cases";
   /// Empty: scrypt.
   PasswordHasher password_hasher = {};

@@ -52,8 +52,10 @@ void add_workplace_routes(Router& router, ViewerContext& context) {
   };
   const ViewerHome& home = context.home();
   const Workplace planning{"planning", Right::kPlan, link_to("planning", home.planning_socket)};
+  const Workplace breathing{"breathing", Right::kPlan, link_to("breathing", home.breathing_socket)};
   const Workplace training{"training", Right::kTrain, link_to("training", home.training_socket)};
   add_routes_of(router, planning, kPlanningRoutes);
+  add_routes_of(router, breathing, kBreathingRoutes);
   add_routes_of(router, training, kTrainingRoutes);
   Route list;
   list.method = "GET";
@@ -61,9 +63,9 @@ void add_workplace_routes(Router& router, ViewerContext& context) {
   list.right = Right::kListCases;
   // The page looks by itself whether a program has come.
   list.is_activity = false;
-  list.handler = [&context, planning, training](const Request& request) {
+  list.handler = [&context, planning, breathing, training](const Request& request) {
     ordered_json places = ordered_json::array({{{"name", "cases"}, {"state", "open"}}});
-    for (const Workplace* place : {&planning, &training})
+    for (const Workplace* place : {&planning, &breathing, &training})
       places.push_back({{"name", place->name}, {"state", state_of(*place, request, context)}});
     return Response::json({{"workplaces", places}});
   };

@@ -16,11 +16,15 @@ struct WorkplaceRoute {
   bool is_socket = false;
 };
 
-/// Of `kiroku plan serve` (viewer/planning/planning_api.h) and `kiroku train serve`
-/// (viewer/training/training_api.h); a test compares them with what these have.
+/// Of `kiroku plan serve` (viewer/planning/planning_api.h), `kiroku respire serve`
+/// (viewer/breathing/breathing_api.h) and `kiroku train serve` (viewer/training/training_api.h); a test
+/// compares them with what these have.
 inline constexpr std::array<WorkplaceRoute, 2> kPlanningRoutes{{
     {"GET", "api/planning/plans", Right::kPlan},
     {"GET", "api/planning/table", Right::kPlan, true},
+}};
+inline constexpr std::array<WorkplaceRoute, 1> kBreathingRoutes{{
+    {"GET", "api/breathing/table", Right::kPlan, true},
 }};
 inline constexpr std::array<WorkplaceRoute, 8> kTrainingRoutes{{
     {"GET", "api/training", Right::kTrain},

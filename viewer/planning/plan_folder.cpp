@@ -12,6 +12,7 @@
 #include "sim/volume/volume_reader.h"
 #include "timestamp/small_files.h"
 #include "viewer/http/disk_room.h"
+#include "viewer/http/new_file_name.h"
 #include "viewer/http/request.h"
 
 namespace kiroku::viewer {
@@ -66,20 +67,6 @@ sim::MeshMaker maker_of(const sim::TetMesh& mesh) {
   return [&mesh](const sim::JsonField&, const sim::JsonField&, const fs::path&, std::vector<std::string>&) {
     return mesh;
   };
-}
-
-bool may_be_in_a_name(char letter) {
-  return (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
-         (letter >= '0' && letter <= '9') || letter == ' ' || letter == '-' || letter == '_' ||
-         letter == '.' || static_cast<unsigned char>(letter) >= 0x80;
-}
-
-void check_name(const std::string& name) {
-  constexpr std::size_t kLongest = 120;
-  if (name.empty() || name.size() > kLongest || name.front() == '.' || name.front() == ' ' ||
-      !std::ranges::all_of(name, may_be_in_a_name))
-    throw Refusal(
-        400, "a plan is saved under letters, digits, spaces, '-', '_' and '.', at most 120 bytes of them");
 }
 
 }  // namespace
@@ -149,7 +136,7 @@ OpenedPlan PlanFolder::open(const std::string& file,
 
 std::string PlanFolder::save(const OpenedPlan& beside, const std::string& name,
                              const ordered_json& document) const {
-  check_name(name);
+  check_new_file_name(name, "a plan");
   const std::vector<Listed> all = plans();
   if (all.size() >= kMost)
     throw Refusal(409, "there are " + std::to_string(all.size()) +

@@ -9,6 +9,7 @@
 #include "base/foreign_json.h"
 #include "sim/fem/element.h"
 #include "sim/render/picture_jpeg.h"
+#include "viewer/http/message_fields.h"
 #include "viewer/http/picture_message.h"
 #include "viewer/http/request.h"
 
@@ -23,56 +24,30 @@ constexpr std::size_t kMostPlaces = 1000;
 constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
 constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
 
-const json& field(const json& object, const char* key) {
-  if (!object.is_object()) throw Refusal(400, std::string("'") + key + "' must stand in an object");
-  const auto found = object.find(key);
-  if (found == object.end()) throw Refusal(400, std::string("'") + key + "' is missing");
-  return *found;
+double place(const json& object, const char* key) {
+  return message_number(object, key, -kOutside, 1 + kOutside);
 }
-
-std::string text(const json& object, const char* key) {
-  const json& value = field(object, key);
-  if (!value.is_string()) throw Refusal(400, std::string("'") + key + "' must be a text");
-  return value.get<std::string>();
-}
-
-double number(const json& object, const char* key, double least, double most) {
-  const json& value = field(object, key);
-  if (!value.is_number() || !(value.get<double>() >= least && value.get<double>() <= most)) {
-    throw Refusal(400, std::string("'") + key + "' must be a number from " + json(least).dump() + " to " +
-                           json(most).dump());
-  }
-  return value.get<double>();
-}
-
-std::uint64_t count(const json& object, const char* key) {
-  const json& value = field(object, key);
-  if (!value.is_number_unsigned())
-    throw Refusal(400, std::string("'") + key + "' must be a whole number from 0 on");
-  return value.get<std::uint64_t>();
-}
-
-double place(const json& object, const char* key) { return number(object, key, -kOutside, 1 + kOutside); }
 
 ViewDeed view_of(const json& view) {
-  return {number(view, "azimuth_deg", -360, 360), number(view, "elevation_deg", -90, 90),
-          number(view, "zoom", 0.25, 10), number(view, "pan_x", -5, 5), number(view, "pan_y", -5, 5)};
+  return {message_number(view, "azimuth_deg", -360, 360), message_number(view, "elevation_deg", -90, 90),
+          message_number(view, "zoom", 0.25, 10), message_number(view, "pan_x", -5, 5),
+          message_number(view, "pan_y", -5, 5)};
 }
 
 PointDeed pointers_of(const json& object) {
-  const json& pointers = field(object, "pointers");
+  const json& pointers = message_field(object, "pointers");
   if (!pointers.is_array() || pointers.size() > kMostPlanPointers)
     throw Refusal(400, "'pointers' must be a list of at most 5");
-  const std::string use = text(object, "use");
+  const std::string use = message_text(object, "use");
   if (use != "grasp" && use != "press") throw Refusal(400, "'use' must be 'grasp' or 'press'");
   PointDeed deed{use == "grasp" ? PointerUse::kGrasp : PointerUse::kPress, {}};
   for (const json& pointer : pointers) {
-    const std::uint64_t id = count(pointer, "id");
+    const std::uint64_t id = message_count(pointer, "id");
     if (id > std::numeric_limits<std::uint32_t>::max()) throw Refusal(400, "'id' is too large");
     const PlanPointer one{
         static_cast<std::uint32_t>(id), place(pointer, "x"), place(pointer, "y"),
-        number(pointer, "push_m", -kMostPushM, kMostPushM),
-        pointer.contains("turn_deg") ? number(pointer, "turn_deg", -kMostTurnDeg, kMostTurnDeg) : 0};
+        message_number(pointer, "push_m", -kMostPushM, kMostPushM),
+        pointer.contains("turn_deg") ? message_number(pointer, "turn_deg", -kMostTurnDeg, kMostTurnDeg) : 0};
     if (std::ranges::find(deed.pointers, one.id, &PlanPointer::id) != deed.pointers.end())
       throw Refusal(400, "an 'id' stands twice");
     deed.pointers.push_back(one);
@@ -81,10 +56,10 @@ PointDeed pointers_of(const json& object) {
 }
 
 CutDeed cut_of(const json& cut) {
-  const json& line = field(cut, "line");
+  const json& line = message_field(cut, "line");
   if (!line.is_array() || line.size() < 2 || line.size() > kMostPlaces)
     throw Refusal(400, "'line' must be a list of 2 to 1000 places");
-  CutDeed deed{{}, number(cut, "depth_m", 1e-4, kMostDepthM)};
+  CutDeed deed{{}, message_number(cut, "depth_m", 1e-4, kMostDepthM)};
   for (const json& at : line) deed.line.emplace_back(place(at, "x"), place(at, "y"));
   return deed;
 }
@@ -93,14 +68,15 @@ Deed deed_of(const json& object) {
   if (object.contains("view")) return view_of(object["view"]);
   if (object.contains("pointers")) return pointers_of(object);
   if (object.contains("cut")) return cut_of(object["cut"]);
-  if (object.contains("hold")) return HoldDeed{number(object["hold"], "duration_s", 1e-3, kMostHoldS)};
-  if (object.contains("release")) return ReleaseDeed{text(object["release"], "tool")};
+  if (object.contains("hold"))
+    return HoldDeed{message_number(object["hold"], "duration_s", 1e-3, kMostHoldS)};
+  if (object.contains("release")) return ReleaseDeed{message_text(object["release"], "tool")};
   if (object.contains("undo")) return UndoDeed{};
   if (object.contains("redo")) return RedoDeed{};
   if (object.contains("stress")) {
     const json& stress = object["stress"];
     if (stress.is_null()) return StressDeed{};
-    return StressDeed{number(stress, "largest_pa", 1e-3, kMostPa)};
+    return StressDeed{message_number(stress, "largest_pa", 1e-3, kMostPa)};
   }
   throw Refusal(400,
                 "a message must have 'open', 'view', 'pointers', 'cut', 'hold', 'release', 'undo', 'redo', "
@@ -133,13 +109,12 @@ PlanningMessage parse_planning_message(std::string_view message) {
   if (!object.is_object()) throw Refusal(400, "a message must be a JSON object");
   if (object.contains("open")) {
     const json& open = object["open"];
-    const json& anew = field(open, "anew");
-    if (!anew.is_boolean()) throw Refusal(400, "'anew' must be true or false");
-    return OpenMessage{text(open, "plan"), anew.get<bool>()};
+    const bool anew = message_flag(open, "anew");
+    return OpenMessage{message_text(open, "plan"), anew};
   }
-  const std::uint64_t input = count(object, "input");
+  const std::uint64_t input = message_count(object, "input");
   if (object.contains("save"))
-    return SaveMessage{input, text(object["save"], "file"), text(object["save"], "name")};
+    return SaveMessage{input, message_text(object["save"], "file"), message_text(object["save"], "name")};
   return DeedMessage{input, deed_of(object)};
 }
 

@@ -288,7 +288,9 @@ struct WorkplaceLink::State {
       throw Refusal(503, "the program behind this page does not run: start kiroku " + command());
     return {context, stream_protocol(), connection->release()};
   }
-  [[nodiscard]] std::string command() const { return what == "planning" ? "plan serve" : "train serve"; }
+  [[nodiscard]] std::string command() const {
+    return what == "planning" ? "plan serve" : what == "breathing" ? "respire serve" : "train serve";
+  }
 
   /// What the link's thread comes to, or a Refusal where that takes too long or nobody may be answered any
   /// more.

@@ -33,7 +33,8 @@ class WorkplaceLink {
     /// For all of them once the browser has gone.
     std::chrono::milliseconds to_take_last{1000};
   };
-  /// `what`: "planning", "training". `closing` outlives this; once it is set nobody waits for an answer.
+  /// `what`: "planning", "breathing", "training". `closing` outlives this; once it is set nobody waits for an
+  /// answer.
   WorkplaceLink(std::string what, std::filesystem::path socket, const std::atomic<bool>& closing,
                 const Limits& limits);
   WorkplaceLink(std::string what, std::filesystem::path socket, const std::atomic<bool>& closing)

@@ -15,6 +15,7 @@ import '@/styles/subject.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';
 import '@/styles/planning.css';
+import '@/styles/breathing.css';
 import '@/styles/narrow.css';
 import '@/styles/touch.css';
 

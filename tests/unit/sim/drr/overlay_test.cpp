@@ -41,6 +41,11 @@ TEST(Overlay, ShowsBothByItsModes) {
   EXPECT_LT(pixel(board, 10, 3)[0], 40);
   EXPECT_GT(pixel(board, 10, 40)[0], 215);
   const ColourPicture beside = overlay_of(rising, falling, OverlayMode::kBeside, 0);
+  const ColourPicture wiped = overlay_of(rising, falling, OverlayMode::kWipe, 0.5);
+  EXPECT_EQ(wiped.columns, 101U);
+  EXPECT_EQ(pixel(wiped, 0, 3)[0], 255);
+  EXPECT_EQ(pixel(wiped, 100, 3)[0], 255);
+  EXPECT_NEAR(pixel(wiped, 49, 3)[0], 130, 3);
   EXPECT_EQ(beside.columns, 202U);
   EXPECT_EQ(pixel(beside, 0, 3)[0], 0);
   EXPECT_EQ(pixel(beside, 101, 3)[0], 255);

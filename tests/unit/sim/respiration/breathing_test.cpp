@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "sim/mesh/degrees_of_freedom.h"
+#include "sim/respiration/motion_responses.h"
 #include "tests/unit/sim/respiration/box_lung.h"
 
 namespace kiroku::sim {
@@ -90,6 +91,33 @@ TEST_F(BreathingLung, OneFactorAndResponsesAreWhatASolveOfEachMomentGives) {
       solved.solve(Eigen::VectorXd::Zero(first_row(mesh_.nodes.size()))).displacement_m;
   EXPECT_LT((cycle.displacement_m(kTimeS) - expected_m).cwiseAbs().maxCoeff(),
             1e-9 * expected_m.cwiseAbs().maxCoeff());
+}
+
+TEST_F(BreathingLung, SumsOfUnitMotionsAreWhatASolveOfEachMotionGives) {
+  const BreathingBody lung = body();
+  std::size_t heard = 0;
+  const MotionResponses responses(lung, [&](std::size_t solved) { heard = solved; });
+  EXPECT_EQ(heard, kUnitMotions);
+  const MeshPoint tumour = centre_of(mesh_, tumour_of_region(mesh_, 2));
+  const MotionResponses::Place place = responses.at(tumour);
+  const Waveform waveform(SineWave{4.1});
+  BreathingMotion normals;
+  normals.diaphragm.baseline_m = 0.002;
+  BreathingMotion slanted = normals;
+  slanted.rib_cage.direction = Vector3(0.6, -0.8, 0);
+  slanted.diaphragm.direction = Vector3(0.1, 0.2, -0.9).normalized();
+  slanted.diaphragm.drift_m_per_s = 0.0003;
+  for (const BreathingMotion& motion : {normals, slanted}) {
+    const BreathingCycle cycle(lung, motion, waveform);
+    for (const double time_s : {0.0, 1.3, 9.7}) {
+      const Eigen::VectorXd expected_m = cycle.displacement_m(time_s);
+      const std::vector<Vector3> found_m = responses.displacement_m(motion, waveform, time_s);
+      ASSERT_EQ(found_m.size(), mesh_.nodes.size());
+      for (std::size_t node = 0; node < found_m.size(); ++node)
+        EXPECT_LT((found_m[node] - expected_m.segment<3>(first_row(node))).norm(), 1e-13);
+      EXPECT_LT((place.displacement_m(motion, waveform, time_s) - tumour.mean(expected_m)).norm(), 1e-13);
+    }
+  }
 }
 
 TEST_F(BreathingLung, TheTumourIsHarderThanTheLungAndGoesWithIt) {

@@ -1,5 +1,5 @@
 // Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
-// #/training, #/planning.
+// #/training, #/planning, #/breathing.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
 
@@ -11,7 +11,8 @@ export type Route =
   | { view: 'log' }
   | { view: 'users' }
   | { view: 'training' }
-  | { view: 'planning' };
+  | { view: 'planning' }
+  | { view: 'breathing' };
 
 export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
@@ -19,7 +20,7 @@ export function parseRoute(hash: string): Route {
   if (first === 'rooms') return { view: 'rooms' };
   if (first === 'log') return { view: 'log' };
   if (first === 'users') return { view: 'users' };
-  if (first === 'training' || first === 'planning') return { view: first };
+  if (first === 'training' || first === 'planning' || first === 'breathing') return { view: first };
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
     const at = new URLSearchParams(query).get('t');

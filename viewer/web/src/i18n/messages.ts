@@ -1,5 +1,6 @@
 // Every text of the page, from a file for each view. The Japanese has the same keys and the same places in braces; a test sees to it.
 
+import { breathingEn, breathingJa } from '@/i18n/breathing_messages';
 import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
@@ -37,6 +38,7 @@ const en = {
   ...pointingEn,
   ...logEn,
   ...planningEn,
+  ...breathingEn,
   ...trainingEn,
 } as const;
 
@@ -61,6 +63,7 @@ const ja: Record<MessageKey, string> = {
   ...pointingJa,
   ...logJa,
   ...planningJa,
+  ...breathingJa,
   ...trainingJa,
 };
 

@@ -136,8 +136,8 @@ export const kServerSentences: readonly SentencePair[] = [
   ['a picture of the plan took too long', '計画の画像の作成に時間がかかりすぎました'],
   // Planning
   [
-    "a plan is saved under letters, digits, spaces, '-', '_' and '.', at most 120 bytes of them",
-    '計画の名前は、英数字、空白、「-」「_」「.」で 120 バイト以内にしてください',
+    "{what} is saved under letters, digits, spaces, '-', '_' and '.', at most 120 bytes of them",
+    '名前は、英数字、空白、「-」「_」「.」で 120 バイト以内にしてください',
   ],
   ['there is no plan of that name here', 'その名前の計画はここにありません'],
   [
@@ -155,6 +155,13 @@ export const kServerSentences: readonly SentencePair[] = [
   ['this plan has more steps than one that can be opened again: undo some', '手順が多すぎて再び開けません。いくつか元に戻してください'],
   ['a plan must be opened first', '先に計画を開いてください'],
   ['a plan is open on this connection already', 'この接続ではすでに計画が開かれています'],
+  // The breathing workbench
+  ["there is a file '{name}.json' already: save it under another name", 'ファイル「{name}.json」はすでにあります。別の名前で保存してください'],
+  [
+    'as many people work here as this machine can compute for ({n}): try again when somebody has left',
+    'この機械で同時に作業できる人数（{n}）に達しています。誰かが終えてから再試行してください',
+  ],
+  ['you work at this lung already, on another page: close that first', 'すでに別のページでこの肺を開いています。先にそちらを閉じてください'],
   ['more was asked for than can be computed', '計算が追いつきません'],
   // Programs behind the viewer
   ['the program behind this page does not run: start kiroku {command}', 'このページのプログラムが動いていません。kiroku {command} を起動してください'],

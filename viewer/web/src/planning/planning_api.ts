@@ -1,6 +1,6 @@
 // The planner's part of the API (docs/reference/viewer.md, "Planning"): the list of plans, and the WebSocket of one that is open.
 import { get } from '@/api/client';
-import { splitPicture } from '@/media/picture_message';
+import { PictureSocket } from '@/media/picture_socket';
 import type { View } from '@/planning/orbit';
 import type { PlanPointer, Place } from '@/planning/plan_pointers';
 
@@ -92,43 +92,24 @@ interface Said {
   failed?: string;
 }
 
-/** One plan over one connection. Of pictures that come while one is being decoded only the newest is shown. */
+/** One plan over one connection. */
 export class PlanConnection {
-  private readonly socket: WebSocket;
-  private left = false;
-  private decoding = false;
-  private next: ArrayBuffer | undefined;
-  private failed = '';
-  private last = 0;
+  private readonly socket: PictureSocket<Said, PlanMoment>;
 
   constructor(
     open: { plan: string; anew: boolean },
     private readonly listener: PlanListener,
   ) {
-    this.socket = new WebSocket(`wss://${location.host}/api/planning/table`);
-    this.socket.binaryType = 'arraybuffer';
-    this.socket.onopen = () => this.socket.send(JSON.stringify({ open }));
-    this.socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => {
-      if (this.left) return;
-      if (typeof event.data === 'string') this.hear(JSON.parse(event.data) as Said);
-      else void this.show(event.data);
-    };
-    this.socket.onclose = (event) => {
-      if (!this.left) listener.lost(this.failed || event.reason);
-      this.left = true;
-    };
+    this.socket = new PictureSocket('planning/table', { said: (said) => this.hear(said), moment: listener.moment, lost: listener.lost }, { open });
   }
 
   /** The number that pictures name once they show it; 0 while nothing can be sent. */
   send(deed: Deed): number {
-    if (this.left || this.socket.readyState !== WebSocket.OPEN) return 0;
-    this.socket.send(JSON.stringify({ input: ++this.last, ...deed }));
-    return this.last;
+    return this.socket.send(deed);
   }
   /** Nothing is told any more. */
   leave(): void {
-    this.left = true;
-    this.socket.close();
+    this.socket.leave();
   }
 
   private hear(said: Said): void {
@@ -137,25 +118,5 @@ export class PlanConnection {
     if (said.steps) this.listener.steps({ steps: said.steps, undo: said.undo === true, redo: said.redo === true });
     if (said.told !== undefined) this.listener.told(said.told);
     if (said.saved) this.listener.saved(said.saved.plan);
-    if (said.failed !== undefined) {
-      this.failed = said.failed;
-      this.socket.close();
-    }
-  }
-  private async show(message: ArrayBuffer): Promise<void> {
-    this.next = message;
-    if (this.decoding) return;
-    this.decoding = true;
-    try {
-      while (this.next && !this.left) {
-        const { about, jpeg } = splitPicture<PlanMoment>(this.next);
-        this.next = undefined;
-        const picture = await createImageBitmap(jpeg);
-        if (!this.left) this.listener.moment(about, picture);
-        picture.close();
-      }
-    } finally {
-      this.decoding = false;
-    }
   }
 }

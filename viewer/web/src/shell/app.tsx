@@ -16,6 +16,7 @@ import { may } from '@/shell/rights';
 import { announcement, attempt, dismiss, notices, notifyOf, oneTimePassword, session, sessionEnded, setTheme, theme } from '@/shell/state';
 import { lookForWorkplaces, workplaces } from '@/shell/workplaces';
 import { WorkplaceView } from '@/shell/workplace_view';
+import { BreathingView } from '@/breathing/breathing_view';
 import { PlanningView } from '@/planning/planning_view';
 import { TrainingView } from '@/training/training_view';
 import { CaseView } from '@/views/case_view';
@@ -77,12 +78,12 @@ function Switches() {
   );
 }
 
-function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training' | 'planning'; icon: IconName; text: string }) {
+function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training' | 'planning' | 'breathing'; icon: IconName; text: string }) {
   const view = route.value.view;
-  // A server of planning or training alone shows it at every address.
+  // A server of planning, a lung or training alone shows it at every address.
   const isAlone = session.value?.serves === to && to !== 'cases';
   const here = view === to || (isAlone && view !== 'users') || (to === 'cases' && (view === 'case' || view === 'verification'));
-  const state = to === 'planning' || to === 'training' ? workplaces.value[to] : undefined;
+  const state = to === 'planning' || to === 'breathing' || to === 'training' ? workplaces.value[to] : undefined;
   const isAway = state !== undefined && state !== 'open';
   return (
     <a
@@ -118,10 +119,13 @@ function Header() {
         <nav aria-label={t('nav.label')} class="nav">
           {serves === 'training' && <NavLink to="training" icon="training" text={t('nav.training')} />}
           {serves === 'planning' && may(signedIn.role, 'plan') && <NavLink to="planning" icon="plan" text={t('nav.planning')} />}
+          {serves === 'breathing' && may(signedIn.role, 'plan') && <NavLink to="breathing" icon="lung" text={t('nav.breathing')} />}
           {serves === 'cases' && (
             <>
               <NavLink to="cases" icon="cases" text={t('nav.cases')} />
               <NavLink to="planning" icon="plan" text={t('nav.planning')} />
+              {/* Few have it: there is a way there while it runs. */}
+              {(workplaces.value.breathing === 'open' || route.value.view === 'breathing') && <NavLink to="breathing" icon="lung" text={t('nav.breathing')} />}
               <NavLink to="training" icon="training" text={t('nav.training')} />
             </>
           )}
@@ -175,10 +179,10 @@ function Header() {
   );
 }
 
-function NoPlanning() {
+function MayNot({ what }: { what: string }) {
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
-      <p>{t('planning.mayNot')}</p>
+      <p>{what}</p>
     </main>
   );
 }
@@ -193,7 +197,11 @@ function View() {
   if (session.value.serves === 'training') return here.view === 'users' ? <UsersView /> : <TrainingView />;
   if (session.value.serves === 'planning') {
     if (here.view === 'users') return <UsersView />;
-    return may(session.value.role, 'plan') ? <PlanningView /> : <NoPlanning />;
+    return may(session.value.role, 'plan') ? <PlanningView /> : <MayNot what={t('planning.mayNot')} />;
+  }
+  if (session.value.serves === 'breathing') {
+    if (here.view === 'users') return <UsersView />;
+    return may(session.value.role, 'plan') ? <BreathingView /> : <MayNot what={t('breathing.mayNot')} />;
   }
   switch (here.view) {
     case 'cases':
@@ -212,6 +220,12 @@ function View() {
       return (
         <WorkplaceView place="planning">
           <PlanningView />
+        </WorkplaceView>
+      );
+    case 'breathing':
+      return (
+        <WorkplaceView place="breathing">
+          <BreathingView />
         </WorkplaceView>
       );
     case 'training':

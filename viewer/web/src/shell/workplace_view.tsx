@@ -1,4 +1,4 @@
-// Planning or training by the viewer's own address; where it cannot be had: why, and how to get it. Once it is open it stays: whether its program has gone is
+// Planning, a breathing lung or training by the viewer's own address; where it cannot be had: why, and how to get it. Once it is open it stays: whether its program has gone is
 // found out when something is asked of it.
 import type { ComponentChildren } from 'preact';
 import { useEffect } from 'preact/hooks';

@@ -1,10 +1,10 @@
-// Where one can work by this address: at cases here, at planning and training by programs behind the viewer. Which of them are there is asked after signing in
+// Where one can work by this address: at cases here, at planning, a breathing lung and training by programs behind the viewer. Which of them are there is asked after signing in
 // and whenever somebody goes where none is.
 import { signal } from '@preact/signals';
 import { ApiError, get } from '@/api/client';
 import { session } from '@/shell/state';
 
-export type WorkplaceName = 'cases' | 'planning' | 'training';
+export type WorkplaceName = 'cases' | 'planning' | 'breathing' | 'training';
 export type WorkplaceState = 'open' | 'no-right' | 'not-running' | 'not-installed';
 
 /** Empty: not known yet. */

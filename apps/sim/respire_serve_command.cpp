@@ -1,0 +1,147 @@
+// 'kiroku respire serve': a lung's motion fitted to radiographs by hand, on a page.
+#include <algorithm>
+#include <memory>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/step_line.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/serving.h"
+#include "apps/sim/number_option.h"
+#include "apps/sim/radiograph_series.h"
+#include "apps/sim/sim_command.h"
+#include "base/error.h"
+#include "sim/drr/dicom_radiograph.h"
+#include "sim/volume/volume_reader.h"
+#include "viewer/breathing/breathing_api.h"
+#include "viewer/viewer.h"
+
+namespace kiroku::apps {
+namespace {
+
+struct RespireServeRequest {
+  ServingRequest serving{.listen = "", .own_port = "8447"};
+  std::string volume, model, geometry;
+  std::optional<std::string> series, radiographs, polarity, rate, start, at_once;
+  bool resample = false;
+};
+
+void check(const RespireServeRequest& request) {
+  if (!request.serving.listen.empty() && !page_of(request.serving))
+    throw UsageError("there is no page to work on: it was not built; name its folder with --web");
+  if (!request.radiographs && (request.rate || request.polarity || request.start))
+    throw UsageError("--rate, --polarity and --start say something of --radiographs: give these too");
+}
+
+std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& request) {
+  StepLine line;
+  line.show("reading " + request.model);
+  viewer::BenchInputs inputs{
+      .file = request.model,
+      .model = sim::read_breathing_model(request.model),
+      .volume = {},
+      .geometry = (sim::is_dicom_file(request.geometry) ? sim::read_dicom_geometry(request.geometry)
+                                                        : sim::read_geometry(request.geometry))
+                      .geometry,
+      .radiographs = {}};
+  static_cast<void>(inputs.model.needed_tumour());  // before what takes long
+  if (request.start) inputs.start_s = parse_number(*request.start, "--start");
+  if (request.radiographs) {
+    const std::optional<double> rate =
+        request.rate ? std::optional<double>(parse_number(*request.rate, "--rate", 0.01, 240)) : std::nullopt;
+    line.show("reading " + *request.radiographs);
+    const auto series = open_radiographs(*request.radiographs, request.polarity, rate);
+    while (std::optional<TimedRadiograph> next = series->next())
+      inputs.radiographs.push_back({next->time_s, std::move(next->image), std::move(next->name)});
+    if (inputs.radiographs.empty()) throw Error("'" + *request.radiographs + "' holds no picture");
+  }
+  line.show("reading " + request.volume);
+  sim::VolumeFile file = sim::read_volume(request.volume, {request.series.value_or(""), request.resample});
+  inputs.model.warnings.insert(inputs.model.warnings.end(), file.findings.begin(), file.findings.end());
+  inputs.volume = std::move(file.volume);
+  return std::make_unique<viewer::BreathingBench>(std::move(inputs),
+                                                  [&](const std::string& step) { line.show(step); });
+}
+
+int run(const RespireServeRequest& request) {
+  constexpr std::size_t kMostAtOnce = 64;
+  check(request);
+  const Home home = Home::open(request.serving.home);
+  const std::size_t at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
+                                              : std::max(1U, std::thread::hardware_concurrency() / 2);
+  const std::unique_ptr<viewer::BreathingBench> bench = bench_of(request);
+  const auto tell = tell_on_standard_error();
+  viewer::BreathingRoom room(*bench, at_once, tell);
+  const std::size_t count = bench->radiographs().size();
+  serve_until_stopped(request.serving, home,
+                      {.serves = "breathing",
+                       .identities = nullptr,
+                       .more_routes =
+                           [&room](viewer::Router& router, viewer::ViewerContext& context) {
+                             viewer::add_breathing_routes(router, room, context);
+                           },
+                       .tell = tell,
+                       .first_line =
+                           [&](const std::string& url) {
+                             return "The lung of " + request.model + (url.empty() ? "" : " at " + url) +
+                                    (count == 0   ? std::string(", without radiographs")
+                                     : count == 1 ? std::string(", with 1 radiograph")
+                                                  : ", with " + std::to_string(count) + " radiographs") +
+                                    ", " + std::to_string(at_once) + (at_once == 1 ? " person" : " persons") +
+                                    " at a time";
+                           },
+                       .tell_more =
+                           [&](nlohmann::ordered_json& told) {
+                             told["model"] = request.model;
+                             told["radiographs"] = count;
+                             told["at_once"] = at_once;
+                             told["warnings"] = bench->model().warnings;
+                           }});
+  return kDone;
+}
+
+}  // namespace
+
+void add_respire_command(Command& program) {
+  Command& respire = program.add_command("respire", "works by hand on a lung that breathes");
+  Command& command =
+      respire.add_command("serve", "serves a page to fit a lung's motion on: sliders, beside radiographs");
+  const auto request = std::make_shared<RespireServeRequest>();
+  command.argument("VOLUME", request->volume, "the CT: a DICOM folder, .nii, .nrrd or .mha");
+  command.argument("BREATHING", request->model, "the breathing lung (.json), as for sim respire");
+  command.required_option("-g,--geometry", "FILE", request->geometry,
+                          "source and detector (.json), or an RT Image (.dcm)");
+  command.option("--radiographs", "PATH", request->radiographs,
+                 "a folder of DICOM, .png or .mha files, a DICOM file of several pictures, or a film");
+  command.choice("--polarity", {"bone-white", "bone-black"}, request->polarity, "of the radiographs",
+                 "a DICOM file's own, else bone-white");
+  command.option("--rate", "N", request->rate, "pictures a second", "their own; 10 of a folder");
+  command.option("--start", "S", request->start, "the waveform's moment at the first picture", "0");
+  command.option("--series", "UID", request->series, "of a DICOM folder of several series: the one to read");
+  command.flag("--resample", request->resample, "reads a CT whose slices are not evenly spaced, resampled");
+  command.option("--at-once", "N", request->at_once, "people who work at a time",
+                 "half as many as there are cores");
+  add_serving_options(command, request->serving);
+  command.explain(
+      "Surgeons and administrators sign in to the viewer of the home ('kiroku view', or kirokud), choose "
+      "Breathing there, and move amplitudes, phases, directions, baselines and the breath's length while "
+      "they "
+      "see the computed radiograph of the moving lung beside, over, wiped against or subtracted from the "
+      "real "
+      "one of the same moment. What is saved is a new model for 'kiroku sim respire', beside the one that "
+      "was "
+      "opened; no file is overwritten.");
+  command.explain(
+      "The radiographs must be of the geometry's size, and the patient must lie as the CT has them: 'kiroku "
+      "sim "
+      "fit-series --aligned-geometry' finds how they lay.");
+  command.example("kiroku respire serve ct/ lung.json -g front.json --radiographs fluoroscopy.dcm",
+                  "behind the home's viewer");
+  command.example("kiroku respire serve ct/ lung.json -g front.json --listen 127.0.0.1:8447",
+                  "with an address of its own, without radiographs");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,156 @@
+// The breathing workbench's route before a real server, by the messages that a page sends.
+#include "viewer/breathing/breathing_api.h"
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/served_routes.h"
+#include "tests/unit/viewer/breathing/chest_bench.h"
+#include "viewer/api/workplaces.h"
+#include "viewer/breathing/breathing_messages.h"
+
+namespace kiroku::viewer {
+namespace {
+
+using nlohmann::json;
+using test::next_said;
+using test::refusal_of;
+using test::Said;
+using test::SocketClient;
+using testing::HasSubstr;
+
+class BreathingApi : public testing::Test {
+ protected:
+  static json until_said(SocketClient& client, const char* key) {
+    while (const std::optional<Said> said = next_said(client)) {
+      if (said->text.contains(key)) return said->text[key];
+    }
+    return nullptr;
+  }
+  static json picture_with(SocketClient& client, std::uint64_t input) {
+    while (const std::optional<Said> said = next_said(client)) {
+      if (said->jpeg_bytes > 0 && said->text["input"] >= input) return said->text;
+    }
+    return nullptr;
+  }
+  static std::string message(std::uint64_t input, const char* key, const json& what) {
+    return json{{"input", input}, {key, what}}.dump();
+  }
+
+  test::ChestBench chest;
+  BreathingBench bench{chest.inputs_with_radiographs()};
+  BreathingRoom room{bench, 1, [](const std::string& /*sentence*/) {}};
+  test::TemporaryFolder folder;
+  crypto::SigningKey key = crypto::SigningKey::generate();
+  ViewerContext context{ViewerHome{.archive = folder / "archive",
+                                   .catalogue_file = folder / "catalogue.sqlite",
+                                   .log_folder = folder / "log",
+                                   .users_file = folder / "users.sqlite",
+                                   .control_socket = folder / "control",
+                                   .copies_folder = folder / "copies",
+                                   .device_key = &key,
+                                   .device = crypto::VerifierKey("test", key.public_key()),
+                                   .identities = {}},
+                        SessionLimits{}, [](const std::string& /*sentence*/) {}};
+  test::ServedRoutes routes{[this](Router& router) { add_breathing_routes(router, room, context); }, "anna",
+                            Role::kSurgeon};
+};
+
+TEST_F(BreathingApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
+  Router router;
+  add_breathing_routes(router, room, context);
+  test::expect_to_be(router, kBreathingRoutes);
+}
+
+TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
+  const auto client = routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["file"], "lung.json");
+  EXPECT_EQ(opened["radiographs"], 6);
+  EXPECT_EQ(opened["columns"], 128);
+  EXPECT_GT(opened["groups"]["diaphragm"], 10);
+  EXPECT_EQ(opened["motion"]["cycle_s"], 3.6);
+  std::ifstream log(folder / "log/ledger.jsonl");
+  const std::string entered((std::istreambuf_iterator<char>(log)), {});
+  EXPECT_THAT(entered, HasSubstr("opened lung lung.json with its CT and 6 radiographs"));
+  json motion = opened["motion"];
+  motion["diaphragm"]["amplitude_mm"] = 4.5;
+  motion["diaphragm"]["direction"] = {0, 0, -2};
+  client->send_text(message(1, "motion", motion));
+  json path = until_said(*client, "path");
+  while (path["revision"] != 2) path = until_said(*client, "path");
+  EXPECT_EQ(path["times_s"].size(), 6U);
+  client->send_text(message(2, "moment", {{"time_s", bench.radiographs()[4].time_s}}));
+  const json moment = picture_with(*client, 2);
+  EXPECT_EQ(moment["radiograph"], 4);
+  EXPECT_EQ(moment["revision"], 2);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    EXPECT_NEAR(moment["tumour_mm"][axis].get<double>(), path["mm"][4][axis].get<double>(), 1e-9);
+  }
+  const json similarity = until_said(*client, "similarity");
+  EXPECT_EQ(similarity["revision"], 2);
+  EXPECT_EQ(similarity["values"].size(), 6U);
+  client->send_text(message(3, "look", {{"mode", "wipe"}, {"part", 0.3}, {"outlined", false}}));
+  EXPECT_EQ(picture_with(*client, 3)["input"], 3);
+  client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}}));
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'lung.json' already"));
+  client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}}));
+  EXPECT_EQ(until_said(*client, "saved")["file"], "by hand.json");
+  const sim::BreathingModel saved = sim::read_breathing_model(chest.folder() / "by hand.json");
+  EXPECT_NEAR(saved.motion.diaphragm.amplitude_m, 0.0045, 1e-12);
+  EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
+}
+
+TEST_F(BreathingApi, HasOnePlaceForWhoMayPlan) {
+  const auto client = routes.connect("breathing/table");
+  EXPECT_TRUE(until_said(*client, "opened").is_object());
+  EXPECT_THROW(routes.connect("breathing/table"), std::exception) << "one place";
+  routes.sign_in("otto", Role::kOperator);
+  EXPECT_THROW(routes.connect("breathing/table"), std::exception);
+  EXPECT_THROW(routes.connect("breathing/table", "https://elsewhere.example"), std::exception);
+}
+
+TEST_F(BreathingApi, RefusesWhatIsNoMessageAndNoMotion) {
+  const auto changed = [&](const char* group, const char* name, const json& value) {
+    json motion = motion_json(bench.own_motion());
+    motion[group][name] = value;
+    return message(1, "motion", motion);
+  };
+  json no_cycle = motion_json(bench.own_motion());
+  no_cycle["cycle_s"] = 0.1;
+  const std::vector<std::pair<std::string, std::string>> bad{
+      {"[]", "must be a JSON object"},
+      {R"({"motion": {}})", "'input' is missing"},
+      {R"({"input": 1, "dance": true})", "a message must have"},
+      {R"({"input": 1, "motion": {}})", "'rib_cage' is missing"},
+      {changed("diaphragm", "amplitude_mm", 201), "'amplitude_mm' must be a number from -200"},
+      {changed("rib_cage", "phase_s", "early"), "'phase_s' must be a number from -60"},
+      {changed("rib_cage", "direction", "down"), "'direction' must be null"},
+      {changed("rib_cage", "direction", {0, 0, 0}), "which is no direction"},
+      {message(1, "motion", no_cycle), "'cycle_s' must be a number from 0.2"},
+      {R"({"input": 1, "moment": {"time_s": 1e9}})", "'time_s' must be"},
+      {R"({"input": 1, "look": {"mode": "upside down", "part": 0, "outlined": true}})", "'mode' must be"},
+      {R"({"input": 1, "look": {"mode": "wipe", "part": 2, "outlined": true}})", "'part' must be"},
+      {R"({"input": 1, "save": {"file": "x"}})", "'motion' is missing"}};
+  for (const auto& [text, sentence] : bad) {
+    std::string refused = "taken";
+    try {
+      static_cast<void>(parse_breathing_message(text));
+    } catch (const Refusal& refusal) {
+      refused = refusal.what();
+    }
+    EXPECT_THAT(refused, HasSubstr(sentence)) << text;
+  }
+  // Over the connection each ends it, with the sentence.
+  const auto client = routes.connect("breathing/table");
+  client->send_text(R"({"input": 1, "dance": true})");
+  const auto [code, said] = refusal_of(*client);
+  EXPECT_EQ(code, 1008);
+  EXPECT_THAT(said, HasSubstr("a message must have"));
+}
+
+}  // namespace
+}  // namespace kiroku::viewer

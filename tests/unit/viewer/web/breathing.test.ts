@@ -1,0 +1,90 @@
+// The breathing workbench's logic: what is undone, directions as angles, moments of a time line.
+import { describe, expect, it } from 'vitest';
+import { History } from '@/breathing/history';
+import { anglesOf, directionOf, type Motion, rangeOf, sameMotion, withDirection, withNumber } from '@/breathing/motion';
+import { later, momentAt, stepped } from '@/breathing/time_line';
+
+const kStill = { amplitude_mm: 3, phase_s: 0, direction: null, baseline_mm: 0, drift_mm_per_min: 0 };
+const kMotion: Motion = { rib_cage: kStill, diaphragm: { ...kStill, amplitude_mm: 10 }, cycle_s: 3.6 };
+
+describe('What was changed', () => {
+  const same = (one: number, other: number) => one === other;
+  it('is undone by steps: a slider that is dragged is one', () => {
+    const history = new History<number>(1, same);
+    for (const value of [2, 3, 4]) history.change(value, 'amplitude');
+    history.change(5, 'phase');
+    expect(history.undo()).toBe(true);
+    expect(history.now).toBe(4);
+    expect(history.undo()).toBe(true);
+    expect(history.now).toBe(1);
+    expect(history.undo()).toBe(false);
+    expect(history.redo()).toBe(true);
+    expect(history.now).toBe(4);
+    expect([history.canUndo, history.canRedo]).toEqual([true, true]);
+  });
+  it('is a step of its own once the slider was let go, or after an undo', () => {
+    const history = new History<number>(1, same);
+    history.change(2, 'amplitude');
+    history.settle();
+    history.change(3, 'amplitude');
+    history.undo();
+    expect(history.now).toBe(2);
+    history.change(7, 'amplitude');
+    expect(history.canRedo).toBe(false);
+    history.undo();
+    expect(history.now).toBe(2);
+  });
+  it('is nothing where the value stayed', () => {
+    const history = new History(kMotion, sameMotion);
+    history.change(withNumber(kMotion, 'rib_cage', 'amplitude_mm', 3), 'x');
+    expect(history.canUndo).toBe(false);
+    history.change(withDirection(kMotion, 'rib_cage', [0, 0, 1]), 'x');
+    expect(history.canUndo).toBe(true);
+    expect(history.now.diaphragm).toEqual(kMotion.diaphragm);
+  });
+});
+
+describe('A direction', () => {
+  it('is two angles and back', () => {
+    for (const about_deg of [-170, -90, 0, 35, 180]) {
+      for (const up_deg of [-60, 0, 45]) {
+        const angles = anglesOf(directionOf({ up_deg, about_deg }));
+        expect(angles.up_deg).toBeCloseTo(up_deg, 9);
+        expect(angles.about_deg).toBeCloseTo(about_deg, 9);
+      }
+    }
+    expect(anglesOf([0, -1, 0])).toEqual({ up_deg: 0, about_deg: -90 });
+  });
+  it('keeps at the poles what the person turned it to', () => {
+    const down = directionOf({ up_deg: -90, about_deg: 40 });
+    expect(down).toEqual([0, 0, -1]);
+    expect(anglesOf(down, 40)).toEqual({ up_deg: -90, about_deg: 40 });
+  });
+});
+
+describe('A slider', () => {
+  it('reaches as far as the model does', () => {
+    expect(rangeOf('amplitude_mm', 12).most).toBe(30);
+    expect(rangeOf('amplitude_mm', 45).most).toBe(45);
+    expect(rangeOf('phase_s', -7).least).toBe(-7);
+  });
+});
+
+describe('A time line', () => {
+  const breath = { times_s: [0, 0.9, 1.8, 2.7], duration_s: 3.6 };
+  const film = { times_s: [0, 0.5, 1], duration_s: 1 };
+  it('shows the last moment by then', () => {
+    expect([0, 0.89, 0.9, 3.5].map((one) => momentAt(breath, one))).toEqual([0, 0, 1, 3]);
+    expect(momentAt({ times_s: [], duration_s: 0 }, 1)).toBe(0);
+  });
+  it('goes on from its end at its beginning', () => {
+    expect(later(breath, 3.5, 0.2)).toBeCloseTo(0.1);
+    expect(later(film, 0.9, 0.2)).toBeCloseTo(0.1);
+    expect(later({ times_s: [5], duration_s: 0 }, 5, 1)).toBe(5);
+  });
+  it('is stepped from moment to moment, round and round', () => {
+    expect(stepped(breath, 1, 1)).toBe(1.8);
+    expect(stepped(breath, 2.7, 1)).toBe(0);
+    expect(stepped(breath, 0, -1)).toBe(2.7);
+  });
+});

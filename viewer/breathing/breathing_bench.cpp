@@ -1,0 +1,136 @@
+#include "viewer/breathing/breathing_bench.h"
+
+#include <algorithm>
+#include <sys/stat.h>
+#include <utility>
+
+#include "base/error.h"
+#include "base/number_text.h"
+#include "timestamp/small_files.h"
+#include "viewer/http/disk_room.h"
+#include "viewer/http/new_file_name.h"
+#include "viewer/http/request.h"
+
+namespace kiroku::viewer {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string pixels_text(std::size_t columns, std::size_t rows) {
+  return std::to_string(columns) + " x " + std::to_string(rows);
+}
+
+void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
+                       const sim::ProjectionGeometry& geometry) {
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < radiographs.size(); ++i) {
+    const BenchRadiograph& one = radiographs[i];
+    if (one.image.columns != geometry.columns() || one.image.rows != geometry.rows()) {
+      throw Error(one.name + " has " + pixels_text(one.image.columns, one.image.rows) +
+                  " pixels, the geometry says " + pixels_text(geometry.columns(), geometry.rows()) +
+                  ": give the geometry that the radiographs were made with");
+    }
+    if (i > 0 && !(one.time_s > radiographs[i - 1].time_s))
+      throw Error(one.name + " was taken at " + number_text(one.time_s) + " s, not after the one before");
+    bytes += one.image.values.size() * sizeof(float);
+    if (bytes > BreathingBench::kMostRadiographBytes) {
+      throw Error("the radiographs take more than " +
+                  std::to_string(BreathingBench::kMostRadiographBytes >> 30) +
+                  " GiB of memory: give a part of the series, or one of fewer pixels");
+    }
+  }
+}
+
+}  // namespace
+
+BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(const std::string& step)>& step)
+    : file_(std::move(inputs.file)),
+      model_(std::move(inputs.model)),
+      radiographs_(std::move(inputs.radiographs)),
+      start_s_(inputs.start_s) {
+  const auto tell = [&](const char* what) {
+    if (step) step(what);
+  };
+  const sim::Tumour& tumour = model_.needed_tumour();
+  check_radiographs(radiographs_, inputs.geometry);
+  tell("solving for how the lung moves");
+  {
+    const sim::BreathingBody body(model_.mesh, model_.materials, model_.groups, model_.slide);
+    responses_ = std::make_unique<sim::MotionResponses>(body);
+  }
+  const sim::MeshPoint centre = sim::centre_of(model_.mesh, tumour);
+  tumour_region_ = model_.mesh.regions[tumour.tetrahedra.front()];
+  tumour_m_ = centre.mean(model_.mesh.nodes);
+  tumour_ = responses_->at(centre);
+  tell("projecting the CT");
+  ct_ = std::make_unique<sim::CtProjector>(inputs.volume, sim::Attenuation(sim::Attenuation::kCtEnergyKev));
+  mesh_ = std::make_unique<sim::MeshProjector>(*ct_, model_.mesh);
+  const std::size_t most = std::min({kFactors, inputs.geometry.columns(), inputs.geometry.rows()});
+  for (std::size_t factor = 1; factor <= most; ++factor) {
+    sim::ProjectionGeometry geometry = inputs.geometry.binned(factor);
+    sim::ProjectionImage still = mesh_->outside(geometry);
+    views_.push_back({std::move(geometry), std::move(still)});
+  }
+  const sim::ProjectionImage at_rest = drr(1, std::vector<sim::Vector3>(nodes(), sim::Vector3::Zero()));
+  windows_ = sim::overlay_windows(has_radiographs() ? radiographs_.front().image : at_rest, at_rest);
+}
+
+MotionDeed BreathingBench::own_motion() const {
+  return {model_.motion,
+          model_.waveform.periodic() ? std::optional(model_.waveform.duration_s()) : std::nullopt};
+}
+
+sim::Waveform BreathingBench::waveform_of(const MotionDeed& motion) const {
+  if (!motion.cycle_s) return model_.waveform;
+  if (!model_.waveform.periodic()) {
+    throw Error(
+        "the waveform of this model has no cycle: it is a trace, or told breath by breath; change it in the "
+        "document");
+  }
+  return sim::Waveform(sim::SineWave{*motion.cycle_s});
+}
+
+std::vector<double> BreathingBench::times_s(const sim::Waveform& waveform) const {
+  std::vector<double> times_s;
+  if (!has_radiographs()) return sim::phase_times_s(waveform, model_.phases);
+  for (const BenchRadiograph& one : radiographs_) times_s.push_back(one.time_s);
+  return times_s;
+}
+
+std::size_t BreathingBench::radiograph_at(double time_s) const {
+  const auto after = std::ranges::upper_bound(radiographs_, time_s, {}, &BenchRadiograph::time_s);
+  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(after - radiographs_.begin() - 1, 0));
+}
+
+const sim::ProjectionGeometry& BreathingBench::geometry(std::size_t factor) const {
+  return views_[std::min(factor, views_.size()) - 1].geometry;
+}
+
+sim::ProjectionImage BreathingBench::drr(std::size_t factor, const std::vector<sim::Vector3>& moved_m) const {
+  const View& view = views_[std::min(factor, views_.size()) - 1];
+  sim::ProjectionImage image = mesh_->inside(view.geometry, moved_m);
+  sim::add_to(image, view.still);
+  return image;
+}
+
+std::vector<sim::PixelLine> BreathingBench::outline(std::size_t factor,
+                                                    const std::vector<sim::Vector3>& moved_m) const {
+  sim::TetMesh mesh = model_.mesh;
+  for (std::size_t node = 0; node < moved_m.size(); ++node) mesh.nodes[node] += moved_m[node];
+  return sim::outline_of(mesh, tumour_region_, geometry(factor));
+}
+
+std::string BreathingBench::save(const std::string& name, const MotionDeed& motion) const {
+  check_new_file_name(name, "a model");
+  static_cast<void>(waveform_of(motion));
+  const fs::path folder = fs::absolute(file_).parent_path(), file = folder / (name + ".json");
+  if (std::error_code ignored; fs::exists(file, ignored))
+    throw Refusal(409, "there is a file '" + name + ".json' already: save it under another name");
+  const std::string text = sim::with_motion(file_, motion.motion, folder, motion.cycle_s);
+  require_disk_room(folder, text.size(), "remove models that nobody needs");
+  constexpr mode_t kMode = 0640;
+  timestamp::write_new_file(file, bytes_of(text), kMode);
+  return file.filename().string();
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,104 @@
+// What everybody at a breathing workbench has in common: the lung and its responses, the CT that shows it,
+// and a series of radiographs. Immutable, thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sim/drr/mesh_projector.h"
+#include "sim/drr/overlay.h"
+#include "sim/respiration/breathing_model.h"
+#include "sim/respiration/motion_responses.h"
+#include "viewer/breathing/breathing_deeds.h"
+
+namespace kiroku::viewer {
+
+/// A radiograph, light where much attenuates, `time_s` since the first.
+struct BenchRadiograph {
+  double time_s = 0;
+  sim::ProjectionImage image;
+  std::string name;  // for people
+};
+
+/// What a bench is made of.
+struct BenchInputs {
+  std::filesystem::path file;  // the model's
+  sim::BreathingModel model;
+  sim::Volume volume;
+  sim::ProjectionGeometry geometry;
+  std::vector<BenchRadiograph> radiographs;  // by their times; may be none
+  double start_s = 0;                        // the waveform's moment at the first radiograph
+};
+
+class BreathingBench {
+ public:
+  /// So much memory radiographs may take, as floats.
+  static constexpr std::size_t kMostRadiographBytes = std::size_t{2} << 30;
+
+  /// kiroku::Error in one sentence for a model without tumour, rib cage or diaphragm, radiographs of another
+  /// size than the geometry's, that are not one after the other, or too many; what the projectors throw.
+  /// `step` hears what is done next.
+  explicit BreathingBench(BenchInputs inputs, const std::function<void(const std::string& step)>& step = {});
+
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
+  [[nodiscard]] const sim::BreathingModel& model() const { return model_; }
+  [[nodiscard]] const sim::MotionResponses& responses() const { return *responses_; }
+  [[nodiscard]] const std::vector<BenchRadiograph>& radiographs() const { return radiographs_; }
+  [[nodiscard]] bool has_radiographs() const { return !radiographs_.empty(); }
+  [[nodiscard]] std::size_t nodes() const { return model_.mesh.nodes.size(); }
+
+  /// As the document says it.
+  [[nodiscard]] MotionDeed own_motion() const;
+  /// kiroku::Error where the waveform has no cycle that could be another: it was measured, or is told breath
+  /// by breath.
+  [[nodiscard]] sim::Waveform waveform_of(const MotionDeed& motion) const;
+  /// The moments of a time line, ascending: radiographs, else the model's phases.
+  [[nodiscard]] std::vector<double> times_s(const sim::Waveform& waveform) const;
+  /// The waveform's moment at one of the time line.
+  [[nodiscard]] double model_time_s(double time_s) const {
+    return has_radiographs() ? start_s_ + time_s : time_s;
+  }
+  /// The last radiograph that was taken by then; the first before. There must be one.
+  [[nodiscard]] std::size_t radiograph_at(double time_s) const;
+
+  /// Pixels `factor` (1 to kFactors) times as wide and high.
+  static constexpr std::size_t kFactors = 3;
+  [[nodiscard]] const sim::ProjectionGeometry& geometry(std::size_t factor) const;
+  [[nodiscard]] sim::ProjectionImage drr(std::size_t factor, const std::vector<sim::Vector3>& moved_m) const;
+  /// Of the first radiograph and the lung at rest: pictures keep these, so that greys can be compared.
+  [[nodiscard]] const sim::OverlayWindows& windows() const { return windows_; }
+  /// The tumour's edge where the nodes are displaced by that.
+  [[nodiscard]] std::vector<sim::PixelLine> outline(std::size_t factor,
+                                                    const std::vector<sim::Vector3>& moved_m) const;
+  /// The tumour's centre at rest, and its responses.
+  [[nodiscard]] const sim::Vector3& tumour_m() const { return tumour_m_; }
+  [[nodiscard]] const sim::MotionResponses::Place& tumour() const { return tumour_; }
+
+  /// Writes the model with another motion beside it, as `name` with ".json", durably; returns that. Refusal
+  /// 400 for a name that is no file's, 409 where there is such a file, 507 where the disk has no room.
+  [[nodiscard]] std::string save(const std::string& name, const MotionDeed& motion) const;
+
+ private:
+  struct View {
+    sim::ProjectionGeometry geometry;
+    sim::ProjectionImage still;
+  };
+
+  std::filesystem::path file_;
+  sim::BreathingModel model_;
+  std::vector<BenchRadiograph> radiographs_;
+  double start_s_;
+  std::unique_ptr<sim::MotionResponses> responses_;
+  std::unique_ptr<sim::CtProjector> ct_;
+  std::unique_ptr<sim::MeshProjector> mesh_;
+  std::vector<View> views_;  // by factor
+  sim::OverlayWindows windows_;
+  std::int32_t tumour_region_ = 0;
+  sim::Vector3 tumour_m_ = sim::Vector3::Zero();
+  sim::MotionResponses::Place tumour_;
+};
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,41 @@
+// What page and breathing workbench say to each other over a WebSocket (docs/reference/viewer.md,
+// "Breathing"). Pure functions, thread-safe.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/bytes.h"
+#include "viewer/breathing/live_breathing.h"
+
+namespace kiroku::viewer {
+
+/// {"input": 3, "save": {"file": "fitted", "motion": {…}}}
+struct SaveMotion {
+  std::string file;
+  MotionDeed motion;
+};
+struct BreathingMessage {
+  std::uint64_t input = 0;
+  std::variant<MotionDeed, MomentDeed, LookDeed, SaveMotion> deed;
+};
+
+/// No message is longer.
+inline constexpr std::size_t kLongestBreathingMessage = 16U << 10;
+/// Refusal 400 in one sentence for what is none of them, or no motion that a model's document can say.
+BreathingMessage parse_breathing_message(std::string_view text);
+
+nlohmann::ordered_json motion_json(const MotionDeed& motion);
+/// {"opened": {…}}: what there is, before the first picture.
+nlohmann::ordered_json opened_json(const BreathingBench& bench);
+/// {"path": {"revision", "duration_s", "times_s", "mm"}}
+nlohmann::ordered_json path_json(const BreathingTable& table);
+/// {"similarity": {"revision", "values"}}, null for radiographs that were not measured
+nlohmann::ordered_json similarity_json(const BreathingTable& table);
+/// A picture with its numbers (viewer/http/picture_message.h).
+Bytes moment_message(const BreathingMoment& moment);
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,29 @@
+#include "viewer/breathing/breathing_room.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace kiroku::viewer {
+namespace {
+
+Turns::Limits places_at_bench(std::size_t at_once) {
+  return {.all = at_once, .of_person = std::max<std::size_t>(1, at_once - 1)};
+}
+
+Turns::Sentences refusals_at_bench(std::size_t at_once) {
+  return {"as many people work here as this machine can compute for (" + std::to_string(at_once) +
+              "): try again when somebody has left",
+          "you work at this lung already, on another page: close that first"};
+}
+
+}  // namespace
+
+BreathingRoom::BreathingRoom(const BreathingBench& bench, std::size_t at_once,
+                             std::function<void(const std::string& sentence)> tell)
+    : bench_(bench), tell_(std::move(tell)), places_(places_at_bench(at_once), refusals_at_bench(at_once)) {}
+
+std::unique_ptr<Turns::Turn> BreathingRoom::enter(const std::string& person) {
+  return std::make_unique<Turns::Turn>(places_, person);
+}
+
+}  // namespace kiroku::viewer

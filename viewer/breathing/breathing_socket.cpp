@@ -1,0 +1,61 @@
+#include "viewer/breathing/breathing_socket.h"
+
+#include <utility>
+
+#include <nlohmann/json.hpp>
+
+#include "viewer/http/request.h"
+
+namespace kiroku::viewer {
+
+using nlohmann::ordered_json;
+
+BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
+                                 std::shared_ptr<SocketOutput> output)
+    : room_(room), output_(std::move(output)), place_(room.enter(person)) {
+  output_->send_text(opened_json(room_.bench()).dump());
+  live_ = std::make_unique<LiveBreathing>(room_.bench(), listener());
+}
+
+void BreathingSocket::receive(const SocketMessage& message) {
+  if (!message.is_text) throw Refusal(400, "a message must be text");
+  const BreathingMessage said = parse_breathing_message(text_of(message.bytes));
+  if (said.input <= last_input_) throw Refusal(400, "'input' must rise from message to message");
+  last_input_ = said.input;
+  if (const auto* wanted = std::get_if<SaveMotion>(&said.deed)) return save(*wanted);
+  if (const auto* motion = std::get_if<MotionDeed>(&said.deed)) live_->apply(said.input, *motion);
+  if (const auto* moment = std::get_if<MomentDeed>(&said.deed)) live_->apply(said.input, *moment);
+  if (const auto* look = std::get_if<LookDeed>(&said.deed)) live_->apply(said.input, *look);
+}
+
+void BreathingSocket::save(const SaveMotion& wanted) {
+  const auto task = [this, wanted] {
+    const std::string file = room_.bench().save(wanted.file, wanted.motion);
+    output_->send_text(
+        ordered_json{{"saved", {{"file", file}, {"motion", motion_json(wanted.motion)}}}}.dump());
+  };
+  if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
+}
+
+BreathingListener BreathingSocket::listener() {
+  BreathingListener out;
+  // What a slow browser has not taken yet would only make the next picture later.
+  out.ready = [this] { return output_->waiting() == 0; };
+  out.shown = [this](const BreathingMoment& moment) {
+    output_->send_bytes(std::make_shared<const Bytes>(moment_message(moment)));
+  };
+  out.moved = [this](const BreathingTable& table) { output_->send_text(path_json(table).dump()); };
+  out.measured = [this](const BreathingTable& table) { output_->send_text(similarity_json(table).dump()); };
+  out.told = [this](const std::string& sentence) {
+    output_->send_text(ordered_json{{"told", sentence}}.dump());
+  };
+  out.failed = [this](const std::string& sentence) {
+    room_.tell("a breathing workbench ended: " + sentence);
+    // Nothing is computed any more, however long the connection is kept.
+    place_.reset();
+    output_->send_text(ordered_json{{"failed", sentence}}.dump());
+  };
+  return out;
+}
+
+}  // namespace kiroku::viewer

@@ -1,0 +1,30 @@
+// A breathing workbench over one WebSocket (docs/reference/viewer.md, "Breathing").
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "viewer/breathing/breathing_messages.h"
+#include "viewer/breathing/breathing_room.h"
+#include "viewer/http/socket.h"
+
+namespace kiroku::viewer {
+
+class BreathingSocket : public SocketHandler {
+ public:
+  /// `room` must outlive it. `person` as Session::person(). Refusal 503 where all places are taken.
+  BreathingSocket(BreathingRoom& room, const std::string& person, std::shared_ptr<SocketOutput> output);
+  void receive(const SocketMessage& message) override;
+
+ private:
+  void save(const SaveMotion& wanted);
+  [[nodiscard]] BreathingListener listener();
+
+  BreathingRoom& room_;
+  std::shared_ptr<SocketOutput> output_;
+  std::unique_ptr<Turns::Turn> place_;
+  std::uint64_t last_input_ = 0;
+  std::unique_ptr<LiveBreathing> live_;  // last: over before what it uses
+};
+
+}  // namespace kiroku::viewer

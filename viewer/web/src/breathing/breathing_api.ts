@@ -1,0 +1,90 @@
+// The breathing workbench's part of the API (docs/reference/viewer.md, "Breathing"): the WebSocket of the lung that is served.
+import type { Motion, Vector } from '@/breathing/motion';
+import { PictureSocket } from '@/media/picture_socket';
+
+export interface OpenedLung {
+  file: string;
+  vertices: number;
+  groups: Record<string, number>;
+  columns: number;
+  rows: number;
+  /** So many; 0: the lung is seen alone. */
+  radiographs: number;
+  warnings: string[];
+  motion: Motion;
+}
+/** Where the tumour goes: from its place at rest, at the moments of the time line. */
+export interface Path {
+  revision: number;
+  duration_s: number;
+  times_s: number[];
+  mm: Vector[];
+}
+export interface Similarity {
+  revision: number;
+  /** By radiograph; null: not measured yet. */
+  values: (number | null)[];
+}
+export interface LungMoment {
+  picture: number;
+  input: number;
+  revision: number;
+  time_s: number;
+  radiograph: number | null;
+  tumour_mm: Vector;
+  drawing_ms: number;
+}
+
+export const kModes = ['beside', 'opacity', 'wipe', 'difference', 'contour'] as const;
+export type Mode = (typeof kModes)[number];
+export interface Look {
+  mode: Mode;
+  part: number;
+  outlined: boolean;
+}
+
+export type LungDeed = { motion: Motion } | { moment: { time_s: number } } | { look: Look } | { save: { file: string; motion: Motion } };
+
+export interface LungListener {
+  opened: (opened: OpenedLung) => void;
+  path: (path: Path) => void;
+  similarity: (similarity: Similarity) => void;
+  moment: (moment: LungMoment, picture: ImageBitmap) => void;
+  told: (sentence: string) => void;
+  saved: (file: string, motion: Motion) => void;
+  lost: (sentence: string) => void;
+}
+
+interface Said {
+  opened?: OpenedLung;
+  path?: Path;
+  similarity?: Similarity;
+  told?: string;
+  saved?: { file: string; motion: Motion };
+  failed?: string;
+}
+
+export class LungConnection {
+  private readonly socket: PictureSocket<Said, LungMoment>;
+
+  constructor(listener: LungListener) {
+    this.socket = new PictureSocket<Said, LungMoment>('breathing/table', {
+      said: (said) => {
+        if (said.opened) listener.opened(said.opened);
+        if (said.path) listener.path(said.path);
+        if (said.similarity) listener.similarity(said.similarity);
+        if (said.told !== undefined) listener.told(said.told);
+        if (said.saved) listener.saved(said.saved.file, said.saved.motion);
+      },
+      moment: listener.moment,
+      lost: listener.lost,
+    });
+  }
+  /** The number that pictures name once they show it; 0 while nothing can be sent. */
+  send(deed: LungDeed): number {
+    return this.socket.send(deed);
+  }
+  leave(): void {
+    this.socket.leave();
+  }
+}

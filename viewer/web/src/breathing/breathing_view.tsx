@@ -1,0 +1,332 @@
+// A breathing lung beside its radiographs: the picture, its time line, sliders, and what they come to.
+import { useSignal } from '@preact/signals';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
+import { typed } from '@/base/form_fields';
+import { askBeforeLeaving } from '@/base/route';
+import { kModes, type Mode } from '@/breathing/breathing_api';
+import { LungController } from '@/breathing/lung_controller';
+import { kGroups } from '@/breathing/motion';
+import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
+import { beginOf, momentAt } from '@/breathing/time_line';
+import { TimePlot } from '@/breathing/time_plot';
+import { t } from '@/i18n/i18n';
+import { inOwnWords } from '@/i18n/server_words';
+import { Dialog } from '@/shell/dialog';
+import { Icon } from '@/shell/icon';
+import { announce, notify } from '@/shell/state';
+import { StateCard } from '@/shell/state_card';
+import { lookForWorkplaces } from '@/shell/workplaces';
+
+const kKeyOfMode: Record<Mode, string> = { beside: 'b', opacity: 'o', wipe: 'w', difference: 'd', contour: 'c' };
+const kAxes = ['x', 'y', 'z'] as const;
+
+const stemOf = (file: string) => file.replace(/\.json$/, '');
+/** From the picture's left edge, 0, to its right, 1: beside it the canvas is black. */
+function alongPicture(canvas: HTMLCanvasElement, event: PointerEvent): number {
+  const box = canvas.getBoundingClientRect();
+  const shown = Math.min(box.width, (box.height * canvas.width) / canvas.height);
+  return 0.5 + (event.clientX - box.left - box.width / 2) / shown;
+}
+const within = (value: number) => Math.min(1, Math.max(0, value));
+
+export function BreathingView() {
+  const lost = useSignal<string | undefined>(undefined);
+  const visit = useSignal(0);
+  useEffect(() => {
+    document.title = `${t('nav.breathing')} · Kiroku`;
+  });
+  if (lost.value !== undefined) {
+    return (
+      <main id="main" class="main narrow" tabIndex={-1}>
+        <div class="view-head">
+          <h1>{t('nav.breathing')}</h1>
+        </div>
+        <StateCard icon="alarm" title={t('breathing.ended')} what={lost.value || t('breathing.lost')}>
+          <button
+            type="button"
+            class="button button-main"
+            onClick={() => {
+              lost.value = undefined;
+              visit.value += 1;
+            }}
+          >
+            {t('state.again')}
+          </button>
+        </StateCard>
+      </main>
+    );
+  }
+  return (
+    <LungView
+      key={visit.value}
+      leave={(sentence) => {
+        lost.value = sentence;
+        void lookForWorkplaces();
+      }}
+    />
+  );
+}
+
+function SaveDialog({ file, save, close }: { file: string; save: (file: string) => void; close: () => void }) {
+  return (
+    <Dialog title={t('breathing.save')} onClose={close}>
+      <form class="form" method="dialog" onSubmit={(event) => save(typed(new FormData(event.currentTarget), 'file').trim())}>
+        <label class="field">
+          <span>{t('planning.saveFile')}</span>
+          <input name="file" required maxLength={100} defaultValue={file} autocomplete="off" />
+        </label>
+        <p class="muted">{t('breathing.saveWhat')}</p>
+        <button type="submit" class="button button-main">
+          <Icon name="save" />
+          {t('planning.saveDo')}
+        </button>
+      </form>
+    </Dialog>
+  );
+}
+
+function LungView({ leave }: { leave: (sentence: string) => void }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const field = useRef<HTMLDivElement>(null);
+  const saving = useSignal(false);
+
+  const lung = useMemo(() => {
+    const made: LungController = new LungController({
+      opened: (opened) => {
+        for (const warning of opened.warnings) notify(warning);
+        announce(t('planning.opened', { name: opened.file }));
+        field.current?.focus();
+      },
+      picture: (picture) => {
+        const to = canvas.current;
+        const rows = made.opened.peek()?.rows;
+        if (!to || rows === undefined) return;
+        // Pictures come of fewer pixels while something moves.
+        const wide = Math.round((picture.width / picture.height) * rows);
+        if (to.width !== wide || to.height !== rows) [to.width, to.height] = [wide, rows];
+        to.getContext('2d')?.drawImage(picture, 0, 0, wide, rows);
+      },
+      told: (sentence) => notify(inOwnWords(sentence, 409)),
+      saved: (file) => {
+        notify(t('planning.saved', { plan: file }), 'done');
+        announce(t('planning.saved', { plan: file }));
+      },
+      lost: (sentence) => leave(sentence && inOwnWords(sentence, 409)),
+    });
+    return made;
+  }, []);
+  useEffect(() => () => lung.leave(), [lung]);
+  useEffect(() => askBeforeLeaving(() => lung.steps.peek().saved || confirm(t('breathing.leave'))), [lung]);
+
+  const choose = (mode: Mode) => {
+    lung.lookAs({ mode });
+    announce(t(`breathing.mode.${mode}`));
+  };
+  useEffect(() => {
+    /** Whether the key does something. */
+    const act = (event: KeyboardEvent): boolean => {
+      const key = event.key.toLowerCase();
+      if (event.ctrlKey || event.metaKey) {
+        if (key === 'z' && event.shiftKey) lung.redo();
+        else if (key === 'z') lung.undo();
+        else if (key === 'y') lung.redo();
+        else if (key === 's') saving.value = true;
+        else return false;
+        return true;
+      }
+      // Buttons, sliders and lists have these keys for themselves.
+      const own = /^(INPUT|SELECT|BUTTON|SUMMARY|A)$/.test((event.target as HTMLElement).tagName);
+      if (key === ' ' && !own) lung.toggle();
+      else if (key === 'arrowleft' && !own) lung.step(-1);
+      else if (key === 'arrowright' && !own) lung.step(1);
+      else {
+        const mode = lung.opened.peek()?.radiographs ? kModes.find((one) => kKeyOfMode[one] === key) : undefined;
+        if (mode) choose(mode);
+        else if (key === 't') lung.lookAs({ outlined: !lung.look.peek().outlined });
+        else return false;
+      }
+      return true;
+    };
+    const listen = (event: KeyboardEvent) => {
+      if (document.querySelector('dialog[open]') || event.altKey || /^(TEXTAREA)$/.test((event.target as HTMLElement).tagName)) return;
+      if (act(event)) event.preventDefault();
+    };
+    document.addEventListener('keydown', listen);
+    return () => document.removeEventListener('keydown', listen);
+  }, [lung]);
+
+  const opened = lung.opened.value;
+  const motion = lung.motion.value;
+  const path = lung.path.value;
+  const look = lung.look.value;
+  const moment = lung.moment.value;
+  const { undo, redo, saved } = lung.steps.value;
+  const line = lung.line;
+  const end_s = beginOf(line) + line.duration_s;
+  const time_s = moment?.time_s ?? lung.time_s.value;
+  const alike = lung.similarity.value;
+  const measured = alike && path && alike.revision === path.revision ? alike.values.filter((one): one is number => one !== null) : [];
+  const withSeries = (opened?.radiographs ?? 0) > 0;
+  const wipes = withSeries && look.mode === 'wipe';
+  const drag = (event: PointerEvent) => {
+    if (wipes && event.buttons > 0 && canvas.current) lung.lookAs({ part: within(alongPicture(canvas.current, event)) });
+  };
+  return (
+    <main id="main" class="main pad breathing" tabIndex={-1}>
+      <div class="view-head">
+        <h1>
+          {t('breathing.title')} {opened && <small class="muted">{opened.file}</small>}
+        </h1>
+        <div class="attempt-do">
+          <button type="button" class="button" disabled={!undo} onClick={() => lung.undo()} title="Ctrl+Z">
+            <Icon name="undo" />
+            {t('planning.undo')}
+          </button>
+          <button type="button" class="button" disabled={!redo} onClick={() => lung.redo()} title="Ctrl+Shift+Z">
+            <Icon name="redo" />
+            {t('planning.redo')}
+          </button>
+          <button type="button" class="button button-main" disabled={!opened} onClick={() => (saving.value = true)} title="Ctrl+S">
+            <Icon name="save" />
+            {t('planning.save')}
+            {!saved && <span class="only-heard"> ({t('breathing.unsaved')})</span>}
+          </button>
+        </div>
+      </div>
+      <div class="lung-body">
+        <div class="lung-seen">
+          {withSeries && (
+            <div class="lung-modes" role="toolbar" aria-label={t('breathing.modes')}>
+              {kModes.map((mode) => (
+                <button key={mode} type="button" class="button" aria-pressed={look.mode === mode} onClick={() => choose(mode)}>
+                  {t(`breathing.mode.${mode}`)} <kbd>{kKeyOfMode[mode].toUpperCase()}</kbd>
+                </button>
+              ))}
+              {(look.mode === 'opacity' || look.mode === 'wipe') && (
+                <label class="lung-part">
+                  <span>{t(look.mode === 'wipe' ? 'breathing.edge' : 'breathing.blend')}</span>
+                  <input
+                    type="range"
+                    min="0"
+                    max="1"
+                    step="0.01"
+                    value={look.part}
+                    onInput={(event) => lung.lookAs({ part: Number(event.currentTarget.value) })}
+                  />
+                </label>
+              )}
+            </div>
+          )}
+          <div
+            ref={field}
+            class={wipes ? 'lung-field lung-field-wipe' : 'lung-field'}
+            role="application"
+            tabIndex={0}
+            aria-label={t(withSeries ? 'breathing.picture' : 'breathing.pictureAlone')}
+            aria-busy={moment === undefined}
+            onPointerDown={(event) => {
+              field.current?.setPointerCapture(event.pointerId);
+              drag(event);
+            }}
+            onPointerMove={drag}
+          >
+            <canvas ref={canvas} aria-hidden="true" />
+            {withSeries && look.mode === 'beside' && moment && (
+              <>
+                <span class="lung-tag">{t('breathing.radiograph')}</span>
+                <span class="lung-tag lung-tag-right">{t('breathing.computed')}</span>
+              </>
+            )}
+            {!moment && <p class="attempt-making">{t('breathing.opening')}</p>}
+          </div>
+          <div class="lung-time">
+            <button type="button" class="button button-square" aria-label={t('breathing.back')} title="←" onClick={() => lung.step(-1)}>
+              <Icon name="stepBack" />
+            </button>
+            <button
+              type="button"
+              class="button button-square"
+              aria-label={t(lung.playing.value ? 'breathing.pause' : 'breathing.play')}
+              onClick={() => lung.toggle()}
+            >
+              <Icon name={lung.playing.value ? 'pause' : 'play'} />
+            </button>
+            <button type="button" class="button button-square" aria-label={t('breathing.on')} title="→" onClick={() => lung.step(1)}>
+              <Icon name="stepForward" />
+            </button>
+            <input
+              type="range"
+              class="lung-line"
+              aria-label={t('breathing.time')}
+              aria-valuetext={`${time_s.toFixed(2)} s`}
+              min={beginOf(line)}
+              max={end_s}
+              step="any"
+              value={lung.time_s.value}
+              onInput={(event) => {
+                lung.pause();
+                lung.goTo(Number(event.currentTarget.value));
+              }}
+            />
+            <span class="mono lung-clock">
+              {time_s.toFixed(2)} s{withSeries && ` · ${momentAt(line, time_s) + 1}/${opened?.radiographs ?? 0}`}
+            </span>
+            <label class="train-check">
+              <input type="checkbox" checked={look.outlined} onChange={(event) => lung.lookAs({ outlined: event.currentTarget.checked })} />
+              <span>
+                {t('breathing.outline')} <kbd>T</kbd>
+              </span>
+            </label>
+          </div>
+          <p class="muted attempt-latency">
+            {lung.rate.value.latency_ms !== undefined &&
+              t('planning.latency', { picture: lung.rate.value.latency_ms.toFixed(0), rate: lung.rate.value.perSecond.toFixed(0) })}
+          </p>
+          {path && (
+            <div class="lung-plots">
+              <TimePlot
+                title={t('breathing.path')}
+                unit="mm"
+                digits={1}
+                times_s={path.times_s}
+                end_s={end_s}
+                curves={kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) }))}
+                now_s={time_s}
+                seek={(at_s) => lung.goTo(at_s)}
+              />
+              {withSeries && (
+                <TimePlot
+                  title={
+                    measured.length > 0
+                      ? t('breathing.similarityOf', {
+                          mean: (measured.reduce((sum, one) => sum + one, 0) / measured.length).toFixed(3),
+                          n: measured.length,
+                          all: opened?.radiographs ?? 0,
+                        })
+                      : t('breathing.similarity')
+                  }
+                  unit=""
+                  digits={3}
+                  times_s={path.times_s}
+                  end_s={end_s}
+                  curves={[{ name: t('breathing.similarity'), values: alike && alike.revision === path.revision ? alike.values : [] }]}
+                  now_s={time_s}
+                  seek={(at_s) => lung.goTo(at_s)}
+                />
+              )}
+            </div>
+          )}
+        </div>
+        {opened && motion && (
+          <div class="lung-side">
+            {kGroups.map((group) => (
+              <GroupSliders key={group} lung={lung} motion={motion} group={group} nodes={opened.groups[group] ?? 0} />
+            ))}
+            <WaveformCard lung={lung} motion={motion} />
+          </div>
+        )}
+      </div>
+      {saving.value && opened && <SaveDialog file={`${stemOf(opened.file)}-2`} save={(file) => lung.save(file)} close={() => (saving.value = false)} />}
+    </main>
+  );
+}
