@@ -37,6 +37,11 @@ Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contact
   return grip;
 }
 
+bool slips(const Grip& grip) {
+  constexpr double kUsedUp = 0.99;
+  return grip.squeeze_n > 0 && grip.pull_n >= kUsedUp * grip.most_pull_n;
+}
+
 ToolForce felt_by(const Grip& grip, const Pose& tool, const std::array<Pose, kJaws>& jaws) {
   ToolForce sum;
   for (std::size_t which = 0; which < kJaws; ++which) {

@@ -41,6 +41,10 @@ struct Grip {
   double most_pull_n = 0;             // friction holds no more: 2 mu N
 };
 
+/// Whether the tissue slides along the jaws: the pull is what friction can hold, to a hundredth, as contacts
+/// balance to a thousandth (contact_solver.h).
+bool slips(const Grip& grip);
+
 /// Of the contacts, those of tools `first` and `first` + 1 are the jaws'.
 Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
              double friction);

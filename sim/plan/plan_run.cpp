@@ -15,11 +15,10 @@ namespace {
 constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Of a time step: what is left by rounding when times are added up.
 constexpr double kSameMoment = 1e-9;
+/// Of a jaw's length: what slips further in a step slips, even where it is caught at an edge of the jaw, too.
+constexpr double kFarAlongJaw = 0.1;
 /// Jaws may come so deep into the tissue: what is left by rounding.
 constexpr double kRoomM = 1e-6;
-/// Friction is used up where the pull reaches this part of what it can hold: contacts balance to a thousandth
-/// (contact/contact_solver.cpp).
-constexpr double kUsedUp = 0.99;
 
 /// A time step further, and at the key frame that is there but for rounding.
 double next_moment_s(const PlanStep& step, double local_s, double time_step_s) {
@@ -324,18 +323,21 @@ void PlanRun::tell_slips() {
   const PlanStep& step = plan_.steps[step_];
   StepFigures& figures = figures_.back();
   for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    frame_.grips[tool].slips = false;
     const PlanTool& grasper = plan_.tools[tool];
     const bool own =
         std::ranges::any_of(step.motions, [&](const PlanMotion& one) { return one.tool == tool; });
     if (!closes(grasper.kind) || !frame_.poses[tool] || (step.action == PlanAction::kClose && own)) continue;
     const std::string at = "at " + number_text(frame_.time_s, 4) + " s ";
     const Grip& grip = frame_.grips[tool].grip;
-    if (grip.squeeze_n > 0 && grip.pull_n >= kUsedUp * grip.most_pull_n && slip_told_[tool] == 0) {
+    const double slipped_m = figures.slipped_m[tool];
+    frame_.grips[tool].slips = slips(grip) || slipped_m > kFarAlongJaw * 2 * grasper.jaw_half_extent_m().x();
+    if (frame_.grips[tool].slips && slip_told_[tool] == 0) {
       slip_told_[tool] = 1;
-      figures.remarks.push_back(at + "the tissue slips in '" + grasper.tool.name + "': it pulls with " +
-                                number_text(grip.pull_n, 3) + " N, and jaws that press with " +
-                                number_text(grip.squeeze_n, 3) + " N each hold " +
-                                number_text(grip.most_pull_n, 3) + " N");
+      figures.remarks.push_back(
+          at + "the tissue slips in '" + grasper.tool.name + "', by " + number_text(slipped_m * kMmPerM, 2) +
+          " mm so far: it pulls with " + number_text(grip.pull_n, 3) + " N, and jaws that press with " +
+          number_text(grip.squeeze_n, 3) + " N each hold " + number_text(grip.most_pull_n, 3) + " N at most");
     }
     if (grip.squeeze_n == 0 && figures.most_nodes[tool] > 0 && lost_told_[tool] == 0) {
       lost_told_[tool] = 1;

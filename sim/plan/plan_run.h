@@ -17,6 +17,8 @@ struct PlanGrip {
   double opening_m = 0;  // between the faces of its jaws
   Grip grip;
   double slipped_m = 0;  // how far the tissue has moved along its jaws since these came
+  bool slips =
+      false;  // friction cannot hold it, or it has slipped by a tenth of the jaws' length in this step
 };
 
 /// How the organ lies at a moment. All numbers are finite.

@@ -175,7 +175,8 @@ TEST_P(PlanGrasperTest, HoldsBelowTwiceFrictionTimesTheSqueezeAndSlipsThere) {
   EXPECT_LT(held_slip_m, 2e-4) << "of 0.8 mm";
   EXPECT_TRUE(slips);
   EXPECT_THAT(all.figures[3].remarks,
-              ElementsAre(HasSubstr("the tissue slips in 'grasper': it pulls with ")));
+              ElementsAre(testing::AllOf(HasSubstr("the tissue slips in 'grasper', by "),
+                                         HasSubstr(" N each hold "))));
   EXPECT_GT(all.figures[3].slipped_m[0], 1e-3);
   const PlanGrip& last = all.frames.back().frame.grips[0];
   EXPECT_NEAR(last.grip.pull_n, 2 * kFriction * last.grip.squeeze_n, 0.015 * last.grip.pull_n);
