@@ -279,6 +279,33 @@ TEST_F(PlanProgram, SealsEveryFileThatAPlanIsMadeOf) {
   EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 2);
 }
 
+// Jaws close along x on the upper half of the cube, hold it while it is lifted a little, and lose it.
+TEST_F(PlanProgram, CarriesOutAPlanWithAGrasper) {
+  write_plan(R"([
+    {"do": "close", "tool": "grasper", "at": {"position": [5, 5, 9], "rotation": {"axis": [0, 1, 0], "degrees": 90}},
+     "opening": 9, "duration_s": 0.75},
+    {"do": "retract", "tool": "grasper", "path": [{"at_s": 0.5, "position": [5, 5, 9.1]}]},
+    {"do": "retract", "tool": "grasper", "path": [{"at_s": 5, "position": [5, 5, 15]}]},
+    {"do": "release", "tool": "grasper"}])");
+  nlohmann::json plan = nlohmann::json::parse(read_text(folder() / "plan.json"));
+  plan["tools"]["grasper"] = {{"kind", "grasper"}, {"jaw", {6, 20, 3}}, {"opening", 11}, {"friction", 0.4}};
+  write_text(folder() / "plan.json", plan.dump());
+  const ProcessResult result = kiroku({"plan", "run", "plan.json", "-o", "out"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("warning: at "));
+  EXPECT_THAT(result.err, HasSubstr("the tissue slips in 'grasper', by "));
+  const auto left = files("out");
+  const nlohmann::json steps = nlohmann::json::parse(left.at("steps.json"))["steps"];
+  EXPECT_EQ(steps[0]["tools"]["grasper"]["most_nodes"], 4);
+  EXPECT_GT(steps[0]["tools"]["grasper"]["largest_squeeze_n"].get<double>(), 0.001);
+  EXPECT_EQ(steps[1]["remarks"].size(), 0U) << steps[1].dump();
+  EXPECT_LT(steps[1]["tools"]["grasper"]["slipped"].get<double>(), 0.01);
+  ASSERT_EQ(steps[2]["remarks"].size(), 2U) << steps[2].dump();
+  EXPECT_THAT(steps[2]["remarks"][1].get<std::string>(), HasSubstr("has slipped out of 'grasper'"));
+  for (const char* const who : {",grasper,", ",grasper jaw 1,", ",grasper jaw 2,"})
+    EXPECT_THAT(left.at("forces.csv"), HasSubstr(who));
+}
+
 /// The plans of docs/plans on organs of a real CT.
 TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
   KIROKU_NEEDS_SHARED_DATA("sim/lung-ct");
