@@ -79,9 +79,11 @@ int adapt(const TemplateRequest& request) {
   const sim::PlanLandmarks landmarks = sim::read_plan_landmarks(request.landmarks);
   const std::string text = sim::read_document(patient);
   const nlohmann::json document = sim::JsonField::parse(text, patient.string());
-  const sim::MeshMaker maker = [](const auto&... how) {
+  const sim::MeshMaker maker = [](const sim::JsonField& recipe, const sim::JsonField& whole,
+                                  const fs::path& folder, std::vector<std::string>& warnings) {
     StepLine line;
-    return sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); })(how...);
+    return sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); })(recipe, whole, folder,
+                                                                                     warnings);
   };
   const sim::BodyModel body =
       sim::BodyReader(sim::JsonField(document, patient.string()), patient.parent_path(), maker).take();

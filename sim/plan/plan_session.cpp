@@ -110,7 +110,8 @@ void PlanSession::close(const PlacedTool& grasper, double opening_m) {
     throw Error("the jaws of '" + tool.tool.name + "' can be more than 0 and at most " +
                 number_text(tool.opening_m * kMmPerM, 3) + " mm apart");
   }
-  if (now && step.opening_m == from_m) throw Error("the jaws of '" + tool.tool.name + "' are that far apart already");
+  if (now && step.opening_m == from_m)
+    throw Error("the jaws of '" + tool.tool.name + "' are that far apart already");
   // Half of what a plan's reader allows.
   const double each_m = tool.jaw_half_extent_m().z() / 2;
   const double steps = std::max(1.0, std::ceil(std::abs(step.opening_m - from_m) / 2 / each_m));

@@ -329,7 +329,10 @@ TEST_F(PlanProgram, MakesAPlanForAnotherOrganFromATemplate) {
     after += "\n";
   }
   write_text(folder() / "patient.msh", mesh.replace(nodes, end - nodes, after));
+  // Tools keep their size: these jaws reach the corners of the larger cube, too.
   nlohmann::json patient = nlohmann::json::parse(read_text(folder() / "plan.json"));
+  patient["tools"]["forceps"]["jaws"] = {18, 18, 2};
+  write_text(folder() / "plan.json", patient.dump());
   patient["mesh"] = "patient.msh";
   patient["fixed"] = nlohmann::json::parse("[{\"box\": [[100, 100, 100], [114, 114, 100]]}]");
   patient.erase("tools");

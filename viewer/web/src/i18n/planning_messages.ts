@@ -39,7 +39,7 @@ export const planningEn = {
   'planning.how.grasp':
     'Press on the organ to grasp it, drag to pull; the wheel pushes away, with Shift it turns the jaws, as twisting a pen does. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push, comma and full stop turn.',
   'planning.how.pinch':
-    'Press on an edge of the organ: two jaws close on it and hold it by friction; drag to pull, and pulled too hard it slips. Press on them to take them again; the wheel and keys work as for Grasp. Minus closes the jaws further, plus opens them.',
+    'Look at an edge of the organ so that it points to you, and press on it: two jaws close on both sides and hold it by friction; drag to pull, and pulled too hard it slips. Press on them to take them again; the wheel and keys work as for Grasp. Minus closes the jaws further, plus opens them.',
   'planning.how.cut': 'Draw a line over the organ. Keys: arrows aim, space sets a place, Enter cuts, Escape forgets the line.',
   'planning.how.press':
     'Each pointer that is down on the organ is a finger, up to five; drag to move it, and a pen pushes as hard as it presses. Keys: arrows aim, space comes down and goes up, Page Up and Down push.',
@@ -112,7 +112,7 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.how.grasp':
     '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ、Shift とホイール（またはペンのひねり）で鉗子を回します。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き、コンマとピリオドで回転。',
   'planning.how.pinch':
-    '臓器の縁の上で押すと、二枚のジョーが閉じて摩擦で挟みます。ドラッグで引き、強く引きすぎると滑ります。ジョーの上で押すと持ち直します。ホイールとキーは把持と同じです。マイナスで閉じ、プラスで開きます。',
+    '臓器の縁が手前を向くように見て、その上で押すと、二枚のジョーが閉じて摩擦で挟みます。ドラッグで引き、強く引きすぎると滑ります。ジョーの上で押すと持ち直します。ホイールとキーは把持と同じです。マイナスで閉じ、プラスで開きます。',
   'planning.how.cut': '臓器の上に線を引きます。キー: 矢印で狙い、スペースで点を置き、Enter で切開、Escape で線を消します。',
   'planning.how.press':
     '臓器の上に置いたポインターがそれぞれ指になります（五本まで）。ドラッグで動かし、ペンは筆圧で押します。キー: 矢印で狙い、スペースで下ろす・上げる、Page Up と Down で押し引き。',
