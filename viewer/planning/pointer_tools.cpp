@@ -128,7 +128,7 @@ std::size_t PointerTools::pinch(const Vector3& place_m) {
     axes.col(2) = Eigen::AngleAxisd(std::numbers::pi * direction / kJawDirections, in) * aside;
     axes.col(1) = axes.col(2).cross(axes.col(0));
     Pose pose{place_m + (2 * kJawGoesIn - 1) * half_m.x() * in, Eigen::Quaterniond(axes).normalized()};
-    double least_m = 0, most_m = 0;  // the place itself lies between the jaws
+    double least_m = 0, most_m = 0;  // nodes on both sides of the place, for both jaws to touch
     for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
       if (!used[node]) continue;
       const Vector3 at_m =
@@ -137,14 +137,14 @@ std::size_t PointerTools::pinch(const Vector3& place_m) {
       least_m = std::min(least_m, at_m.z());
       most_m = std::max(most_m, at_m.z());
     }
-    if (most_m - least_m >= thinnest_m || most_m == least_m) continue;
+    if (most_m - least_m >= thinnest_m || least_m == 0 || most_m == 0) continue;
     thinnest_m = most_m - least_m;
     pose.position_m += (least_m + most_m) / 2 * axes.col(2);
     best = pose;
   }
   const std::string named = "'" + grasper.tool.name + "'";
   if (thinnest_m == std::numeric_limits<double>::infinity())
-    throw Error("no node of the mesh comes between the jaws of " + named + " there: take another place");
+    throw Error("no nodes of the mesh come before both jaws of " + named + " there: take another place");
   if (thinnest_m >= grasper.opening_m) {
     throw Error("the tissue is " + number_text(thinnest_m * sim::kMmPerM, 2) +
                 " mm thick there, and the jaws of " + named + " open by " +
