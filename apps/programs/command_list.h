@@ -82,6 +82,8 @@ struct PlanCommands {
     using enum AnsweredBy;
     return std::to_array<StatedCommand>({{"check", kSim, nullptr},
                                          {"run", kSim, nullptr},
+                                         {"template", kSim, nullptr},
+                                         {"adapt", kSim, nullptr},
                                          {"replay", kFull, add_plan_replay_command},
                                          {"seal", kFull, add_plan_seal_commands},
                                          {"verify", kFull, nullptr},

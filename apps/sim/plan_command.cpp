@@ -176,6 +176,7 @@ Command& add_plan_command(Command& program) {
   ran.example("kiroku plan run liver.json -o liver", "carries the plan out");
   ran.example("kiroku plan run liver.json -o liver --frames-every 0.25", "with four frames a second");
   ran.on_run([run_request] { return run(*run_request); });
+  add_plan_template_commands(plan);
   return plan;
 }
 

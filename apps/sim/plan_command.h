@@ -8,6 +8,8 @@ namespace kiroku::apps {
 /// Without what needs libraries of codecs. Returns 'kiroku plan', for these to be added.
 Command& add_plan_command(Command& program);
 
+/// Templates of plans, and plans made from them.
+void add_plan_template_commands(Command& plan);
 /// Films, which need libraries of codecs.
 void add_plan_replay_command(Command& plan);
 /// Sealing, which takes a home, its log and its authorities.

@@ -269,7 +269,7 @@ CorotationalManipulation::Solids CorotationalManipulation::solids(std::span<cons
     const auto found = std::ranges::find(state.pressing, tool);
     all.before.push_back(static_cast<std::uint32_t>(found - state.pressing.begin()));
     all.tools.push_back(tool);
-    all.shapes.push_back({solid.name, solid.shape, solid.action == ToolAction::kSticks});
+    all.shapes.push_back({solid.name, solid.shape, solid.action == ToolAction::kSticks, solid.friction});
     all.poses.push_back(*poses[tool]);
   }
   return all;

@@ -183,7 +183,7 @@ Manipulation::Pressed Manipulation::press(std::span<const OptionalPose> poses, E
     const Tool& solid = tools_[tool];
     if (solid.action == ToolAction::kBinds || !poses[tool]) continue;
     next.tools.push_back(tool);
-    solids.push_back({solid.name, solid.shape, solid.action == ToolAction::kSticks});
+    solids.push_back({solid.name, solid.shape, solid.action == ToolAction::kSticks, solid.friction});
     there.push_back(*poses[tool]);
     const auto found = std::ranges::find(pressed_.tools, tool);
     before.push_back(static_cast<std::uint32_t>(found - pressed_.tools.begin()));

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "sim/contact/tool_shape.h"
@@ -27,6 +28,8 @@ struct Tool {
   std::string name;  // for errors: "forceps 1"; no two tools of a manipulation have the same
   ToolShape shape;
   ToolAction action = ToolAction::kGlides;
+  /// Of one that kSticks: Coulomb's coefficient (ContactTool::friction). Infinite: what sticks never slides.
+  double friction = std::numeric_limits<double>::infinity();
 };
 
 /// What closed jaws hold: the region between them, around the tool's origin.

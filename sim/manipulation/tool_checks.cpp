@@ -19,6 +19,7 @@ void check_tools(std::span<const Tool> tools) {
     if (std::ranges::count(tools, name, &Tool::name) > 1) throw UsageError("two tools are called " + name);
     if (const std::string problem = problem_of(tools[i].shape); !problem.empty())
       throw UsageError("nothing can be done with " + name + ": " + problem);
+    if (!(tools[i].friction > 0)) throw UsageError("the friction of " + name + " must be greater than zero");
   }
 }
 

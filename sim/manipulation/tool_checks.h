@@ -14,7 +14,7 @@ namespace kiroku::sim {
 /// Where a tool is, in the mesh's frame; nothing where it is not there: taken away, it touches nothing.
 using OptionalPose = std::optional<Pose>;
 
-/// kiroku::UsageError for tools without extent or name, and for two of one name.
+/// kiroku::UsageError for tools without extent, name or friction, and for two of one name.
 void check_tools(std::span<const Tool> tools);
 
 /// The pose with a quaternion of length 1 to the last digit. kiroku::Error for one that is none.

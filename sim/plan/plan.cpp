@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -15,14 +16,17 @@ namespace kiroku::sim {
 namespace {
 
 constexpr double kLongestStepS = 600, kShortestTimeStepS = 0.001;
+constexpr double kLeastFriction = 0.01, kMostFriction = 10;
 
-constexpr std::array<std::pair<const char*, ToolKind>, 6> kKinds{{{"forceps", ToolKind::kForceps},
+constexpr std::array<std::pair<const char*, ToolKind>, 7> kKinds{{{"forceps", ToolKind::kForceps},
                                                                   {"pin", ToolKind::kPin},
+                                                                  {"grasper", ToolKind::kGrasper},
                                                                   {"retractor", ToolKind::kRetractor},
                                                                   {"hook", ToolKind::kHook},
                                                                   {"finger", ToolKind::kFinger},
                                                                   {"scalpel", ToolKind::kScalpel}}};
-constexpr std::array<std::pair<const char*, PlanAction>, 6> kActions{{{"grasp", PlanAction::kGrasp},
+constexpr std::array<std::pair<const char*, PlanAction>, 7> kActions{{{"grasp", PlanAction::kGrasp},
+                                                                      {"close", PlanAction::kClose},
                                                                       {"retract", PlanAction::kRetract},
                                                                       {"press", PlanAction::kPress},
                                                                       {"hold", PlanAction::kHold},
@@ -87,6 +91,7 @@ class PlanReader {
       return true;
     });
     attempt([&] {
+      refuse_names_of_jaws();
       warn_of_small_tools();
       const std::vector<JsonField> steps = document.member("steps").elements();
       if (steps.empty()) document.member("steps").fail("has no step");
@@ -107,6 +112,7 @@ class PlanReader {
   struct ToolState {
     std::optional<Pose> pose;  // absent: not at the organ
     std::string since;         // the step that brought it there
+    double opening_m = 0;      // of a grasper
   };
 
   /// One error does not hide the next.
@@ -160,6 +166,13 @@ class PlanReader {
         tool.expect_object({"kind", "radius"});
         into.tool = pin(name, metres(tool.member("radius")));
         break;
+      case ToolKind::kGrasper:
+        tool.expect_object({"kind", "jaw", "opening", "friction"});
+        into.opening_m = metres(tool.member("opening"));
+        into.tool = jaw(name, 0, size_m(tool.member("jaw")) / 2,
+                        within(tool.member("friction"), kLeastFriction, kMostFriction));
+        into.tool.name = name;
+        break;
       case ToolKind::kRetractor:
         tool.expect_object({"kind", "size", "sticks"});
         into.tool = flat_retractor(name, size_m(tool.member("size")) / 2, sticks());
@@ -178,6 +191,18 @@ class PlanReader {
         break;
     }
     return true;
+  }
+
+  /// Jaws have names of their own in what a plan tells.
+  void refuse_names_of_jaws() const {
+    for (const PlanTool& tool : plan_.tools) {
+      for (std::size_t which = 0; closes(tool.kind) && which < kJaws; ++which) {
+        const std::string name = jaw_name(tool.tool.name, which);
+        if (tool_named_.contains(name))
+          throw Error("tools: '" + name + "' is what a jaw of '" + tool.tool.name +
+                      "' is called: give the other tool another name");
+      }
+    }
   }
 
   /// Tissue is touched at its nodes.
@@ -289,6 +314,10 @@ class PlanReader {
         field.expect_object({"do", "name", "tool", "at"});
         read_grasp(field, step);
         break;
+      case PlanAction::kClose:
+        field.expect_object({"do", "name", "tool", "at", "opening", "duration_s"});
+        read_close(field, step);
+        break;
       case PlanAction::kRetract:
       case PlanAction::kPress:
         field.expect_object({"do", "name", "tool", "path", "tools"});
@@ -336,15 +365,57 @@ class PlanReader {
     step.motions.push_back({tool, ToolPath({{0, pose_of(at, std::nullopt)}})});
   }
 
+  void read_close(const JsonField& field, PlanStep& step) {
+    const JsonField named = field.member("tool");
+    const std::size_t number = tool_of(named);
+    const PlanTool& tool = plan_.tools[number];
+    ToolState& state = state_[number];
+    if (!closes(tool.kind))
+      named.fail("is '" + named.text() + "', a " + name_of(tool.kind) + ": only a grasper closes its jaws");
+    const auto at = field.optional_member("at");
+    if (state.pose && at) {
+      at->fail("places '" + named.text() + "', which is at the organ since " + state.since +
+               ": leave it out, so that it closes where it is");
+    }
+    if (!state.pose) {
+      const JsonField place = field.member("at");
+      place.expect_object({"position", "rotation"});
+      step.motions.push_back({number, ToolPath({{0, pose_of(place, std::nullopt)}})});
+      state.opening_m = tool.opening_m;
+    } else {
+      step.motions.push_back({number, ToolPath({{0, *state.pose}})});
+    }
+    step.duration_s = within(field.member("duration_s"), kShortestTimeStepS, kLongestStepS);
+    const JsonField opening = field.member("opening");
+    step.opening_m = metres(opening);
+    const auto* const box = std::get_if<Box>(&tool.tool.shape);
+    if (box == nullptr) return;  // what is wrong with the tool has been told
+    const double units = units_per_metre(plan_.body.unit);
+    if (step.opening_m > tool.opening_m) {
+      opening.fail("is " + number_text(step.opening_m * units) + ": '" + named.text() + "' opens to " +
+                   number_text(tool.opening_m * units) + " at most");
+    }
+    // A jaw that went further in a time step could leap over the tissue.
+    const double steps = std::max(1.0, step.duration_s / plan_.time_step_s);
+    const double each_m = std::abs(step.opening_m - state.opening_m) / 2 / steps;
+    if (each_m > box->half_extent_m.z()) {
+      field.fail("moves each jaw by " + number_text(each_m * units, 3) +
+                 " in a time step, more than half of its thickness (" +
+                 number_text(box->half_extent_m.z() * units, 3) + "): give it a longer duration_s");
+    }
+    state.opening_m = step.opening_m;
+  }
+
   void check_motions(const JsonField& field, const PlanStep& step) const {
     for (const PlanMotion& motion : step.motions) {
       const PlanTool& tool = plan_.tools[motion.tool];
       const std::string named = "moves '" + tool.tool.name + "', a " + name_of(tool.kind);
       if (tool.kind == ToolKind::kScalpel) field.fail(named + ": a scalpel is moved by cut");
-      if (!binds(tool.kind)) continue;
+      if (!binds(tool.kind) && !closes(tool.kind)) continue;
       if (step.action == PlanAction::kPress)
         field.fail(named + ": it is moved by retract; press is for tools that touch");
-      if (!state_[motion.tool].pose) field.fail(named + " that holds nothing: grasp first");
+      if (!state_[motion.tool].pose)
+        field.fail(named + " that holds nothing: " + (closes(tool.kind) ? "close" : "grasp") + " first");
     }
   }
 
@@ -396,7 +467,8 @@ class PlanReader {
 const char* name_of(ToolKind kind) { return word_for(kind, kKinds); }
 const char* name_of(PlanAction action) { return word_for(action, kActions); }
 bool binds(ToolKind kind) { return kind == ToolKind::kForceps || kind == ToolKind::kPin; }
-bool touches(ToolKind kind) { return !binds(kind) && kind != ToolKind::kScalpel; }
+bool closes(ToolKind kind) { return kind == ToolKind::kGrasper; }
+bool touches(ToolKind kind) { return !binds(kind) && !closes(kind) && kind != ToolKind::kScalpel; }
 
 Pose pose_of_blade(const BladePose& blade) {
   return {blade.tip, Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), blade.heel - blade.tip)};

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "sim/cutting/cut_curve.h"
+#include "sim/manipulation/jaws.h"
 #include "sim/manipulation/tool.h"
 #include "sim/model/body_model.h"
 #include "sim/plan/tool_path.h"
@@ -26,20 +27,27 @@ namespace kiroku::sim {
 enum class ToolKind {
   kForceps,    // binds the surface between its jaws, and holds it in all directions
   kPin,        // binds the surface around its point
+  kGrasper,    // two jaws that close, and hold by friction
   kRetractor,  // a flat plate that pushes
   kHook,       // a rod that pushes
   kFinger,     // a fingertip that pushes
   kScalpel,    // cuts along its edge
 };
 const char* name_of(ToolKind kind);
-/// Whether it binds what it grasps; the others but the scalpel touch, and push where they do.
+/// Whether it binds what it grasps, closes its jaws, or touches, and pushes where it does; a scalpel does
+/// none.
 bool binds(ToolKind kind);
+bool closes(ToolKind kind);
 bool touches(ToolKind kind);
 
 struct PlanTool {
   ToolKind kind = ToolKind::kFinger;
-  Tool tool;          // of a scalpel only the name
-  double edge_m = 0;  // of a scalpel: from its origin along its z axis
+  Tool tool;             // of a scalpel only the name; of a grasper its name, and shape and friction of a jaw
+  double edge_m = 0;     // of a scalpel: from its origin along its z axis
+  double opening_m = 0;  // of a grasper: between the faces of its jaws when they come
+
+  /// Of one that closes.
+  [[nodiscard]] const Vector3& jaw_half_extent_m() const { return std::get<Box>(tool.shape).half_extent_m; }
 };
 
 /// What a step moves.
@@ -48,18 +56,20 @@ struct PlanMotion {
   ToolPath path;
 };
 
-enum class PlanAction { kGrasp, kRetract, kPress, kHold, kCut, kRelease };
+enum class PlanAction { kGrasp, kClose, kRetract, kPress, kHold, kCut, kRelease };
 const char* name_of(PlanAction action);
 
 struct PlanStep {
   PlanAction action = PlanAction::kHold;
-  std::string where;                // its JSON path: "steps[3]"
-  std::string name;                 // "clip the artery"; empty where the plan gives none
-  std::vector<PlanMotion> motions;  // of grasp, retract, press and cut; a grasp's path has one frame
+  std::string where;  // its JSON path: "steps[3]"
+  std::string name;   // "clip the artery"; empty where the plan gives none
+  std::vector<PlanMotion>
+      motions;  // of all but hold and release; the paths of grasp and close have one frame
   std::vector<std::size_t> released;
   /// Of a cut that is drawn on the organ at rest: the scalpel's motion is what cut_along() makes of it, in
   /// the rest shape, however the organ lies meanwhile.
   std::optional<CutCurve> curve;
+  double opening_m = 0;  // of a close: between the jaws at its end
   double duration_s = 0;
 };
 

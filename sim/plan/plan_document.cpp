@@ -14,10 +14,13 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t kForceps = 2, kFingers = 5;
+constexpr std::size_t kForceps = 2, kGraspers = 2, kFingers = 5;
 /// A tool meets tissue at its nodes, so that none is finer than the mesh; a fingertip is no finer than a
 /// person's.
-constexpr double kJawsInEdges = 2, kFingerInEdges = 1.2, kFingertipM = 0.008;
+constexpr double kJawsInEdges = 2, kOpeningInEdges = 6, kFingerInEdges = 1.2, kFingertipM = 0.008;
+
+/// Of toothed jaws on moist tissue. Assumed: measured values range from 0.1 for smooth steel upwards.
+constexpr double kJawFriction = 0.5;
 
 /// Of tools: whole millimetres.
 double tool_length(double length_m, LengthUnit unit) {
@@ -45,6 +48,12 @@ ordered_json numbers(const Vector3& vector) { return {vector.x(), vector.y(), ve
 void add_rotation(ordered_json& pose, const Eigen::Quaterniond& orientation) {
   const WrittenRotation rotation = written_rotation(orientation);
   pose["rotation"] = {{"axis", numbers(rotation.axis)}, {"degrees", rotation.degrees}};
+}
+
+ordered_json place_json(const Pose& pose, LengthUnit unit) {
+  ordered_json place{{"position", numbers(written_position(pose.position_m, unit))}};
+  if (!pose.orientation.vec().isZero(0)) add_rotation(place, pose.orientation);
+  return place;
 }
 
 ordered_json curve_json(const CutCurve& curve, LengthUnit unit) {
@@ -96,10 +105,16 @@ ordered_json step_json(const Plan& plan, const PlanStep& step, std::vector<std::
       break;
     case PlanAction::kGrasp: {
       const PlanMotion& motion = step.motions.front();
-      const Pose pose = motion.path.at(0);
       out["tool"] = name(motion.tool);
-      out["at"] = {{"position", numbers(written_position(pose.position_m, unit))}};
-      if (!pose.orientation.vec().isZero(0)) add_rotation(out["at"], pose.orientation);
+      out["at"] = place_json(motion.path.at(0), unit);
+      break;
+    }
+    case PlanAction::kClose: {
+      const PlanMotion& motion = step.motions.front();
+      out["tool"] = name(motion.tool);
+      if (there[motion.tool] == 0) out["at"] = place_json(motion.path.at(0), unit);
+      out["opening"] = written_position({step.opening_m, 0, 0}, unit).x();
+      out["duration_s"] = step.duration_s;
       break;
     }
     case PlanAction::kRetract:
@@ -129,6 +144,7 @@ ordered_json with_tools(ordered_json document, const Plan& plan) {
   const LengthUnit unit = plan.body.unit;
   const double edge_m = mean_surface_edge_m(plan.body.mesh);
   const double jaws = tool_length(kJawsInEdges * edge_m, unit);
+  const double thickness = tool_length(edge_m, unit);
   const double radius = tool_length(std::max(kFingerInEdges * edge_m, kFingertipM), unit);
   // So long that its heel is outside, wherever its tip is.
   const double edge = tool_length(longest_side_m(plan.body.mesh), unit);
@@ -138,6 +154,13 @@ ordered_json with_tools(ordered_json document, const Plan& plan) {
   };
   for (std::size_t i = 1; i <= kForceps; ++i)
     tools[free_name(tools, numbered("forceps", i))] = {{"kind", "forceps"}, {"jaws", {jaws, jaws, jaws}}};
+  for (std::size_t i = 1; i <= kGraspers; ++i) {
+    tools[free_name(tools, numbered("grasper", i))] = {
+        {"kind", "grasper"},
+        {"jaw", {jaws, jaws, thickness}},
+        {"opening", tool_length(kOpeningInEdges * edge_m, unit)},
+        {"friction", kJawFriction}};
+  }
   for (std::size_t i = 1; i <= kFingers; ++i)
     tools[free_name(tools, numbered("finger", i))] = {{"kind", "finger"}, {"radius", radius}};
   tools[free_name(tools, "scalpel")] = {{"kind", "scalpel"}, {"edge", edge}};

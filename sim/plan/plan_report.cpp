@@ -80,10 +80,14 @@ void PlanTables::add(const PlanRun& run) {
     add_row(tools_, {time, step, name},
             {position.x(), position.y(), position.z(), turn.w(), turn.x(), turn.y(), turn.z()});
     if (plan_.tools[tool].kind == ToolKind::kScalpel) continue;
-    const ToolForce& felt = frame.tools[tool];
-    add_row(forces_, {time, step, name},
-            {felt.force_n.x(), felt.force_n.y(), felt.force_n.z(), felt.torque_nm.x(), felt.torque_nm.y(),
-             felt.torque_nm.z(), felt.normal_n, felt.tangential_n, static_cast<double>(felt.nodes)});
+    const auto add_force = [&](const std::string& feels, const ToolForce& felt) {
+      add_row(forces_, {time, step, feels},
+              {felt.force_n.x(), felt.force_n.y(), felt.force_n.z(), felt.torque_nm.x(), felt.torque_nm.y(),
+               felt.torque_nm.z(), felt.normal_n, felt.tangential_n, static_cast<double>(felt.nodes)});
+    };
+    add_force(name, frame.tools[tool]);
+    for (std::size_t which = 0; closes(plan_.tools[tool].kind) && which < kJaws; ++which)
+      add_force(jaw_name(name, which), frame.grips[tool].grip.jaws[which]);
   }
   double largest_m = 0, largest_pa = 0, sum_pa_m3 = 0, volume_m3 = 0;
   Vector3 place = Vector3::Zero();
@@ -114,6 +118,10 @@ std::string steps_json(const Plan& plan, const PlanRun& run, const std::optional
       if (figures.most_nodes[tool] == 0) continue;
       tools[plan.tools[tool].tool.name] = {{"largest_force_n", figures.largest_force_n[tool]},
                                            {"most_nodes", figures.most_nodes[tool]}};
+      if (!closes(plan.tools[tool].kind)) continue;
+      auto& grasper = tools[plan.tools[tool].tool.name];
+      grasper["largest_squeeze_n"] = figures.largest_squeeze_n[tool];
+      grasper["slipped"] = figures.slipped_m[tool] * units;
     }
     nlohmann::ordered_json entry{{"step", step.where},
                                  {"do", name_of(step.action)},

@@ -15,6 +15,10 @@ namespace {
 constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Of a time step: what is left by rounding when times are added up.
 constexpr double kSameMoment = 1e-9;
+/// Of a jaw's length: what slips further in a step slips, even where it is caught at an edge of the jaw, too.
+constexpr double kFarAlongJaw = 0.1;
+/// Jaws may come so deep into the tissue: what is left by rounding.
+constexpr double kRoomM = 1e-6;
 
 /// A time step further, and at the key frame that is there but for rounding.
 double next_moment_s(const PlanStep& step, double local_s, double time_step_s) {
@@ -35,20 +39,28 @@ PlanRun::PlanRun(const Plan& plan) : plan_(plan), mesh_(plan.body.mesh) {
   place_of_.resize(plan.tools.size());
   for (std::size_t tool = 0; tool < plan.tools.size(); ++tool) {
     if (plan.tools[tool].kind == ToolKind::kScalpel) continue;
+    const PlanTool& one = plan.tools[tool];
     place_of_[tool] = tools.size();
-    manipulated_.push_back(tool);
-    tools.push_back(plan.tools[tool].tool);
+    if (closes(one.kind)) {
+      for (std::size_t which = 0; which < kJaws; ++which)
+        tools.push_back(jaw(one.tool.name, which, one.jaw_half_extent_m(), one.tool.friction));
+    } else {
+      tools.push_back(one.tool);
+    }
   }
+  places_ = tools.size();
   body_ = plan_body(plan, std::move(tools));
   bears_.assign(mesh_.tetrahedra.size(), 1);
   frame_.poses.resize(plan.tools.size());
   frame_.tools.resize(plan.tools.size());
+  frame_.grips.resize(plan.tools.size());
+  on_jaws_m_.resize(plan.tools.size());
 }
 
 PlanRun::PlanRun(const PlanRun& other)
     : plan_(other.plan_),
-      manipulated_(other.manipulated_),
       place_of_(other.place_of_),
+      places_(other.places_),
       shape_(other.shape_),
       body_(other.body_->copy()),
       mesh_(other.mesh_),
@@ -61,6 +73,11 @@ PlanRun::PlanRun(const PlanRun& other)
       step_begins_s_(other.step_begins_s_),
       local_s_(other.local_s_),
       nearest_m_(other.nearest_m_),
+      closes_from_m_(other.closes_from_m_),
+      on_jaws_m_(other.on_jaws_m_),
+      slip_told_(other.slip_told_),
+      lost_told_(other.lost_told_),
+      slipped_before_m_(other.slipped_before_m_),
       blade_rest_(other.blade_rest_),
       frame_(other.frame_),
       figures_(other.figures_) {}
@@ -114,18 +131,51 @@ void PlanRun::begin_step() {
   figures.begins_s = step_begins_s_;
   figures.largest_force_n.resize(plan_.tools.size());
   figures.most_nodes.resize(plan_.tools.size());
+  figures.largest_squeeze_n.resize(plan_.tools.size());
+  figures.slipped_m.resize(plan_.tools.size());
+  slipped_before_m_.clear();
+  for (const PlanGrip& grip : frame_.grips) slipped_before_m_.push_back(grip.slipped_m);
+  slip_told_.assign(plan_.tools.size(), 0);
+  lost_told_.assign(plan_.tools.size(), 0);
   nearest_m_.assign(plan_.tools.size(), kNever);
   blade_rest_.reset();
   unbalanced_told_ = false;
   const PlanStep& step = plan_.steps[step_];
   for (const PlanMotion& motion : step.motions) {
+    const bool comes = !frame_.poses[motion.tool];
     frame_.poses[motion.tool] = motion.path.at(0);
+    if (step.action == PlanAction::kClose) {
+      if (comes) {
+        frame_.grips[motion.tool].opening_m = plan_.tools[motion.tool].opening_m;
+        expect_room_for_jaws(motion.tool);
+      }
+      closes_from_m_ = frame_.grips[motion.tool].opening_m;
+    }
     if (step.curve) show_blade(motion);
     if (step.action == PlanAction::kGrasp) body_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
   }
   for (const std::size_t tool : step.released) {
     if (binds(plan_.tools[tool].kind)) body_->release(place_of_[tool]);
     frame_.poses[tool].reset();
+    frame_.grips[tool] = {};
+    on_jaws_m_[tool].clear();
+  }
+}
+
+/// Jaws come from outside: tissue that one of them comes to lie in would be pushed out any way.
+void PlanRun::expect_room_for_jaws(std::size_t tool) const {
+  const PlanTool& grasper = plan_.tools[tool];
+  for (const Pose& there : jaw_poses(*frame_.poses[tool], grasper.jaw_half_extent_m(), grasper.opening_m)) {
+    for (const std::uint32_t node : body_->surface()) {
+      const Vector3 position_m = mesh_.nodes[node] + frame_.displacement_m.segment<3>(
+                                                         static_cast<Eigen::Index>(3 * std::size_t{node}));
+      const double inside_m = -distance_to(grasper.tool.shape, there.to_tool(position_m)).distance_m;
+      if (inside_m <= kRoomM) continue;
+      throw Error("'" + grasper.tool.name + "', open by " + number_text(grasper.opening_m * kMmPerM, 3) +
+                  " mm, comes with a jaw in the tissue: node " + std::to_string(node) + " lies " +
+                  number_text(inside_m * kMmPerM, 3) +
+                  " mm deep in it; place it elsewhere, or let it open wider");
+    }
   }
 }
 
@@ -134,6 +184,12 @@ void PlanRun::advance(double local_s) {
   for (const PlanMotion& motion : step.motions) {
     if (step.action == PlanAction::kCut) cut(motion, local_s_, local_s);
     frame_.poses[motion.tool] = motion.path.at(local_s);
+    if (step.action == PlanAction::kClose) {
+      frame_.grips[motion.tool].opening_m =
+          local_s >= step.duration_s
+              ? step.opening_m
+              : closes_from_m_ + (step.opening_m - closes_from_m_) * (local_s / step.duration_s);
+    }
   }
   local_s_ = local_s;
   frame_.time_s = step_begins_s_ + local_s;
@@ -159,7 +215,9 @@ void PlanRun::finish_step() {
       if (figures.tetrahedra_removed == 0)
         throw Error("'" + tool.tool.name + "' never meets the tissue: look at its path and its edge");
       frame_.poses[motion.tool].reset();
-    } else if (touches(tool.kind) && figures.most_nodes[motion.tool] == 0) {
+    } else if ((touches(tool.kind) ||
+                (step.action == PlanAction::kClose && step.opening_m <= closes_from_m_)) &&
+               figures.most_nodes[motion.tool] == 0) {
       throw Error("'" + tool.tool.name + "' never touches the tissue: the nearest it comes is " +
                   number_text(nearest_m_[motion.tool] * kMmPerM, 3) + " mm");
     }
@@ -199,19 +257,92 @@ void PlanRun::cut(const PlanMotion& motion, double from_s, double to_s) {
 }
 
 void PlanRun::balance() {
-  std::vector<OptionalPose> poses;
-  poses.reserve(manipulated_.size());
-  for (const std::size_t tool : manipulated_) poses.push_back(frame_.poses[tool]);
+  std::vector<OptionalPose> poses(places_);
+  for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    const PlanTool& one = plan_.tools[tool];
+    if (one.kind == ToolKind::kScalpel || !frame_.poses[tool]) continue;
+    if (closes(one.kind)) {
+      const auto jaws = jaw_poses(*frame_.poses[tool], one.jaw_half_extent_m(), frame_.grips[tool].opening_m);
+      std::ranges::copy(jaws, poses.begin() + static_cast<std::ptrdiff_t>(place_of_[tool]));
+    } else {
+      poses[place_of_[tool]] = frame_.poses[tool];
+    }
+  }
   const ManipulationResult& result = body_->step(poses);
-  for (std::size_t place = 0; place < manipulated_.size(); ++place)
-    frame_.tools[manipulated_[place]] = result.tools[place];
   frame_.displacement_m = body_->displacement_m();
+  for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    const ToolKind kind = plan_.tools[tool].kind;
+    if (kind == ToolKind::kScalpel) continue;
+    frame_.tools[tool] = {};
+    if (closes(kind)) {
+      if (frame_.poses[tool]) grip(tool, result);
+    } else {
+      frame_.tools[tool] = result.tools[place_of_[tool]];
+    }
+  }
   frame_.tool_force_n = body_->tool_force_n();
   const std::vector<SymmetricTensor> bearing_pa = body_->stress_pa(frame_.displacement_m);
   frame_.stress_pa.assign(mesh_.tetrahedra.size(), SymmetricTensor::Zero());
   std::size_t next = 0;
   for (std::size_t t = 0; t < bears_.size(); ++t) {
     if (bears_[t] != 0) frame_.stress_pa[t] = bearing_pa[next++];
+  }
+}
+
+/// What a grasper's jaws do now, and how far the tissue has slipped along them since the last frame: the mean
+/// way of the nodes that lay on them then and lie on them now, so that what bulges to all sides cancels.
+void PlanRun::grip(std::size_t tool, const ManipulationResult& result) {
+  const PlanTool& grasper = plan_.tools[tool];
+  const Pose& pose = *frame_.poses[tool];
+  PlanGrip& now = frame_.grips[tool];
+  const auto first = static_cast<std::uint32_t>(place_of_[tool]);
+  now.grip =
+      grip_of({result.tools[first], result.tools[first + 1]}, result.contacts, first, grasper.tool.friction);
+  frame_.tools[tool] = felt_by(now.grip, pose, jaw_poses(pose, grasper.jaw_half_extent_m(), now.opening_m));
+  std::map<std::uint32_t, Vector3> there_m;
+  for (const Contact& contact : result.contacts) {
+    if (contact.tool < first || contact.tool >= first + kJaws) continue;
+    there_m[contact.node] = pose.to_tool(
+        mesh_.nodes[contact.node] +
+        frame_.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{contact.node})));
+  }
+  Eigen::Vector2d way_m = Eigen::Vector2d::Zero();
+  std::size_t nodes = 0;
+  for (const auto& [node, at_m] : there_m) {
+    const auto before = on_jaws_m_[tool].find(node);
+    if (before == on_jaws_m_[tool].end()) continue;
+    way_m += (at_m - before->second).head<2>();
+    ++nodes;
+  }
+  if (nodes > 0) now.slipped_m += way_m.norm() / static_cast<double>(nodes);
+  on_jaws_m_[tool] = std::move(there_m);
+}
+
+/// Once a step and grasper; not while jaws close, when what they barely touch slides as it likes.
+void PlanRun::tell_slips() {
+  const PlanStep& step = plan_.steps[step_];
+  StepFigures& figures = figures_.back();
+  for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    frame_.grips[tool].slips = false;
+    const PlanTool& grasper = plan_.tools[tool];
+    const bool own =
+        std::ranges::any_of(step.motions, [&](const PlanMotion& one) { return one.tool == tool; });
+    if (!closes(grasper.kind) || !frame_.poses[tool] || (step.action == PlanAction::kClose && own)) continue;
+    const std::string at = "at " + number_text(frame_.time_s, 4) + " s ";
+    const Grip& grip = frame_.grips[tool].grip;
+    const double slipped_m = figures.slipped_m[tool];
+    frame_.grips[tool].slips = slips(grip) || slipped_m > kFarAlongJaw * 2 * grasper.jaw_half_extent_m().x();
+    if (frame_.grips[tool].slips && slip_told_[tool] == 0) {
+      slip_told_[tool] = 1;
+      figures.remarks.push_back(
+          at + "the tissue slips in '" + grasper.tool.name + "', by " + number_text(slipped_m * kMmPerM, 2) +
+          " mm so far: it pulls with " + number_text(grip.pull_n, 3) + " N, and jaws that press with " +
+          number_text(grip.squeeze_n, 3) + " N each hold " + number_text(grip.most_pull_n, 3) + " N at most");
+    }
+    if (grip.squeeze_n == 0 && figures.most_nodes[tool] > 0 && lost_told_[tool] == 0) {
+      lost_told_[tool] = 1;
+      figures.remarks.push_back(at + "the tissue has slipped out of '" + grasper.tool.name + "'");
+    }
   }
 }
 
@@ -230,9 +361,14 @@ void PlanRun::record() {
     const ToolForce& force = frame_.tools[tool];
     figures.largest_force_n[tool] = std::max(figures.largest_force_n[tool], force.force_n.norm());
     figures.most_nodes[tool] = std::max<std::size_t>(figures.most_nodes[tool], force.nodes);
-    if (frame_.poses[tool] && touches(plan_.tools[tool].kind) && figures.most_nodes[tool] == 0)
+    const PlanGrip& grip = frame_.grips[tool];
+    figures.largest_squeeze_n[tool] = std::max(figures.largest_squeeze_n[tool], grip.grip.squeeze_n);
+    figures.slipped_m[tool] = grip.slipped_m - slipped_before_m_[tool];
+    const ToolKind kind = plan_.tools[tool].kind;
+    if (frame_.poses[tool] && (touches(kind) || closes(kind)) && figures.most_nodes[tool] == 0)
       nearest_m_[tool] = std::min(nearest_m_[tool], distance_m(tool));
   }
+  tell_slips();
   figures.deepest_penetration_m = std::max(figures.deepest_penetration_m, result.deepest_penetration_m);
   if (!result.converged && !std::exchange(unbalanced_told_, true)) {
     figures.remarks.push_back("at " + number_text(frame_.time_s, 4) + " s pressed nodes are up to " +
@@ -242,13 +378,18 @@ void PlanRun::record() {
 }
 
 double PlanRun::distance_m(std::size_t tool) const {
-  const Pose& pose = *frame_.poses[tool];
+  const PlanTool& one = plan_.tools[tool];
+  std::vector<Pose> solids{*frame_.poses[tool]};
+  if (closes(one.kind)) {
+    const auto jaws = jaw_poses(solids.front(), one.jaw_half_extent_m(), frame_.grips[tool].opening_m);
+    solids.assign(jaws.begin(), jaws.end());
+  }
   double nearest_m = kNever;
   for (const std::uint32_t node : body_->surface()) {
     const Vector3 position_m = mesh_.nodes[node] + frame_.displacement_m.segment<3>(
                                                        static_cast<Eigen::Index>(3 * std::size_t{node}));
-    nearest_m =
-        std::min(nearest_m, distance_to(plan_.tools[tool].tool.shape, pose.to_tool(position_m)).distance_m);
+    for (const Pose& pose : solids)
+      nearest_m = std::min(nearest_m, distance_to(one.tool.shape, pose.to_tool(position_m)).distance_m);
   }
   return nearest_m;
 }

@@ -1,6 +1,7 @@
 // A plan carried out, frame by frame. Same plan, same bits, whatever the number of threads.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,6 +12,15 @@
 
 namespace kiroku::sim {
 
+/// How a grasper has the tissue.
+struct PlanGrip {
+  double opening_m = 0;  // between the faces of its jaws
+  Grip grip;
+  double slipped_m = 0;  // how far the tissue has moved along its jaws since these came
+  bool slips =
+      false;  // friction cannot hold it, or it has slipped by a tenth of the jaws' length in this step
+};
+
 /// How the organ lies at a moment. All numbers are finite.
 struct PlanFrame {
   double time_s = 0;     // since the plan began
@@ -19,7 +29,8 @@ struct PlanFrame {
   std::vector<SymmetricTensor> stress_pa;  // (|T|) of mesh(); zero in what has fallen off
   std::vector<OptionalPose> poses;         // of the plan's tools
   std::vector<ToolForce> tools;            // what they feel; zero for scalpels
-  Eigen::VectorXd tool_force_n;            // (3 |V|), what all tools do to the nodes
+  std::vector<PlanGrip> grips;   // of the plan's tools; zero for those that are no grasper at the organ
+  Eigen::VectorXd tool_force_n;  // (3 |V|), what all tools do to the nodes
 };
 
 /// What a step came to.
@@ -27,12 +38,14 @@ struct StepFigures {
   double begins_s = 0;
   std::size_t frames = 0;
   double largest_displacement_m = 0, largest_von_mises_pa = 0;
-  std::vector<double> largest_force_n;  // of each of the plan's tools
-  std::vector<std::size_t> most_nodes;  // that each held or pressed
+  std::vector<double> largest_force_n;    // of each of the plan's tools
+  std::vector<std::size_t> most_nodes;    // that each held or pressed
+  std::vector<double> largest_squeeze_n;  // with which each grasper's jaws pressed
+  std::vector<double> slipped_m;          // along each grasper's jaws, in this step
   std::size_t tetrahedra_removed = 0;
   double volume_lost_m3 = 0;
   double deepest_penetration_m = 0;
-  std::vector<std::string> remarks;  // parts that fell off; balances that were not reached to the tolerance
+  std::vector<std::string> remarks;  // parts that fell off; tissue that slips; balances out of tolerance
 };
 
 /// Not thread-safe. The plan must outlive it; steps may be added at its end meanwhile, and its last step may
@@ -69,6 +82,9 @@ class PlanRun {
   void begin_step();
   void advance(double local_s);
   void finish_step();
+  void expect_room_for_jaws(std::size_t tool) const;
+  void grip(std::size_t tool, const ManipulationResult& result);
+  void tell_slips();
   void cut(const PlanMotion& motion, double from_s, double to_s);
   void show_blade(const PlanMotion& motion);
   void balance();
@@ -78,9 +94,10 @@ class PlanRun {
   [[nodiscard]] bool at_end() const;
 
   const Plan& plan_;
-  std::vector<std::size_t> manipulated_;  // the plan's number of each tool of the manipulation
-  std::vector<std::size_t> place_of_;     // the other way; of scalpels nothing
-  std::optional<CutShape> shape_;         // once something was cut
+  std::vector<std::size_t>
+      place_of_;  // of the plan's tools among those of the manipulation; a grasper's first jaw
+  std::size_t places_ = 0;
+  std::optional<CutShape> shape_;  // once something was cut
   std::unique_ptr<PlanBody> body_;
   TetMesh mesh_;
   std::vector<std::uint8_t> bears_;  // (|T| of mesh_); those that do are the body's, in their order
@@ -89,6 +106,11 @@ class PlanRun {
   std::size_t step_ = 0;
   double step_begins_s_ = 0, local_s_ = 0;
   std::vector<double> nearest_m_;  // of each tool that a step moves and that has not touched yet
+  double closes_from_m_ = 0;       // the opening at the beginning of a step that closes
+  std::vector<std::map<std::uint32_t, Vector3>>
+      on_jaws_m_;                                    // nodes between each grasper's jaws, in its frame
+  std::vector<std::uint8_t> slip_told_, lost_told_;  // of each grasper, in this step
+  std::vector<double> slipped_before_m_;             // of each, before this step
   std::optional<BladePose> blade_rest_;
   PlanFrame frame_;
   std::vector<StepFigures> figures_;

@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/plan/written_pose.h"
 
 namespace kiroku::sim {
@@ -91,6 +93,31 @@ void PlanSession::grasp(const PlacedTool& forceps) {
   PlanStep step;
   step.action = PlanAction::kGrasp;
   step.motions.push_back({forceps.tool, ToolPath({{0, as_written(forceps.pose, plan_.body.unit)}})});
+  add(std::move(step));
+}
+
+void PlanSession::close(const PlacedTool& grasper, double opening_m) {
+  end_motion();
+  const PlanTool& tool = plan_.tools.at(grasper.tool);
+  if (!closes(tool.kind)) throw Error("'" + tool.tool.name + "' closes nothing: only a grasper has jaws");
+  const OptionalPose& now = frame().poses[grasper.tool];
+  const double from_m = now ? frame().grips[grasper.tool].opening_m : tool.opening_m;
+  PlanStep step;
+  step.action = PlanAction::kClose;
+  step.opening_m =
+      written_position({opening_m, 0, 0}, plan_.body.unit).x() / units_per_metre(plan_.body.unit);
+  if (!(step.opening_m > 0 && step.opening_m <= tool.opening_m)) {
+    throw Error("the jaws of '" + tool.tool.name + "' can be more than 0 and at most " +
+                number_text(tool.opening_m * kMmPerM, 3) + " mm apart");
+  }
+  if (now && step.opening_m == from_m)
+    throw Error("the jaws of '" + tool.tool.name + "' are that far apart already");
+  // Half of what a plan's reader allows.
+  const double each_m = tool.jaw_half_extent_m().z() / 2;
+  const double steps = std::max(1.0, std::ceil(std::abs(step.opening_m - from_m) / 2 / each_m));
+  step.duration_s = written_time(steps * plan_.time_step_s);
+  step.motions.push_back(
+      {grasper.tool, ToolPath({{0, now ? *now : as_written(grasper.pose, plan_.body.unit)}})});
   add(std::move(step));
 }
 
@@ -197,7 +224,7 @@ void PlanSession::begin_motion(std::vector<PlacedTool> tools) {
     const PlanTool& tool = plan_.tools.at(placed.tool);
     const OptionalPose& now = frame().poses[placed.tool];
     if (tool.kind == ToolKind::kScalpel) throw Error("'" + tool.tool.name + "' is moved by cutting");
-    if (binds(tool.kind)) {
+    if (binds(tool.kind) || closes(tool.kind)) {
       if (!now) throw Error("'" + tool.tool.name + "' holds nothing that it could move");
       step.action = PlanAction::kRetract;
     }

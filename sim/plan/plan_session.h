@@ -41,6 +41,9 @@ class PlanSession {
   [[nodiscard]] std::size_t given_steps() const { return given_; }
 
   void grasp(const PlacedTool& forceps);
+  /// A grasper, which comes there open where it is not at the organ yet and stays where it is if it is:
+  /// closes its jaws, or opens them, until their faces are so far apart, as fast as a jaw may.
+  void close(const PlacedTool& grasper, double opening_m);
   void release(std::size_t tool);
   void hold(double duration_s);
   /// Along these poses, at least two, one time step from each to the next.

@@ -35,6 +35,9 @@ std::vector<Solid> tools_of(const Plan& plan, const PlanFrame& frame) {
       Pose middle = pose;
       middle.position_m = pose.from_tool(Vector3(0, 0, tool.edge_m / 2));
       solids.push_back({Box{{2 * kPlateM, kPlateM / 4, tool.edge_m / 2}}, middle, kSteel});
+    } else if (closes(tool.kind)) {
+      for (const Pose& jaw : jaw_poses(pose, tool.jaw_half_extent_m(), frame.grips[number].opening_m))
+        solids.push_back({tool.tool.shape, jaw, kSteel});
     } else if (const auto* region = std::get_if<Box>(&tool.tool.shape);
                region != nullptr && binds(tool.kind)) {
       add_jaws(*region, pose, solids);

@@ -125,6 +125,44 @@ story('A person who plans', (step) => {
     await expect.poll(picture).not.toBe(turned);
   });
 
+  step('pinches it with jaws, closes them by keys and by a button, and undoes that', async () => {
+    const { page } = visitor;
+    // From below its edge points to who looks on; where it is too thick the page says so, and nothing is done.
+    await field().focus();
+    for (let i = 0; i < 18; ++i) await page.keyboard.press('ArrowDown');
+    await page.keyboard.press('j');
+    for (const x of [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8]) {
+      for (const y of [0.5, 0.4, 0.6, 0.3, 0.7]) {
+        if ((await steps()).length > 0) continue;
+        const { x: left, y: top } = await onPicture(x, y);
+        await page.mouse.move(left, top);
+        await page.mouse.down();
+        await page.waitForTimeout(400);
+        await page.mouse.up();
+      }
+    }
+    await expect.poll(async () => (await steps()).join()).toMatch(/Close grasper 1/);
+    const jaws = page.locator('.planning-jaws');
+    const apart_mm = async () => Number.parseFloat((await jaws.locator('.muted').textContent()) ?? 'NaN');
+    const first_mm = await apart_mm();
+    expect(first_mm).toBeGreaterThan(1);
+    await field().focus();
+    await page.keyboard.press('-');
+    await expect.poll(apart_mm).toBeCloseTo(0.9 * first_mm, 0);
+    await page.getByRole('button', { name: 'Close grasper 1 further' }).click();
+    await expect.poll(apart_mm).toBeCloseTo(0.81 * first_mm, 0);
+    await page.getByRole('button', { name: 'Open grasper 1 further' }).click();
+    await expect.poll(apart_mm).toBeCloseTo(0.9 * first_mm, 0);
+    expect(await jaws.textContent()).toMatch(/squeeze [0-9.]+ N, pull [0-9.]+ of [0-9.]+ N/);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'planning-jaws');
+    const done = (await steps()).length;
+    for (let i = 0; i < done; ++i) await page.keyboard.press('Control+z');
+    await expect.poll(steps).toEqual([]);
+    await page.keyboard.press('o');
+    await page.keyboard.press('Home');
+  });
+
   step('grasps it, pulls it, and sees what it moves and feels', async () => {
     const { page } = visitor;
     await page.keyboard.press('g');

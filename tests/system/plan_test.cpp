@@ -2,6 +2,8 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <sstream>
+#include <tuple>
 
 #include "tests/support/build_paths.h"
 #include "tests/support/shared_data.h"
@@ -277,6 +279,89 @@ TEST_F(PlanProgram, SealsEveryFileThatAPlanIsMadeOf) {
   EXPECT_THAT(more.out, HasSubstr("ct/c.dcm was not there when the plan was sealed"));
   write_plan("[]");
   EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 2);
+}
+
+// Jaws close along x on the upper half of the cube, hold it while it is lifted a little, and lose it.
+TEST_F(PlanProgram, CarriesOutAPlanWithAGrasper) {
+  write_plan(R"([
+    {"do": "close", "tool": "grasper", "at": {"position": [5, 5, 9], "rotation": {"axis": [0, 1, 0], "degrees": 90}},
+     "opening": 9, "duration_s": 0.75},
+    {"do": "retract", "tool": "grasper", "path": [{"at_s": 0.5, "position": [5, 5, 9.1]}]},
+    {"do": "retract", "tool": "grasper", "path": [{"at_s": 5, "position": [5, 5, 15]}]},
+    {"do": "release", "tool": "grasper"}])");
+  nlohmann::json plan = nlohmann::json::parse(read_text(folder() / "plan.json"));
+  plan["tools"]["grasper"] = {{"kind", "grasper"}, {"jaw", {6, 20, 3}}, {"opening", 11}, {"friction", 0.4}};
+  write_text(folder() / "plan.json", plan.dump());
+  const ProcessResult result = kiroku({"plan", "run", "plan.json", "-o", "out"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("warning: at "));
+  EXPECT_THAT(result.err, HasSubstr("the tissue slips in 'grasper', by "));
+  const auto left = files("out");
+  const nlohmann::json steps = nlohmann::json::parse(left.at("steps.json"))["steps"];
+  EXPECT_EQ(steps[0]["tools"]["grasper"]["most_nodes"], 4);
+  EXPECT_GT(steps[0]["tools"]["grasper"]["largest_squeeze_n"].get<double>(), 0.001);
+  EXPECT_EQ(steps[1]["remarks"].size(), 0U) << steps[1].dump();
+  EXPECT_LT(steps[1]["tools"]["grasper"]["slipped"].get<double>(), 0.01);
+  ASSERT_EQ(steps[2]["remarks"].size(), 2U) << steps[2].dump();
+  EXPECT_THAT(steps[2]["remarks"][1].get<std::string>(), HasSubstr("has slipped out of 'grasper'"));
+  for (const char* const who : {",grasper,", ",grasper jaw 1,", ",grasper jaw 2,"})
+    EXPECT_THAT(left.at("forces.csv"), HasSubstr(who));
+}
+
+// The cube's plan becomes a template, and that a plan for a larger cube elsewhere.
+TEST_F(PlanProgram, MakesAPlanForAnotherOrganFromATemplate) {
+  const auto landmarks = [&](const char* file, double size, double from) {
+    nlohmann::json places = {{"length_unit", "mm"}};
+    for (const auto& [name, x, y, z] : std::vector<std::tuple<const char*, int, int, int>>{
+             {"a", 0, 0, 0}, {"b", 1, 0, 0}, {"c", 0, 1, 0}, {"d", 0, 0, 1}, {"e", 1, 1, 1}})
+      places["landmarks"][name] = {from + size * x, from + size * y, from + size * z};
+    write_text(folder() / file, places.dump());
+  };
+  landmarks("own.places.json", 10, 0);
+  landmarks("patient.places.json", 14, 100);
+  std::string mesh = read_text(folder() / "cube.msh");
+  const std::size_t nodes = mesh.find("$Nodes\n8\n") + 9, end = mesh.find("$EndNodes");
+  std::istringstream before(mesh.substr(nodes, end - nodes));
+  std::string after;
+  for (double number = 0, x = 0, y = 0, z = 0; before >> number >> x >> y >> z;) {
+    after += std::to_string(static_cast<int>(number));
+    for (const double one : {x, y, z}) after += " " + std::to_string(static_cast<int>(100 + 1.4 * one));
+    after += "\n";
+  }
+  write_text(folder() / "patient.msh", mesh.replace(nodes, end - nodes, after));
+  // Tools keep their size: these jaws reach the corners of the larger cube, too.
+  nlohmann::json patient = nlohmann::json::parse(read_text(folder() / "plan.json"));
+  patient["tools"]["forceps"]["jaws"] = {18, 18, 2};
+  write_text(folder() / "plan.json", patient.dump());
+  patient["mesh"] = "patient.msh";
+  patient["fixed"] = nlohmann::json::parse("[{\"box\": [[100, 100, 100], [114, 114, 100]]}]");
+  patient.erase("tools");
+  patient.erase("steps");
+  write_text(folder() / "patient.json", patient.dump());
+
+  const ProcessResult saved =
+      kiroku({"plan", "template", "plan.json", "--landmarks", "own.places.json", "-o", "cube.template.json"});
+  ASSERT_EQ(saved.status, 0) << saved.err;
+  EXPECT_THAT(saved.out, HasSubstr("a template of 3 steps with 5 landmarks"));
+  const std::vector<std::string> adapting{"plan",         "adapt",       "cube.template.json",
+                                          "patient.json", "--landmarks", "patient.places.json",
+                                          "-o",           "adapted.json"};
+  const ProcessResult adapted = kiroku(adapting);
+  ASSERT_EQ(adapted.status, 0) << adapted.err;
+  EXPECT_THAT(adapted.out, HasSubstr("missed by the others"));
+  EXPECT_THAT(adapted.out,
+              HasSubstr("adapted.json: 3 steps; to suit the surface, tools were moved by up to "));
+  const nlohmann::json plan = nlohmann::json::parse(read_text(folder() / "adapted.json"));
+  EXPECT_NEAR(plan["steps"][0]["at"]["position"][2].get<double>(), 114, 1e-6);
+  EXPECT_NEAR(plan["steps"][1]["path"][0]["position"][0].get<double>(), 108.4, 1e-6);
+  EXPECT_EQ(kiroku({"plan", "run", "adapted.json", "-o", "out"}).status, 0);
+  EXPECT_REFUSED(kiroku(adapting), "is there already");
+  EXPECT_REFUSED(kiroku({"plan", "adapt", "cube.template.json", "patient.json", "--landmarks",
+                         "patient.places.json", "-o", "/tmp/elsewhere/adapted.json"}),
+                 "it must be beside patient.json");
+  EXPECT_REFUSED(kiroku({"plan", "adapt", "plan.json", "patient.json", "--landmarks", "patient.places.json",
+                         "-o", "other.json"}),
+                 "it is no template of a plan");
 }
 
 /// The plans of docs/plans on organs of a real CT.

@@ -33,14 +33,19 @@ struct HoldDeed {
 struct ReleaseDeed {
   std::string tool;
 };
+/// Of a grasper at the organ: its jaws' distance becomes this share of what it is.
+struct CloseDeed {
+  std::string tool;
+  double share = 1;
+};
 struct UndoDeed {};
 struct RedoDeed {};
 /// Tints the tissue by its stress; nothing: not.
 struct StressDeed {
   std::optional<double> largest_pa;
 };
-using Deed =
-    std::variant<ViewDeed, PointDeed, CutDeed, HoldDeed, ReleaseDeed, UndoDeed, RedoDeed, StressDeed>;
+using Deed = std::variant<ViewDeed, PointDeed, CutDeed, HoldDeed, ReleaseDeed, CloseDeed, UndoDeed, RedoDeed,
+                          StressDeed>;
 
 inline constexpr std::size_t kMostPlanPointers = 5;
 

@@ -1,6 +1,7 @@
 #include "viewer/planning/planning_messages.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -24,6 +25,11 @@ constexpr std::size_t kMostPlaces = 1000;
 constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
 constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
 
+constexpr std::array<std::pair<const char*, PointerUse>, 3> kUses{
+    {{"grasp", PointerUse::kGrasp}, {"pinch", PointerUse::kPinch}, {"press", PointerUse::kPress}}};
+/// Of what jaws are apart: a message closes or opens them by no more.
+constexpr double kLeastShare = 0.5, kMostShare = 2;
+
 double place(const json& object, const char* key) {
   return message_number(object, key, -kOutside, 1 + kOutside);
 }
@@ -39,8 +45,9 @@ PointDeed pointers_of(const json& object) {
   if (!pointers.is_array() || pointers.size() > kMostPlanPointers)
     throw Refusal(400, "'pointers' must be a list of at most 5");
   const std::string use = message_text(object, "use");
-  if (use != "grasp" && use != "press") throw Refusal(400, "'use' must be 'grasp' or 'press'");
-  PointDeed deed{use == "grasp" ? PointerUse::kGrasp : PointerUse::kPress, {}};
+  const auto* const known = std::ranges::find(kUses, use, &std::pair<const char*, PointerUse>::first);
+  if (known == kUses.end()) throw Refusal(400, "'use' must be 'grasp', 'pinch' or 'press'");
+  PointDeed deed{known->second, {}};
   for (const json& pointer : pointers) {
     const std::uint64_t id = message_count(pointer, "id");
     if (id > std::numeric_limits<std::uint32_t>::max()) throw Refusal(400, "'id' is too large");
@@ -71,6 +78,10 @@ Deed deed_of(const json& object) {
   if (object.contains("hold"))
     return HoldDeed{message_number(object["hold"], "duration_s", 1e-3, kMostHoldS)};
   if (object.contains("release")) return ReleaseDeed{message_text(object["release"], "tool")};
+  if (object.contains("close")) {
+    const json& close = object["close"];
+    return CloseDeed{message_text(close, "tool"), message_number(close, "share", kLeastShare, kMostShare)};
+  }
   if (object.contains("undo")) return UndoDeed{};
   if (object.contains("redo")) return RedoDeed{};
   if (object.contains("stress")) {
@@ -78,9 +89,10 @@ Deed deed_of(const json& object) {
     if (stress.is_null()) return StressDeed{};
     return StressDeed{message_number(stress, "largest_pa", 1e-3, kMostPa)};
   }
-  throw Refusal(400,
-                "a message must have 'open', 'view', 'pointers', 'cut', 'hold', 'release', 'undo', 'redo', "
-                "'stress' or 'save'");
+  throw Refusal(
+      400,
+      "a message must have 'open', 'view', 'pointers', 'cut', 'hold', 'release', 'close', 'undo', 'redo', "
+      "'stress' or 'save'");
 }
 
 double ms(std::chrono::nanoseconds time) { return static_cast<double>(time.count()) / 1e6; }
@@ -98,6 +110,11 @@ ordered_json tools_json(const PlanningTable& table) {
                      {"nodes", frame.tools[i].nodes},
                      {"x", at.x()},
                      {"y", at.y()}});
+    if (!sim::closes(tool.kind)) continue;
+    const sim::PlanGrip& grip = frame.grips[i];
+    tools.back()["jaws"] = {{"opening_m", grip.opening_m}, {"squeeze_n", grip.grip.squeeze_n},
+                            {"pull_n", grip.grip.pull_n},  {"most_pull_n", grip.grip.most_pull_n},
+                            {"slipped_m", grip.slipped_m}, {"slips", grip.slips}};
   }
   return tools;
 }

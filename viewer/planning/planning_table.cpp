@@ -110,22 +110,27 @@ void PlanningTable::cut(const CutDeed& cut) {
   session_.cut(static_cast<std::size_t>(scalpel - tools.begin()), path);
 }
 
+std::size_t PlanningTable::tool_named(const std::string& name) const {
+  const auto& tools = session_.plan().tools;
+  const auto tool = std::ranges::find(tools, name, [](const sim::PlanTool& one) { return one.tool.name; });
+  if (tool == tools.end()) throw Error("there is no tool of that name");
+  return static_cast<std::size_t>(tool - tools.begin());
+}
+
 void PlanningTable::apply(const Deed& deed) {
   if (const auto* view = std::get_if<ViewDeed>(&deed)) return look(*view);
   if (const auto* point = std::get_if<PointDeed>(&deed)) return pointers_.point(point->use, point->pointers);
   if (const auto* stress = std::get_if<StressDeed>(&deed))
     return pictures_.set_largest_pa(stress->largest_pa);
+  if (const auto* close = std::get_if<CloseDeed>(&deed))
+    return pointers_.close(tool_named(close->tool), close->share);
   pointers_.release();
   if (const auto* line = std::get_if<CutDeed>(&deed)) {
     cut(*line);
   } else if (const auto* hold = std::get_if<HoldDeed>(&deed)) {
     session_.hold(std::max(hold->duration_s, session_.plan().time_step_s));
   } else if (const auto* release = std::get_if<ReleaseDeed>(&deed)) {
-    const auto& tools = session_.plan().tools;
-    const auto tool =
-        std::ranges::find(tools, release->tool, [](const sim::PlanTool& one) { return one.tool.name; });
-    if (tool == tools.end()) throw Error("there is no tool of that name");
-    session_.release(static_cast<std::size_t>(tool - tools.begin()));
+    session_.release(tool_named(release->tool));
   } else if (std::holds_alternative<UndoDeed>(deed)) {
     session_.undo();
     remarked_ = std::min(remarked_, session_.plan().steps.size());

@@ -48,6 +48,7 @@ class PlanningTable {
  private:
   void look(const ViewDeed& view);
   void cut(const CutDeed& cut);
+  [[nodiscard]] std::size_t tool_named(const std::string& name) const;
 
   TableOptions options_;
   OpenedPlan opened_;

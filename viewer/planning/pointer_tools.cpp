@@ -1,11 +1,15 @@
 #include "viewer/planning/pointer_tools.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
+#include <limits>
 #include <numbers>
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
+#include "sim/mesh/length_unit.h"
 #include "sim/render/picking.h"
 
 namespace kiroku::viewer {
@@ -19,8 +23,13 @@ using sim::Vector3;
 constexpr double kThereMetres = 1e-4, kThereRadians = 1e-3;
 /// A fingertip comes to the organ so far before it.
 constexpr double kBeforeMetres = 5e-4;
-/// Forceps are taken by a pointer that is no further from them than this, in lengths of their jaws' box.
+/// What holds is taken by a pointer that is no further from it than this, in lengths of its jaws' box.
 constexpr double kReach = 1.5;
+
+/// Jaws come in so many directions across the line of sight, from which the tissue's thinnest is taken; so
+/// much of their length goes in, and to so much of its thickness they close.
+constexpr int kJawDirections = 16;
+constexpr double kJawGoesIn = 0.75, kFirstPinch = 0.75;
 
 double radius_m(const PlanTool& tool) { return sim::bounding_radius_m(tool.tool.shape); }
 
@@ -55,16 +64,16 @@ std::optional<Vector3> PointerTools::on_organ(double x, double y) const {
   return sim::from_depth_m(camera_, {slope.x() * *depth_m, slope.y() * *depth_m, *depth_m});
 }
 
-std::optional<std::size_t> PointerTools::forceps_at(const Vector3& place_m) const {
+std::optional<std::size_t> PointerTools::holder_at(const Vector3& place_m) const {
   std::optional<std::size_t> nearest;
   double nearest_m = 0;
   const auto& poses = session_.frame().poses;
   for (std::size_t tool = 0; tool < poses.size(); ++tool) {
-    const PlanTool& forceps = session_.plan().tools[tool];
-    if (!poses[tool] || !sim::binds(forceps.kind)) continue;
+    const PlanTool& holder = session_.plan().tools[tool];
+    if (!poses[tool] || !(sim::binds(holder.kind) || sim::closes(holder.kind))) continue;
     if (std::ranges::find(held_, tool, &Held::tool) != held_.end()) continue;
     const double distance_m = (poses[tool]->position_m - place_m).norm();
-    if (distance_m > kReach * radius_m(forceps) || (nearest && distance_m >= nearest_m)) continue;
+    if (distance_m > kReach * radius_m(holder) || (nearest && distance_m >= nearest_m)) continue;
     nearest = tool;
     nearest_m = distance_m;
   }
@@ -99,6 +108,63 @@ std::size_t PointerTools::grasp(const Vector3& place_m) {
   }
 }
 
+/// With the jaws on both sides of the tissue in front of the eye, where it is thinnest across the line of
+/// sight.
+std::size_t PointerTools::pinch(const Vector3& place_m) {
+  end_motion();
+  const std::size_t tool = free_tools(sim::ToolKind::kGrasper, "graspers").front();
+  const PlanTool& grasper = session_.plan().tools[tool];
+  const Vector3& half_m = grasper.jaw_half_extent_m();
+  const Vector3 in = (place_m - camera_.eye_m).normalized();
+  const Vector3 aside = camera_.to_view.row(0).transpose().cross(in).normalized();
+  const sim::TetMesh& mesh = session_.mesh();
+  const std::vector<bool> used = sim::nodes_in_use(mesh);
+  const Eigen::VectorXd& moved_m = session_.frame().displacement_m;
+  Pose best;
+  double thinnest_m = std::numeric_limits<double>::infinity();
+  for (int direction = 0; direction < kJawDirections; ++direction) {
+    Eigen::Matrix3d axes;
+    axes.col(0) = in;
+    axes.col(2) = Eigen::AngleAxisd(std::numbers::pi * direction / kJawDirections, in) * aside;
+    axes.col(1) = axes.col(2).cross(axes.col(0));
+    Pose pose{place_m + (2 * kJawGoesIn - 1) * half_m.x() * in, Eigen::Quaterniond(axes).normalized()};
+    double least_m = 0, most_m = 0;  // nodes on both sides of the place, for both jaws to touch
+    for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
+      if (!used[node]) continue;
+      const Vector3 at_m =
+          pose.to_tool(mesh.nodes[node] + moved_m.segment<3>(static_cast<Eigen::Index>(3 * node)));
+      if (std::abs(at_m.x()) > half_m.x() || std::abs(at_m.y()) > half_m.y()) continue;
+      least_m = std::min(least_m, at_m.z());
+      most_m = std::max(most_m, at_m.z());
+    }
+    if (most_m - least_m >= thinnest_m || least_m == 0 || most_m == 0) continue;
+    thinnest_m = most_m - least_m;
+    pose.position_m += (least_m + most_m) / 2 * axes.col(2);
+    best = pose;
+  }
+  const std::string named = "'" + grasper.tool.name + "'";
+  if (thinnest_m == std::numeric_limits<double>::infinity())
+    throw Error("no nodes of the mesh come before both jaws of " + named + " there: take another place");
+  if (thinnest_m >= grasper.opening_m) {
+    throw Error("the tissue is " + number_text(thinnest_m * sim::kMmPerM, 2) +
+                " mm thick there, and the jaws of " + named + " open by " +
+                number_text(grasper.opening_m * sim::kMmPerM, 2) +
+                " mm: take an edge of the organ, or look at it from another side");
+  }
+  session_.close({tool, best}, kFirstPinch * thinnest_m);
+  return tool;
+}
+
+void PointerTools::close(std::size_t grasper, double share) {
+  end_motion();
+  const PlanTool& tool = session_.plan().tools.at(grasper);
+  if (!session_.frame().poses[grasper]) throw Error("'" + tool.tool.name + "' is not at the organ");
+  const double now_m = session_.frame().grips[grasper].opening_m;
+  if (share > 1 && now_m == tool.opening_m)
+    throw Error("the jaws of '" + tool.tool.name + "' open no further");
+  session_.close({grasper, {}}, std::min(share * now_m, tool.opening_m));
+}
+
 void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
   const auto place_m = on_organ(pointer.x, pointer.y);
   if (!place_m) {
@@ -120,8 +186,12 @@ void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
     held_.push_back(held);
     return;
   }
-  const auto holding = forceps_at(*place_m);
-  held.tool = holding ? *holding : grasp(*place_m);
+  const auto holding = holder_at(*place_m);
+  if (holding) {
+    held.tool = *holding;
+  } else {
+    held.tool = use == PointerUse::kPinch ? pinch(*place_m) : grasp(*place_m);
+  }
   held.pose = *session_.frame().poses[held.tool];
   take(held);
   held_.push_back(held);

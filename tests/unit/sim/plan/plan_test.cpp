@@ -139,7 +139,7 @@ TEST_F(PlanTest, TellsEveryErrorWithItsPath) {
       ElementsAre("volume is 'none.nii.gz': there is no such file or folder beside the document",
                   HasSubstr("the document has the unknown key 'colour'"),
                   "time_step_s is 5: it must be between 0.001 and 1",
-                  "tools.hook.kind is 'rope': it must be one of forceps, pin, retractor, hook, "
+                  "tools.hook.kind is 'rope': it must be one of forceps, pin, grasper, retractor, hook, "
                   "finger, scalpel",
                   "tools.pin.radius is -3: it must be greater than 0",
                   "steps[2].duration_s is of type string where a number is expected",
@@ -197,9 +197,10 @@ TEST_F(PlanTest, RefusesStepsThatCannotFollowEachOther) {
               ElementsAre("steps[1].path goes nowhere: give a pose to move to"));
   EXPECT_THAT(errors_with("/steps/0/at/rotation/axis", {0, 0, 0}),
               testing::Contains("steps[0].at.rotation.axis has no direction"));
-  EXPECT_THAT(errors_with("/steps/0/do", "dance"),
-              testing::Contains("steps[0].do is 'dance': it must be one of grasp, retract, press, hold, cut, "
-                                "release"));
+  EXPECT_THAT(
+      errors_with("/steps/0/do", "dance"),
+      testing::Contains("steps[0].do is 'dance': it must be one of grasp, close, retract, press, hold, cut, "
+                        "release"));
   EXPECT_THAT(errors_with("/steps", json::array()), ElementsAre("steps has no step"));
 }
 

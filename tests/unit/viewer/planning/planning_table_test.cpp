@@ -16,6 +16,7 @@
 #include "tests/unit/viewer/planning/planned_block.h"
 #include "viewer/http/request.h"
 #include "viewer/planning/live_planning.h"
+#include "viewer/planning/planning_messages.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -157,6 +158,67 @@ TEST_F(PlanningTableTest, JawsAreTurnedAboutTheLineOfSightAndTheTissueWithThem) 
   planned->apply(PointDeed{PointerUse::kGrasp, {}});
   EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract", "retract"));
   expect_saved_plan_ends_here(*planned, "turned");
+}
+
+TEST_F(PlanningTableTest, JawsCloseOnTheTissueHoldItAndLoseItWhenPulledTooHard) {
+  const auto planned = table();
+  planned->apply(ViewDeed{0, 0, 1.2, 0, 0});
+  planned->apply(PointDeed{PointerUse::kPinch, {{1, 0.62, 0.5, 0}}});
+  ASSERT_THAT(actions(*planned), ElementsAre("close"));
+  std::size_t held = 0;
+  while (!planned->session().frame().poses[held]) ++held;
+  const std::string name = planned->session().plan().tools[held].tool.name;
+  EXPECT_EQ(name, "grasper 1");
+  const auto grip = [&] { return planned->session().frame().grips[held]; };
+  const sim::PlanGrip first = grip();
+  EXPECT_GT(first.grip.squeeze_n, 0.01);
+  EXPECT_GT(first.grip.jaws[0].nodes, 0U);
+  EXPECT_GT(first.grip.jaws[1].nodes, 0U);
+  // Closer together, while the pointer keeps them.
+  planned->apply(CloseDeed{name, 0.9});
+  EXPECT_NEAR(grip().opening_m / first.opening_m, 0.9, 1e-6);
+  EXPECT_GT(grip().grip.squeeze_n, first.grip.squeeze_n);
+  planned->apply(PointDeed{PointerUse::kPinch, {{1, 0.63, 0.5, 0}}});
+  settle(*planned);
+  planned->apply(PointDeed{PointerUse::kPinch, {}});
+  EXPECT_THAT(planned->take_remarks(), IsEmpty()) << "held";
+  // The page is told of it with each picture.
+  sim::Picture picture = planned->picture(1);
+  PlanningMoment moment;
+  moment.table = planned.get();
+  moment.picture = &picture;
+  const auto told = [&] {
+    const Bytes message = moment_message(moment);
+    const auto length =
+        std::to_integer<std::ptrdiff_t>(message[0]) + 256 * std::to_integer<std::ptrdiff_t>(message[1]);
+    std::string text;
+    for (std::ptrdiff_t i = 0; i < length; ++i)
+      text += std::to_integer<char>(message[static_cast<std::size_t>(4 + i)]);
+    return nlohmann::json::parse(text).at("tools").at(0);
+  };
+  EXPECT_EQ(told()["jaws"]["opening_m"], grip().opening_m);
+  EXPECT_EQ(told()["jaws"]["slips"], false);
+  // Taken again where they are, and pulled too hard.
+  const Eigen::Vector2d at = planned->on_picture(planned->session().frame().poses[held]->position_m);
+  planned->apply(PointDeed{PointerUse::kPinch, {{2, at.x(), at.y(), 0}}});
+  bool slipped = false;
+  for (int i = 1; i <= 30 && !slipped; ++i) {
+    planned->apply(PointDeed{PointerUse::kPinch, {{2, at.x() + 0.01 * i, at.y(), 0}}});
+    settle(*planned);
+    slipped = told()["jaws"]["slips"] == true;
+  }
+  planned->apply(PointDeed{PointerUse::kPinch, {}});
+  EXPECT_TRUE(slipped);
+  EXPECT_THAT(planned->take_remarks(), testing::Contains(HasSubstr("the tissue slips in 'grasper 1'")));
+  EXPECT_THAT(actions(*planned), ElementsAre("close", "close", "retract", "retract"));
+  expect_saved_plan_ends_here(*planned, "pinched");
+  // A grasper opens no further than it does, and has to be there.
+  for (int i = 0; i < 2; ++i) planned->apply(CloseDeed{name, 2});
+  EXPECT_THAT(refusal(*planned, CloseDeed{name, 2}), HasSubstr("the jaws of 'grasper 1' open no further"));
+  EXPECT_EQ(grip().opening_m, planned->session().plan().tools[held].opening_m);
+  EXPECT_EQ(grip().grip.squeeze_n, 0);
+  planned->apply(ReleaseDeed{name});
+  EXPECT_THAT(refusal(*planned, CloseDeed{name, 0.9}), HasSubstr("'grasper 1' is not at the organ"));
 }
 
 TEST_F(PlanningTableTest, GoesOnWithAPlanAndUndoesItsStepsToo) {

@@ -22,7 +22,7 @@ export interface Opened {
 
 export interface Step {
   name: string;
-  action: 'grasp' | 'retract' | 'press' | 'hold' | 'cut' | 'release';
+  action: 'grasp' | 'close' | 'retract' | 'press' | 'hold' | 'cut' | 'release';
   tools: string[];
   duration_s: number;
 }
@@ -40,6 +40,8 @@ export interface ToolState {
   nodes: number;
   x: number;
   y: number;
+  /** Of a grasper: how far apart its jaws are, how hard each presses, what pulls along them, what friction can hold, how far the tissue has slipped. */
+  jaws?: { opening_m: number; squeeze_n: number; pull_n: number; most_pull_n: number; slipped_m: number; slips: boolean };
 }
 
 /** What goes with a picture. */
@@ -57,10 +59,11 @@ export interface PlanMoment {
 
 export type Deed =
   | { view: View }
-  | { use: 'grasp' | 'press'; pointers: readonly PlanPointer[] }
+  | { use: 'grasp' | 'pinch' | 'press'; pointers: readonly PlanPointer[] }
   | { cut: { line: readonly Place[]; depth_m: number } }
   | { hold: { duration_s: number } }
   | { release: { tool: string } }
+  | { close: { tool: string; share: number } }
   | { undo: true }
   | { redo: true }
   | { stress: { largest_pa: number } | null }

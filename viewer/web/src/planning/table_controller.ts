@@ -5,9 +5,9 @@ import { kFirstView, OrbitDrag, type View, viewByKey, zoomedByWheel } from '@/pl
 import { DrawnLine, type Pen, type Place, PlanPointers } from '@/planning/plan_pointers';
 import { type Deed, PlanConnection, type PlanListener } from '@/planning/planning_api';
 
-export const kTools = ['orbit', 'grasp', 'cut', 'press'] as const;
+export const kTools = ['orbit', 'grasp', 'pinch', 'cut', 'press'] as const;
 export type Tool = (typeof kTools)[number];
-export const kKeyOfTool: Record<Tool, string> = { orbit: 'o', grasp: 'g', cut: 'c', press: 'p' };
+export const kKeyOfTool: Record<Tool, string> = { orbit: 'o', grasp: 'g', pinch: 'j', cut: 'c', press: 'p' };
 
 export interface OnPicture extends Place {
   id: number;
@@ -20,6 +20,8 @@ export interface OnPicture extends Place {
 /** Latency is told of so many of the newest pictures. */
 const kMeasured = 60;
 const kRateOver_ms = 2000;
+/** What jaws are apart after one press of a key or button, of what they were. */
+const kCloser = 0.9;
 
 export class TableController {
   readonly tool = signal<Tool>('orbit');
@@ -41,12 +43,15 @@ export class TableController {
   private readonly sent = new Map<number, number>();
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
+  /** Those at the organ. */
+  private graspers: string[] = [];
 
   constructor(open: { plan: string; anew: boolean }, listener: PlanListener) {
     this.connection = new PlanConnection(open, {
       ...listener,
       moment: (moment, picture) => {
         listener.moment(moment, picture);
+        this.graspers = moment.tools.filter((tool) => tool.jaws).map((tool) => tool.name);
         this.shown(moment.input);
       },
     });
@@ -77,7 +82,8 @@ export class TableController {
     this.waitsSince_ms.value ??= at_ms;
   }
   private sendPointers(at_ms: number): void {
-    this.send({ use: this.tool.value === 'press' ? 'press' : 'grasp', pointers: this.pointers.pointers }, at_ms);
+    const tool = this.tool.value;
+    this.send({ use: tool === 'press' || tool === 'pinch' ? tool : 'grasp', pointers: this.pointers.pointers }, at_ms);
   }
   private look(view: View | undefined, at_ms: number): void {
     if (!view) return;
@@ -112,6 +118,11 @@ export class TableController {
     this.stress.value = shown;
     this.largest_pa.value = largest_pa;
     this.send({ stress: shown ? { largest_pa } : null });
+  }
+
+  /** Jaws closer together, or further apart. */
+  close(tool: string, opens: boolean, at_ms = performance.now()): void {
+    this.send({ close: { tool, share: opens ? 1 / kCloser : kCloser } }, at_ms);
   }
 
   press(at: OnPicture): boolean {
@@ -169,6 +180,10 @@ export class TableController {
       return view !== undefined;
     }
     if (this.tool.value === 'cut') return this.keyOfLine(key, shift, at_ms);
+    if (this.tool.value === 'pinch' && (key === '-' || key === '+')) {
+      for (const grasper of this.graspers) this.close(grasper, key === '+', at_ms);
+      return true;
+    }
     if (!this.pointers.key(key, shift)) return false;
     this.cursor.value = this.pointers.keysAt;
     this.sendPointers(at_ms);

@@ -8,7 +8,36 @@ import { Icon } from '@/shell/icon';
 /** Of the bars: what a fingertip rarely exceeds. */
 const kMostForce_n = 10;
 
-export function ForceList({ tools, release }: { tools: readonly ToolState[]; release: (tool: string) => void }) {
+function Jaws({ tool, close }: { tool: ToolState; close: (tool: string, opens: boolean) => void }) {
+  if (!tool.jaws) return null;
+  const { opening_m, squeeze_n, pull_n, most_pull_n, slipped_m, slips } = tool.jaws;
+  return (
+    <div class="planning-jaws">
+      <button type="button" class="button button-quiet" onClick={() => close(tool.name, false)} aria-label={t('planning.closeOf', { tool: tool.name })}>
+        {t('planning.jawsClose')} <kbd>−</kbd>
+      </button>
+      <button type="button" class="button button-quiet" onClick={() => close(tool.name, true)} aria-label={t('planning.openJawsOf', { tool: tool.name })}>
+        {t('planning.jawsOpen')} <kbd>+</kbd>
+      </button>
+      <span class="muted">
+        {t('planning.jaws', { apart: (1000 * opening_m).toFixed(1), squeeze: squeeze_n.toFixed(2), pull: pull_n.toFixed(2), most: most_pull_n.toFixed(2) })}
+      </span>
+      {slips && (
+        <strong class="planning-slips" role="status">
+          {t('planning.slips', { by: (1000 * slipped_m).toFixed(1) })}
+        </strong>
+      )}
+    </div>
+  );
+}
+
+interface Forces {
+  tools: readonly ToolState[];
+  release: (tool: string) => void;
+  close: (tool: string, opens: boolean) => void;
+}
+
+export function ForceList({ tools, release, close }: Forces) {
   return (
     <section class="card planning-tools" aria-label={t('planning.forces')}>
       <h2>{t('planning.forces')}</h2>
@@ -21,6 +50,7 @@ export function ForceList({ tools, release }: { tools: readonly ToolState[]; rel
           <button type="button" class="button button-quiet" onClick={() => release(tool.name)} aria-label={t('planning.releaseOf', { tool: tool.name })}>
             {t('planning.release')}
           </button>
+          <Jaws tool={tool} close={close} />
         </div>
       ))}
     </section>

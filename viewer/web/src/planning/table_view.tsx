@@ -200,7 +200,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
         </div>
         <div class="attempt-side">
           <StressCard table={table} now={now} />
-          <ForceList tools={now?.tools ?? []} release={(name) => table.send({ release: { tool: name } })} />
+          <ForceList tools={now?.tools ?? []} release={(name) => table.send({ release: { tool: name } })} close={(name, opens) => table.close(name, opens)} />
           <StepList steps={steps.value.steps} />
           <p class="muted attempt-latency">
             {rate.value.latency_ms !== undefined && t('planning.latency', { picture: rate.value.latency_ms.toFixed(0), rate: rate.value.perSecond.toFixed(0) })}

@@ -1,0 +1,58 @@
+#include "sim/manipulation/jaws.h"
+
+namespace kiroku::sim {
+
+std::string jaw_name(const std::string& tool, std::size_t which) {
+  return tool + " jaw " + std::to_string(which + 1);
+}
+
+Tool jaw(const std::string& tool, std::size_t which, const Vector3& half_extent_m, double friction) {
+  Tool made{jaw_name(tool, which), Box{half_extent_m}, ToolAction::kSticks};
+  made.friction = friction;
+  return made;
+}
+
+std::array<Pose, kJaws> jaw_poses(const Pose& tool, const Vector3& half_extent_m, double opening_m) {
+  const double away_m = opening_m / 2 + half_extent_m.z();
+  std::array<Pose, kJaws> jaws{tool, tool};
+  jaws[0].position_m = tool.from_tool({0, 0, away_m});
+  jaws[1].position_m = tool.from_tool({0, 0, -away_m});
+  return jaws;
+}
+
+Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
+             double friction) {
+  Grip grip{felt, 0, 0, 0};
+  double normal_n = 0;
+  Vector3 along_n = Vector3::Zero();
+  for (const Contact& contact : contacts) {
+    if (contact.tool < first || contact.tool >= first + kJaws) continue;
+    const double pressed_n = contact.force_n.dot(contact.normal);
+    normal_n += pressed_n;
+    along_n += contact.force_n - pressed_n * contact.normal;
+  }
+  grip.squeeze_n = normal_n / kJaws;
+  grip.pull_n = along_n.norm();
+  grip.most_pull_n = friction * normal_n;
+  return grip;
+}
+
+bool slips(const Grip& grip) {
+  constexpr double kUsedUp = 0.99;
+  return grip.squeeze_n > 0 && grip.pull_n >= kUsedUp * grip.most_pull_n;
+}
+
+ToolForce felt_by(const Grip& grip, const Pose& tool, const std::array<Pose, kJaws>& jaws) {
+  ToolForce sum;
+  for (std::size_t which = 0; which < kJaws; ++which) {
+    const ToolForce& one = grip.jaws[which];
+    sum.force_n += one.force_n;
+    sum.torque_nm += one.torque_nm + (jaws[which].position_m - tool.position_m).cross(one.force_n);
+    sum.nodes += one.nodes;
+  }
+  sum.normal_n = grip.squeeze_n;
+  sum.tangential_n = grip.pull_n;
+  return sum;
+}
+
+}  // namespace kiroku::sim

@@ -1,0 +1,56 @@
+// A grasper: two jaws that close on the tissue, hold it by friction alone, and lose it when it is pulled too
+// hard. Pure, thread-safe.
+//
+// Source: section 2.2 of "Interactive Volume Manipulation for Supporting Preoperative Planning": vertices are
+// displaced onto the manipulator's constraint surface, here the faces of two solid jaws, and follow these.
+// Coulomb's friction says how long: two jaws that press with N each hold at most 2 mu N along their faces
+// (contact/contact_solver.h).
+//
+// The tool's frame: jaws are as long as their x, as wide as their y, as thick as their z; they close along z,
+// and the origin is midway between their faces.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "sim/contact/contact_solver.h"
+#include "sim/manipulation/tool.h"
+
+namespace kiroku::sim {
+
+/// Which of the two: on the side of the tool's positive z, and the other.
+inline constexpr std::size_t kJaws = 2;
+
+/// "grasper jaw 1", "grasper jaw 2".
+std::string jaw_name(const std::string& tool, std::size_t which);
+
+/// One jaw, a solid to which tissue sticks up to that friction; kiroku::UsageError as check_tools() has it
+/// for one without extent. Both of a tool are alike, but for their names.
+Tool jaw(const std::string& tool, std::size_t which, const Vector3& half_extent_m, double friction);
+
+/// Where the jaws are while their faces are `opening_m` apart.
+std::array<Pose, kJaws> jaw_poses(const Pose& tool, const Vector3& half_extent_m, double opening_m);
+
+/// What jaws do to the tissue between them, N; all zero where they touch nothing.
+struct Grip {
+  std::array<ToolForce, kJaws> jaws;  // what each feels, about its own origin
+  double squeeze_n = 0;               // the mean of the forces with which the jaws press
+  double pull_n = 0;                  // what acts along their faces, both together
+  double most_pull_n = 0;             // friction holds no more: 2 mu N
+};
+
+/// Whether the tissue slides along the jaws: the pull is what friction can hold, to a hundredth, as contacts
+/// balance to a thousandth (contact_solver.h).
+bool slips(const Grip& grip);
+
+/// Of the contacts, those of tools `first` and `first` + 1 are the jaws'.
+Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
+             double friction);
+
+/// What the whole tool feels: the sum of both jaws, with the torque about the tool's origin; normal_n and
+/// tangential_n are squeeze and pull.
+ToolForce felt_by(const Grip& grip, const Pose& tool, const std::array<Pose, kJaws>& jaws);
+
+}  // namespace kiroku::sim
