@@ -65,14 +65,15 @@ struct Side {
 };
 
 Side read_side(const std::string& named) {
-  if (const auto folder = log_folder_of(named)) return {folder, archive::read_history(*folder, {}), true, ""};
+  if (const auto folder = log_folder_of(named))
+    return {folder, archive::read_history(*folder, {}), true, "", {}};
   std::error_code ignored;
   if (!fs::is_regular_file(named, ignored)) {
     throw UsageError("cannot compare " + named + ": it is " +
                      (fs::exists(named, ignored) ? "neither a folder nor a file" : "not there") +
                      "; give the folder of a log, a home, or a checkpoint that was kept");
   }
-  return {std::nullopt, archive::history_of_note(load_outside_note(named)), true, ""};
+  return {std::nullopt, archive::history_of_note(load_outside_note(named)), true, "", {}};
 }
 
 /// Whether one of these keys signed a checkpoint of it: whom its lines name anybody can write.

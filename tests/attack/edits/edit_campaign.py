@@ -5,7 +5,7 @@ holds and of two logs, ever says more of them than is true.
 
 Usage: edit_campaign.py PROGRAMS [--seconds N] [--seed N] [--all] [--only TEXT] [--plan TEXT] [--scripts] [--report N] [--other N]
   PROGRAMS      the folder of kiroku and kiroku-verify
-  --seconds N   how long (15, or without end with --all)
+  --seconds N   how long (30, or without end with --all)
   --seed N      which edits, in which order; without it another one each time, which is printed
   --all         every single edit first; then pairs until the seconds are over
   --only TEXT   single edits alone, of bases or with names that hold this text: "proof:", "log:", "sealed segment"
@@ -52,7 +52,7 @@ import tree as t  # noqa: E402
 import verifier  # noqa: E402
 
 LONGEST_WAIT_S = 120   # it only ends a run that hangs, which is a finding
-DEFAULT_SECONDS = 15
+DEFAULT_SECONDS = 30
 EMBEDDED_POLICY = "2.25.197830237812365870224498532130945381713"
 
 
