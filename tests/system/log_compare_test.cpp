@@ -140,9 +140,10 @@ TEST_F(LogCompare, WhatNobodySignedIsSaidAndIsNoHistoryOfTheDevice) {
   const auto entries = std::count(ledger.begin(), ledger.end(), '\n');
   std::string forged;
   for (int i = 0; i < 2; ++i) {
-    forged += R"({"type":"access","seq":)" + std::to_string(entries + i) +
-              R"(,"utc":"2026-11-26T20:00:00.000000Z","mono_ns":0,"case":"*","what":"unlocked","who":"anna"})"
-              "\n";
+    forged +=
+        R"({"type":"access","seq":)" + std::to_string(entries + i) +
+        R"(,"utc":"2026-11-26T20:00:00.000000Z","mono_ns":9000000000000000,"case":"*","what":"unlocked","who":"anna"})"
+        "\n";
   }
   write_text(fs::path(longer) / "ledger.jsonl", ledger + forged);
   const std::string said = "nobody signed it from entry " + std::to_string(entries) + " on";
