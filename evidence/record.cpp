@@ -172,6 +172,8 @@ struct Shape {
   bool check_chains(const DerElement& sequence) {
     std::size_t chains = 0;
     std::size_t all = 0;
+    std::size_t before = 0;
+    std::size_t hashed_again = 0;
     for (DerReader reader(sequence.content); !reader.at_end(); ++chains) {
       const std::string place = "archiveTimeStampSequence[" + std::to_string(chains) + "]";
       const auto chain = reader.next(timestamp::der::kSequence);
@@ -180,6 +182,14 @@ struct Shape {
         return refuse(place, "is one chain more than the " + std::to_string(kMostChains) + " that may be");
       }
       if (chain->content.empty()) return refuse(place, "is an empty chain");
+      hashed_again += before;
+      before += chain->whole.size();
+      const std::size_t most = kMostTimesHashedAgain * sequence.whole.size() + kAlwaysHashedAgain;
+      if (hashed_again > most) {
+        return refuse(place, "is one renewal too many: for all of them " + std::to_string(hashed_again) +
+                                 " bytes of chains would be hashed again, and " + std::to_string(most) +
+                                 " may be");
+      }
       std::size_t number = 0;
       for (DerReader inner(chain->content); !inner.at_end(); ++number) {
         const auto time_stamp = inner.next(timestamp::der::kSequence);
@@ -389,11 +399,10 @@ RecordParse parse_record(ByteView der) {
   if (!shape.check_record(der)) return {{}, shape.refusal};
   const RecordHandle read(decoded<Asn1Record>(der, Asn1Record_it()));
   if (!read) return {{}, "the record is no EvidenceRecord of RFC 4998"};
-  EvidenceRecord record = record_of(*read);
   // What was signed over is the record's DER. Where these bytes are another form of the same values, a hash
   // over them would not be the one that was time-stamped.
-  if (encode(record) != to_bytes(der)) return {{}, "the record is not in DER"};
-  return {std::move(record), {}};
+  if (!std::ranges::equal(der_of(read.get(), Asn1Record_it()), der)) return {{}, "the record is not in DER"};
+  return {record_of(*read), {}};
 }
 
 Bytes encode_record(const EvidenceRecord& record) {

@@ -24,6 +24,14 @@ inline constexpr std::size_t kMostChains = 64;
 inline constexpr std::size_t kMostTimeStamps = 512;  // of all chains together
 inline constexpr std::size_t kMostHashLists = 64;    // of one reduced hash tree: 2^63 cases and more
 inline constexpr std::size_t kMostAlgorithms = 64;   // of digestAlgorithms
+// Each hash-tree renewal covers all chains before it, so these are hashed again for each. All together that
+// may be so many times the bytes of all chains, and so many bytes more. A record whose chains are of one size
+// may be renewed 16 times, of 100 kB each 23 times.
+inline constexpr std::size_t kMostTimesHashedAgain = 8;
+inline constexpr std::size_t kAlwaysHashedAgain = 8U << 20U;
+/// Of a record's tokens that do not hold so many are judged wholly. Of a further one of a stranger the
+/// signature is not looked at: nobody vouches for it, and its key may be as slow as they like.
+inline constexpr std::size_t kMostJudgedStrangers = 64;
 /// A token; and each of cryptoInfos, encryptionInfo and attributes.
 inline constexpr std::size_t kMaximumPartBytes = 1U << 20U;
 

@@ -64,6 +64,8 @@ class RecordJudge {
   const Policy no_ends_;
   const Policy& policy_;
   Bytes chains_before_;  // their DER, one behind the other
+  timestamp::CertificatePool pool_;
+  std::size_t strangers_ = 0;
   RecordJudgement out_;
 };
 
@@ -192,7 +194,11 @@ void RecordJudge::judge_token(TimeStampJudgement& judged, const std::optional<By
   const ArchiveTimeStamp& here = time_stamp(judged);
   const std::string place = place_of(judged.chain, judged.index);
   const timestamp::TrustStore& trust = rules_.trust != nullptr ? *rules_.trust : kNobody;
-  judged.token = timestamp::judge_token(here.token, {}, trust);
+  timestamp::Expectation expectation;
+  expectation.judge_strangers = strangers_ < kMostJudgedStrangers;
+  expectation.pool = &pool_;
+  judged.token = timestamp::judge_token(here.token, expectation, trust);
+  strangers_ += judged.token.code == timestamp::TokenCode::kValid ? 0 : 1;
   if (root && judged.token.info) {
     const bool same_hash =
         !here.digest_algorithm || here.digest_algorithm->algorithm == hash_of(*judged.token.info);

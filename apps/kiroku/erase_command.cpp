@@ -12,6 +12,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/store.h"
 #include "archive/format/case_layout.h"
 #include "archive/reading/case_reader.h"
@@ -255,7 +256,7 @@ int run(const Request& request) {
   std::optional<Copies> copies;
   archive::Holds holds;
   if (!candidates.empty()) {
-    holds = archive::read_holds(home.log_folder(), home.device());
+    holds = standing_holds(home);
     eraser.emplace(home, configuration);
     if (!request.only_copy) copies.emplace(home, configuration);
   }

@@ -10,6 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/storage/file_system.h"
 #include "archive/upkeep/holds.h"
@@ -107,7 +108,7 @@ int release(const Request& request) {
   const crypto::SigningKey key = home.signing_key();
   const auto log = log_of(home, key);
   const archive::ErasingTurn turn(home.archive());
-  archive::Holds holds = archive::read_holds(home.log_folder(), home.device());
+  archive::Holds holds = standing_holds(home);
   const std::uint64_t entry = which_hold(request, name, holds);
   log->case_released(name, entry, request.reason, user_name());
   std::erase_if(holds[name], [&](const archive::Hold& each) { return each.entry == entry; });
@@ -125,7 +126,7 @@ int release(const Request& request) {
 int list(const Request& request) {
   const Home home = Home::open(request.home);
   ordered_json rows = ordered_json::array();
-  for (const auto& [name, standing] : archive::read_holds(home.log_folder(), home.device())) {
+  for (const auto& [name, standing] : standing_holds(home)) {
     for (const archive::Hold& each : standing) {
       rows.push_back({{"case", name},
                       {"hold", each.entry},

@@ -57,25 +57,45 @@ struct Side {
   bool is_trusted = true;  // one of its keys is among those asked for
   /// Of a log that does not hold: its newest checkpoint beside the other log, in a sentence.
   std::string newest_checkpoint;
+  /// Of a log that is one history with the other: its entries from here on nobody signed, in neither of them.
+  std::optional<std::uint64_t> unsigned_from;
+
+  /// More than what a recorder leaves that was stopped in between.
+  [[nodiscard]] bool rests_on_nobody() const { return unsigned_from && history.tail_unsigned; }
 };
 
 Side read_side(const std::string& named) {
-  if (const auto folder = log_folder_of(named)) return {folder, archive::read_history(*folder, {}), true, ""};
+  if (const auto folder = log_folder_of(named))
+    return {folder, archive::read_history(*folder, {}), true, "", {}};
   std::error_code ignored;
   if (!fs::is_regular_file(named, ignored)) {
     throw UsageError("cannot compare " + named + ": it is " +
                      (fs::exists(named, ignored) ? "neither a folder nor a file" : "not there") +
                      "; give the folder of a log, a home, or a checkpoint that was kept");
   }
-  return {std::nullopt, archive::history_of_note(load_outside_note(named)), true, ""};
+  return {std::nullopt, archive::history_of_note(load_outside_note(named)), true, "", {}};
 }
 
+/// Whether one of these keys signed a checkpoint of it: whom its lines name anybody can write.
 bool is_of_one_of(const LogHistory& history, const std::vector<crypto::VerifierKey>& devices) {
   return std::ranges::any_of(devices, [&](const crypto::VerifierKey& key) {
-    const std::string text = key.to_string();
-    return history.log.first_device == text ||
-           std::ranges::find(history.log.devices, text) != history.log.devices.end();
+    return std::ranges::find(history.log.devices, key.to_string()) != history.log.devices.end();
   });
+}
+
+/// From where on nobody signed a log that is one history with the other one.
+std::optional<std::uint64_t> unsigned_from(const Side& side, const Side& other,
+                                           const HistoryComparison& comparison) {
+  const bool is_one = comparison.relation == HistoryRelation::kSame ||
+                      comparison.relation == HistoryRelation::kFirstBegins ||
+                      comparison.relation == HistoryRelation::kSecondBegins;
+  if (!side.folder || !is_one) return std::nullopt;
+  // A checkpoint that was kept covers what is common, as the other log's do as far as that goes.
+  const std::uint64_t by_other =
+      other.folder ? std::min(other.history.covered(), *comparison.common) : *comparison.common;
+  const std::uint64_t covered = std::max(side.history.covered(), by_other);
+  if (covered >= side.history.log.lines.size()) return std::nullopt;
+  return covered;
 }
 
 /// What was signed stays signed, whatever became of the lines.
@@ -229,8 +249,11 @@ std::string side_text(const Side& side, const std::optional<PartingEntry>& parti
   const auto line = [&](const std::string& sentence) { text += "  " + printable(sentence) + "\n"; };
   if (!history.note) {
     line("device " + (history.log.first_device.empty() ? "none" : history.log.first_device) +
-         (side.is_trusted ? "" : " (not the device that was asked for)"));
+         (side.is_trusted ? "" : " (not signed by the device that was asked for)"));
   }
+  if (side.unsigned_from)
+    line("nobody signed it from entry " + std::to_string(*side.unsigned_from) +
+         " on: whoever can write to a disk can make that");
   if (parting) line(parting->text(*comparison.common));
   if (signer) {
     line("signed: " + file_of(side, *signer) + ", over the first " +
@@ -266,6 +289,7 @@ ordered_json side_json(const Side& side, const std::optional<PartingEntry>& part
       {"whole", history.note ? ordered_json(nullptr) : ordered_json(history.log.whole)},
       {"device", or_null(history.log.first_device)},
       {"trusted", side.is_trusted},
+      {"unsigned_from", or_null(side.unsigned_from)},
       {"damage", damage},
       {"newest_checkpoint", or_null(side.newest_checkpoint)},
       {"entry", parting ? parting->json() : ordered_json(nullptr)},
@@ -296,6 +320,7 @@ int run(const Request& request) {
       side->newest_checkpoint = judge_newest_checkpoint(*side, *other, known);
     side->is_trusted =
         asked_for.empty() || side->history.note.has_value() || is_of_one_of(side->history, asked_for);
+    side->unsigned_from = unsigned_from(*side, *other, comparison);
   }
   const auto parting_first = parting_entry(first, comparison);
   const auto parting_second = parting_entry(second, comparison);
@@ -322,7 +347,8 @@ int run(const Request& request) {
   const bool is_told = comparison.relation == HistoryRelation::kSame ||
                        comparison.relation == HistoryRelation::kFirstBegins ||
                        comparison.relation == HistoryRelation::kSecondBegins;
-  return is_told && first.is_trusted && second.is_trusted ? kDone : kNoAnswer;
+  const bool is_signed = !first.rests_on_nobody() && !second.rests_on_nobody();
+  return is_told && is_signed && first.is_trusted && second.is_trusted ? kDone : kNoAnswer;
 }
 
 }  // namespace
@@ -352,7 +378,8 @@ void add_log_compare_command(Command& log) {
       "signed, or a log that does not hold by itself; 2 wrong usage or unreadable; 3 nothing follows: logs "
       "of "
       "different devices, a fork that one device did not sign on both sides, what cannot be told from a "
-      "checkpoint alone, or logs and signatures of another device than --device.");
+      "checkpoint alone, a log that nobody signed to its end, or logs and signatures of another device than "
+      "--device.");
   command.example("kiroku log compare /mnt/audit-2025/log ~/.local/share/kiroku",
                   "whether the home's log goes on from an exported one");
   command.example("kiroku log compare from-the-insurer/log from-the-court/log --device device.pub",

@@ -9,6 +9,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
+#include "archive/reading/case_reader.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
@@ -26,16 +27,35 @@ namespace fs = std::filesystem;
               log_folder.string() + " " + why + "; 'kiroku log --verify' says more");
 }
 
+/// Whether a case lies beside the log's place whose first line says that a log was there.
+bool has_case_with_log(const fs::path& archive) {
+  std::error_code ignored;
+  for (const fs::directory_entry& each : fs::directory_iterator(archive, ignored)) {
+    if (!is_case_id(each.path().filename().string())) continue;
+    try {
+      if (CaseReader::open(each.path()).opening().appliance_log_size > 0) return true;
+    } catch (const Error&) {
+      return true;  // what cannot be read cannot say that there was none
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
-Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device) {
+Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device,
+                 const std::optional<crypto::Checkpoint>& seen) {
   if (std::error_code ignored; !fs::exists(log_folder / kLedgerFile, ignored)) {
+    if (has_case_with_log(log_folder.parent_path())) {
+      throw_unknown(log_folder, "is not there, though cases are that were recorded beside it: put it back");
+    }
     return {};
   }
   // Before the lines are read: another process may add lines and checkpoints meanwhile.
   const std::uint64_t newest = newest_note(log_folder);
   crypto::MerkleFrontier tree;
-  std::optional<crypto::Sha256Digest> root_at_newest;
+  std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
+  bool only_starts = true;
   std::optional<crypto::VerifierKey> signer;
   Holds holds;
   for_each_log_line(log_folder, [&](const LogLine& line) {
@@ -43,6 +63,10 @@ Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device) 
     if (tree.size() == newest) {
       root_at_newest = tree.root();
     }
+    if (seen && tree.size() == seen->size) {
+      root_at_seen = tree.root();
+    }
+    only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
     constexpr std::array<std::string_view, 4> kTypes{"boot", "device-key-changed", "case-held",
                                                      "case-released"};
     if (std::ranges::find(kTypes, line.type) == kTypes.end()) {
@@ -67,8 +91,12 @@ Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device) 
     throw_unknown(log_folder, "has " + std::to_string(tree.size()) + " entries where one was signed over " +
                                   std::to_string(newest));
   }
-  if (newest == 0 && tree.size() > 0 && !holds.empty()) {
+  if (newest == 0 && !only_starts) {
     throw_unknown(log_folder, "has no checkpoint");
+  }
+  if (seen && seen->size > 0 && root_at_seen != seen->root) {
+    throw_unknown(log_folder, "does not go on from the " + std::to_string(seen->size) +
+                                  " entries that witnesses saw: its end was removed, or it was rewritten");
   }
   if (newest > 0 && !is_signed_entry(log_folder, device, newest - 1, root_at_newest.value())) {
     throw_unknown(log_folder,

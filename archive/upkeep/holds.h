@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,9 +27,12 @@ using Holds = std::map<std::string, std::vector<Hold>>;
 
 /// Reads the whole log. A hold counts with or without a checkpoint of its own, a release only with one by the
 /// device that the log names then: what somebody adds to the log releases nothing. `device` is the home's.
-/// Throws kiroku::Error where the log does not fit its newest checkpoint, or that is not signed by `device`:
-/// then nobody knows what is held. A log that is not there holds nothing.
-Holds read_holds(const std::filesystem::path& log_folder, const crypto::VerifierKey& device);
+/// `seen` is a checkpoint of the log that others saw. Throws kiroku::Error where nobody knows what is held:
+/// the log does not fit its newest checkpoint or `seen`, is shorter than `seen`, tells of more than starts of
+/// the machine without any checkpoint, that is not signed by `device`, or the log is not there while a case
+/// that was recorded beside one lies in the archive. An archive without either holds nothing.
+Holds read_holds(const std::filesystem::path& log_folder, const crypto::VerifierKey& device,
+                 const std::optional<crypto::Checkpoint>& seen = {});
 
 /// "it is under legal hold since 2026-11-26T20:15:00.000000Z (entry 12 of the appliance log, by anna): court
 /// order", of several the oldest and how many more; "" where none stands.

@@ -196,6 +196,8 @@ LogHistory read_history(const std::filesystem::path& folder, const VerifyOptions
   walk.keep_for_comparison(history.log);
   walk.run();
   history.damage = findings.take();
+  history.tail_unsigned = std::ranges::any_of(
+      history.damage, [](const Finding& finding) { return finding.code == "log-tail-unsigned"; });
   std::erase_if(history.damage,
                 [](const Finding& finding) { return finding.severity != Severity::kTampered; });
   return history;

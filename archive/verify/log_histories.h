@@ -39,6 +39,13 @@ struct LogHistory {
   SignedLog log;
   std::optional<std::string> note;  // the kept checkpoint; then `log` is empty
   std::vector<Finding> damage;      // what does not hold in the log by itself; its cases are not looked for
+  /// Its last lines have no checkpoint, where a recorder that did not stop signs one for each.
+  bool tail_unsigned = false;
+
+  /// How many entries, from the first on, a checkpoint covers that holds.
+  [[nodiscard]] std::uint64_t covered() const {
+    return log.checkpoints.empty() ? 0 : log.checkpoints.back().size;
+  }
 };
 /// Judges the log by itself. Of `options` count the threads alone: whose log it is, is said and not judged.
 /// Throws kiroku::Error where the folder cannot be read or is no log.

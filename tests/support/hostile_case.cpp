@@ -404,6 +404,12 @@ void excerpt_of_list(const fs::path& parent, const std::string& key, std::string
   std::ofstream(file) << text << '\n';
 }
 
+void write_record(const HostileCase& of, const evidence::EvidenceRecord& record) {
+  const fs::path file = archive::evidence_file(of.folder(), HostileCase::kCaseId);
+  fs::create_directory(file.parent_path());
+  std::ofstream(file, std::ios::binary) << text_of(evidence::encode_record(record));
+}
+
 /// A record beside the case that covers the ledger's first lines and is not made by anybody: `chains` chains,
 /// each with a list of so many values.
 void write_record(const HostileCase& of, std::uint64_t lines, std::size_t chains, std::size_t values) {
@@ -420,9 +426,7 @@ void write_record(const HostileCase& of, std::uint64_t lines, std::size_t chains
   evidence::EvidenceRecord record;
   record.digest_algorithms = {evidence::named_hash(HashAlgorithm::kSha256)};
   record.chains.assign(chains, {time_stamp});
-  const fs::path file = archive::evidence_file(of.folder(), HostileCase::kCaseId);
-  fs::create_directory(file.parent_path());
-  std::ofstream(file, std::ios::binary) << text_of(evidence::encode_record(record));
+  write_record(of, record);
 }
 
 void record_of_values(const fs::path& parent, std::uint64_t bytes, std::size_t chains) {
@@ -432,6 +436,33 @@ void record_of_values(const fs::path& parent, std::uint64_t bytes, std::size_t c
   of.finish();
   const std::uint64_t most = std::min<std::uint64_t>(bytes, evidence::kMaximumRecordBytes * 9 / 10);
   write_record(of, of.size(), chains, static_cast<std::size_t>(most) / kBytesOfValue / chains);
+}
+
+/// Time-stamps that a stranger signed with a slow curve, one over the other.
+void record_of_strangers(const fs::path& parent, std::uint64_t bytes) {
+  static const TestAuthority stranger = make_test_authority();
+  static const timestamp::Credential signer = make_signer(stranger, crypto::PrivateKey(EVP_EC_gen("P-384")));
+  HostileCase of(parent, 1);
+  of.add(archive::MarkEntry{});
+  of.finish();
+  TokenRecipe recipe;
+  recipe.signer = &signer;
+  recipe.enclosed = {signer.certificate.get(), stranger.ca.certificate.get()};
+  evidence::EvidenceRecord record;
+  record.digest_algorithms = {evidence::named_hash(crypto::HashAlgorithm::kSha256)};
+  record.chains.emplace_back();
+  const archive::CaseFolder folder = archive::CaseFolder::open(of.folder());
+  const crypto::HashAlgorithm algorithm = crypto::HashAlgorithm::kSha256;
+  recipe.imprint = archive::hash_ledger_at(folder, {of.size()}, algorithm).at(of.size());
+  for (std::uint64_t written = 0; written < bytes && record.chains[0].size() < evidence::kMostTimeStamps;) {
+    evidence::ArchiveTimeStamp made;
+    made.digest_algorithm = evidence::named_hash(algorithm);
+    made.token = make_token(recipe);
+    written += made.token.size();
+    recipe.imprint = crypto::digest(algorithm, made.token);
+    record.chains[0].push_back(std::move(made));
+  }
+  write_record(of, record);
 }
 
 /// Each of its chains is asked for each file.
@@ -520,8 +551,10 @@ std::vector<HostileForm> all_forms() {
   add("record of many values",
       [](const fs::path& parent, std::uint64_t bytes) { record_of_values(parent, bytes, 1); });
   add("record of many chains", [](const fs::path& parent, std::uint64_t bytes) {
-    record_of_values(parent, bytes, evidence::kMostChains);
+    // As many as may be of this size, and of a smaller one nearly so.
+    record_of_values(parent, bytes, 2 * evidence::kMostTimesHashedAgain + 1);
   });
+  add("record of strangers' time-stamps", record_of_strangers);
   add("record of many chains beside many files", record_beside_many_files);
   add("excerpt: note a line", [](const fs::path& parent, std::uint64_t bytes) {
     write_excerpt(

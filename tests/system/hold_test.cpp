@@ -65,8 +65,33 @@ TEST_F(LegalHold, OfALogThatWasRemovedNobodyCanTell) {
   fs::rename(log(), folder() / "log-away");
   const ProcessResult kept = erase();
   EXPECT_EQ(kept.status, 2) << kept.out << kept.err;
-  EXPECT_THAT(kept.err, HasSubstr("nobody can tell whether it is under legal hold"));
+  EXPECT_THAT(kept.err, HasSubstr("nobody can tell which cases are under legal hold"));
   EXPECT_EQ(segments(), before);
+  const ProcessResult listed = kiroku({"hold", "--list"});
+  EXPECT_EQ(listed.status, 2) << listed.out;
+  EXPECT_THAT(listed.err, HasSubstr("nobody can tell which cases are under legal hold"));
+  EXPECT_THAT(listed.out, testing::Not(HasSubstr("No case is under legal hold")));
+}
+
+// Rewritten without the hold and without a signature, it says as little.
+TEST_F(LegalHold, OfALogWithoutCheckpointsNobodyCanTell) {
+  const std::string before = read_text(log() / "ledger.jsonl");
+  EXPECT_EQ(kiroku({"hold", name(), "--reason", "court"}).status, 0);
+  write_text(log() / "ledger.jsonl", before);
+  for (const auto& note : fs::directory_iterator(log() / "checkpoints")) fs::remove(note);
+  for (const Arguments& asked :
+       {Arguments{"hold", "--list"},
+        Arguments{"erase", name(), "--stream", "endoscope", "--policy", "p", "--only-copy"}}) {
+    const ProcessResult told = kiroku(asked);
+    EXPECT_EQ(told.status, 2) << told.out;
+    EXPECT_THAT(told.err, HasSubstr("has no checkpoint"));
+  }
+}
+
+TEST_F(LegalHold, OfAHomeThatRecordedNothingThereIsNone) {
+  EXPECT_EQ(kiroku({"init", "--demo", "--home", path("fresh")}).status, 0);
+  EXPECT_THAT(kiroku({"hold", "--list", "--home", path("fresh")}).out,
+              HasSubstr("No case is under legal hold."));
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // Two appliance logs side by side, by the program that people run.
+#include <algorithm>
 #include <filesystem>
 #include <sys/stat.h>
 
@@ -126,10 +127,44 @@ TEST_F(LogCompare, LogsOfTwoDevicesAreNotCompared) {
   const ProcessResult foreign =
       kiroku({"log", "compare", home().string(), log(), "--device", path("other/device.pub")});
   EXPECT_EQ(foreign.status, 3) << foreign.out;
-  EXPECT_THAT(foreign.out, HasSubstr("(not the device that was asked for)"));
+  EXPECT_THAT(foreign.out, HasSubstr("(not signed by the device that was asked for)"));
   EXPECT_EQ(
       kiroku({"log", "compare", home().string(), log(), "--device", (home() / "device.pub").string()}).status,
       0);
+}
+
+// Whoever can write to a disk can make lines of a log, and name any device in them.
+TEST_F(LogCompare, WhatNobodySignedIsSaidAndIsNoHistoryOfTheDevice) {
+  const std::string longer = exported("longer"), without = exported("without");
+  const std::string ledger = read_text(fs::path(log()) / "ledger.jsonl");
+  const auto entries = std::count(ledger.begin(), ledger.end(), '\n');
+  std::string forged;
+  for (int i = 0; i < 2; ++i) {
+    forged +=
+        R"({"type":"access","seq":)" + std::to_string(entries + i) +
+        R"(,"utc":"2026-11-26T20:00:00.000000Z","mono_ns":9000000000000000,"case":"*","what":"unlocked","who":"anna"})"
+        "\n";
+  }
+  write_text(fs::path(longer) / "ledger.jsonl", ledger + forged);
+  const std::string said = "nobody signed it from entry " + std::to_string(entries) + " on";
+  const ProcessResult goes_on = kiroku({"log", "compare", longer, log()});
+  EXPECT_EQ(goes_on.status, 3) << goes_on.out;
+  EXPECT_THAT(goes_on.out, HasSubstr("ONE HISTORY"));
+  EXPECT_THAT(goes_on.out, HasSubstr(said));
+  const std::string number = std::to_string(entries);
+  const std::string note = log() + "/checkpoints/" + std::string(8 - number.size(), '0') + number + ".note";
+  EXPECT_EQ(kiroku({"log", "compare", longer, note}).status, 3);
+  // What the other log's checkpoints cover is signed.
+  fs::remove_all(fs::path(without) / "checkpoints");
+  const ProcessResult covered = kiroku({"log", "compare", without, log()});
+  EXPECT_EQ(covered.status, 0) << covered.out;
+  EXPECT_THAT(covered.out, testing::Not(HasSubstr("nobody signed")));
+  // Two alike that nobody signed name the device, and are not its.
+  const ProcessResult alike =
+      kiroku({"log", "compare", without, without, "--device", (home() / "device.pub").string()});
+  EXPECT_EQ(alike.status, 3) << alike.out;
+  EXPECT_THAT(alike.out, HasSubstr("nobody signed it from entry 0 on"));
+  EXPECT_THAT(alike.out, HasSubstr("(not signed by the device that was asked for)"));
 }
 
 TEST_F(LogCompare, RefusesInASentence) {

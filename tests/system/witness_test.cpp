@@ -129,6 +129,26 @@ TEST_F(Witnesses, ALogThatIsShorterThanWhatTheHomesNoteIsOfIsTampered) {
   EXPECT_THAT(kiroku(kVerify).out, HasSubstr("Entries were taken away, or this is a copy from before"));
 }
 
+// A log that was cut back behind a hold would let its case be erased, as if nobody had ever held it.
+TEST_F(Witnesses, OfALogThatWasCutBackNobodyCanTellWhatIsUnderLegalHold) {
+  const std::string held = record().filename().string();
+  fs::copy(home() / "archive/log", folder() / "before", fs::copy_options::recursive);
+  ASSERT_EQ(kiroku({"hold", held, "--reason", "court"}).status, 0);
+  ASSERT_EQ(kiroku(ask()).status, 0);
+  EXPECT_THAT(kiroku({"hold", "--list"}).out, HasSubstr("court"));
+  fs::remove_all(home() / "archive/log");
+  fs::rename(folder() / "before", home() / "archive/log");
+  for (const Arguments& asked :
+       {Arguments{"hold", "--list"}, Arguments{"release", held, "--reason", "settled"},
+        Arguments{"erase", held, "--stream", "endoscope", "--policy", "p", "--only-copy"}}) {
+    const ProcessResult told = kiroku(asked);
+    EXPECT_EQ(told.status, 2) << told.out;
+    EXPECT_THAT(told.err, HasSubstr("does not go on from the "));
+    EXPECT_THAT(told.err, HasSubstr("nobody can tell which cases are under legal hold"));
+  }
+  EXPECT_FALSE(fs::is_empty(home() / "archive" / held / "segments/endoscope"));
+}
+
 TEST_F(Witnesses, APipeInThePlaceOfTheHomesNoteKeepsTheLogFromNothing) {
   fs::create_directories(home() / "witnessed");
   ASSERT_EQ(::mkfifo((home() / "witnessed/log.note").c_str(), 0600), 0);

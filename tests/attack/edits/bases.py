@@ -1,5 +1,6 @@
-"""What is edited: a case that the programs recorded a moment ago, an excerpt, a renewed one and a log of it, and cases
-of the writer in tests/foreign, whose keys are known."""
+"""What is edited: a case that the programs recorded a moment ago, an excerpt, a renewed one, the proof of its end, and a
+log of it with legal holds, also as witnesses cosigned it; and cases of the writer in tests/foreign, whose keys are
+known."""
 import base64
 import dataclasses
 import http.server
@@ -10,6 +11,7 @@ import re
 import subprocess
 import threading
 
+import beside
 import case_writer as w
 import forgeries
 import merkle
@@ -25,7 +27,7 @@ LONGEST_WAIT_S = 60   # it only ends a test that fails
 class Base:
     """A sound folder, and what its verifier is given."""
     name: str
-    form: str                       # case, excerpt or log
+    form: str                       # case, excerpt, log, proof or note
     folder_name: str
     tree: tree.Tree
     lines: list                     # of the whole case's ledger, or of the log, without line feeds
@@ -34,6 +36,7 @@ class Base:
     roots: list
     own: list = dataclasses.field(default_factory=list)
     log: pathlib.Path | None = None
+    at: pathlib.Path | None = None  # the folder as it was recorded; of proof and note that of their case or log
     whole: "Base | None" = None     # of an excerpt: its case
 
     @property
@@ -129,13 +132,27 @@ def record(programs_folder, scratch):
         raise RuntimeError("the device's key has another form than expected")
     given = {"signer": signer, "devices": [signer.key], "roots": [outside.root], "own": [(home / "own-authority.pem").read_text()]}
     whole_tree = tree.read(case)
-    whole = Base("recorded", "case", case.name, whole_tree, ledger_lines(whole_tree["ledger.jsonl"]), log=home / "archive/log", **given)
+    whole = Base("recorded", "case", case.name, whole_tree, ledger_lines(whole_tree["ledger.jsonl"]), log=home / "archive/log", at=case, **given)
+    first = hold(programs, case, "court")
+    hold(programs, case, "insurer")
+    programs.ask("kiroku", "release", case, "--hold", first, "--reason", "settled")
+    programs.ask("kiroku", "log", "prove", case, "-o", scratch / beside.PROOF)
     programs.ask("kiroku", "excerpt", case, "--from", "1", "--to", "2", "--stream", "endoscope", "-o", scratch / "excerpt")
     part = Base("excerpt", "excerpt", "excerpt", tree.read(scratch / "excerpt"), whole.lines, log=whole.log, whole=whole, **given)
     log_tree = tree.read(home / "archive/log")
-    log = Base("log", "log", "log", log_tree, ledger_lines(log_tree["ledger.jsonl"]), **given)
+    log = Base("log", "log", "log", log_tree, ledger_lines(log_tree["ledger.jsonl"]), at=whole.log, **given)
     renewed = dataclasses.replace(whole, name="renewed", tree=tree.read(case, [f"../evidence/{case.name}.ers"]))
-    return [whole, part, renewed, log], outside
+    proof = dataclasses.replace(whole, name="proof", form="proof", tree=tree.Tree({beside.PROOF: (scratch / beside.PROOF).read_bytes()}))
+    cosigned = dataclasses.replace(log, name="cosigned", form="note", tree=beside.cosigned_tree(log.notes[max(log.notes)], WITNESSES, TIME_S))
+    return [whole, part, renewed, log, proof, cosigned], outside
+
+
+WITNESSES = [beside.Witness(note.Signer(f"w{number}", bytes([20 + number] * 32))) for number in range(3)]
+TIME_S = 1_796_000_000
+
+
+def hold(programs, case, reason):
+    return json.loads(programs.ask("kiroku", "hold", case, "--reason", reason, "--json"))["hold"]
 
 
 def written(scratch, outside, signer, utc_ns):

@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""Edits recorded cases, excerpts, a renewed case and a log in every way of a grammar, one and two at a time, and asks
-whether kiroku-verify ever says more of them than is true.
+"""Edits recorded cases, excerpts, a renewed case with its evidence record, a log with legal holds, the proof of a case's
+end and a cosigned note in every way of a grammar, one and two at a time, and asks whether kiroku-verify, or kiroku of
+holds and of two logs, ever says more of them than is true.
 
-Usage: edit_campaign.py PROGRAMS [--seconds N] [--seed N] [--all] [--plan TEXT] [--scripts] [--report N] [--other N]
+Usage: edit_campaign.py PROGRAMS [--seconds N] [--seed N] [--all] [--only TEXT] [--plan TEXT] [--scripts] [--report N] [--other N]
   PROGRAMS      the folder of kiroku and kiroku-verify
-  --seconds N   how long (15, or without end with --all)
+  --seconds N   how long (30, or without end with --all)
   --seed N      which edits, in which order; without it another one each time, which is printed
   --all         every single edit first; then pairs until the seconds are over
+  --only TEXT   single edits alone, of bases or with names that hold this text: "proof:", "log:", "sealed segment"
   --plan TEXT   this one alone, as a failure prints it
   --scripts     asks the scripts with stock tools, too, which takes a second each
-  --report N    reads the answers of the report for one edit in N (10); 0: of none
+  --report N    reads the answers of the report, and opens segments with an identity, for one edit in N (10), and of a
+                log asks which holds stand and whether it is one history with the recorded one; 0: of none
   --other N     asks the other verifier about one edit in N (1), which takes most of the time; 0: about none
 
 Nothing is believed that the verifier says: oracle.py knows from the edit what may be said. tests/foreign judges the same
@@ -38,6 +41,7 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1] / "foreign")]
 sys.dont_write_bytecode = True
 
 import bases  # noqa: E402
+import beside  # noqa: E402
 import case_verifier  # noqa: E402
 import grammar  # noqa: E402
 import log_verifier  # noqa: E402
@@ -48,7 +52,7 @@ import tree as t  # noqa: E402
 import verifier  # noqa: E402
 
 LONGEST_WAIT_S = 120   # it only ends a run that hangs, which is a finding
-DEFAULT_SECONDS = 15
+DEFAULT_SECONDS = 30
 EMBEDDED_POLICY = "2.25.197830237812365870224498532130945381713"
 
 
@@ -91,17 +95,36 @@ class Campaign:
         elsewhere.mkdir()
         foreign = bases.written(scratch / "foreign", outside, note.Signer("or4", bytes([4] * 32)), utc_ns + 7200 * grammar.SECOND)
         own = OwnAuthority(scratch / "home", scratch / "own")
-        self.hands = [grammar.Hands([other.tree for other in (self.bases[4 if base.name != "written" else 0], foreign[0])], outside,
+        written = next(base for base in self.bases if base.name == "written")
+        self.hands = [grammar.Hands([other.tree for other in (written if base is not written else self.bases[0], foreign[0])], outside,
                                     own if base.own else None, stranger, outsider, elsewhere) for base in self.bases]
         self.edits = [self._edits_of(base) for base in self.bases]
+        self.kinds = [self._kinds_of(edits) for edits in self.edits]
         self.script = self._cut_out_script() if scripts else None
 
     @staticmethod
-    def _edits_of(base):
+    def _kinds_of(edits):
+        """By how they edit, and what: what has few edits is tried as often as what has thousands."""
+        kinds = collections.defaultdict(list)
+        for number, edit in enumerate(edits):
+            kinds[edit.of_entries, edit.name.split(" ")[0] in ("record", "sealed")].append(number)
+        return kinds
+
+    def _edits_of(self, base):
+        if base.form == "proof":
+            return list(beside.of_proof(base.tree[beside.PROOF]))
+        if base.form == "note":
+            older = next(each for each in self.bases if each.form == "log").notes
+            return list(beside.of_cosigned(base.tree, bases.WITNESSES, older[min(older)], bases.TIME_S))
         edits = list(grammar.of_files(base.tree)) + list(grammar.of_notes(base.tree, base))
         edits += list(grammar.of_lines(base.tree, "ledger-part.jsonl" if base.form == "excerpt" else "ledger.jsonl"))
         if base.form == "excerpt":
             edits += list(grammar.of_excerpt(base.tree))
+        record = f"../evidence/{base.folder_name}.ers"
+        if record in base.tree:
+            edits += list(beside.of_record(base.tree[record], record))
+        if base.name == "recorded":
+            edits += list(beside.of_sealed(grammar.steps_of(base)))
         return edits + list(grammar.of_entries(base.whole or base))
 
     def _cut_out_script(self):
@@ -126,8 +149,8 @@ class Campaign:
             base = chance.randrange(len(self.bases))
             numbers = []
             for _ in range(chance.choice((1, 2))):
-                of_entries = chance.random() < 0.5
-                numbers.append(chance.choice([i for i, edit in enumerate(self.edits[base]) if edit.of_entries == of_entries]))
+                kinds = self.kinds[base]
+                numbers.append(chance.choice(kinds[chance.choice(sorted(kinds))]))
             yield self.plan(chance, base, tuple(numbers))
 
     def words(self, plan):
@@ -213,6 +236,41 @@ class Campaign:
                 raise RuntimeError(f"kiroku-verify ended with {program.returncode}: {err.read().decode(errors='replace')}")
         return oracle.Said(json.loads(text), program.returncode, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
 
+    def ask_inspected(self, options, folder):
+        """The verdict after every segment was opened and decoded."""
+        done = subprocess.run([self.programs / "kiroku", "verify", "--json", "--threads", "1", *options, "--identity", self.scratch / "home/identity.txt", folder],
+                              capture_output=True, text=True, stdin=subprocess.DEVNULL, env={**os.environ, "KIROKU_HOME": str(self.scratch / "no-home")})
+        if done.returncode == 2:
+            raise RuntimeError(f"kiroku verify ended with 2: {done.stderr}")
+        return json.loads(done.stdout)["verdict"]
+
+    def ask_of_log(self, edited, folder, scratch):
+        """What is said of legal holds by a log that was edited, and of it beside the recorded one."""
+        home = scratch / "home-of-log"
+        if not home.exists():
+            shutil.copytree(self.scratch / "home", home, ignore=shutil.ignore_patterns("archive"))
+            (home / "archive").symlink_to(scratch / "archive")
+        case = next(base for base in self.bases if base.name == "recorded")
+        t.write(t.Tree({"ledger.jsonl": case.tree["ledger.jsonl"]}), folder.parent / case.folder_name)
+        found = list(beside.objections_to_holds(edited, beside.ask_holds(self.programs / "kiroku", home)))
+        compared = beside.ask_compare(self.programs / "kiroku", folder, edited.base.at, home / "device.pub", home)
+        return found + list(beside.objections_to_comparison(edited, compared))
+
+    def judge_beside(self, plan, scratch):
+        """An edit of what lies beside a case or a log that stayed as it was recorded."""
+        base, edited = self.bases[plan.base], self.edited(plan, scratch)
+        if edited.tree == base.tree:
+            return None, None
+        folder = scratch / "beside"
+        t.remove(folder)
+        t.write(edited.tree, folder)
+        options = self.options(dataclasses.replace(plan, with_log=False, against=False), scratch)
+        if base.form == "proof":
+            said = self.ask_ours(options + ["--proof", folder / beside.PROOF], base.at, scratch)
+            return list(beside.objections_to_proof(base.tree[beside.PROOF], edited.tree[beside.PROOF], said)), said
+        said = self.ask_ours(options + ["--as-log", "--against", folder / beside.NOTE, "--witnesses", folder / beside.POLICY], base.at, scratch)
+        return list(beside.objections_to_witnesses(base.tree[beside.NOTE], edited.tree[beside.NOTE], said.report)), said
+
     def ask_other(self, plan, folder, scratch):
         base = self.bases[plan.base]
         trust = verifier.Trust(tuple(base.devices), "".join(base.roots), "".join(base.own), base.log if plan.with_log else None,
@@ -244,6 +302,8 @@ class Campaign:
 
     def judge(self, plan, scratch):
         """Sentences about what was found; None where the plan changes nothing."""
+        if self.bases[plan.base].form in ("proof", "note"):
+            return self.judge_beside(plan, scratch)
         edited = self.edited(plan, scratch)
         base = self.bases[plan.base]
         folder = scratch / "archive" / base.folder_name
@@ -266,6 +326,11 @@ class Campaign:
                              f"the other alone {sorted(other.codes - said.codes)}")
         if self.report > 0 and hash(plan) % self.report == 0 and base.form != "log":
             found += oracle.objections_to_answers(edited, said, self.ask_report(options, folder, scratch))
+        if self.report > 0 and hash(plan) % self.report == 0 and base.form == "log":
+            found += self.ask_of_log(edited, folder, scratch)
+        sealed = [self.edits[plan.base][number].name for number in plan.edits if self.edits[plan.base][number].name.startswith("sealed ")]
+        if self.report > 0 and sealed and hash(plan) % min(self.report, 3) == 0:
+            found += beside.objections_to_inspection(self.ask_inspected(options, folder), sealed)
         if self.script and base.form != "log" and not plan.with_log and not plan.against:
             words, status = self.ask_script(edited, folder, scratch)
             if words.startswith("INTACT"):
@@ -310,7 +375,7 @@ def blind_verifier_is_found_out(campaign, chance):
     scratch.mkdir()
     missed = []
     for number, base in enumerate(campaign.bases):
-        if base.form == "log":
+        if base.form not in ("case", "excerpt"):
             continue
         folder = scratch / base.folder_name
         t.remove(folder)
@@ -335,6 +400,7 @@ def main():
     asked.add_argument("--seconds", type=float)
     asked.add_argument("--seed", type=int, default=int.from_bytes(os.urandom(4), "big"))
     asked.add_argument("--all", action="store_true")
+    asked.add_argument("--only")
     asked.add_argument("--plan")
     asked.add_argument("--scripts", action="store_true")
     asked.add_argument("--report", type=int, default=10)
@@ -356,6 +422,9 @@ def main():
 
 
 def plans_of(campaign, chance, asked):
+    if asked.only:
+        yield from (plan for plan in campaign.singles(chance) if asked.only in campaign.words(plan))
+        return
     if asked.all:
         yield from campaign.singles(chance)
     yield from campaign.some(chance)

@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 
+import beside
 import stamp
 import tree as t
 from case_writer import MS, SECOND
@@ -274,7 +275,7 @@ def _of_evidence(edited, said):
     node, count = edited.tree.get("ledger.jsonl"), evidence["entries"]
     lines = node.split(b"\n")[:-1] if isinstance(node, bytes) else None
     record = f"../evidence/{edited.base.folder_name}.ers"
-    if edited.tree.get(record) != edited.base.tree.get(record):
+    if not beside.is_same_proof(edited.tree.get(record), edited.base.tree.get(record)):
         yield "the record holds, and is another one"
     if lines is None or lines[:count] != edited.recorded[:count]:
         yield f"the record holds, of other lines than its {count}"

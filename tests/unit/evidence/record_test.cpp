@@ -1,5 +1,6 @@
 #include "evidence/record.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
@@ -143,6 +144,30 @@ TEST_F(EvidenceRecordTest, MoreThanMayBeIsRefusedBeforeItIsRead) {
   EXPECT_EQ(refusal_of_changed(),
             "cannot write an evidence record: archiveTimeStampSequence[0][0].timeStamp has more than 1 MiB");
   EXPECT_EQ(refusal_of(Bytes(kMaximumRecordBytes + 1)), "the file has more than 32 MiB");
+}
+
+// Each renewal covers all chains before it: judged by themselves, 64 large ones would take 32 times as long
+// as their bytes.
+TEST_F(EvidenceRecordTest, AsManyRenewalsOfLargeChainsAreReadAsTakeTimeInProportionToTheirBytes) {
+  ArchiveTimeStampChain large = record_.chains[1];
+  large[0].reduced_tree = {HashList(8'000, Bytes(64, std::byte{1}))};
+  const std::size_t bytes = encode_chain(large).size();
+  const auto fits = [&](std::size_t chains) {
+    return bytes * chains * (chains - 1) / 2 <= kMostTimesHashedAgain * bytes * chains + kAlwaysHashedAgain;
+  };
+  std::size_t most = 1;
+  while (fits(most + 1)) ++most;
+  ASSERT_GT(most, 17U);
+  ASSERT_LT(most, kMostChains);
+  record_.chains.assign(most, large);
+  EXPECT_EQ(refusal_of_changed(), "");
+  record_.chains.assign(most + 1, large);
+  EXPECT_THAT(refusal_of_changed(),
+              ::testing::StartsWith("cannot write an evidence record: archiveTimeStampSequence[" +
+                                    std::to_string(most) + "] is one renewal too many: "));
+  // Small ones may be as many as there may be chains.
+  record_.chains.assign(kMostChains, {{std::nullopt, {}, {}, der_value(0x30, {})}});
+  EXPECT_EQ(refusal_of_changed(), "");
 }
 
 TEST_F(EvidenceRecordTest, OtherThingsAreRefused) {

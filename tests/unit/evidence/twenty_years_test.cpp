@@ -95,6 +95,21 @@ TEST_F(TwentyYears, ItSurvivesBeingWrittenAndReadEachTime) {
   EXPECT_EQ(codes_of(judge(*parse.record)), "");
 }
 
+// A stranger's key may be as slow as they like, and a record may have hundreds of their tokens.
+TEST_F(TwentyYears, OfStrangersTokensSomeAreJudgedWholly) {
+  const PlayedAuthority stranger("Stranger", "2026-01-01", "2050-01-01");
+  EvidenceRecord record =
+      begin_records(HashAlgorithm::kSha256, groups(HashAlgorithm::kSha256), stranger.at("2026-11-01"))[0];
+  record.chains[0].resize(kMostJudgedStrangers + 20, record.chains[0][0]);
+  std::size_t strangers = 0, not_looked_at = 0;
+  for (const Problem& each : judge(record).problems) {
+    strangers += each.code == "token-issuer-unknown" ? 1U : 0U;
+    not_looked_at += each.text.ends_with("whether its signature holds was not looked at") ? 1U : 0U;
+  }
+  EXPECT_EQ(strangers, kMostJudgedStrangers + 20);
+  EXPECT_EQ(not_looked_at, 20U);
+}
+
 TEST_F(TwentyYears, AnAlgorithmThatEndedAfterItsRenewalBreaksNothing) {
   const Policy after = policy(
       "[[algorithm]]\nname=\"sha256\"\nuntil=2099-12-31\n"
