@@ -1,6 +1,7 @@
 #include "viewer/planning/pointer_tools.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <limits>
@@ -31,6 +32,29 @@ constexpr double kReach = 1.5;
 constexpr int kJawDirections = 16;
 constexpr double kJawGoesIn = 0.75, kFirstPinch = 0.75;
 
+/// Where jaws may come beside the place that was pointed at: deeper, and along their width.
+constexpr std::array<std::pair<double, double>, 5> kWays{{{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+
+struct Grasp {
+  Pose pose;
+  double thickness_m = 0;
+};
+
+/// Jaws at `pose`, moved so that what of the surface is between them is in their middle; nothing where one of
+/// them has nothing before it.
+std::optional<Grasp> between_jaws(Pose pose, const Vector3& half_m, const std::vector<Vector3>& surface_m) {
+  double least_m = 0, most_m = 0;
+  for (const Vector3& each_m : surface_m) {
+    const Vector3 at_m = pose.to_tool(each_m);
+    if (std::abs(at_m.x()) > half_m.x() || std::abs(at_m.y()) > half_m.y()) continue;
+    least_m = std::min(least_m, at_m.z());
+    most_m = std::max(most_m, at_m.z());
+  }
+  if (least_m == 0 || most_m == 0) return std::nullopt;
+  pose.position_m += (least_m + most_m) / 2 * (pose.orientation * Vector3::UnitZ());
+  return Grasp{pose, most_m - least_m};
+}
+
 double radius_m(const PlanTool& tool) { return sim::bounding_radius_m(tool.tool.shape); }
 
 }  // namespace
@@ -47,6 +71,21 @@ void PointerTools::take(Held& held) {
 void PointerTools::see_from(const sim::Camera& camera) {
   camera_ = camera;
   for (Held& held : held_) take(held);
+}
+
+std::vector<Vector3> PointerTools::surface_places() const {
+  const sim::TetMesh& mesh = session_.mesh();
+  const Eigen::VectorXd& moved_m = session_.frame().displacement_m;
+  std::vector<bool> is_there(mesh.nodes.size());
+  for (const sim::Face& face : sim::faces_of(mesh).surface) {
+    for (const std::uint32_t node : face.nodes) is_there[node] = true;
+  }
+  std::vector<Vector3> places_m;
+  for (std::size_t node = 0; node < is_there.size(); ++node) {
+    if (is_there[node])
+      places_m.push_back(mesh.nodes[node] + moved_m.segment<3>(static_cast<Eigen::Index>(3 * node)));
+  }
+  return places_m;
 }
 
 std::optional<Vector3> PointerTools::on_organ(double x, double y) const {
@@ -109,49 +148,47 @@ std::size_t PointerTools::grasp(const Vector3& place_m) {
 }
 
 /// With the jaws on both sides of the tissue in front of the eye, where it is thinnest across the line of
-/// sight.
+/// sight. Jaws meet nodes of the surface, and a coarse mesh may have none of these before both jaws there:
+/// then the nearest place beside it is taken.
 std::size_t PointerTools::pinch(const Vector3& place_m) {
   end_motion();
   const std::size_t tool = free_tools(sim::ToolKind::kGrasper, "graspers").front();
   const PlanTool& grasper = session_.plan().tools[tool];
   const Vector3& half_m = grasper.jaw_half_extent_m();
+  const std::string named = "'" + grasper.tool.name + "'";
   const Vector3 in = (place_m - camera_.eye_m).normalized();
   const Vector3 aside = camera_.to_view.row(0).transpose().cross(in).normalized();
-  const sim::TetMesh& mesh = session_.mesh();
-  const std::vector<bool> used = sim::nodes_in_use(mesh);
-  const Eigen::VectorXd& moved_m = session_.frame().displacement_m;
-  Pose best;
-  double thinnest_m = std::numeric_limits<double>::infinity();
-  for (int direction = 0; direction < kJawDirections; ++direction) {
-    Eigen::Matrix3d axes;
-    axes.col(0) = in;
-    axes.col(2) = Eigen::AngleAxisd(std::numbers::pi * direction / kJawDirections, in) * aside;
-    axes.col(1) = axes.col(2).cross(axes.col(0));
-    Pose pose{place_m + (2 * kJawGoesIn - 1) * half_m.x() * in, Eigen::Quaterniond(axes).normalized()};
-    double least_m = 0, most_m = 0;  // nodes on both sides of the place, for both jaws to touch
-    for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
-      if (!used[node]) continue;
-      const Vector3 at_m =
-          pose.to_tool(mesh.nodes[node] + moved_m.segment<3>(static_cast<Eigen::Index>(3 * node)));
-      if (std::abs(at_m.x()) > half_m.x() || std::abs(at_m.y()) > half_m.y()) continue;
-      least_m = std::min(least_m, at_m.z());
-      most_m = std::max(most_m, at_m.z());
+  const std::vector<Vector3> surface_m = surface_places();
+  std::optional<Grasp> best;
+  for (const double shift : {0.0, 0.5, 1.0}) {
+    for (int direction = 0; direction < kJawDirections; ++direction) {
+      Eigen::Matrix3d axes;
+      axes.col(0) = in;
+      axes.col(2) = Eigen::AngleAxisd(std::numbers::pi * direction / kJawDirections, in) * aside;
+      axes.col(1) = axes.col(2).cross(axes.col(0));
+      for (const auto& [deeper, beside] : kWays) {
+        const Vector3 from_m = place_m + (2 * kJawGoesIn - 1 + shift * deeper) * half_m.x() * in +
+                               shift * beside * half_m.y() * axes.col(1);
+        const auto found = between_jaws({from_m, Eigen::Quaterniond(axes).normalized()}, half_m, surface_m);
+        if (found && (!best || found->thickness_m < best->thickness_m)) best = found;
+      }
     }
-    if (most_m - least_m >= thinnest_m || least_m == 0 || most_m == 0) continue;
-    thinnest_m = most_m - least_m;
-    pose.position_m += (least_m + most_m) / 2 * axes.col(2);
-    best = pose;
+    if (best) break;
   }
-  const std::string named = "'" + grasper.tool.name + "'";
-  if (thinnest_m == std::numeric_limits<double>::infinity())
-    throw Error("no nodes of the mesh come before both jaws of " + named + " there: take another place");
-  if (thinnest_m >= grasper.opening_m) {
-    throw Error("the tissue is " + number_text(thinnest_m * sim::kMmPerM, 2) +
+  if (!best)
+    throw Error("no nodes of the surface come before both jaws of " + named + " there: take another place");
+  if (best->thickness_m >= grasper.opening_m) {
+    throw Error("the tissue is " + number_text(best->thickness_m * sim::kMmPerM, 2) +
                 " mm thick there, and the jaws of " + named + " open by " +
                 number_text(grasper.opening_m * sim::kMmPerM, 2) +
                 " mm: take an edge of the organ, or look at it from another side");
   }
-  session_.close({tool, best}, kFirstPinch * thinnest_m);
+  session_.close({tool, best->pose}, kFirstPinch * best->thickness_m);
+  const auto& jaws = session_.frame().grips[tool].grip.jaws;
+  if (std::ranges::any_of(jaws, [](const auto& jaw) { return jaw.nodes == 0; })) {
+    session_.undo();
+    throw Error("one of the jaws of " + named + " met nothing there: take another place");
+  }
   return tool;
 }
 

@@ -69,6 +69,8 @@ class PointerTools {
   };
 
   void take(Held& held);
+  /// Where the nodes of the organ's surface are now.
+  [[nodiscard]] std::vector<sim::Vector3> surface_places() const;
   void come_down(PointerUse use, const PlanPointer& pointer);
   [[nodiscard]] std::optional<std::size_t> holder_at(const sim::Vector3& place_m) const;
   /// At least one.

@@ -1,6 +1,8 @@
 // A folder with one plan: a block of 40 x 20 x 20 mm of soft tissue, held at one end, in a CT of its own.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <fstream>
 
 #include "sim/mesh/mesh_writer.h"
@@ -11,10 +13,11 @@ namespace kiroku::test {
 
 class PlannedBlock {
  public:
-  PlannedBlock() {
+  /// So many cubes along each side are cut into tetrahedra.
+  explicit PlannedBlock(const std::array<std::uint32_t, 3>& cubes = {8, 4, 4}) {
     std::filesystem::create_directory(folder_ / "block");
     std::ofstream(folder_ / "block/block.msh")
-        << sim::msh_text(tet_grid({8, 4, 4}, {0.04, 0.02, 0.02}), sim::LengthUnit::kMillimetre);
+        << sim::msh_text(tet_grid(cubes, {0.04, 0.02, 0.02}), sim::LengthUnit::kMillimetre);
     std::ofstream ct(folder_ / "block/ct.nrrd");
     ct << "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 26 16 16\n"
           "space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (-5,-5,-5)\nencoding: ascii\n\n";

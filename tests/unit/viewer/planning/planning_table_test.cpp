@@ -160,6 +160,33 @@ TEST_F(PlanningTableTest, JawsAreTurnedAboutTheLineOfSightAndTheTissueWithThem) 
   expect_saved_plan_ends_here(*planned, "turned");
 }
 
+TEST_F(PlanningTableTest, BothJawsMeetTheTissueOrNoneIsHeld) {
+  // Of a coarse mesh few nodes of the surface come before the jaws, and inner ones as often.
+  const test::PlannedBlock coarse({4, 2, 2});
+  PlanFolder plans(coarse.folder());
+  PlanningTable planned(plans.open("block/plan.json", [](const std::string& /*step*/) {}), true, kSmall,
+                        [](double /*time_s*/) {});
+  std::size_t held = 0;
+  for (const auto& [azimuth, elevation] :
+       {std::pair(0.0, 0.0), std::pair(20.0, 15.0), std::pair(50.0, -25.0)}) {
+    planned.apply(ViewDeed{azimuth, elevation, 1.2, 0, 0});
+    for (std::uint32_t i = 0; i < 40; ++i) {
+      const double x = 0.3 + 0.04 * (i % 10), y = 0.4 + 0.06 * (i / 10);
+      if (!refusal(planned, PointDeed{PointerUse::kPinch, {{i + 1, x, y, 0}}}).empty() ||
+          actions(planned).empty())
+        continue;
+      std::size_t tool = 0;
+      while (!planned.session().frame().poses[tool]) ++tool;
+      for (const auto& jaw : planned.session().frame().grips[tool].grip.jaws)
+        EXPECT_GT(jaw.nodes, 0U) << "at " << x << ", " << y << " from " << azimuth;
+      ++held;
+      planned.apply(PointDeed{PointerUse::kPinch, {}});
+      while (!actions(planned).empty()) planned.apply(UndoDeed{});
+    }
+  }
+  EXPECT_GT(held, 10U);
+}
+
 TEST_F(PlanningTableTest, JawsCloseOnTheTissueHoldItAndLoseItWhenPulledTooHard) {
   const auto planned = table();
   planned->apply(ViewDeed{0, 0, 1.2, 0, 0});
