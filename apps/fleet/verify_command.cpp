@@ -108,11 +108,18 @@ class Worker {
       found = verify(lease);
     } catch (const fleet::DatabaseError&) {
       throw;
+    } catch (const fleet::StoreError& error) {
+      constexpr long kForbidden = 403;
+      if (!error.passes() && error.status() != kForbidden) {
+        could_not(lease, error.what());
+        return;
+      }
+      // The store is away, or lets this access key read nothing: that says nothing of this case, and every
+      // other would fare the same.
+      catalogue_.give_back(lease, std::chrono::seconds(0), time_.utc(), "");
+      throw;
     } catch (const std::exception& error) {
-      // What could not be checked has no verdict, and is tried again later.
-      ++unchecked_;
-      tell(lease, {"could-not-check", time_.utc(), 0, error.what()});
-      catalogue_.give_back(lease, kPause, time_.utc(), error.what());
+      could_not(lease, error.what());
       return;
     }
     if (!catalogue_.enter(lease, found)) {
@@ -123,6 +130,13 @@ class Worker {
     ++done_;
     if (found.verdict != "intact" && found.verdict != "intact-with-gaps") ++bad_;
     tell(lease, found);
+  }
+
+  /// What could not be checked has no verdict, and is tried again later.
+  void could_not(const fleet::Lease& lease, const std::string& why) {
+    ++unchecked_;
+    tell(lease, {"could-not-check", time_.utc(), 0, why});
+    catalogue_.give_back(lease, kPause, time_.utc(), why);
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
@@ -181,6 +195,11 @@ void rest() {
     std::this_thread::sleep_for(kStep);
 }
 
+void wait_because(const Error& error) {
+  print_error("kiroku-fleet", std::string(error.what()) + "; it is tried again");
+  rest();
+}
+
 /// Again and again; a database or a store that is away is waited for.
 int follow(const FleetConfiguration& configuration, const Request& request) {
   while (!told_to_end()) {
@@ -192,8 +211,10 @@ int follow(const FleetConfiguration& configuration, const Request& request) {
       }
     } catch (const fleet::DatabaseError& error) {
       if (!error.passes()) throw;
-      print_error("kiroku-fleet", std::string(error.what()) + "; it is tried again");
-      rest();
+      wait_because(error);
+    } catch (const fleet::StoreError& error) {
+      if (!error.passes()) throw;
+      wait_because(error);
     }
   }
   return kDone;

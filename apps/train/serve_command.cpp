@@ -50,12 +50,15 @@ void add_organs(const Request& request, const TaskChoice& choice, viewer::Traini
     if (std::ranges::any_of(options.organs, has_its_name))
       throw UsageError("two organs are called '" + body->object().name + "': give one another 'name' in " +
                        file);
+    options.organs.push_back(std::move(body));
+  }
+  // Behind what is told at once.
+  for (const auto& body : options.organs) {
     trainer::require_haptic_rate(*body, trainer::kMostExclusionFingers,
                                  trainer::measured_force_rate_hz(*body, trainer::kMostExclusionFingers));
     // What a page's trainees may choose; the more fingers, the more likely it is done.
     constexpr std::array<std::size_t, 3> kFingersTried{5, 3, 1};
     if (warn_of_doubt(*body, kFingersTried)) options.doubted.insert(body->object().name);
-    options.organs.push_back(std::move(body));
   }
 }
 

@@ -284,7 +284,7 @@ void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, U
         "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second' "
         "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING 1",
         {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()})});
-    if (rows.size() == 1) keep(lease, {"could-not-check", when, 0, why});
+    if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", when, 0, why});
   });
 }
 

@@ -88,8 +88,8 @@ class FleetCatalogue {
   /// now, or the case changed since it was leased.
   bool enter(const Lease& lease, const Verification& found);
   /// Ends it without a verdict, so that another may try once `pause` is over. `why` is kept among what was
-  /// found, as of the verdict "could-not-check"; what the case's row says stays. Nothing where the lease is
-  /// another's by now.
+  /// found, as of the verdict "could-not-check", unless it is empty; what the case's row says stays. Nothing
+  /// where the lease is another's by now.
   void give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when, const std::string& why);
   /// All that was ever found of a case, oldest first.
   [[nodiscard]] std::vector<Verification> verifications(const std::string& appliance,

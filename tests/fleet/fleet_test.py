@@ -128,6 +128,14 @@ def try_everything(programs, folder, store, connection):
         require(done.returncode == 1 and "20200101T000000Z-00000000 any more" in done.stderr, f"not named: {done.stderr}")
     require(len(fleet.tell("cases", "--state", "missing")["cases"]) == 1, "it is not listed as missing")
 
+    # A store that is away says nothing of any case.
+    whole = fleet.configuration.read_text()
+    fleet.configuration.write_text(whole.replace(store.endpoint, "http://127.0.0.2:1"))
+    done = fleet.ask("verify", "--all")
+    require(done.returncode == 2 and "does not answer" in done.stderr, f"a store that is away: {done.returncode}, {done.stderr}")
+    require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 3, "something was entered")
+    fleet.configuration.write_text(whole)
+
     # Without an appliance's key nothing is judged, and nothing is guessed.
     (fleet.folder / "devices/or-1.pub").rename(fleet.folder / "or-1.pub")
     told = fleet.tell("verify", "--all", status=1)

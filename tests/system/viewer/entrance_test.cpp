@@ -44,8 +44,8 @@ class Entrance : public ServedHome {
 
 TEST_F(Entrance, LeadsToWhatRunsAndSaysWhatDoesNot) {
   const std::string surgeon = sign_in("a-surgeon"), auditor = sign_in("a-auditor");
-  EXPECT_THAT(workplaces(surgeon),
-              testing::ElementsAre("cases: open", "planning: not-running", "training: not-running"));
+  EXPECT_THAT(workplaces(surgeon), testing::ElementsAre("cases: open", "planning: not-running",
+                                                        "breathing: not-running", "training: not-running"));
   const HttpResponse away = ask("GET", "/api/planning/plans", surgeon);
   EXPECT_EQ(away.status, 503);
   EXPECT_THAT(away.body, HasSubstr("start kiroku plan serve"));
@@ -53,7 +53,8 @@ TEST_F(Entrance, LeadsToWhatRunsAndSaysWhatDoesNot) {
   auto planning = behind({"plan", "serve", "--gpu", "off"});
   EXPECT_THAT(planning->out(), HasSubstr("through the viewer of this home"));
   auto training = behind({"train", "serve", "--vertices", "900"});
-  EXPECT_THAT(workplaces(surgeon), testing::ElementsAre("cases: open", "planning: open", "training: open"));
+  EXPECT_THAT(workplaces(surgeon), testing::ElementsAre("cases: open", "planning: open",
+                                                        "breathing: not-running", "training: open"));
   EXPECT_THAT(workplaces(auditor), Contains("planning: no-right"));
   const json plans = json::parse(ask("GET", "/api/planning/plans", surgeon).body);
   EXPECT_EQ(plans["plans"][0]["plan"], "demonstration/plan.json");
