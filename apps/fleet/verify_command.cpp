@@ -3,7 +3,6 @@
 #include <iostream>
 #include <map>
 #include <memory>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 
@@ -189,15 +188,9 @@ class Worker {
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 
-void rest() {
-  constexpr std::chrono::milliseconds kStep{100};
-  for (std::chrono::milliseconds left = kLook; left.count() > 0 && !told_to_end(); left -= kStep)
-    std::this_thread::sleep_for(kStep);
-}
-
 void wait_because(const Error& error) {
   print_error("kiroku-fleet", std::string(error.what()) + "; it is tried again");
-  rest();
+  wait_until_told(kLook);
 }
 
 /// Again and again; a database or a store that is away is waited for.
@@ -207,7 +200,7 @@ int follow(const FleetConfiguration& configuration, const Request& request) {
       Worker worker(configuration, request);
       while (!told_to_end()) {
         worker.run();
-        rest();
+        wait_until_told(kLook);
       }
     } catch (const fleet::DatabaseError& error) {
       if (!error.passes()) throw;

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 
@@ -98,14 +97,6 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
   return found.holds() ? kDone : kNoAnswer;
 }
 
-/// True once it is told to end.
-bool rest(std::chrono::milliseconds pause) {
-  constexpr std::chrono::milliseconds kLook{100};
-  for (; pause.count() > 0 && !told_to_end(); pause -= kLook)
-    std::this_thread::sleep_for(std::min(kLook, pause));
-  return told_to_end();
-}
-
 /// Again and again until it is told to end; a store that is away is asked less and less often.
 int follow(fleet::Shipper& shipper, const Home& home) {
   std::chrono::seconds pause = kLookInterval;
@@ -131,7 +122,7 @@ int follow(fleet::Shipper& shipper, const Home& home) {
       }
     }
     told = now;
-  } while (!rest(pause));
+  } while (!wait_until_told(pause));
   return kDone;
 }
 

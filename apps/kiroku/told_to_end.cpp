@@ -5,6 +5,7 @@
 #include <csignal>
 #include <cstdint>
 #include <cstring>
+#include <poll.h>
 #include <string>
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -46,6 +47,18 @@ void wait_until_told() {
   std::uint64_t count = 0;
   while (!told && (::read(waker, &count, sizeof count) >= 0 || errno == EINTR)) {
   }
+}
+
+bool wait_until_told(std::chrono::milliseconds pause) {
+  const auto end = std::chrono::steady_clock::now() + pause;
+  while (!told) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    if (left.count() <= 0) break;
+    pollfd heard{waker, POLLIN, 0};
+    // Interrupted, it looks again.
+    static_cast<void>(!::poll(&heard, 1, static_cast<int>(left.count())));
+  }
+  return told;
 }
 
 }  // namespace kiroku::apps
