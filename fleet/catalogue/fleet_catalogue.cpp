@@ -61,7 +61,7 @@ constexpr const char* kRoles[] = {
        END $$)",
     "GRANT USAGE ON SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
     "GRANT SELECT ON ALL TABLES IN SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
-    "GRANT INSERT, DELETE ON kiroku.cases TO kiroku_indexer",
+    "GRANT INSERT ON kiroku.cases TO kiroku_indexer",
     R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed, verdict,
                      verified, leased_by) ON kiroku.cases TO kiroku_indexer)",
     "GRANT UPDATE (verdict, verified, leased_by, leased_until) ON kiroku.cases TO kiroku_verifier",

@@ -274,6 +274,7 @@ TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   expect_refused([&] { verifier.table_of("or-1")->put(row, {}); }, "permission denied");
   expect_refused([&] { verifier.table_of("or-1")->remove("a"); }, "permission denied");
   EXPECT_NO_THROW(indexer.table_of("or-1")->put(row, {}));
+  expect_refused([&] { indexer.table_of("or-1")->remove("a"); }, "permission denied");
   const std::optional<Lease> lease = verifier.lease(due(100), 600s);
   ASSERT_TRUE(lease);
   expect_refused([&] { indexer.enter(*lease, {"intact", day(101), 0, ""}); }, "permission denied");
