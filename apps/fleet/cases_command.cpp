@@ -12,6 +12,7 @@
 #include "apps/fleet/fleet_configuration.h"
 #include "archive/catalogue/catalogue_json.h"
 #include "base/error.h"
+#include "base/json_or_null.h"
 #include "base/number_text.h"
 
 namespace kiroku::apps {
@@ -22,7 +23,7 @@ using nlohmann::ordered_json;
 struct Request {
   std::string configuration;
   std::optional<std::string> appliance, state, verdict, from, to, limit, after, history;
-  bool unverified = false, json = false;
+  bool unverified = false, attention = false, json = false;
 };
 
 /// "2026-08-05" or a whole time, as RFC 3339 writes it in UTC.
@@ -64,6 +65,7 @@ fleet::CaseQuery query_of(const Request& request) {
   query.state = request.state;
   query.verdict = request.verdict;
   query.never_verified = request.unverified;
+  query.needs_a_person = request.attention;
   if (request.from) query.opened_from = time_of(*request.from, "--from");
   if (request.to) query.opened_before = time_of(*request.to, "--to");
   if (query.opened_from && query.opened_before && *query.opened_before <= *query.opened_from)
@@ -73,16 +75,26 @@ fleet::CaseQuery query_of(const Request& request) {
   return query;
 }
 
+/// The verdict as it stands, and what a reader must know beside it.
+std::string verdict_of(const fleet::FleetCase& one) {
+  std::string words = one.row.last_verdict ? printable(*one.row.last_verdict)
+                      : one.alarm          ? "NOT INTACT, changed since"
+                                           : "-";
+  if (one.unchecked) words += ", not checked since";
+  return words;
+}
+
 void print_table(const std::vector<fleet::FleetCase>& cases) {
   constexpr std::size_t kToTheMinute = 16;
   std::vector<std::vector<std::string>> rows{
       {"appliance", "case", "start", "length", "size", "verdict", "verified"}};
-  for (const auto& [appliance, row] : cases) {
+  for (const fleet::FleetCase& each : cases) {
+    const archive::CatalogueRow& row = each.row;
     const bool is_there = row.state == "closed" || row.state == "open";
-    rows.push_back({printable(appliance), printable(row.case_id),
+    rows.push_back({printable(each.appliance), printable(row.case_id),
                     is_there ? format_local(row.opened).substr(0, kToTheMinute) : "-",
                     row.state == "closed" && row.duration_ns ? format_duration(*row.duration_ns) : row.state,
-                    format_bytes(row.bytes), printable(row.last_verdict.value_or("-")),
+                    format_bytes(row.bytes), verdict_of(each),
                     row.verified ? format_local(*row.verified).substr(0, kToTheMinute) : "never"});
   }
   std::cout << format_table(rows, "lllrrll", 0);
@@ -119,9 +131,11 @@ int cases(const Request& request) {
       found.size() == query.limit ? std::optional(place_after(found.back())) : std::nullopt;
   if (request.json) {
     ordered_json told = ordered_json::array();
-    for (const auto& [appliance, row] : found) {
-      ordered_json one{{"appliance", appliance}, {"case", row.case_id}};
-      one.update(archive::catalogue_json(row));
+    for (const fleet::FleetCase& each : found) {
+      ordered_json one{{"appliance", each.appliance}, {"case", each.row.case_id}};
+      one.update(archive::catalogue_json(each.row));
+      one["alarm"] = each.alarm;
+      one["unchecked"] = or_null(each.unchecked);
       told.push_back(one);
     }
     print_json({{"cases", told}, {"next", next ? ordered_json(*next) : ordered_json()}});
@@ -148,21 +162,23 @@ int status(const Request& request) {
                 {"unreadable", totals.unreadable},
                 {"missing", totals.missing},
                 {"never_verified", totals.never_verified},
-                {"not_intact", totals.not_intact},
+                {"not_intact", totals.alarms},
+                {"not_checked", totals.unchecked},
                 {"being_verified", totals.being_verified}});
   } else {
     std::cout << "in the catalogue  " << counted(totals.cases, "case", "cases") << ", "
               << format_bytes(totals.bytes) << ", " << totals.open << " of them not closed\n"
               << "never verified    " << totals.never_verified << ", and " << totals.being_verified
               << " being verified now\n"
-              << "not intact        " << totals.not_intact
-              << (totals.not_intact > 0 ? ": 'kiroku-fleet cases --verdict tampered' and so on name them"
-                                        : "")
-              << "\n"
+              << "not intact        " << totals.alarms << "\n"
+              << "not checked       " << totals.unchecked << ", though it was tried\n"
               << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
               << " whose ledger cannot be read\n";
   }
-  return totals.not_intact + totals.missing + totals.unreadable > 0 ? kAnswerIsNo : kDone;
+  const bool is_bad = totals.alarms + totals.missing + totals.unreadable > 0;
+  if (!request.json && (is_bad || totals.unchecked > 0))
+    std::cout << "'kiroku-fleet cases --attention' names them.\n";
+  return is_bad ? kAnswerIsNo : totals.unchecked > 0 ? kNoAnswer : kDone;
 }
 
 }  // namespace
@@ -180,6 +196,8 @@ void add_fleet_cases_command(Command& program) {
   command.choice("--state", {"closed", "open", "unreadable", "missing"}, request->state, "only these", "any");
   command.option("--verdict", "VERDICT", request->verdict, "only these, such as tampered");
   command.flag("--unverified", request->unverified, "only what was never verified");
+  command.flag("--attention", request->attention,
+               "only what needs a person: not intact, not checked, missing, or unreadable");
   command.option("--limit", "N", request->limit, "how many at most", "100");
   command.option("--after", "PLACE", request->after, "what follows the page that ended with this");
   command.option("--history", "CASE", request->history,
@@ -195,7 +213,9 @@ void add_fleet_status_command(Command& program) {
   Command& command = program.add_command("status", "how many cases there are, and what needs a person");
   command.explain(
       "Exit status 1 says that a case is not intact, not in the store any more, or has a ledger that cannot "
-      "be read.");
+      "be read; 3 "
+      "that one could not be checked. A case that was not intact counts until a later verification says "
+      "otherwise.");
   const auto request = std::make_shared<Request>();
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);

@@ -28,7 +28,7 @@ int run(const Request& request) {
   fleet::ObjectStore store = configuration.open_store();
   const ScratchFolder scratch;
   ordered_json told = ordered_json::array();
-  bool is_all_there = true;
+  bool is_all_there = true, is_all_read = true;
   // Also those of which the store has nothing any more.
   std::vector<std::string> appliances = fleet::appliances_in_store(store);
   for (const std::string& known : catalogue.appliances()) {
@@ -41,9 +41,12 @@ int run(const Request& request) {
         fleet::index_appliance(store, appliance, *table, scratch.path(), request.anew);
     if (report.cases == 0 && report.missing.empty()) continue;  // something else's objects
     is_all_there = is_all_there && report.missing.empty();
+    is_all_read = is_all_read && report.problems.empty();
+    for (const std::string& each : report.problems) print_error("kiroku-fleet", appliance + ": " + each);
     told.push_back({{"appliance", appliance},
                     {"cases", report.cases},
                     {"read", report.read},
+                    {"problems", report.problems},
                     {"missing", report.missing}});
     for (const std::string& each : report.missing) {
       print_error("kiroku-fleet",
@@ -56,7 +59,7 @@ int run(const Request& request) {
   }
   if (request.json) print_json({{"appliances", told}});
   if (told.empty() && !request.json) std::cout << "The store has no case of any appliance.\n";
-  return is_all_there ? kDone : kAnswerIsNo;
+  return !is_all_there ? kAnswerIsNo : is_all_read ? kDone : kNoAnswer;
 }
 
 }  // namespace

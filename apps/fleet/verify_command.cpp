@@ -24,8 +24,9 @@ namespace fs = std::filesystem;
 
 /// A lease outlives the slowest fetch of the longest case; what a dead worker held is taken up afterwards.
 constexpr std::chrono::hours kLease{12};
-/// A case that began so long ago and has no end was cut off.
-constexpr std::chrono::hours kLongestCase{48};
+/// A case that is known for so long and has no end was cut off; one that is changed again and again waits no
+/// longer.
+constexpr std::chrono::hours kLongestPending{48};
 /// Before a case that could not be checked is tried again.
 constexpr std::chrono::minutes kPause{30};
 constexpr std::chrono::seconds kLook{30};
@@ -36,16 +37,16 @@ struct Request {
   bool follow = false, all = false, json = false;
 };
 
-/// Logs of appliances as they are in the store, each fetched anew when a case ended after it was.
+/// Logs of appliances as they are in the store, each fetched anew for a case that changed after it was.
 class Logs {
  public:
   Logs(fleet::ObjectStore& store, fs::path folder, std::chrono::minutes settles)
       : store_(store), folder_(std::move(folder)), settles_(settles) {}
 
-  fs::path of(const std::string& appliance, UtcTime closed, UtcTime now) {
+  fs::path of(const std::string& appliance, UtcTime changed, UtcTime now) {
     const fs::path into = folder_ / appliance;
     const auto known = fetched_.find(appliance);
-    if (known != fetched_.end() && closed + settles_ < known->second) return into / "log";
+    if (known != fetched_.end() && changed + settles_ < known->second) return into / "log";
     fetched_.erase(appliance);
     fs::remove_all(into);
     fs::create_directories(into);
@@ -84,8 +85,7 @@ class Worker {
       const UtcTime now = time_.utc();
       // With --all what this run has verified is not due again.
       const UtcTime verified_before = request_.all ? began : now - configuration_.verify_every;
-      const auto lease =
-          catalogue_.lease({verified_before, now - configuration_.settles, now - kLongestCase}, kLease);
+      const auto lease = catalogue_.lease({verified_before, configuration_.settles, kLongestPending}, kLease);
       if (!lease) return;
       take(*lease);
     }
@@ -122,19 +122,20 @@ class Worker {
       return;
     }
     if (!catalogue_.enter(lease, found)) {
-      tell(lease, {"could-not-check", found.when, 0,
+      ++unchecked_;
+      tell(lease, {"could-not-check", found.when, false, 0,
                    "the case changed while it was verified, or took too long: it is verified again"});
       return;
     }
     ++done_;
-    if (found.verdict != "intact" && found.verdict != "intact-with-gaps") ++bad_;
+    if (found.alarm) ++bad_;
     tell(lease, found);
   }
 
   /// What could not be checked has no verdict, and is tried again later.
   void could_not(const fleet::Lease& lease, const std::string& why) {
     ++unchecked_;
-    tell(lease, {"could-not-check", time_.utc(), 0, why});
+    tell(lease, {"could-not-check", time_.utc(), false, 0, why});
     catalogue_.give_back(lease, kPause, time_.utc(), why);
   }
 
@@ -153,15 +154,16 @@ class Worker {
     fs::remove_all(folder);
     fs::create_directories(folder);
     const fleet::FetchedCase fetched = fleet::fetch_case(store_, lease.appliance, lease.case_id, folder);
-    judging.log = logs_.of(lease.appliance, lease.closed, time_.utc()).string();
+    judging.log = logs_.of(lease.appliance, lease.changed, time_.utc()).string();
     const VerifyExtras none;
     const Judged judged = Judge(judging, none).judge(fetched.folder);
     fs::remove_all(folder);
     const auto told = static_cast<std::size_t>(std::ranges::count_if(
         judged.report.findings,
         [](const archive::Finding& each) { return each.severity != archive::Severity::kNote; }));
-    return {std::string(archive::verdict_name(judged.report.verdict)), time_.utc(), told,
-            gravest(judged.report)};
+    const archive::Verdict verdict = judged.report.verdict;
+    return {std::string(archive::verdict_name(verdict)), time_.utc(), archive::exit_status(verdict) != kDone,
+            told, gravest(judged.report)};
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {

@@ -1,8 +1,11 @@
 #include "fleet/catalogue/fleet_catalogue.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -28,8 +31,12 @@ constexpr const char* kTables[] = {
          tokens       bigint NOT NULL,
          ledger_bytes bigint NOT NULL,
          changed      bigint NOT NULL,
+         changed_at   timestamptz NOT NULL DEFAULT now(),  -- by this server's clock, when it was seen to be other than before
+         pending      timestamptz DEFAULT now(),           -- since when nothing is known of it as it is; null once it was verified
          verdict      text,
          verified     timestamptz,
+         alarm        boolean NOT NULL DEFAULT false,      -- the newest verdict was none of a whole case, whatever changed since
+         unchecked    text,                                -- why the newest try gave no verdict
          leased_by    text,
          leased_until timestamptz,
          PRIMARY KEY (appliance, case_id)))",
@@ -37,7 +44,20 @@ constexpr const char* kTables[] = {
     "CREATE INDEX cases_of_appliance ON kiroku.cases (appliance, opened DESC, case_id DESC)",
     "CREATE INDEX cases_by_verdict ON kiroku.cases (verdict, opened DESC, appliance DESC, case_id DESC)",
     "CREATE INDEX cases_by_state ON kiroku.cases (state, opened DESC, appliance DESC, case_id DESC)",
-    "CREATE INDEX cases_due ON kiroku.cases (verified NULLS FIRST, opened) WHERE state <> 'missing'",
+    "CREATE INDEX cases_due ON kiroku.cases (verified NULLS FIRST, pending) WHERE state <> 'missing'",
+    // A verdict is of what was verified. That an alarm was raised stays: whoever can change a case could take
+    // it back.
+    R"(CREATE FUNCTION kiroku.forget() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+         NEW.changed_at = now();
+         NEW.pending = coalesce(OLD.pending, now());
+         NEW.verdict = NULL; NEW.verified = NULL; NEW.leased_by = NULL; NEW.leased_until = NULL;
+         RETURN NEW;
+       END $$)",
+    R"(CREATE TRIGGER forget BEFORE UPDATE ON kiroku.cases FOR EACH ROW
+         WHEN ((OLD.ledger_bytes, OLD.changed) IS DISTINCT FROM (NEW.ledger_bytes, NEW.changed))
+         EXECUTE FUNCTION kiroku.forget())",
+    "CREATE INDEX cases_for_a_person ON kiroku.cases (opened DESC, appliance DESC, case_id DESC) "
+    "WHERE alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable')",
     R"(CREATE TABLE kiroku.verifications (
          number    bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
          appliance text COLLATE "C" NOT NULL,
@@ -61,16 +81,18 @@ constexpr const char* kRoles[] = {
        END $$)",
     "GRANT USAGE ON SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
     "GRANT SELECT ON ALL TABLES IN SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
-    "GRANT INSERT ON kiroku.cases TO kiroku_indexer",
-    R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed, verdict,
-                     verified, leased_by) ON kiroku.cases TO kiroku_indexer)",
-    "GRANT UPDATE (verdict, verified, leased_by, leased_until) ON kiroku.cases TO kiroku_verifier",
+    R"(GRANT INSERT (appliance, case_id, opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes,
+                     changed) ON kiroku.cases TO kiroku_indexer)",
+    R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)
+         ON kiroku.cases TO kiroku_indexer)",
+    R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
+         ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
 };
 
 #define KIROKU_US(column) "(extract(epoch FROM " column ") * 1000000)::bigint"
 constexpr std::string_view kColumns = "case_id, " KIROKU_US("opened") ", duration_ns, state, streams, segments, bytes, tokens, verdict, " KIROKU_US(
-    "verified") ", appliance";
+    "verified") ", appliance, alarm, unchecked";
 #undef KIROKU_US
 
 /// A parameter that holds microseconds since 1970, as a time.
@@ -79,7 +101,10 @@ std::string time_from(const std::string& parameter) {
 }
 
 Postgres::Value number(std::int64_t value) { return std::to_string(value); }
-Postgres::Value number(std::uint64_t value) { return std::to_string(value); }
+/// What ledgers claim may be more than a column holds.
+Postgres::Value number(std::uint64_t value) {
+  return std::to_string(std::min<std::uint64_t>(value, INT64_MAX));
+}
 Postgres::Value number(UtcTime time) { return std::to_string(time.time_since_epoch().count()); }
 
 CatalogueRow row_of(const Postgres::Rows& rows, int at) {
@@ -106,14 +131,11 @@ class PostgresCaseTable final : public archive::CaseTable {
 
   void put(const CatalogueRow& row, const CaseStamp& stamp) override {
     database_.ask(
-        "INSERT INTO kiroku.cases AS c (appliance, case_id, opened, duration_ns, state, streams, segments, "
+        "INSERT INTO kiroku.cases (appliance, case_id, opened, duration_ns, state, streams, segments, "
         "bytes, "
         "tokens, ledger_bytes, changed) VALUES ($1, $2, " +
             time_from("$3") + R"(, $4, $5, $6, $7, $8, $9, $10, $11)
            ON CONFLICT (appliance, case_id) DO UPDATE SET
-             verdict = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.verdict END,
-             verified = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.verified END,
-             leased_by = CASE WHEN c.ledger_bytes = excluded.ledger_bytes AND c.changed = excluded.changed THEN c.leased_by END,
              opened = excluded.opened, duration_ns = excluded.duration_ns, state = excluded.state,
              streams = excluded.streams, segments = excluded.segments, bytes = excluded.bytes, tokens = excluded.tokens,
              ledger_bytes = excluded.ledger_bytes, changed = excluded.changed)",
@@ -142,7 +164,7 @@ class PostgresCaseTable final : public archive::CaseTable {
     database_.ask("DELETE FROM kiroku.cases WHERE appliance = $1 AND case_id = $2", {appliance_, case_id});
   }
   void set_verdict(const std::string& case_id, const std::string& verdict, UtcTime when) override {
-    database_.ask("UPDATE kiroku.cases SET verdict = $3, verified = " + time_from("$4") +
+    database_.ask("UPDATE kiroku.cases SET pending = NULL, verdict = $3, verified = " + time_from("$4") +
                       " WHERE appliance = $1 AND case_id = $2",
                   {appliance_, case_id, verdict, number(when)});
   }
@@ -212,6 +234,7 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
   if (query.state) require("state = " + parameter(query.state));
   if (query.verdict) require("verdict = " + parameter(query.verdict));
   if (query.never_verified) require("verified IS NULL");
+  if (query.needs_a_person) require("(alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable'))");
   if (query.opened_from) require("opened >= " + time_from(parameter(number(*query.opened_from))));
   if (query.opened_before) require("opened < " + time_from(parameter(number(*query.opened_before))));
   if (query.after) {
@@ -225,39 +248,43 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
                                                 parameter(number(std::uint64_t{query.limit})),
                                             values);
   std::vector<FleetCase> found;
-  for (int i = 0; i < rows.size(); ++i) found.push_back({rows.text(i, 10), row_of(rows, i)});
+  for (int i = 0; i < rows.size(); ++i) {
+    FleetCase& one = found.emplace_back(FleetCase{rows.text(i, 10), row_of(rows, i)});
+    one.alarm = rows.text(i, 11) == "t";
+    if (!rows.is_null(i, 12)) one.unchecked = rows.text(i, 12);
+  }
   return found;
 }
 
 FleetTotals FleetCatalogue::totals() {
   const Postgres::Rows rows = database_.ask(R"(
-    SELECT count(*), coalesce(sum(segments), 0)::bigint, coalesce(sum(bytes), 0)::bigint,
+    SELECT count(*), least(coalesce(sum(segments), 0), 9223372036854775807)::bigint,
+           least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
            count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
            count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
-           count(*) FILTER (WHERE verdict NOT IN ('intact', 'intact-with-gaps')),
+           count(*) FILTER (WHERE alarm), count(unchecked),
            count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now())
     FROM kiroku.cases)");
   const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(0, column)); };
-  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8)};
+  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8), count(9)};
 }
 
 std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds for_how_long) {
-  // The database's clock counts the lease: workers' clocks may differ.
+  // Only the database's clock counts: workers' clocks may differ, and a ledger claims what its writer likes.
   const Postgres::Rows rows = database_.ask(
       R"(UPDATE kiroku.cases AS c
-         SET leased_by = gen_random_uuid()::text, leased_until = now() + $3::bigint * interval '1 second'
+         SET leased_by = gen_random_uuid()::text, leased_until = now() + $2::bigint * interval '1 second'
          FROM (SELECT appliance, case_id FROM kiroku.cases
-               WHERE state <> 'missing' AND (verified IS NULL OR verified < )" +
-          time_from("$1") +
-          R"() AND CASE state WHEN 'closed' THEN opened + duration_ns / 1000 * interval '1 microsecond' < )" +
-          time_from("$2") + " ELSE opened < " + time_from("$4") +
-          R"( END AND (leased_until IS NULL OR leased_until <= now())
-               ORDER BY verified NULLS FIRST, opened LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
+               WHERE state <> 'missing' AND (leased_until IS NULL OR leased_until <= now()) AND
+                     CASE WHEN verified IS NOT NULL THEN verified < )" +
+          time_from("$1") + R"(
+                          ELSE pending <= now() - $4::bigint * interval '1 second' OR
+                               (state = 'closed' AND changed_at <= now() - $3::bigint * interval '1 second') END
+               ORDER BY verified NULLS FIRST, pending LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
          WHERE c.appliance = due.appliance AND c.case_id = due.case_id
-         RETURNING c.appliance, c.case_id, (extract(epoch FROM c.opened) * 1000000)::bigint + coalesce(c.duration_ns, 0) / 1000,
-                   c.leased_by)",
-      {number(due.verified_before), number(due.closed_before), number(std::int64_t{for_how_long.count()}),
-       number(due.begun_before)});
+         RETURNING c.appliance, c.case_id, (extract(epoch FROM c.changed_at) * 1000000)::bigint, c.leased_by)",
+      {number(due.verified_before), number(std::int64_t{for_how_long.count()}),
+       number(std::int64_t{due.settled.count()}), number(std::int64_t{due.longest_pending.count()})});
   if (rows.size() == 0) return {};
   return Lease{rows.text(0, 0), rows.text(0, 1), UtcTime(std::chrono::microseconds(rows.integer(0, 2))),
                rows.text(0, 3)};
@@ -268,9 +295,10 @@ bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
   database_.together([&] {
     const Postgres::Rows rows = database_.ask(
         "UPDATE kiroku.cases SET verdict = $4, verified = " + time_from("$5") +
-            ", leased_by = NULL, leased_until = NULL "
+            ", alarm = $6, unchecked = NULL, pending = NULL, leased_by = NULL, leased_until = NULL "
             "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state <> 'missing' RETURNING 1",
-        {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when)});
+        {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when),
+         found.alarm ? "true" : "false"});
     entered = rows.size() == 1;
     if (entered) keep(lease, found);
   });
@@ -281,10 +309,12 @@ void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, U
                                const std::string& why) {
   database_.together([&] {
     const Postgres::Rows rows = database_.ask(
-        "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second' "
-        "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING 1",
-        {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()})});
-    if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", when, 0, why});
+        "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second', "
+        "unchecked = coalesce($5, unchecked) WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 "
+        "RETURNING 1",
+        {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()}),
+         why.empty() ? std::nullopt : Postgres::Value(printable(why))});
+    if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", when, false, 0, why});
   });
 }
 
@@ -306,8 +336,11 @@ std::vector<Verification> FleetCatalogue::verifications(const std::string& appli
       {appliance, case_id});
   std::vector<Verification> all;
   for (int i = 0; i < rows.size(); ++i) {
-    all.push_back({rows.text(i, 0), UtcTime(std::chrono::microseconds(rows.integer(i, 1))),
-                   static_cast<std::size_t>(rows.integer(i, 2)), rows.text(i, 3)});
+    Verification& one = all.emplace_back();
+    one.verdict = rows.text(i, 0);
+    one.when = UtcTime(std::chrono::microseconds(rows.integer(i, 1)));
+    one.findings = static_cast<std::size_t>(rows.integer(i, 2));
+    one.detail = rows.text(i, 3);
   }
   return all;
 }

@@ -19,12 +19,17 @@ namespace kiroku::fleet {
 struct FleetCase {
   std::string appliance;
   archive::CatalogueRow row;
+  /// The newest verdict was none of a whole case. It stays where the case changed since and has no verdict
+  /// now.
+  bool alarm = false;
+  std::optional<std::string> unchecked = {};  // why the newest try gave no verdict
 };
 
 /// What is asked for; an empty field asks for anything. Newest first.
 struct CaseQuery {
   std::optional<std::string> appliance = {}, state = {}, verdict = {};
   bool never_verified = false;
+  bool needs_a_person = false;  // an alarm, not checked, missing, or unreadable
   std::optional<UtcTime> opened_from = {}, opened_before = {};  // half open
   std::size_t limit = 100;
   /// What follows this one in the same order: the last of the page before.
@@ -38,7 +43,7 @@ struct CaseQuery {
 /// A case that one worker verifies. It is another's once it ended.
 struct Lease {
   std::string appliance, case_id;
-  UtcTime closed;      // when the case ended; of one that did not: when it began
+  UtcTime changed;     // when the catalogue saw it last as other than before, by the database's clock
   std::string holder;  // of this lease alone
 };
 
@@ -46,6 +51,7 @@ struct Lease {
 struct Verification {
   std::string verdict;
   UtcTime when;
+  bool alarm = false;  // it is none of a whole case; not told of old ones
   std::size_t findings = 0;
   std::string detail;  // the first finding's sentence, or why it could not be judged; may be empty
 };
@@ -53,7 +59,7 @@ struct Verification {
 struct FleetTotals {
   std::uint64_t cases = 0, segments = 0, bytes = 0;
   std::uint64_t open = 0, unreadable = 0, missing = 0;
-  std::uint64_t never_verified = 0, not_intact = 0;
+  std::uint64_t never_verified = 0, alarms = 0, unchecked = 0;
   std::uint64_t being_verified = 0;
 };
 
@@ -62,8 +68,8 @@ class FleetCatalogue {
  public:
   /// Makes tables and roles, or brings older ones up to this program's version. `database` belongs to
   /// somebody who may create roles. kiroku_reader may read; kiroku_indexer may also write rows;
-  /// kiroku_verifier may also lease cases and enter verdicts. No role may change or remove a verdict that was
-  /// entered.
+  /// kiroku_verifier may also lease cases and enter verdicts. No role may change or remove what was entered
+  /// into a case's verifications, and kiroku_indexer no verdict.
   static void prepare(Postgres& database);
 
   /// Takes the connection. Throws UsageError where prepare() of this version has not been run on it.
@@ -75,11 +81,12 @@ class FleetCatalogue {
   [[nodiscard]] std::vector<FleetCase> find(const CaseQuery& query);
   [[nodiscard]] FleetTotals totals();
 
-  /// Which cases are due.
+  /// Which cases are due: by when the catalogue saw them, as a ledger claims what its writer likes.
   struct Due {
-    UtcTime verified_before;  // never verified, or last before this
-    UtcTime closed_before;    // and ended before this;
-    UtcTime begun_before;     // one that did not end, or whose ledger cannot be read: began before this
+    UtcTime verified_before;       // last verified before this; or without a verdict, and
+    std::chrono::seconds settled;  // closed and unchanged for so long,
+    std::chrono::seconds
+        longest_pending;  // or, whatever it is and however it changes, without one for so long
   };
   /// Leases a case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
   /// SKIP LOCKED). Nothing where none is due.

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "archive/format/case_layout.h"
+#include "base/error.h"
 #include "crypto/hash.h"
 #include "fleet/fetcher.h"
 
@@ -26,11 +27,10 @@ class Listing {
   CaseStamp stamp() {
     const crypto::Sha256Digest digest = hash_.finish();
     CaseStamp stamp{ledger_bytes_, 0};
-    // A bit less than 64: the column is signed.
-    for (std::size_t i = 0; i < sizeof stamp.changed; ++i)
-      stamp.changed = static_cast<std::int64_t>(
-          (static_cast<std::uint64_t>(stamp.changed) << 8U | std::to_integer<std::uint64_t>(digest[i])) &
-          INT64_MAX);
+    std::uint64_t number = 0;
+    for (std::size_t i = 0; i < sizeof number; ++i)
+      number = number << 8U | std::to_integer<std::uint64_t>(digest[i]);
+    stamp.changed = static_cast<std::int64_t>(number & INT64_MAX);  // the column is signed
     return stamp;
   }
 
@@ -90,7 +90,20 @@ IndexReport index_appliance(ObjectStore& store, const std::string& appliance, ar
     const auto before = known.extract(case_id);
     if (!anew && !before.empty() && before.mapped() == stamp) continue;
     const fs::path folder = scratch / case_id;
-    fetch_ledger(store, appliance, case_id, folder);
+    fs::remove_all(folder);
+    try {
+      fetch_ledger(store, appliance, case_id, folder);
+    } catch (const StoreError& error) {
+      if (error.passes()) throw;
+      report.problems.push_back(case_id + ": " + error.what());
+      continue;
+    } catch (const IoError&) {
+      throw;
+    } catch (const Error& error) {
+      // What is wrong with one case keeps no other out of the catalogue.
+      report.problems.push_back(case_id + ": " + error.what());
+      continue;
+    }
     table.put(archive::read_catalogue_row(case_id, folder), stamp);
     fs::remove_all(folder);
     ++report.read;

@@ -27,11 +27,13 @@ SERVER = ROOT / "tests/fleet/postgres.sh"
 TIMES = 100
 
 FILL = """
-INSERT INTO kiroku.cases
+INSERT INTO kiroku.cases (appliance, case_id, opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed,
+                          verdict, verified, alarm, pending)
 SELECT 'or-' || n % 200, to_char(began, 'YYYYMMDD"T"HH24MISS"Z-"') || lpad(to_hex(n), 8, '0'), began, 5400000000000,
        'closed', 'endoscope room vitals', 270, 2700000000, 92, 100000, n,
        CASE WHEN n % 50 = 0 THEN NULL WHEN n % 10000 = 1 THEN 'tampered' ELSE 'intact' END,
-       CASE WHEN n % 50 = 0 THEN NULL ELSE began + interval '40 days' END, NULL, NULL
+       CASE WHEN n % 50 = 0 THEN NULL ELSE began + interval '40 days' END, n % 10000 = 1,
+       CASE WHEN n % 50 = 0 THEN began END
 FROM (SELECT n, timestamptz '2016-01-01Z' + n * (interval '10 years' / {cases}) AS began
       FROM generate_series(0, {cases} - 1) AS n) AS made;
 ANALYZE kiroku.cases;
@@ -92,6 +94,7 @@ def measure(options, folder, connection):
         "appliance_until": lambda: ["cases", "--appliance", appliance(), "--to", day()],
         "verdict": lambda: ["cases", "--verdict", "tampered", "--to", day()],
         "unverified": lambda: ["cases", "--unverified", "--to", day()],
+        "attention": lambda: ["cases", "--attention", "--to", day()],
     }
     figures = {}
     for name, words in questions.items():

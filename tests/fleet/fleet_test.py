@@ -116,12 +116,22 @@ def try_everything(programs, folder, store, connection):
     require(verdicts(told) == {("or-2", one): "tampered"}, f"a changed ledger is {told}")
     require(fleet.ask("status").returncode == 1, "status is silent about it")
     require([row["case"] for row in fleet.tell("cases", "--verdict", "tampered")["cases"]] == [one], "it is not found by verdict")
+    # Who put it cannot take the alarm back by putting something else.
+    body.write_bytes(b"something else")
+    store.put("recordings", segment, body)
+    fleet.tell("index")
+    (row,) = fleet.tell("cases", "--appliance", "or-2")["cases"]
+    require(row["verdict"] is None and row["alarm"], f"the alarm is forgotten: {row}")
+    require(fleet.ask("status").returncode == 1 and "changed since" in fleet.ask("cases").stdout, "nobody is told")
+    require([each["case"] for each in fleet.tell("cases", "--attention")["cases"]] == [one], "it is not among what needs a person")
+    require(verdicts(fleet.tell("verify", status=1)) == {("or-2", one): "tampered"}, "it was not verified anew")
     history = fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]
-    require(len(history) == 3 and history[-1]["verdict"] == "tampered" and history[-1]["detail"], f"history: {history}")
+    require(len(history) == 4 and history[-1]["verdict"] == "tampered" and history[-1]["detail"], f"history: {history}")
 
     # A case that the catalogue knows and the store does not: it is named at every look.
     database = [*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection]
-    subprocess.run([*database, "-c", "INSERT INTO kiroku.cases SELECT appliance, '20200101T000000Z-00000000', opened, duration_ns,"
+    subprocess.run([*database, "-c", "INSERT INTO kiroku.cases (appliance, case_id, opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)"
+                    " SELECT appliance, '20200101T000000Z-00000000', opened, duration_ns,"
                     " state, streams, segments, bytes, tokens, ledger_bytes, changed FROM kiroku.cases LIMIT 1"], check=True)
     for _ in range(2):
         done = fleet.ask("index")
@@ -133,7 +143,7 @@ def try_everything(programs, folder, store, connection):
     fleet.configuration.write_text(whole.replace(store.endpoint, "http://127.0.0.2:1"))
     done = fleet.ask("verify", "--all")
     require(done.returncode == 2 and "does not answer" in done.stderr, f"a store that is away: {done.returncode}, {done.stderr}")
-    require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 3, "something was entered")
+    require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 4, "something was entered")
     fleet.configuration.write_text(whole)
 
     # Without an appliance's key nothing is judged, and nothing is guessed.

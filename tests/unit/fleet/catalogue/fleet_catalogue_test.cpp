@@ -1,6 +1,7 @@
 // Run beside a PostgreSQL server: tests/fleet/postgres.sh with fleet_catalogue_test.
 #include "fleet/catalogue/fleet_catalogue.h"
 
+#include <cstdint>
 #include <cstdlib>
 #include <future>
 #include <set>
@@ -87,9 +88,7 @@ class FleetCatalogueTest : public OfItsOwn {
     row.bytes = 1000;
     catalogue_.table_of(appliance)->put(row, {1, changed});
   }
-  static FleetCatalogue::Due due(int verified_before_day) {
-    return {day(verified_before_day), day(1000), day(0)};
-  }
+  static FleetCatalogue::Due due(int verified_before_day) { return {day(verified_before_day), 0s, 0s}; }
   static UtcTime day(int number) { return *parse_utc("2026-08-01T00:00:00Z") + std::chrono::days(number); }
   std::vector<std::string> found(const CaseQuery& query) {
     std::vector<std::string> names;
@@ -115,7 +114,10 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   put("or-1", "b", day(3), "open");
   put("or-2", "a", day(2));
   put("or-2", "c", day(4), "unreadable");
-  catalogue_.table_of("or-2")->set_verdict("a", "tampered", day(9));
+  for (std::optional<Lease> lease = catalogue_.lease({day(5), 0s, 600s}, 600s); lease;
+       lease = catalogue_.lease({day(5), 0s, 600s}, 600s)) {
+    if (lease->appliance == "or-2") catalogue_.enter(*lease, {"tampered", day(9), true, 1, ""});
+  }
   EXPECT_THAT(found({}), ElementsAre("or-2/c", "or-1/b", "or-2/a", "or-1/a"));
   EXPECT_THAT(found({.appliance = "or-2"}), ElementsAre("or-2/c", "or-2/a"));
   EXPECT_THAT(found({.state = "open"}), ElementsAre("or-1/b"));
@@ -130,7 +132,8 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   EXPECT_EQ(totals.open, 1U);
   EXPECT_EQ(totals.unreadable, 1U);
   EXPECT_EQ(totals.never_verified, 3U);
-  EXPECT_EQ(totals.not_intact, 1U);
+  EXPECT_EQ(totals.alarms, 1U);
+  EXPECT_THAT(found({.needs_a_person = true}), ElementsAre("or-2/c", "or-2/a"));
 }
 
 TEST_F(FleetCatalogueTest, GoesThroughItInPages) {
@@ -158,7 +161,7 @@ TEST_F(FleetCatalogueTest, LeasesEachDueCaseToOneWorker) {
     workers.push_back(std::async(std::launch::async, [this] {
       FleetCatalogue own = catalogue();
       std::vector<Lease> leases;
-      while (std::optional<Lease> lease = own.lease(due(100), 600s)) leases.push_back(*lease);
+      while (std::optional<Lease> lease = own.lease({day(100), 0s, 600s}, 600s)) leases.push_back(*lease);
       return leases;
     }));
   }
@@ -189,28 +192,68 @@ TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {
   EXPECT_FALSE(catalogue_.lease(due(50), 600s));
 }
 
-TEST_F(FleetCatalogueTest, ACaseThatEndedJustNowWaitsForItsLog) {
+TEST_F(FleetCatalogueTest, ACaseThatChangedJustNowWaitsForItsLog) {
   put("or-1", "a", day(1));
-  const UtcTime end = day(1) + 1h;
-  EXPECT_FALSE(catalogue_.lease({day(100), end, day(0)}, 600s));
-  const std::optional<Lease> lease = catalogue_.lease({day(100), end + 1us, day(0)}, 600s);
+  EXPECT_FALSE(catalogue_.lease({day(100), 600s, 600s}, 600s));
+  EXPECT_TRUE(catalogue_.lease({day(100), 0s, 600s}, 600s));
+}
+
+TEST_F(FleetCatalogueTest, NothingThatALedgerClaimsPutsItsVerificationOffOrStopsOthers) {
+  CatalogueRow row;
+  row.case_id = "future";
+  row.opened = *parse_utc("9999-12-31T23:59:59.999999Z");
+  row.duration_ns = INT64_MAX;
+  row.state = "closed";
+  row.segments = row.bytes = row.tokens = UINT64_MAX;
+  catalogue_.table_of("or-1")->put(row, {INT64_MAX, INT64_MIN});
+  row.case_id = "past";
+  row.opened = *parse_utc("0001-01-01T00:00:00Z");
+  row.duration_ns = INT64_MIN;
+  catalogue_.table_of("or-1")->put(row, {1, 2});
+  EXPECT_THAT(found({}), ElementsAre("or-1/future", "or-1/past"));
+  EXPECT_GT(catalogue_.totals().bytes, 1U);
+  std::set<std::string> leased;
+  while (const std::optional<Lease> lease = catalogue_.lease({day(100), 0s, 600s}, 600s))
+    leased.insert(lease->case_id);
+  EXPECT_THAT(leased, ElementsAre("future", "past"));
+}
+
+TEST_F(FleetCatalogueTest, WhoeverChangesACaseAgainAndAgainPutsNothingOff) {
+  put("or-1", "a", day(1));
+  for (std::int64_t change = 1; change < 4; ++change) put("or-1", "a", day(1), "closed", change);
+  // It has not settled, and is long enough without a verdict.
+  EXPECT_FALSE(catalogue_.lease({day(100), 600s, 600s}, 600s));
+  const std::optional<Lease> lease = catalogue_.lease({day(100), 600s, 0s}, 600s);
   ASSERT_TRUE(lease);
-  EXPECT_EQ(lease->closed, end);
+  // What is changed under a lease is free for the next one at once.
+  put("or-1", "a", day(1), "closed", 9);
+  EXPECT_TRUE(catalogue_.lease({day(100), 600s, 0s}, 600s));
+}
+
+TEST_F(FleetCatalogueTest, AnAlarmStandsUntilAVerificationSaysOtherwise) {
+  put("or-1", "a", day(1));
+  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(100), 600s), {"tampered", day(101), true, 1, "no"}));
+  put("or-1", "a", day(1), "closed", 7);
+  EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
+  EXPECT_TRUE(catalogue_.find({})[0].alarm);
+  EXPECT_EQ(catalogue_.totals().alarms, 1U);
+  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(100), 600s), {"intact", day(102), false, 0, ""}));
+  EXPECT_EQ(catalogue_.totals().alarms, 0U);
 }
 
 TEST_F(FleetCatalogueTest, WhatWasCutOffOrCannotBeReadIsVerifiedOnceItsTimeIsOver) {
   put("or-1", "open", day(1), "open");
   put("or-1", "unreadable", day(2), "unreadable");
   put("or-1", "missing", day(0), "missing");
-  EXPECT_FALSE(catalogue_.lease({day(100), day(100), day(1)}, 600s));
-  const std::optional<Lease> cut_off = catalogue_.lease({day(100), day(100), day(3)}, 600s);
+  EXPECT_FALSE(catalogue_.lease({day(100), 0s, 600s}, 600s));
+  const std::optional<Lease> cut_off = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(cut_off);
   EXPECT_EQ(cut_off->case_id, "open");
-  EXPECT_TRUE(catalogue_.enter(*cut_off, {"incomplete", day(101), 1, "it has no end"}));
-  const std::optional<Lease> other = catalogue_.lease({day(100), day(100), day(3)}, 600s);
+  EXPECT_TRUE(catalogue_.enter(*cut_off, {"incomplete", day(101), true, 1, "it has no end"}));
+  const std::optional<Lease> other = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(other);
   EXPECT_EQ(other->case_id, "unreadable");
-  EXPECT_FALSE(catalogue_.lease({day(100), day(100), day(3)}, 600s));
+  EXPECT_FALSE(catalogue_.lease(due(100), 600s));
 }
 
 TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMore) {
@@ -220,10 +263,10 @@ TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMor
   const std::optional<Lease> next = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(next);
   EXPECT_EQ(next->case_id, "a");
-  EXPECT_FALSE(catalogue_.enter(*dead, {"intact", day(101), 0, ""}));
+  EXPECT_FALSE(catalogue_.enter(*dead, {"intact", day(101), false, 0, ""}));
   EXPECT_THAT(catalogue_.verifications("or-1", "a"), IsEmpty());
-  EXPECT_TRUE(catalogue_.enter(*next, {"tampered", day(102), 2, "segment 3 is not there"}));
-  EXPECT_FALSE(catalogue_.enter(*next, {"intact", day(103), 0, ""}));
+  EXPECT_TRUE(catalogue_.enter(*next, {"tampered", day(102), true, 2, "segment 3 is not there"}));
+  EXPECT_FALSE(catalogue_.enter(*next, {"intact", day(103), false, 0, ""}));
   const std::vector<FleetCase> rows = catalogue_.find({});
   EXPECT_EQ(rows[0].row.last_verdict, "tampered");
   EXPECT_EQ(rows[0].row.verified, day(102));
@@ -239,7 +282,7 @@ TEST_F(FleetCatalogueTest, NoVerdictIsEnteredOfACaseThatChangedMeanwhile) {
   const std::optional<Lease> lease = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(lease);
   put("or-1", "a", day(1), "closed", 7);
-  EXPECT_FALSE(catalogue_.enter(*lease, {"intact", day(101), 0, ""}));
+  EXPECT_FALSE(catalogue_.enter(*lease, {"intact", day(101), false, 0, ""}));
   EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
 }
 
@@ -260,6 +303,8 @@ TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
   EXPECT_EQ(all[0].verdict, "could-not-check");
   EXPECT_EQ(all[0].detail, "again");
   EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
+  EXPECT_EQ(catalogue_.find({.needs_a_person = true})[0].unchecked, "again");
+  EXPECT_EQ(catalogue_.totals().unchecked, 2U);
 }
 
 TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
@@ -275,10 +320,11 @@ TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   expect_refused([&] { verifier.table_of("or-1")->remove("a"); }, "permission denied");
   EXPECT_NO_THROW(indexer.table_of("or-1")->put(row, {}));
   expect_refused([&] { indexer.table_of("or-1")->remove("a"); }, "permission denied");
+  expect_refused([&] { indexer.table_of("or-1")->set_verdict("a", "intact", day(1)); }, "permission denied");
   const std::optional<Lease> lease = verifier.lease(due(100), 600s);
   ASSERT_TRUE(lease);
-  expect_refused([&] { indexer.enter(*lease, {"intact", day(101), 0, ""}); }, "permission denied");
-  EXPECT_TRUE(verifier.enter(*lease, {"intact", day(101), 0, ""}));
+  expect_refused([&] { indexer.enter(*lease, {"intact", day(101), false, 0, ""}); }, "permission denied");
+  EXPECT_TRUE(verifier.enter(*lease, {"intact", day(101), false, 0, ""}));
   // What was found once nobody takes back.
   for (const char* role : {"kiroku_indexer", "kiroku_verifier"}) {
     Postgres database(connection(user_of(role)));
