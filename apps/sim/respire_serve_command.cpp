@@ -13,6 +13,7 @@
 #include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "sim/drr/dicom_radiograph.h"
 #include "sim/volume/volume_reader.h"
 #include "viewer/breathing/breathing_api.h"
@@ -53,8 +54,12 @@ std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& requ
         request.rate ? std::optional<double>(parse_number(*request.rate, "--rate", 0.01, 240)) : std::nullopt;
     line.show("reading " + *request.radiographs);
     const auto series = open_radiographs(*request.radiographs, request.polarity, rate);
-    while (std::optional<TimedRadiograph> next = series->next())
+    std::size_t bytes = 0;
+    while (std::optional<TimedRadiograph> next = series->next()) {
+      bytes += next->image.values.size() * sizeof(float);
+      viewer::BreathingBench::require_memory_for(bytes);  // before the machine runs out of it
       inputs.radiographs.push_back({next->time_s, std::move(next->image), std::move(next->name)});
+    }
     if (inputs.radiographs.empty()) throw Error("'" + *request.radiographs + "' holds no picture");
   }
   line.show("reading " + request.volume);
@@ -86,11 +91,9 @@ int run(const RespireServeRequest& request) {
                        .first_line =
                            [&](const std::string& url) {
                              return "The lung of " + request.model + (url.empty() ? "" : " at " + url) +
-                                    (count == 0   ? std::string(", without radiographs")
-                                     : count == 1 ? std::string(", with 1 radiograph")
-                                                  : ", with " + std::to_string(count) + " radiographs") +
-                                    ", " + std::to_string(at_once) + (at_once == 1 ? " person" : " persons") +
-                                    " at a time";
+                                    (count == 0 ? ", without radiographs"
+                                                : ", with " + counted(count, "radiograph", "radiographs")) +
+                                    ", " + counted(at_once, "person", "persons") + " at a time";
                            },
                        .tell_more =
                            [&](nlohmann::ordered_json& told) {

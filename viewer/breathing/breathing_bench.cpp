@@ -33,11 +33,7 @@ void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
     if (i > 0 && !(one.time_s > radiographs[i - 1].time_s))
       throw Error(one.name + " was taken at " + number_text(one.time_s) + " s, not after the one before");
     bytes += one.image.values.size() * sizeof(float);
-    if (bytes > BreathingBench::kMostRadiographBytes) {
-      throw Error("the radiographs take more than " +
-                  std::to_string(BreathingBench::kMostRadiographBytes >> 30) +
-                  " GiB of memory: give a part of the series, or one of fewer pixels");
-    }
+    BreathingBench::require_memory_for(bytes);
   }
 }
 
@@ -73,6 +69,12 @@ BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(cons
   }
   const sim::ProjectionImage at_rest = drr(1, std::vector<sim::Vector3>(nodes(), sim::Vector3::Zero()));
   windows_ = sim::overlay_windows(has_radiographs() ? radiographs_.front().image : at_rest, at_rest);
+}
+
+void BreathingBench::require_memory_for(std::size_t radiograph_bytes) {
+  if (radiograph_bytes <= kMostRadiographBytes) return;
+  throw Error("the radiographs take more than " + std::to_string(kMostRadiographBytes >> 30) +
+              " GiB of memory: give a part of the series, or one of fewer pixels");
 }
 
 MotionDeed BreathingBench::own_motion() const {

@@ -37,6 +37,8 @@ class BreathingBench {
  public:
   /// So much memory radiographs may take, as floats.
   static constexpr std::size_t kMostRadiographBytes = std::size_t{2} << 30;
+  /// kiroku::Error for more; whoever reads a series asks as it grows.
+  static void require_memory_for(std::size_t radiograph_bytes);
 
   /// kiroku::Error in one sentence for a model without tumour, rib cage or diaphragm, radiographs of another
   /// size than the geometry's, that are not one after the other, or too many; what the projectors throw.

@@ -40,6 +40,11 @@ class BreathingTableTest : public testing::Test {
   test::ChestBench chest_;
 };
 
+TEST(BreathingBenchMemory, ASeriesThatIsTooLargeIsRefusedBeforeItIsRead) {
+  EXPECT_NO_THROW(BreathingBench::require_memory_for(BreathingBench::kMostRadiographBytes));
+  EXPECT_THROW(BreathingBench::require_memory_for(BreathingBench::kMostRadiographBytes + 1), Error);
+}
+
 TEST_F(BreathingTableTest, TheTumoursPathIsThatOfSolvesOfItsOwn) {
   const BreathingBench bench = bench_of(chest_.inputs());
   BreathingTable table(bench);
