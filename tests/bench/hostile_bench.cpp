@@ -13,6 +13,7 @@
 #include <functional>
 #include <iostream>
 #include <iterator>
+#include <stdexcept>
 #include <string>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -201,6 +202,10 @@ Cost cost_of(const HostileCommand& command, std::uint64_t bytes) {
   const test::TemporaryFolder folder(test::quick_parent());
   const fs::path home = folder / "home";
   in_child([&] { become_kiroku(home, {"init", "--demo"}); });
+  if (!fs::is_directory(home)) {
+    throw std::runtime_error(
+        "what commands of a home cost is not measured: this build has no 'kiroku'; the preset release has");
+  }
   const test::Contents before = test::contents_below(home);
   const Arguments arguments = command.write(home, bytes);
   test::Contents given = test::contents_below(home);
@@ -213,7 +218,7 @@ Cost cost_of(const HostileCommand& command, std::uint64_t bytes) {
 
 }  // namespace
 
-int main(int count, char** arguments) {
+int main(int count, char** arguments) try {
   const double megabytes = count > 1 ? std::stod(arguments[1]) : 10;
   const auto bytes = static_cast<std::uint64_t>(megabytes * 1e6);
   const auto is_wanted = [&](const std::string& name) {
@@ -228,4 +233,7 @@ int main(int count, char** arguments) {
     if (is_wanted(command.name)) print(command.name, cost_of(command, bytes));
   }
   return 0;
+} catch (const std::exception& error) {
+  std::cerr << "hostile_bench: " << error.what() << "\n";
+  return 1;
 }
