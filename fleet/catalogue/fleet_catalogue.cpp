@@ -56,8 +56,8 @@ constexpr const char* kTables[] = {
     R"(CREATE TRIGGER forget BEFORE UPDATE ON kiroku.cases FOR EACH ROW
          WHEN ((OLD.ledger_bytes, OLD.changed) IS DISTINCT FROM (NEW.ledger_bytes, NEW.changed))
          EXECUTE FUNCTION kiroku.forget())",
-    "CREATE INDEX cases_for_a_person ON kiroku.cases (opened DESC, appliance DESC, case_id DESC) "
-    "WHERE alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable')",
+    R"(CREATE INDEX cases_for_a_person ON kiroku.cases (opened DESC, appliance DESC, case_id DESC)
+         WHERE alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable'))",
     R"(CREATE TABLE kiroku.verifications (
          number    bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
          appliance text COLLATE "C" NOT NULL,
