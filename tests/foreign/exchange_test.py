@@ -266,7 +266,9 @@ socket = "{self.scratch}/s"
         changed = shutil.copytree(archive / case, self.scratch / "changed" / case)
         with open(min((changed / "segments/endoscope").iterdir()), "r+b") as film:
             film.seek(300)
-            film.write(b"x")
+            byte = film.read(1)[0]
+            film.seek(300)
+            film.write(bytes([byte ^ 1]))
         changed = dataclasses.replace(given, path=changed)
         self.assertEqual(self.of_the_other(changed, folder), self.of_ours(changed, folder))
         self.assertEqual(self.of_the_other(changed, folder), ("tampered", noted | {"file-hash-differs"}))

@@ -4,6 +4,7 @@
 # Usage: evidence_tools_test.sh KIROKU SOURCE_DIR
 set -euo pipefail
 kiroku=$1 source=$2
+source "$source/tests/support/flip_bit.sh"
 for tool in openssl jq awk; do
   command -v "$tool" >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }
 done
@@ -57,7 +58,7 @@ expect 0 '^link 2: .*, sha512$' "$case" "$ers"
 changed() { # FILE
   rm -rf "$scratch/copy"
   cp -r "$case" "$scratch/copy"
-  printf '\001' | dd of="$scratch/copy/$1" bs=1 seek=20 conv=notrunc status=none
+  flip_bit "$scratch/copy/$1" 20
 }
 changed segments/endoscope/00000000.ts.age
 expect 1 'does not cover segments/endoscope/00000000.ts.age' "$scratch/copy" "$ers"
@@ -69,6 +70,6 @@ head -c 2000 "$ers" >"$scratch/cut.ers"
 expect 1 '^NOT PROVED: ' "$case" "$scratch/cut.ers"
 at=$(openssl asn1parse -inform DER -in "$ers" | awk -F: '!found && /d=6 .*OCTET STRING/ { print $1 + 10; found = 1 }')
 cp "$ers" "$scratch/flipped.ers"
-printf '\377\000' | dd of="$scratch/flipped.ers" bs=1 seek="$at" conv=notrunc status=none
+flip_bit "$scratch/flipped.ers" "$at"
 expect 1 '^NOT PROVED: ' "$case" "$scratch/flipped.ers"
 echo "ok"

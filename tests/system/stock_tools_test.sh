@@ -5,6 +5,7 @@
 # What changes a copy is done to a case of MPEG-2 alone unless --every-profile is given: the scripts read ledgers, and of pictures nothing but hashes.
 set -euo pipefail
 kiroku=$1 source=$2 every=${3-}
+source "$source/tests/support/flip_bit.sh"
 for tool in openssl sha256sum jq awk age ffmpeg; do
   command -v "$tool" >/dev/null || { echo "SKIPPED: $tool is not installed"; exit 77; }
 done
@@ -58,7 +59,7 @@ for profile in mpeg2 lossless; do
     (cd "$copy" && eval "$2")
     expect 1 "^NOT INTACT: .*$1" verify.sh "$copy"
   }
-  tampered 'missing or changed' 'printf x | dd of=$(ls segments/endoscope/*.age | sed -n 1p) bs=1 seek=300 conv=notrunc status=none'
+  tampered 'missing or changed' 'flip_bit "$(ls segments/endoscope/*.age | sed -n 1p)" 300'
   tampered 'missing or changed' 'rm $(ls segments/vitals/*.age | sed -n 1p)'
   tampered 'unnamed files' 'touch segments/room/stray'
   tampered 'hole' 'sed -i 3d ledger.jsonl'
@@ -190,7 +191,7 @@ for profile in mpeg2 lossless; do
     (cd "$copy" && eval "$2")
     expect 1 "^NOT INTACT: .*$1" verify-excerpt.sh "$copy"
   }
-  tampered_excerpt 'not what was recorded' 'printf x | dd of=$(ls segments/endoscope/* | sed -n 1p) bs=1 seek=300 conv=notrunc status=none'
+  tampered_excerpt 'not what was recorded' 'flip_bit "$(ls segments/endoscope/* | sed -n 1p)" 300'
   tampered_excerpt 'is missing' 'rm $(ls segments/endoscope/* | sed -n 1p)'
   tampered_excerpt 'unnamed files' 'touch segments/stray'
   tampered_excerpt 'no excerpt of this case' 'jq -c ".streams = []" excerpt.json >x; mv x excerpt.json'
