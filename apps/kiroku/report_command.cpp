@@ -13,10 +13,12 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/verify_extras.h"
 #include "apps/verify/judging.h"
+#include "archive/verify/case_data.h"
 #include "archive/verify/case_evidence.h"
 #include "base/error.h"
 #include "viewer/report/html_writer.h"
 #include "viewer/report/pdf_writer.h"
+#include "viewer/report/proof_files.h"
 #include "viewer/report/report_document.h"
 
 namespace kiroku::apps {
@@ -108,6 +110,12 @@ int run(const Request& request, const VerifyExtras& extras) {
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();
   input.language = report::parse_language(request.language.value_or("en"));
+  if (ending == ".pdf" && !request.receipt) {
+    input.attachments = report::read_proof_files(
+        folder, input,
+        request.judging.evidence ? fs::path(*request.judging.evidence)
+                                 : archive::evidence_file(folder, input.verification.case_id));
+  }
   const report::Document document =
       request.receipt ? report::make_receipt(input) : report::make_report(input);
   OutputFile file(output);
@@ -152,7 +160,9 @@ void add_report_command(Command& program) {
   command.explain(
       "The case is verified as 'kiroku verify' does it; whatever the verdict, the document is written and "
       "tells it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
-      "gives the same bytes.");
+      "gives the same bytes. A PDF is PDF/A-3b, and a report carries along, as attached files, the "
+      "checkpoints, "
+      "time-stamp tokens and evidence record that its proof of time rests on.");
   command.example("kiroku report 20260805T091502Z-3f9c21ab -o report.pdf", "the report as A4 pages");
   command.example("kiroku report CASE --language ja --by 'Dr. Sato' -o report.html",
                   "one page for a browser, in Japanese");

@@ -5,10 +5,12 @@
 #include <mutex>
 #include <thread>
 
+#include "archive/verify/case_data.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "viewer/api/home_witnesses.h"
 #include "viewer/report/pdf_writer.h"
+#include "viewer/report/proof_files.h"
 #include "viewer/report/report_document.h"
 
 namespace kiroku::viewer {
@@ -69,8 +71,13 @@ class Turn {
 
 Response answer(const Request& request, ViewerContext& context, Kind kind, std::mutex& making) {
   const Turn turn(making);
-  const report::ReportInput input = verify(request, context);
+  report::ReportInput input = verify(request, context);
   const bool receipt = kind == Kind::kReceipt;
+  if (!receipt) {
+    const std::filesystem::path folder = context.case_folder(request);
+    input.attachments =
+        report::read_proof_files(folder, input, archive::evidence_file(folder, input.verification.case_id));
+  }
   const report::Document document = receipt ? report::make_receipt(input) : report::make_report(input);
   const std::string& case_id = request.parameter("case");
   context.enter_access(request, case_id, receipt ? "made a receipt" : "made a verification report");

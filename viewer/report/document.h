@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "base/bytes.h"
 #include "base/utc_time.h"
 #include "viewer/report/figure.h"
 #include "viewer/report/language.h"
@@ -85,6 +86,15 @@ struct PageBreak {};
 
 using Block = std::variant<Heading, Paragraph, Statement, Table, Chain, Listing, Picture, PageBreak>;
 
+/// A file that a document carries along: what a reader needs to check by themselves what it tells of. A PDF
+/// embeds it (ISO 32000-1, 7.11.4); a page for a browser does not.
+struct Attachment {
+  std::string name;         // "00000042.note"; UTF-8, without a folder, unique in its document
+  std::string media_type;   // "application/timestamp-reply"
+  std::string description;  // a phrase in the document's language
+  Bytes bytes;
+};
+
 struct Document {
   Language language = Language::kEnglish;
   std::string title, subtitle;
@@ -94,6 +104,7 @@ struct Document {
   std::string running_foot;              // at the bottom of each page, left of "1 of 5"
   UtcTime made;                          // also decides the dates of the PDF
   std::vector<Block> blocks;
+  std::vector<Attachment> attachments;
 };
 
 /// Of a text from a case no more bytes than these are set: whoever made the case must not decide how long its

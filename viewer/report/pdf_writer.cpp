@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "viewer/report/archival_pdf.h"
 #include "viewer/report/document_parts.h"
 #include "viewer/report/texts.h"
 #include "viewer/report/typesetter.h"
@@ -452,7 +453,7 @@ Bytes write_pdf(const Document& document) {
       }
     }
   }
-  return pdf;
+  return make_archival(pdf, document);
 }
 
 }  // namespace kiroku::report

@@ -1,4 +1,6 @@
-// A document as PDF: A4, page numbers, outline, metadata, text that can be selected. Thread-safe.
+// A document as PDF/A-3b (ISO 19005-3, conformance level B), which archives and courts take: A4, page
+// numbers, outline, metadata, text that can be selected, and the document's attachments as embedded files.
+// Thread-safe.
 #pragma once
 
 #include "base/bytes.h"

@@ -18,6 +18,7 @@ Document ReportMaker::make() {
   add_witnesses();
   add_device();
   add_hashes();
+  add_attached();
   add_repeating();
   add_about();
   add_words();

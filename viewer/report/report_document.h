@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "archive/verify/report.h"
 #include "viewer/report/case_facts.h"
@@ -19,6 +20,7 @@ struct ReportInput {
   std::string program;  // "kiroku 0.1.0"
   UtcTime made;
   Language language = Language::kEnglish;
+  std::vector<Attachment> attachments = {};  // that the report carries along (proof_files.h)
 };
 
 /// Verdict in words, what was checked and what not, the chain, streams, gaps, times, every finding, keys,

@@ -116,6 +116,9 @@ class ReportMaker {
 
   void add_hashes();
 
+  /// What the document carries along; nothing without attachments.
+  void add_attached();
+
   void add_repeating();
 
   void add_about();

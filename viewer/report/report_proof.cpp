@@ -53,6 +53,28 @@ void ReportMaker::add_hashes() {
   small(words("hash.lead"));
 }
 
+void ReportMaker::add_attached() {
+  if (in_.attachments.empty()) return;
+  heading("heading.attached");
+  paragraph(words("attached.lead"));
+  Table table{{{words("attached.name"), 2.2},
+               {words("attached.what"), 2.2},
+               {words("attached.bytes"), 0.8, Alignment::kRight},
+               {words("attached.hash"), 2.9}},
+              {}};
+  std::size_t tokens = 0;
+  for (const Attachment& file : in_.attachments) {
+    if (file.media_type == "application/timestamp-reply") ++tokens;
+    table.rows.push_back({{plain_text(file.name), Tone::kPlain, Face::kMono},
+                          {file.description},
+                          {grouped(file.bytes.size())},
+                          {crypto::to_hex(crypto::sha256(file.bytes)), Tone::kPlain, Face::kMono}});
+  }
+  add(std::move(table));
+  if (tokens > 0 && tokens < relied_on().size()) small(words("attached.further"));
+  document_.attachments = in_.attachments;
+}
+
 void ReportMaker::add_repeating() {
   heading("heading.repeat");
   const CaseFacts& facts = in_.facts;

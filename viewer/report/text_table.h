@@ -583,6 +583,30 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "is needed to tell a later change.",
      "台帳には症例の全ファイルが SHA-256 "
      "とともに記載されています。根と症例があれば、後からの変更はすべて判ります。"},
+    // -- files that a PDF carries along
+    {"heading.attached", "Attached files", "添付ファイル"},
+    {"attached.lead",
+     "This document carries these files of the case along, as they are in its folders checkpoints, tokens "
+     "and "
+     "authorities. A PDF reader shows them as attachments; the command pdfdetach -saveall saves them. To "
+     "whoever trusts the authorities they show when this state of the case existed. The recording itself is "
+     "not among them.",
+     "本書には、症例フォルダーの checkpoints、tokens、authorities にあるファイルがそのままの形で添付されてい"
+     "ます。PDF 閲覧ソフトで添付ファイルとして表示され、コマンド pdfdetach -saveall で取り出せます。認証局を"
+     "信頼する人は、これにより症例のこの状態が存在した時刻を確認できます。記録そのものは含みません。"},
+    {"attached.name", "File", "ファイル"},
+    {"attached.what", "What it is", "内容"},
+    {"attached.bytes", "Bytes", "バイト数"},
+    {"attached.hash", "SHA-256", "SHA-256"},
+    {"attached.checkpoint", "Checkpoint that the device signed", "装置が署名したチェックポイント"},
+    {"attached.token", "Time-stamp token (RFC 3161)", "タイムスタンプトークン (RFC 3161)"},
+    {"attached.chain", "Certificates that help to build the authority's chain; no reason to trust it",
+     "認証局の証明書経路を構築するための証明書（それ自体は信頼の根拠ではありません）"},
+    {"attached.record", "Evidence record (RFC 4998)", "証拠記録 (RFC 4998)"},
+    {"attached.receipt", "Receipt of the recording", "手術記録の控え"},
+    {"attached.further",
+     "The case has more such time stamps than the first and the last 12 that are attached.",
+     "添付したのは最初と最後の 12 件のタイムスタンプです。残りは症例フォルダーにあります。"},
     // -- repeating
     {"repeat.lead",
      "Nobody needs Kiroku to check this record. With the case folder as the working directory and the tools "

@@ -1,13 +1,17 @@
 #include "viewer/report/report_document.h"
 
+#include <algorithm>
 #include <fstream>
+#include <map>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/format/case_layout.h"
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
 #include "base/utc_time.h"
+#include "crypto/encoding.h"
 #include "tests/support/flipped_byte.h"
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
@@ -15,6 +19,7 @@
 #include "viewer/report/document_parts.h"
 #include "viewer/report/html_writer.h"
 #include "viewer/report/pdf_writer.h"
+#include "viewer/report/proof_files.h"
 #include "viewer/report/time_figure.h"
 
 namespace kiroku::report {
@@ -26,6 +31,8 @@ using testing::HasSubstr;
 using testing::Not;
 
 bool has_tools() { return std::system("command -v pdftotext pdftoppm zbarimg >/dev/null") == 0; }
+
+std::string name_in(const std::string& path) { return fs::path(path).filename().string(); }
 
 class ReportDocument : public testing::Test {
  protected:
@@ -676,6 +683,52 @@ TEST_F(ReportDocument, AsPdfLeavesNoPageToALineThatRanOver) {
   EXPECT_THAT(text, HasSubstr("One line more."));
   EXPECT_THAT(text, HasSubstr("How the proof holds together"));
   EXPECT_THAT(second_page(more + 20), Not(HasSubstr("How the proof holds together")));
+}
+
+TEST_F(ReportDocument, CarriesTheFilesAlongThatItsProofOfTimeRestsOn) {
+  ReportInput in = input();
+  EXPECT_THAT(test::text_of(make_report(in)), Not(HasSubstr("Attached files")));
+  in.attachments = read_proof_files(folder_, in, std::nullopt);
+  std::map<std::string, Bytes> files;
+  for (const Attachment& file : in.attachments) EXPECT_TRUE(files.emplace(file.name, file.bytes).second);
+  ASSERT_TRUE(in.facts.last_checkpoint);
+  EXPECT_EQ(files.at(name_in(in.facts.last_checkpoint->file)), to_bytes(in.facts.last_checkpoint->text));
+  ASSERT_FALSE(in.facts.tokens.empty());
+  for (const StatedToken& stated : in.facts.tokens) {
+    EXPECT_EQ(crypto::sha256(files.at(name_in(stated.token.file))), stated.token.sha256);
+    EXPECT_TRUE(files.contains(name_in(archive::note_path(stated.token.checkpoint))));
+  }
+  EXPECT_TRUE(text_of(files.at("receipt.pdf")).starts_with("%PDF-1.7"));
+  const Document document = make_report(in);
+  EXPECT_EQ(document.attachments.size(), in.attachments.size());
+  const std::string text = test::text_of(document);
+  EXPECT_THAT(text, HasSubstr("Attached files"));
+  for (const auto& [name, bytes] : files)
+    EXPECT_THAT(text, HasSubstr(crypto::to_hex(crypto::sha256(bytes)))) << name;
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils is not installed";
+  write("report.pdf", write_pdf(document));
+  tool({"pdfdetach", "-saveall", "report.pdf"});
+  EXPECT_TRUE(fs::exists(temporary_ / "receipt.pdf"));
+}
+
+// Between the verification and the report somebody may change a file: what leaves is what was verified.
+TEST_F(ReportDocument, CarriesNoTokenAlongThatIsNotTheOneThatWasVerified) {
+  const ReportInput in = input();
+  ASSERT_FALSE(in.facts.tokens.empty());
+  const archive::TokenEntry& changed = in.facts.tokens.front().token;
+  change_byte(changed.file, 40);
+  const std::vector<Attachment> files = read_proof_files(folder_, in, std::nullopt);
+  EXPECT_FALSE(
+      std::ranges::any_of(files, [&](const Attachment& file) { return file.name == name_in(changed.file); }));
+}
+
+// Nor one that proves nothing to the person who asked: without roots no time-stamp holds.
+TEST_F(ReportDocument, CarriesNoTokenAlongThatDoesNotHold) {
+  archive::VerifyOptions options = archive_.options();
+  const timestamp::TrustStore nobody;
+  options.trust = &nobody;
+  for (const Attachment& file : read_proof_files(folder_, input(options), std::nullopt))
+    EXPECT_FALSE(file.name.ends_with(".tsr")) << file.name;
 }
 
 TEST_F(ReportDocument, AsHtmlNeedsNothingElseAndEscapesWhatItShows) {

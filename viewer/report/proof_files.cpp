@@ -1,0 +1,116 @@
+#include "viewer/report/proof_files.h"
+
+#include <algorithm>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
+#include "archive/verify/case_evidence.h"
+#include "base/error.h"
+#include "timestamp/token.h"
+#include "viewer/report/pdf_writer.h"
+#include "viewer/report/texts.h"
+
+namespace kiroku::report {
+namespace {
+
+constexpr std::size_t kMostBytesOfFile = std::size_t{1} << 20U;
+constexpr std::string_view kNote = "text/plain", kToken = "application/timestamp-reply",
+                           kCertificates = "application/x-pem-file", kPdf = "application/pdf",
+                           // IANA has no type for RFC 4998's records.
+    kRecord = "application/octet-stream";
+
+class ProofFiles {
+ public:
+  ProofFiles(const std::filesystem::path& folder, const ReportInput& input)
+      : folder_(archive::CaseFolder::open(folder)), in_(input) {}
+
+  void add_last_checkpoint() {
+    if (!in_.facts.last_checkpoint) return;
+    const StoredNote& note = *in_.facts.last_checkpoint;
+    add(note.file, kNote, "attached.checkpoint", to_bytes(note.text));
+  }
+
+  void add_tokens() {
+    const std::vector<const StatedToken*> relied = relied_on();
+    for (std::size_t i = 0; i < relied.size(); ++i) {
+      if (i >= kMostTokens / 2 && i + kMostTokens / 2 < relied.size()) continue;
+      add_token(relied[i]->token);
+    }
+  }
+
+  /// Under its bare name: readers of PDF refuse to save what has a folder in its name. `path`: in the case's
+  /// folder.
+  void add(const std::string& path, std::string_view media_type, TextKey description, Bytes bytes) {
+    const std::string name = std::filesystem::path(path).filename().string();
+    if (!names_.insert(name).second) return;
+    files_.push_back({name, std::string(media_type), say(in_.language, description), std::move(bytes)});
+  }
+
+  std::vector<Attachment> take() { return std::move(files_); }
+
+ private:
+  /// As in the report: outside authorities' where there are any, else the recorder's own.
+  [[nodiscard]] std::vector<const StatedToken*> relied_on() const {
+    std::vector<const StatedToken*> outside, own;
+    for (const StatedToken& stated : in_.facts.tokens) {
+      const auto& all = in_.verification.proving_tokens;
+      const auto its = std::ranges::lower_bound(all, stated.entry, {}, &archive::ProvingToken::entry);
+      if (its != all.end() && its->entry == stated.entry) (its->outside ? outside : own).push_back(&stated);
+    }
+    return outside.empty() ? own : outside;
+  }
+
+  [[nodiscard]] std::optional<std::string> read(const std::string& name) const {
+    try {
+      const archive::FileOpening opening = folder_.open_file(name);
+      return opening.file ? archive::read_small(*opening.file, kMostBytesOfFile) : std::nullopt;
+    } catch (const IoError&) {
+      return std::nullopt;
+    }
+  }
+
+  /// A token that is still what was verified, and the checkpoint that it is over.
+  void add_token(const archive::TokenEntry& token) {
+    const std::string note = archive::note_path(token.checkpoint);
+    const std::optional<std::string> answer = read(token.file), text = read(note);
+    if (!answer || !text || crypto::sha256(bytes_of(*answer)) != token.sha256) return;
+    std::string explanation;
+    const auto response = timestamp::parse_response(bytes_of(*answer), explanation);
+    const auto info = response ? timestamp::parse_token_info(response->token, explanation) : std::nullopt;
+    const crypto::Sha256Digest hash = crypto::sha256(bytes_of(*text));
+    if (!info || !std::ranges::equal(info->imprint, hash)) return;
+    add(note, kNote, "attached.checkpoint", to_bytes(*text));
+    add(token.file, kToken, "attached.token", to_bytes(*answer));
+    const std::string chain = std::string(archive::kAuthoritiesFolder) + "/" + token.authority + ".pem";
+    const std::optional<std::string> pem = read(chain);
+    if (pem && pem->find("-----BEGIN CERTIFICATE-----") != std::string::npos)
+      add(chain, kCertificates, "attached.chain", to_bytes(*pem));
+  }
+
+  archive::CaseFolder folder_;
+  const ReportInput& in_;
+  std::set<std::string> names_;
+  std::vector<Attachment> files_;
+};
+
+}  // namespace
+
+std::vector<Attachment> read_proof_files(const std::filesystem::path& folder, const ReportInput& input,
+                                         const std::optional<std::filesystem::path>& evidence_record) {
+  ProofFiles files(folder, input);
+  files.add_last_checkpoint();
+  files.add_tokens();
+  if (evidence_record && input.verification.evidence && input.verification.evidence->holds) {
+    if (auto record = archive::read_evidence_file(archive::real_reading(), *evidence_record))
+      files.add("evidence-record.ers", kRecord, "attached.record", std::move(*record));
+  }
+  if (input.facts.last_checkpoint && !input.facts.excerpt)
+    files.add("receipt.pdf", kPdf, "attached.receipt", write_pdf(make_receipt(input)));
+  return files.take();
+}
+
+}  // namespace kiroku::report
