@@ -30,7 +30,7 @@ struct Request {
   std::string named, output;
   JudgingRequest judging;
   std::optional<std::string> language, author;
-  bool receipt = false, force = false, json = false;
+  bool receipt = false, certificate = false, force = false, json = false;
 };
 
 /// The name that the system knows the person by.
@@ -95,6 +95,8 @@ int run(const Request& request, const VerifyExtras& extras) {
     throw UsageError("cannot write the report as " + request.output +
                      ": its ending says which form it takes, and must be .pdf or .html");
   }
+  if (request.receipt && request.certificate)
+    throw UsageError("--receipt and --certificate are two documents: ask for one at a time");
   if (!request.force && fs::exists(output)) {
     throw UsageError(request.output + " is there already: name another file, or give --force to replace it");
   }
@@ -110,14 +112,15 @@ int run(const Request& request, const VerifyExtras& extras) {
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();
   input.language = report::parse_language(request.language.value_or("en"));
-  if (ending == ".pdf" && !request.receipt) {
+  if (ending == ".pdf" && !request.receipt && !request.certificate) {
     input.attachments = report::read_proof_files(
         folder, input,
         request.judging.evidence ? fs::path(*request.judging.evidence)
                                  : archive::evidence_file(folder, input.verification.case_id));
   }
-  const report::Document document =
-      request.receipt ? report::make_receipt(input) : report::make_report(input);
+  const report::Document document = request.receipt       ? report::make_receipt(input)
+                                    : request.certificate ? report::make_certificate(input)
+                                                          : report::make_report(input);
   OutputFile file(output);
   if (ending == ".pdf") {
     file.write(report::write_pdf(document));
@@ -130,8 +133,11 @@ int run(const Request& request, const VerifyExtras& extras) {
   if (request.json) {
     print_json({{"case", input.verification.case_id}, {"file", request.output}, {"verdict", verdict}});
   } else {
-    std::cout << printable(request.output) << ": " << (request.receipt ? "receipt" : "report") << " of "
-              << printable(input.verification.case_id) << ", " << verdict << "\n";
+    std::cout << printable(request.output) << ": "
+              << (request.receipt       ? "receipt"
+                  : request.certificate ? "certificate"
+                                        : "report")
+              << " of " << printable(input.verification.case_id) << ", " << verdict << "\n";
   }
   return kDone;
 }
@@ -151,6 +157,9 @@ void add_report_command(Command& program) {
   command.choice("--language", {"en", "ja"}, request->language, "language of the document", "en");
   command.flag("--receipt", request->receipt,
                "one page to keep: root, size and device key, and a QR code of the signed checkpoint");
+  command.flag("--certificate", request->certificate,
+               "the form of a certificate under U.S. Federal Rules of Evidence 902(13) and (14), for a "
+               "qualified person to complete and sign; of an intact record or excerpt alone");
   command.option("--by", "NAME", request->author, "who makes it, as it shall stand there",
                  "the name of your account");
   add_judging_options(command, request->judging, extras);
@@ -158,8 +167,9 @@ void add_report_command(Command& program) {
   command.flag("--force", request->force, "replaces a file that is there");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "The case is verified as 'kiroku verify' does it; whatever the verdict, the document is written and "
-      "tells it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
+      "The case is verified as 'kiroku verify' does it; whatever the verdict, report and receipt are written "
+      "and "
+      "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
       "gives the same bytes. A PDF is PDF/A-3b, and a report carries along, as attached files, the "
       "checkpoints, "
       "time-stamp tokens and evidence record that its proof of time rests on.");
@@ -168,6 +178,8 @@ void add_report_command(Command& program) {
                   "one page for a browser, in Japanese");
   command.example("kiroku report CASE --receipt -o receipt.pdf",
                   "the receipt, for somebody else than who keeps the recording");
+  command.example("kiroku report CASE --certificate -o certificate.pdf",
+                  "a form that somebody who knows the recorder signs, for a court in the United States");
   command.on_run([request, extras] { return run(*request, extras); });
 }
 

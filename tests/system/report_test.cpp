@@ -19,6 +19,10 @@ TEST_F(Report, TellsTheVerdictAsPdfAndHtml) {
   EXPECT_EQ(made["verdict"], "intact");
   EXPECT_EQ(made["case"], case_.filename().string());
   EXPECT_THAT(read_text(path("report.pdf")), testing::StartsWith("%PDF-1."));
+  if (has_tool("pdfdetach")) {
+    const std::string files = tool({"pdfdetach", "-list", "report.pdf"}).out;
+    EXPECT_THAT(files, testing::AllOf(HasSubstr(".note"), HasSubstr(".tsr"), HasSubstr("receipt.pdf")));
+  }
   if (has_tool("pdftotext")) {
     const std::string text = tool({"pdftotext", "-layout", "report.pdf", "-"}).out;
     EXPECT_THAT(text, HasSubstr("INTACT"));
@@ -53,6 +57,21 @@ TEST_F(Report, WithAnIdentitySaysThatThePicturesOpen) {
   EXPECT_THAT(read_text(path("unopened.html")), HasSubstr("The keys that were given opened nothing."));
   EXPECT_THAT(kiroku({"verify", "-i", other, case_.string()}).out,
               testing::ContainsRegex("contents +none of [0-9]+ segments"));
+}
+
+TEST_F(Report, CertificateIsAFormOfAnIntactRecordAlone) {
+  const auto made =
+      kiroku_json({"report", case_.string(), "--certificate", "-o", "certificate.pdf", "--json"});
+  EXPECT_EQ(made["verdict"], "intact");
+  if (has_tool("pdftotext"))
+    EXPECT_THAT(tool({"pdftotext", "certificate.pdf", "-"}).out, HasSubstr("902(13)"));
+  EXPECT_REFUSED(kiroku({"report", case_.string(), "--certificate", "--receipt", "-o", "x.pdf"}),
+                 "one at a time");
+  EXPECT_REFUSED(kiroku({"report", case_.string(), "--certificate", "--language", "ja", "-o", "x.pdf"}),
+                 "English");
+  flip_byte(case_ / "segments/endoscope/00000001.ts.age", 500);
+  EXPECT_REFUSED(kiroku({"report", case_.string(), "--certificate", "-o", "x.pdf"}), "tampered");
+  EXPECT_FALSE(std::filesystem::exists(path("x.pdf")));
 }
 
 TEST_F(Report, IsTheSameBytesForTheSameDate) {

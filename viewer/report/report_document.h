@@ -1,5 +1,5 @@
-// The documents about a verification: the report that a court reads, and the receipt that somebody keeps
-// (docs/reference/report.md). Pure functions of their input, thread-safe.
+// The documents about a verification: the report that a court reads, the receipt that somebody keeps, the
+// certificate that somebody signs (docs/reference/report.md). Pure functions of their input, thread-safe.
 #pragma once
 
 #include <string>
@@ -30,5 +30,11 @@ Document make_report(const ReportInput& input);
 /// One page: case, verdict, final root, size, device key, and a QR code of the last checkpoint's exact bytes.
 /// Throws kiroku::UsageError where the case has no checkpoint, or is an excerpt.
 Document make_receipt(const ReportInput& input);
+
+/// The form of a certificate by which a record authenticates itself in courts of the United States: Federal
+/// Rules of Evidence 902(13) and (14), declared as 28 U.S.C. § 1746 has it. What the verification found is
+/// filled in; what a person must state is left blank. English. Throws kiroku::UsageError for another
+/// language, and for a record that is neither intact, intact with gaps, nor an intact excerpt.
+Document make_certificate(const ReportInput& input);
 
 }  // namespace kiroku::report

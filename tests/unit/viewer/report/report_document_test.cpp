@@ -765,6 +765,38 @@ TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
   }
 }
 
+TEST_F(ReportDocument, CertificateHoldsWhatWasFoundAndLeavesBlankWhatAPersonMustSay) {
+  const ReportInput in = input();
+  const std::string text = test::text_of(make_certificate(in));
+  EXPECT_THAT(text, HasSubstr("✓ INTACT\n"));
+  EXPECT_THAT(text, HasSubstr(crypto::to_hex(*in.facts.root)));
+  EXPECT_THAT(text, HasSubstr(archive_.device().to_string()));
+  EXPECT_THAT(text, HasSubstr("Signature | ____"));
+  EXPECT_THAT(text, HasSubstr("I declare under penalty of perjury"));
+  EXPECT_THAT(text, HasSubstr("That an outside clock confirms"));
+  EXPECT_THAT(text, HasSubstr("No key was given that opens them"));
+  EXPECT_THAT(text, Not(HasSubstr("That everything was recorded")));
+}
+
+TEST_F(ReportDocument, CertificateOfARecordWithGapsSaysThatNotEverythingIsThere) {
+  ReportInput in = input();
+  in.verification.verdict = archive::Verdict::kIntactWithGaps;
+  in.verification.time = archive::TimeProof::kExternal;
+  const std::string text = test::text_of(make_certificate(in));
+  EXPECT_THAT(text, HasSubstr("That everything was recorded"));
+  EXPECT_THAT(text, Not(HasSubstr("That an outside clock confirms")));
+}
+
+TEST_F(ReportDocument, CertificateIsRefusedWhereNobodyCouldSignIt) {
+  using archive::Verdict;
+  for (const Verdict verdict : {Verdict::kUnproven, Verdict::kIncomplete, Verdict::kTampered}) {
+    ReportInput in = input();
+    in.verification.verdict = verdict;
+    EXPECT_THROW(make_certificate(in), UsageError);
+  }
+  EXPECT_THROW(make_certificate(input(archive_.options(), Language::kJapanese)), UsageError);
+}
+
 TEST_F(ReportDocument, ReceiptOfACaseWithoutOutsideTimeSaysSo) {
   ReportInput in = input();
   ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);

@@ -1,0 +1,195 @@
+// The form of a declaration under the Federal Rules of Evidence of the United States. Its texts stand here
+// and not in the dictionary (text_table.h): it is for courts of one language.
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "viewer/report/document_parts.h"
+#include "viewer/report/figures_in_words.h"
+#include "viewer/report/report_document.h"
+
+namespace kiroku::report {
+namespace {
+
+using archive::Verdict;
+
+constexpr std::string_view kBlank = "______________________________________________";
+
+bool can_be_declared(Verdict verdict) {
+  return verdict == Verdict::kIntact || verdict == Verdict::kIntactWithGaps ||
+         verdict == Verdict::kIntactExcerpt;
+}
+
+std::string files(std::uint64_t number) { return grouped(number) + (number == 1 ? " file" : " files"); }
+
+class CertificateMaker {
+ public:
+  explicit CertificateMaker(const ReportInput& input)
+      : in_(input),
+        found_(input.verification),
+        document_(empty_document(input, "Certificate of an electronic record")) {}
+
+  Document make() {
+    document_.subtitle += ". Federal Rules of Evidence 902(13) and 902(14); 28 U.S.C. § 1746";
+    body(
+        "This is a form. The program filled in what it found by verifying the record, under the headings "
+        "that say "
+        "so. The person who signs fills in the blank lines, strikes out what they cannot say of their own "
+        "knowledge, and declares the rest. The program knows nothing of that person.");
+    add_person();
+    add_record();
+    add_system();
+    add_copy();
+    add_limits();
+    add_declaration();
+    return std::move(document_);
+  }
+
+ private:
+  void add(Block block) { document_.blocks.push_back(std::move(block)); }
+  void heading(std::string text) { add(Heading{1, std::move(text)}); }
+  void body(std::string text) { add(Paragraph{std::move(text)}); }
+  void item(const std::string& text) { add(Paragraph{"• " + text}); }
+  void small(std::string text) { add(Paragraph{std::move(text), ParagraphStyle::kSmall}); }
+  static void blank(Table& table, std::string name) { add_fact(table, std::move(name), std::string(kBlank)); }
+
+  void add_person() {
+    heading("1. The person (stated by the person who signs)");
+    Table table = facts_table();
+    blank(table, "Name");
+    blank(table, "Position, employer");
+    blank(table, "What qualifies me to speak of this system");
+    add(std::move(table));
+  }
+
+  void add_record() {
+    heading("2. The record (found by the program)");
+    const CaseFacts& facts = in_.facts;
+    Table table = facts_table();
+    add_fact(table, found_.excerpt ? "Excerpt of case" : "Case", document_.identifier);
+    if (facts.opened_at) add_fact(table, "Opened, by the recorder's clock", utc_time(facts.opened_at->utc));
+    if (facts.closed_at) add_fact(table, "Closed, by the recorder's clock", utc_time(facts.closed_at->utc));
+    if (found_.excerpt) {
+      const std::int64_t begins = found_.excerpt->begins_ns;
+      add_fact(
+          table, "Stretch of the case",
+          case_time(found_.excerpt->from_ns - begins) + " to " + case_time(found_.excerpt->to_ns - begins));
+    }
+    add_fact(table, "Streams", streams());
+    add_fact(table, "Device key", plain_text(found_.device), Face::kMono);
+    add_fact(table, "Ledger entries", grouped(facts.entries));
+    add_fact(table, "SHA-256 of " + facts.ledger.name, crypto::to_hex(facts.ledger.sha256), Face::kMono);
+    if (facts.root) add_fact(table, "Merkle root (RFC 6962)", crypto::to_hex(*facts.root), Face::kMono);
+    add(std::move(table));
+  }
+
+  [[nodiscard]] std::string streams() const {
+    std::string out;
+    for (const archive::StreamReport& stream : found_.streams)
+      out += (out.empty() ? "" : ", ") + plain_text(stream.info.name, kMostBytesOfName);
+    return out.empty() ? "none" : out;
+  }
+
+  void add_system() {
+    heading("3. The process that made the record: Rule 902(13)");
+    body(
+        "The record was made by a recorder that runs Kiroku. While an operation goes on, the recorder writes "
+        "each "
+        "stream in segments of a few seconds. It encrypts each segment, and enters its SHA-256 hash in a "
+        "ledger. It "
+        "signs the root of all entries with a key of its own. Time-stamping authorities sign when they were "
+        "shown "
+        "these roots. What the recorder could not record it enters as a gap.");
+    small("Stated by the person who signs:");
+    Table table = facts_table();
+    blank(table, "How I know that the recorder worked as set up");
+    blank(table, "Who set it up, and by which instructions");
+    blank(table, "Place of the operation; its cameras");
+    add(std::move(table));
+  }
+
+  void add_copy() {
+    heading("4. The copy, and how it was identified: Rule 902(14) (found by the program)");
+    body("On " + utc_time(in_.made) + " the program " + in_.program +
+         " verified the copy to which this certificate "
+         "belongs. It computed the SHA-256 hash (FIPS 180-4) of " +
+         files(found_.files) + " with " + grouped(found_.bytes) +
+         " bytes, and compared each with the entry that names the file. It computed the "
+         "root of the entries, and checked the device's Ed25519 signature (RFC 8032) over that root.");
+    add(verdict_statement(in_));
+    small("Stated by the person who signs:");
+    Table table = facts_table();
+    blank(table, "Who ran the program, and saw this result");
+    blank(table, "Who made the copy, when, from which storage");
+    add(std::move(table));
+  }
+
+  void add_limits() {
+    heading("5. What this does not say");
+    item("Who and what is in the pictures. The verification shows that the files are as they were recorded.");
+    item(
+        "That the pictures came from a camera in the room. Whoever controls a camera's cable can feed the "
+        "recorder "
+        "other pictures while it records.");
+    if (found_.time != archive::TimeProof::kExternal)
+      item("That an outside clock confirms all of the times above: see the result in part 4.");
+    if (found_.verdict == Verdict::kIntactWithGaps || (found_.excerpt && found_.excerpt->with_gaps))
+      item(
+          "That everything was recorded. The record itself states what is missing; the verification report "
+          "lists "
+          "it.");
+    if (found_.excerpt) item("Anything of the parts of the case that this excerpt leaves out.");
+    if (!found_.contents || found_.contents->opened == 0)
+      item(
+          "That the pictures can be played. No key was given that opens them, so their contents were not "
+          "looked at.");
+    item(
+        "That the record is admissible. Authenticity is one question of several; relevance and hearsay are "
+        "others.");
+  }
+
+  void add_declaration() {
+    heading("6. Declaration");
+    body(
+        "I declare under penalty of perjury under the laws of the United States of America that the "
+        "foregoing is "
+        "true and correct.");
+    Table table = facts_table();
+    blank(table, "Executed on (date)");
+    blank(table, "Signature");
+    add(std::move(table));
+    small(
+        "Before the trial or hearing the party that offers the record must give the other party reasonable "
+        "written "
+        "notice, and make the record and this certificate available for inspection (Rule 902(11)). Whether "
+        "this "
+        "form suffices in a given case is for counsel and the court.");
+  }
+
+  const ReportInput& in_;
+  const archive::VerificationReport& found_;
+  Document document_;
+};
+
+}  // namespace
+
+Document make_certificate(const ReportInput& input) {
+  if (input.language != Language::kEnglish) {
+    throw UsageError(
+        "the certificate is a form of United States law, and there is no other than the English one: leave "
+        "--language "
+        "out");
+  }
+  if (!can_be_declared(input.verification.verdict)) {
+    throw UsageError(
+        "cannot make a certificate of a record that reads as " +
+        std::string(archive::verdict_name(input.verification.verdict)) +
+        ": nobody could sign that it is as it was recorded; make a report without --certificate, which "
+        "says what was found");
+  }
+  return CertificateMaker(input).make();
+}
+
+}  // namespace kiroku::report
