@@ -49,6 +49,7 @@ struct Sending {
 
 struct Answer {
   long status = 0;
+  std::chrono::seconds wait{};  // that the answer asks for
   AnswerHeaders headers;
   std::string body;
   std::size_t most = kLargestAnswer;
@@ -240,6 +241,10 @@ struct ObjectStore::State {
                        0, "");
     }
     curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &answer.status);
+    curl_off_t wait = 0;
+    if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &wait) == CURLE_OK && wait > 0)
+      answer.wait = std::chrono::seconds(
+          std::min<curl_off_t>(wait, StoreError::kLongestAskedWait / std::chrono::seconds(1)));
     return answer;
   }
 
@@ -270,7 +275,7 @@ struct ObjectStore::State {
       why = "it answered with status " + std::to_string(answer.status) +
             (code.empty() ? "" : ", " + printable(code));
     }
-    return {"cannot " + doing + " in " + where() + ": " + why, answer.status, code};
+    return {"cannot " + doing + " in " + where() + ": " + why, answer.status, code, answer.wait};
   }
 
   const StoreAddress address;

@@ -47,12 +47,16 @@ struct StoreTerms {
 /// The store did not do what it was asked. what() says what that means and what to do about it.
 class StoreError : public Error {
  public:
-  StoreError(const std::string& sentence, long status, std::string code)
-      : Error(sentence), status_(status), code_(std::move(code)) {}
+  StoreError(const std::string& sentence, long status, std::string code, std::chrono::seconds wait = {})
+      : Error(sentence), status_(status), code_(std::move(code)), wait_(wait) {}
   /// HTTP status; 0 where no answer came.
   [[nodiscard]] long status() const { return status_; }
   /// The store's own word, such as "NoSuchBucket"; "" where it gave none.
   [[nodiscard]] const std::string& code() const { return code_; }
+  /// How long the store asked to be left alone (Retry-After, RFC 9110 section 10.2.3): 0 where it did not,
+  /// and never more than kLongestAskedWait, as a store that is set wrong must not end shipping.
+  [[nodiscard]] std::chrono::seconds wait() const { return wait_; }
+  static constexpr std::chrono::seconds kLongestAskedWait = std::chrono::minutes(15);
   /// Whether the same request may succeed later with nothing else changed.
   [[nodiscard]] bool passes() const;
   /// Whether it says something of the one object alone (too large, other bytes than were announced), and
@@ -62,6 +66,7 @@ class StoreError : public Error {
  private:
   long status_;
   std::string code_;
+  std::chrono::seconds wait_;
 };
 
 /// What is to lock a version that is put.

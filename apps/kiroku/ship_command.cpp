@@ -109,6 +109,9 @@ int follow(fleet::Shipper& shipper, const Home& home) {
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
       for (const std::string& problem : report.problems) now += (now.empty() ? "" : "; ") + problem;
       pause = kLookInterval;
+    } catch (const fleet::StoreError& error) {
+      now = error.what();
+      pause = std::max(std::min(2 * pause, kLongestPause), error.wait());
     } catch (const Error& error) {
       now = error.what();
       pause = std::min(2 * pause, kLongestPause);

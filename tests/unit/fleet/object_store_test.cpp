@@ -96,6 +96,28 @@ TEST(ObjectStore, SaysWhatARefusalMeans) {
   EXPECT_THAT(said_of(test::http_answer("500 Oops", "text/html", "<html>")), HasSubstr("status 500"));
 }
 
+/// How long the store asks to be left alone, by an answer of 503 with these lines in its header.
+std::chrono::seconds asked_wait(const std::string& lines) {
+  const test::ScriptedServer server("HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n" +
+                                    lines + "\r\n");
+  ObjectStore store = store_at(endpoint_of(server));
+  try {
+    store.require_lockable();
+  } catch (const StoreError& error) {
+    return error.wait();
+  }
+  return std::chrono::seconds(-1);
+}
+
+TEST(ObjectStore, TellsHowLongTheStoreWantsToBeLeftAlone) {
+  EXPECT_EQ(asked_wait(""), std::chrono::seconds(0));
+  EXPECT_EQ(asked_wait("Retry-After: 120\r\n"), std::chrono::seconds(120));
+  EXPECT_EQ(asked_wait("Retry-After: Fri, 31 Dec 1999 23:59:59 GMT\r\n"), std::chrono::seconds(0));
+  EXPECT_EQ(asked_wait("Retry-After: Fri, 31 Dec 2100 23:59:59 GMT\r\n"), StoreError::kLongestAskedWait);
+  EXPECT_EQ(asked_wait("Retry-After: 86400\r\n"), StoreError::kLongestAskedWait);
+  EXPECT_EQ(asked_wait("Retry-After: soon\r\n"), std::chrono::seconds(0));
+}
+
 TEST(ObjectStore, KnowsWhatMayPass) {
   const auto passes = [](long status, const char* code) { return StoreError("", status, code).passes(); };
   EXPECT_TRUE(passes(0, ""));
