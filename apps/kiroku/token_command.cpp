@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
@@ -9,10 +11,12 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/output_file.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "timestamp/token_verifier.h"
+#include "timestamp/trusted_list.h"
 
 namespace kiroku::apps {
 namespace {
@@ -24,13 +28,30 @@ using timestamp::TokenVerdict;
 struct Request {
   std::string token;
   std::optional<std::string> data, digest, policy, home;
-  std::vector<std::string> trust, own_authority, untrusted;
+  std::vector<std::string> trust, own_authority, untrusted, lists;
   bool json = false;
 };
 
-timestamp::TrustStore load_trust(const Request& request) {
+using timestamp::Qualification;
+using timestamp::QualifiedService;
+using timestamp::TrustedList;
+
+std::vector<TrustedList> read_lists(const std::vector<std::string>& files) {
+  std::vector<TrustedList> lists;
+  for (const std::string& file : files) {
+    const MappedFile xml(file);
+    lists.push_back(timestamp::parse_trusted_list(text_of(xml.bytes()), file));
+  }
+  return lists;
+}
+
+bool was_granted(const QualifiedService& service) {
+  return std::ranges::any_of(service.history, &timestamp::ServiceStatus::granted);
+}
+
+timestamp::TrustStore load_trust(const Request& request, const std::vector<TrustedList>& lists) {
   timestamp::TrustStore trust;
-  if (request.trust.empty() && request.own_authority.empty()) {
+  if (request.trust.empty() && request.own_authority.empty() && lists.empty()) {
     const std::optional<Home> home = Home::find(request.home);
     if (!home) throw UsageError("no trusted root is known: name the authority's with --trust PEM");
     trust = home->trust();
@@ -38,6 +59,13 @@ timestamp::TrustStore load_trust(const Request& request) {
   for (const std::string& file : request.trust) trust.add_trusted_file(file);
   for (const std::string& file : request.own_authority) trust.add_own_authority_file(file);
   for (const std::string& file : request.untrusted) trust.add_untrusted_file(file);
+  for (const TrustedList& list : lists) {
+    for (const QualifiedService& service : list.services) {
+      if (!was_granted(service)) continue;
+      for (const Bytes& certificate : service.certificates)
+        trust.add_trusted(certificate, "a certificate of the trusted list of " + list.territory);
+    }
+  }
   return trust;
 }
 
@@ -100,7 +128,20 @@ ordered_json info_json(const timestamp::TokenInfo& info) {
           {"nonce", info.nonce ? ordered_json(crypto::to_hex(*info.nonce)) : ordered_json(nullptr)}};
 }
 
-void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict) {
+std::string answer_name(Qualification::Answer answer) {
+  switch (answer) {
+    case Qualification::Answer::kQualified:
+      return "qualified";
+    case Qualification::Answer::kNotQualified:
+      return "not-qualified";
+    case Qualification::Answer::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict,
+                          const std::optional<Qualification>& qualification) {
   print_json(
       {{"verdict", verdict_name(verdict)},
        {"code", timestamp::code_name(judgement.code)},
@@ -108,10 +149,14 @@ void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict)
        {"signer", judgement.signer_subject},
        {"root", judgement.root_subject},
        {"time", verdict == TokenVerdict::kValid ? ordered_json(time_name(judgement)) : ordered_json(nullptr)},
+       {"qualification", qualification ? ordered_json{{"answer", answer_name(qualification->answer)},
+                                                      {"text", qualification->sentence}}
+                                       : ordered_json(nullptr)},
        {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
 }
 
-void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict) {
+void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict,
+                     const std::optional<Qualification>& qualification) {
   const bool valid = verdict == TokenVerdict::kValid;
   std::cout << (valid                               ? paint(Colour::kGreen, "VALID")
                 : verdict == TokenVerdict::kRefused ? paint(Colour::kRed, "REFUSED")
@@ -140,6 +185,13 @@ void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict) {
                           : "self-issued: the recorder's own, no outside clock stands behind it")
               << "\n";
   }
+  if (qualification) {
+    const char* answer = qualification->answer == Qualification::Answer::kQualified ? "yes: "
+                         : qualification->answer == Qualification::Answer::kNotQualified
+                             ? "no: "
+                             : "could not be told: ";
+    std::cout << "  qualified " << answer << qualification->sentence << "\n";
+  }
 }
 
 int run(const Request& request) {
@@ -147,21 +199,106 @@ int run(const Request& request) {
     throw UsageError("name what the token is about, with either --data FILE or --digest HEX");
   }
   const Bytes token = read_small_file(request.token, "the token");
+  const std::vector<TrustedList> lists = read_lists(request.lists);
   const TokenJudgement judgement =
-      timestamp::judge_token(token, expectation_of(request, token), load_trust(request));
+      timestamp::judge_token(token, expectation_of(request, token), load_trust(request, lists));
   const TokenVerdict verdict = timestamp::verdict_of(judgement.code);
+  std::optional<Qualification> qualification;
+  if (!lists.empty()) qualification = timestamp::judge_qualification(judgement, lists);
   if (request.json) {
-    print_judgement_json(judgement, verdict);
+    print_judgement_json(judgement, verdict, qualification);
   } else {
-    print_judgement(judgement, verdict);
+    print_judgement(judgement, verdict, qualification);
   }
   return verdict == TokenVerdict::kValid ? kDone : verdict == TokenVerdict::kRefused ? kAnswerIsNo : kRefused;
+}
+
+struct ServicesRequest {
+  std::vector<std::string> lists;
+  std::optional<std::string> output;
+  bool force = false, json = false;
+};
+
+std::string pem_of(ByteView der) {
+  const std::string text = crypto::to_base64(der, crypto::Base64Padding::kPadded);
+  constexpr std::size_t kLine = 64;  // RFC 7468
+  std::string pem = "-----BEGIN CERTIFICATE-----\n";
+  for (std::size_t at = 0; at < text.size(); at += kLine) pem += text.substr(at, kLine) + "\n";
+  return pem + "-----END CERTIFICATE-----\n";
+}
+
+int list_services(const ServicesRequest& request) {
+  const std::vector<TrustedList> lists = read_lists(request.lists);
+  if (request.output && !request.force && std::filesystem::exists(*request.output))
+    throw UsageError(*request.output + " is there already: name another file, or give --force to replace it");
+  std::string pem;
+  ordered_json json = ordered_json::array();
+  std::size_t written = 0;
+  for (const TrustedList& list : lists) {
+    if (!request.json) {
+      std::cout << "trusted list of " << list.territory << ", number " << list.sequence << " of "
+                << format_utc(list.issued).substr(0, 10)
+                << (list.next_update ? ", tells until " + format_utc(*list.next_update).substr(0, 10) : "")
+                << "\n";
+    }
+    for (const QualifiedService& service : list.services) {
+      const timestamp::ServiceStatus& now = service.history.front();
+      if (request.json) {
+        json.push_back({{"territory", list.territory},
+                        {"provider", service.provider},
+                        {"service", service.name},
+                        {"status", now.name},
+                        {"since", format_utc(now.since)},
+                        {"certificates", service.certificates.size()}});
+      } else {
+        std::cout << "  " << now.name << " since " << format_utc(now.since).substr(0, 10) << "  "
+                  << service.provider << ": " << service.name << "\n";
+      }
+      if (!was_granted(service)) continue;
+      for (const Bytes& certificate : service.certificates) {
+        pem += pem_of(certificate);
+        ++written;
+      }
+    }
+  }
+  if (request.output) {
+    OutputFile file(*request.output);
+    file.write(bytes_of(pem));
+    file.commit(OutputFile::Durability::kEventually);
+  }
+  if (request.json) {
+    print_json(json);
+  } else if (request.output) {
+    std::cout << "certificates of services that are or were granted, in " << printable(*request.output)
+              << ": " << written << "\n";
+  }
+  return kDone;
+}
+
+void add_services_command(Command& token) {
+  Command& command =
+      token.add_command("services", "lists the qualified time-stamping services of EU trusted lists");
+  const auto request = std::make_shared<ServicesRequest>();
+  command.arguments("LIST", request->lists, "trusted lists of member states, XML (ETSI TS 119 612)");
+  command.option(
+      "-o,--output", "PEM", request->output,
+      "writes the certificates of services that are or were granted, for --trust of 'kiroku verify'");
+  command.flag("--force", request->force, "replaces a file that is there");
+  command.flag("--json", request->json, "prints one JSON array instead");
+  command.explain(
+      "The lists' own signatures are not verified: get them from their publishers, whom the European "
+      "Commission's "
+      "list of lists names.");
+  command.example("kiroku token services AT.xml SK.xml -o qualified.pem",
+                  "what two member states list; then: kiroku verify CASE --trust qualified.pem");
+  command.on_run([request] { return list_services(*request); });
 }
 
 }  // namespace
 
 void add_token_command(Command& program) {
   Command& token = program.add_command("token", "judges RFC 3161 time-stamps");
+  add_services_command(token);
   Command& command = token.add_command("verify", "judges one time-stamp token or response");
   const auto request = std::make_shared<Request>();
   command.argument("TOKEN", request->token, "the token or response file (.tsr), DER");
@@ -172,6 +309,10 @@ void add_token_command(Command& program) {
   command.option("--own-authority", "PEM", request->own_authority,
                  "roots of the recorder's own authority, whose time is self-issued; instead of the home's");
   command.option("--untrusted", "PEM", request->untrusted, "certificates that help to build a chain");
+  command.option(
+      "--trusted-list", "XML", request->lists,
+      "EU trusted list of a member state: its qualified time-stamping services are trusted, too, and it is "
+      "said whether the token was a qualified one at its time");
   command.option("--policy", "OID", request->policy, "the policy the token must carry, such as 1.2.3.4");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
@@ -181,6 +322,8 @@ void add_token_command(Command& program) {
       "kiroku token verify CASE/tokens/00000001.embedded.tsr --data CASE/checkpoints/00000001.note "
       "--own-authority own-authority.pem",
       "judges the time-stamp over a case's first checkpoint");
+  command.example("kiroku token verify 00000132.swiss.tsr --data 00000132.note --trusted-list AT.xml",
+                  "whether it is a qualified electronic time stamp by Austria's list");
   command.on_run([request] { return run(*request); });
 }
 

@@ -1,5 +1,6 @@
 #include <csignal>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -113,6 +114,24 @@ TEST_F(Token, VerificationRefusesUnusableInput) {
   EXPECT_REFUSED(kiroku({"token", "verify", "response", "--digest", "XYZ"}), "XYZ");
   EXPECT_REFUSED(kiroku({"token", "verify", "response", "--data", "data", "--trust", "page.html"}),
                  "page.html");
+}
+
+TEST_F(Token, ServicesOfATrustedListAreListedAndTrusted) {
+  const std::string list = (source_folder() / "tests/fuzz/seeds/trusted_list/one_service").string();
+  const ProcessResult listed = kiroku({"token", "services", list, "-o", "qualified.pem"});
+  EXPECT_EQ(listed.status, 0) << listed.err;
+  EXPECT_THAT(listed.out, HasSubstr("trusted list of IE, number 17 of 2019-07-29"));
+  EXPECT_THAT(listed.out, HasSubstr("granted since 2017-08-31  Adobe"));
+  EXPECT_EQ(tool({"openssl", "x509", "-in", "qualified.pem", "-noout"}).status, 0);
+  EXPECT_REFUSED(kiroku({"token", "services", list, "-o", "qualified.pem"}), "--force");
+  EXPECT_REFUSED(kiroku({"token", "services", "data"}), "no XML");
+
+  // The home's own authority is on no list, and without a root of its own nobody vouches for its token.
+  stamp();
+  const ProcessResult unknown =
+      kiroku({"token", "verify", "response", "--data", "data", "--trusted-list", list});
+  EXPECT_EQ(unknown.status, 2) << unknown.out;
+  EXPECT_THAT(unknown.out, HasSubstr("qualified could not be told: the token is not valid"));
 }
 
 TEST_F(Token, AuthorityRefusesAnAddressItCannotListenOn) {
