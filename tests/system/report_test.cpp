@@ -63,8 +63,9 @@ TEST_F(Report, CertificateIsAFormOfAnIntactRecordAlone) {
   const auto made =
       kiroku_json({"report", case_.string(), "--certificate", "-o", "certificate.pdf", "--json"});
   EXPECT_EQ(made["verdict"], "intact");
-  if (has_tool("pdftotext"))
+  if (has_tool("pdftotext")) {
     EXPECT_THAT(tool({"pdftotext", "certificate.pdf", "-"}).out, HasSubstr("902(13)"));
+  }
   EXPECT_REFUSED(kiroku({"report", case_.string(), "--certificate", "--receipt", "-o", "x.pdf"}),
                  "one at a time");
   EXPECT_REFUSED(kiroku({"report", case_.string(), "--certificate", "--language", "ja", "-o", "x.pdf"}),

@@ -59,6 +59,7 @@ class ReportApi : public testing::Test {
 TEST_F(ReportApi, AnswersDocumentsAsPdfAndEntersThem) {
   const Bytes report = *std::get<BytesBody>(get("report.pdf").body).bytes;
   EXPECT_THAT(text_of(report), testing::StartsWith("%PDF-1."));
+  EXPECT_THAT(text_of(report), HasSubstr("/EmbeddedFiles"));
   EXPECT_THAT(log(), HasSubstr("made a verification report"));
   const Response receipt = get("receipt.pdf");
   EXPECT_EQ(receipt.type, "application/pdf");
