@@ -6,18 +6,12 @@
 #include <lcms2.h>
 #include <memory>
 #include <pugixml.hpp>
-#include <qpdf/Buffer.hh>
-#include <qpdf/QPDF.hh>
-#include <qpdf/QPDFEFStreamObjectHelper.hh>
-#include <qpdf/QPDFEmbeddedFileDocumentHelper.hh>
-#include <qpdf/QPDFFileSpecObjectHelper.hh>
-#include <qpdf/QPDFPageDocumentHelper.hh>
-#include <qpdf/QPDFWriter.hh>
 #include <sstream>
 #include <string>
 #include <utility>
 
 #include "base/error.h"
+#include "viewer/report/archival_parts.h"
 
 namespace kiroku::report {
 namespace {
@@ -88,85 +82,17 @@ std::string metadata_of(const Document& document, const std::string& producer) {
   return out.str();
 }
 
-/// The file as one that the whole document rests on (ISO 19005-3, 6.8 and annex E).
-QPDFObjectHandle embed(QPDF& pdf, const Attachment& file, const std::string& date) {
-  QPDFEFStreamObjectHelper stream =
-      QPDFEFStreamObjectHelper::createEFStream(pdf, std::string(text_of(file.bytes)));
-  stream.setSubtype(file.media_type).setModDate(date);
-  QPDFFileSpecObjectHelper named = QPDFFileSpecObjectHelper::createFileSpec(pdf, file.name, stream);
-  named.setDescription(file.description);
-  QPDFObjectHandle object = named.getObjectHandle();
-  object.replaceKey("/AFRelationship", QPDFObjectHandle::newName("/Source"));
-  return object;
-}
-
-void make_links_printed(QPDF& pdf) {
-  constexpr int kPrint = 4;
-  for (QPDFPageObjectHelper& page : QPDFPageDocumentHelper(pdf).getAllPages()) {
-    for (QPDFAnnotationObjectHelper& annotation : page.getAnnotations())
-      annotation.getObjectHandle().replaceKey("/F", QPDFObjectHandle::newInteger(kPrint));
-  }
-}
-
-/// Cairo leaves it to the default of ISO 32000-1, table 117, that a subset of TrueType maps each character
-/// identifier to the glyph of that number; ISO 19005-3, 6.2.11.3.2, wants it said.
-void say_how_glyphs_are_found(QPDF& pdf) {
-  for (QPDFObjectHandle object : pdf.getAllObjects()) {
-    if (object.isDictionaryOfType("/Font", "/CIDFontType2") && !object.hasKey("/CIDToGIDMap"))
-      object.replaceKey("/CIDToGIDMap", QPDFObjectHandle::newName("/Identity"));
-  }
-}
-
-Bytes made_archival(ByteView given, const Document& document) {
-  QPDF pdf;
-  pdf.setSuppressWarnings(true);
-  pdf.processMemoryFile("the document", reinterpret_cast<const char*>(given.data()), given.size());
-  QPDFObjectHandle catalogue = pdf.getRoot();
-
-  QPDFObjectHandle profile = pdf.newStream(srgb_profile());
-  profile.getDict().replaceKey("/N", QPDFObjectHandle::newInteger(3));
-  QPDFObjectHandle intent = QPDFObjectHandle::parse(
-      "<< /Type /OutputIntent /S /GTS_PDFA1 /OutputConditionIdentifier (sRGB IEC61966-2.1) "
-      "/Info (sRGB IEC61966-2.1) >>");
-  intent.replaceKey("/DestOutputProfile", profile);
-  catalogue.replaceKey("/OutputIntents", QPDFObjectHandle::newArray({pdf.makeIndirectObject(intent)}));
-
-  QPDFObjectHandle producer = pdf.getTrailer().getKey("/Info").getKey("/Producer");
-  QPDFObjectHandle metadata =
-      pdf.newStream(metadata_of(document, producer.isString() ? producer.getUTF8Value() : "cairo"));
-  metadata.getDict().replaceKey("/Type", QPDFObjectHandle::newName("/Metadata"));
-  metadata.getDict().replaceKey("/Subtype", QPDFObjectHandle::newName("/XML"));
-  catalogue.replaceKey("/Metadata", metadata);
-
-  make_links_printed(pdf);
-  say_how_glyphs_are_found(pdf);
-
-  if (!document.attachments.empty()) {
-    QPDFEmbeddedFileDocumentHelper embedded(pdf);
-    QPDFObjectHandle associated = QPDFObjectHandle::newArray();
-    for (const Attachment& file : document.attachments) {
-      const QPDFObjectHandle object = embed(pdf, file, pdf_date(document.made));
-      embedded.replaceEmbeddedFile(file.name, QPDFFileSpecObjectHelper(object));
-      associated.appendItem(object);
-    }
-    catalogue.replaceKey("/AF", associated);
-  }
-
-  QPDFWriter writer(pdf);
-  writer.setOutputMemory();
-  writer.setMinimumPDFVersion("1.7");
-  writer.setDeterministicID(true);
-  writer.write();
-  const std::shared_ptr<Buffer> out = writer.getBufferSharedPointer();
-  const auto* const data = reinterpret_cast<const std::byte*>(out->getBuffer());
-  return {data, data + out->getSize()};
-}
-
 }  // namespace
 
 Bytes make_archival(ByteView pdf, const Document& document) {
+  ArchivalParts parts;
+  parts.profile = srgb_profile();
+  parts.metadata = [&](const std::string& producer) { return metadata_of(document, producer); };
+  parts.date = pdf_date(document.made);
+  for (const Attachment& file : document.attachments)
+    parts.files.push_back({file.name, file.media_type, file.description, std::string(text_of(file.bytes))});
   try {
-    return made_archival(pdf, document);
+    return to_bytes(add_archival_parts(std::string(text_of(pdf)), parts));
   } catch (const Error&) {
     throw;
   } catch (
