@@ -191,6 +191,8 @@ std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
 
 std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,
                                                               const crypto::OpenedNote& opened) {
+  const bool may_lack = opened.failure == crypto::NoteFailure::kLacksMlDsa && size <= alone_until_;
+  all_signed_ = all_signed_ && (!opened.failure || may_lack);
   const Place place{note_path(size)};
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
   if (opened.failure == crypto::NoteFailure::kMalformed || !checkpoint) {
@@ -204,7 +206,7 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
     return std::nullopt;
   }
   const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa;
-  if (device_ && alone && size > alone_until_) {
+  if (device_ && alone && !may_lack) {
     findings_->add("checkpoint-ml-dsa-missing", place, place.file + ": " + opened.explanation);
     return std::nullopt;
   }
@@ -298,7 +300,7 @@ void CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) 
   if (!device_ || covered_ == 0) {
     return;
   }
-  signatures_checked_ = SignaturesChecked::kEd25519;
+  signatures_checked_ = all_signed_ ? SignaturesChecked::kEd25519 : SignaturesChecked::kNone;
   if (!device_->ml_dsa()) {
     if (ml_dsa_unchecked_ > 0) {
       findings_->add("checkpoint-ml-dsa-unchecked", {},
@@ -310,11 +312,11 @@ void CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) 
     return;
   }
   if (std::max(covered_by_ml_dsa_, vouched) >= std::min(claims, covered_)) {
-    signatures_checked_ = SignaturesChecked::kBoth;
+    signatures_checked_ = all_signed_ ? SignaturesChecked::kBoth : SignaturesChecked::kNone;
     return;
   }
   findings_->add(
-      "checkpoint-ed25519-alone", {},
+      "checkpoint-not-by-both", {},
       "the device " + device_->name() +
           " signs by ML-DSA, too, and no such signature that was given covers entry " +
           std::to_string(std::min(claims, covered_) - 1) +

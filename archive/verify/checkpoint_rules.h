@@ -58,7 +58,8 @@ class CheckpointRules {
   /// known otherwise to be those of a device that signed them by ML-DSA; `claims`: how many there are to
   /// vouch for.
   void judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched);
-  /// By which keys of the device all that is covered was checked, once judge_ml_dsa() was called.
+  /// By which keys of the device all that is covered was checked, once judge_ml_dsa() was called; kNone where
+  /// any note is not signed as it must be.
   [[nodiscard]] SignaturesChecked signatures_checked() const { return signatures_checked_; }
   /// Largest size that any note has by its name; 0 if none.
   [[nodiscard]] std::uint64_t newest() const { return sizes_.empty() ? 0 : sizes_.back(); }
@@ -89,6 +90,7 @@ class CheckpointRules {
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
   std::uint64_t alone_until_ = 0;
+  bool all_signed_ = true;              // each note that was looked at, by all keys that it needs
   std::uint64_t ml_dsa_unchecked_ = 0;  // notes with a line in the name of an ML-DSA key that was not given
   SignaturesChecked signatures_checked_ = SignaturesChecked::kNone;
   std::map<std::uint64_t, ReadNote> ahead_;  // by size

@@ -88,7 +88,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "such signature: it was taken away, or made by somebody else"},
     {"device-ml-dsa-differs", Severity::kTampered,
      "the log states another ML-DSA key of the device than the identity given"},
-    {"checkpoint-ed25519-alone", Severity::kUnproven,
+    {"checkpoint-not-by-both", Severity::kUnproven,
      "the device signs with an ML-DSA key, too, by the identity given, and nothing that it signed so covers "
      "what is here: it may be from before, or by whoever can forge Ed25519"},
     {"checkpoint-ml-dsa-unchecked", Severity::kNote,
@@ -286,7 +286,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "signed"},
     {"outside-notes-contradict", Severity::kTampered,
      "two notes kept outside have one origin and size and different roots: the device signed two histories"},
-    {"outside-note-ed25519-alone", Severity::kUnproven,
+    {"outside-note-not-by-both", Severity::kUnproven,
      "a note given does not fit, and lacks the signature by the ML-DSA key that the device has: whoever can "
      "forge Ed25519 could have made it"},
     {"outside-note-invalid", Severity::kUnproven,

@@ -80,7 +80,7 @@ void OutsideNotes::judge(const OutsideNote& note) {
 void OutsideNotes::add_misfit(const Judged& note, CodeName code, const Place& place,
                               const std::string& text) {
   if (note.alone) {
-    findings_->add("outside-note-ed25519-alone", place,
+    findings_->add("outside-note-not-by-both", place,
                    text +
                        ". The note lacks the signature by the device's ML-DSA key, so this shows nothing if "
                        "somebody can forge Ed25519");
