@@ -1,5 +1,6 @@
 #include <sys/stat.h>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
