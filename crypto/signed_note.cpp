@@ -6,18 +6,100 @@
 
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "crypto/ml_dsa.h"
 #include "crypto/note_format.h"
 
 namespace kiroku::crypto {
 namespace {
 
 constexpr std::byte kEd25519SignatureType{0x01};
+constexpr std::byte kUnassignedSignatureType{0xff};
+constexpr std::string_view kMlDsaTypeText = "kiroku/ml-dsa-65";
+constexpr std::string_view kMlDsaNameEnd = "/ml-dsa-65";
 
 OpenedNote malformed(const std::string& why) {
-  return {{}, {}, {}, NoteFailure::kMalformed, "this is not a signed note: " + why};
+  OpenedNote note;
+  note.failure = NoteFailure::kMalformed;
+  note.explanation = "this is not a signed note: " + why;
+  return note;
 }
 
+/// What follows the type's byte of an ML-DSA-65 key.
+Bytes typed_ml_dsa_key(ByteView key) {
+  Bytes typed = to_bytes(bytes_of(kMlDsaTypeText));
+  append(typed, key);
+  return typed;
+}
+
+/// What the lines of a note say of one verifier.
+class SignatureCheck {
+ public:
+  explicit SignatureCheck(const VerifierKey& verifier) : verifier_(&verifier) {}
+
+  enum class By { kOther, kForeignKey, kVerifier };
+  /// Whose line it is: the verifier's, or one in the name of a key of it by another key.
+  By take(const SignatureLine& line, ByteView text) {
+    if (line.name == verifier_->name()) {
+      if (line.key_id != verifier_->key_id()) return By::kForeignKey;
+      (verify_ed25519(verifier_->key(), text, line.signature) ? ed25519_ : bad_ed25519_) = true;
+      return By::kVerifier;
+    }
+    const auto& ml_dsa = verifier_->ml_dsa();
+    if (!ml_dsa || line.name != ml_dsa->name()) return By::kOther;
+    if (line.key_id != ml_dsa->key_id()) return By::kForeignKey;
+    (verify_ml_dsa(MlDsaSet::k65, ml_dsa->key(), text, line.signature) ? ml_dsa_ : bad_ml_dsa_) = true;
+    return By::kVerifier;
+  }
+
+  [[nodiscard]] bool has_signed() const { return ed25519_; }
+  [[nodiscard]] bool has_ml_dsa() const { return ml_dsa_; }
+  [[nodiscard]] bool lacks_ml_dsa() const { return ed25519_ && verifier_->ml_dsa() && !ml_dsa_; }
+  [[nodiscard]] const std::string& name() const { return verifier_->name(); }
+  /// The key whose signature does not hold; empty if there is none.
+  [[nodiscard]] std::string bad() const {
+    if (bad_ed25519_) return verifier_->name();
+    return bad_ml_dsa_ ? verifier_->ml_dsa()->name() : std::string();
+  }
+
+ private:
+  const VerifierKey* verifier_;
+  bool ed25519_ = false, bad_ed25519_ = false, ml_dsa_ = false, bad_ml_dsa_ = false;
+};
+
 }  // namespace
+
+MlDsaVerifierKey::MlDsaVerifierKey(const std::string& device, ByteView key)
+    : name_(name_of(device)), key_(to_bytes(key)) {
+  require_key_name(device);
+  if (key_.size() != ml_dsa_public_key_size(MlDsaSet::k65))
+    throw UsageError("the ML-DSA-65 key of " + device + " has not 1952 bytes");
+  key_id_ = key_id_of(name_, kUnassignedSignatureType, typed_ml_dsa_key(key_));
+}
+
+std::string MlDsaVerifierKey::name_of(const std::string& device) {
+  return device + std::string(kMlDsaNameEnd);
+}
+
+std::string MlDsaVerifierKey::device() const { return name_.substr(0, name_.size() - kMlDsaNameEnd.size()); }
+
+std::string MlDsaVerifierKey::to_string() const {
+  return KeyText{name_, kUnassignedSignatureType, typed_ml_dsa_key(key_)}.to_string();
+}
+
+MlDsaVerifierKey MlDsaVerifierKey::parse(std::string_view text) {
+  const KeyText parsed = KeyText::parse(text);
+  const auto refuse = [&](const std::string& why) -> UsageError {
+    return UsageError(quoted_key_text(text) + " is no ML-DSA-65 key of a device (<name>+<id>+<key>): " + why);
+  };
+  if (!parsed.name.ends_with(kMlDsaNameEnd) || parsed.name.size() == kMlDsaNameEnd.size())
+    throw refuse("its name does not end with " + std::string(kMlDsaNameEnd));
+  if (parsed.algorithm != kUnassignedSignatureType || !text_of(parsed.key).starts_with(kMlDsaTypeText))
+    throw refuse("its algorithm is not ML-DSA-65");
+  const ByteView key = ByteView(parsed.key).subspan(kMlDsaTypeText.size());
+  if (key.size() != ml_dsa_public_key_size(MlDsaSet::k65)) throw refuse("its key has not 1952 bytes");
+  if (!parsed.states_its_id()) throw refuse("its id does not belong to its name and key");
+  return {parsed.name.substr(0, parsed.name.size() - kMlDsaNameEnd.size()), key};
+}
 
 VerifierKey::VerifierKey(std::string name, const Ed25519PublicKey& key) : name_(std::move(name)), key_(key) {
   require_key_name(name_);
@@ -42,13 +124,32 @@ VerifierKey VerifierKey::parse(std::string_view text) {
   return {parsed.name, key};
 }
 
+VerifierKey VerifierKey::with_ml_dsa(MlDsaVerifierKey key, std::uint64_t since) const {
+  if (key.device() != name_)
+    throw UsageError("the ML-DSA-65 key " + key.name() + " is not that of the device " + name_);
+  VerifierKey both = *this;
+  both.ml_dsa_ = std::move(key);
+  both.ml_dsa_since_ = since;
+  return both;
+}
+
+VerifierKey verifier_key_of(const std::string& name, const SigningKey& key) {
+  const VerifierKey ed25519(name, key.public_key());
+  if (key.ml_dsa() == nullptr) return ed25519;
+  return ed25519.with_ml_dsa({name, key.ml_dsa()->public_key()}, 0);
+}
+
 std::string sign_note(std::string_view text, const std::string& name, const SigningKey& key) {
   if (!text.ends_with('\n') || !is_note_text(text))
     throw UsageError(
         "a note can only be signed if it is UTF-8 text without control characters that ends in a "
         "newline");
-  const VerifierKey verifier(name, key.public_key());
-  return std::string(text) + '\n' + signature_line(name, verifier.key_id(), key.sign(bytes_of(text)));
+  const VerifierKey verifier = verifier_key_of(name, key);
+  std::string note =
+      std::string(text) + '\n' + signature_line(name, verifier.key_id(), key.sign(bytes_of(text)));
+  if (const auto& ml_dsa = verifier.ml_dsa())
+    note += signature_line(ml_dsa->name(), ml_dsa->key_id(), key.ml_dsa()->sign(bytes_of(text)));
+  return note;
 }
 
 OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& verifiers) {
@@ -56,37 +157,47 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
   if (!parts.why.empty()) return malformed(parts.why);
   OpenedNote result;
   result.text = std::move(parts.text);
-  bool verified = false;
+  std::vector<SignatureCheck> checks(verifiers.begin(), verifiers.end());
   bool foreign_in_known_name = false;
-  for (const SignatureLine& signature : parts.lines) {
-    result.signers.push_back(signature.name);
-    bool known_name = false;
+  for (const SignatureLine& line : parts.lines) {
+    result.signers.push_back(line.name);
     bool known_key = false;
-    for (const auto& verifier : verifiers) {
-      known_name = known_name || verifier.name() == signature.name;
-      if (verifier.name() != signature.name || verifier.key_id() != signature.key_id) continue;
-      known_key = true;
-      if (verify_ed25519(verifier.key(), bytes_of(result.text), signature.signature)) {
-        verified = true;
-      } else if (!result.failure) {
-        result.failure = NoteFailure::kBadSignature;
-        result.explanation = "the signature of " + verifier.name() + " does not fit the note's text";
-      }
+    bool known_name = false;
+    for (SignatureCheck& check : checks) {
+      const SignatureCheck::By by = check.take(line, bytes_of(result.text));
+      known_key = known_key || by == SignatureCheck::By::kVerifier;
+      known_name = known_name || by == SignatureCheck::By::kForeignKey;
     }
-    if (!known_key)
-      result.unchecked.push_back(signature.name + "+" + to_hex(big_endian_id(signature.key_id)));
     foreign_in_known_name = foreign_in_known_name || (known_name && !known_key);
+    if (!known_key) result.unchecked.push_back(line.name + "+" + to_hex(big_endian_id(line.key_id)));
   }
+  const auto fail = [&](NoteFailure failure, std::string why) {
+    if (result.failure) return;
+    result.failure = failure;
+    result.explanation = std::move(why);
+  };
+  for (const SignatureCheck& check : checks) {
+    if (!check.bad().empty())
+      fail(NoteFailure::kBadSignature, "the signature of " + check.bad() + " does not fit the note's text");
+    result.by_ml_dsa = result.by_ml_dsa || (check.has_signed() && check.has_ml_dsa());
+  }
+  const bool verified = std::ranges::any_of(checks, &SignatureCheck::has_signed);
   // A note by another key of the name alone is of an unknown key; beside the known one it is a forgery.
-  if (!result.failure && verified && foreign_in_known_name) {
-    result.failure = NoteFailure::kBadSignature;
-    result.explanation = "another key signed it, too, in the name of a key that is known";
-  }
-  if (!result.failure && !verified) {
-    result.failure = NoteFailure::kUnknownKey;
-    result.explanation = "the note is signed by " + result.signers.front() + ", none of the keys given";
-  }
+  if (verified && foreign_in_known_name)
+    fail(NoteFailure::kBadSignature, "another key signed it, too, in the name of a key that is known");
+  if (!verified)
+    fail(NoteFailure::kUnknownKey,
+         "the note is signed by " + result.signers.front() + ", none of the keys given");
+  const auto lacking = std::ranges::find_if(checks, &SignatureCheck::lacks_ml_dsa);
+  if (lacking != checks.end())
+    fail(NoteFailure::kLacksMlDsa,
+         "it has no signature by the ML-DSA key of " + lacking->name() + ", which signs beside Ed25519");
+  if (result.failure) result.by_ml_dsa = false;
   return result;
+}
+
+bool is_signed_for_log(const OpenedNote& opened, const VerifierKey& device, std::uint64_t size) {
+  return !opened.failure || (opened.failure == NoteFailure::kLacksMlDsa && size <= device.ml_dsa_since());
 }
 
 std::string Checkpoint::to_text() const {

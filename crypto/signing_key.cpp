@@ -5,18 +5,12 @@
 #include <limits>
 
 #include <openssl/pem.h>
-#include <openssl/pkcs12.h>
 
 #include "base/error.h"
+#include "crypto/pkcs8.h"
 
 namespace kiroku::crypto {
 namespace {
-
-using EncryptedKey = std::unique_ptr<X509_SIG, OpenSslDeleter<X509_SIG_free>>;
-using PlainKeyInfo = std::unique_ptr<PKCS8_PRIV_KEY_INFO, OpenSslDeleter<PKCS8_PRIV_KEY_INFO_free>>;
-
-// OWASP's figure for PBKDF2-HMAC-SHA-256; OpenSSL's own default of 2048 is from another age.
-constexpr int kPassphraseIterations = 600'000;
 
 [[noreturn]] void fail(const std::string& what) {
   throw Error("cannot " + what + ": OpenSSL reports " + last_openssl_error());
@@ -89,23 +83,17 @@ SigningKey SigningKey::from_pem(std::string_view pem, const Secret* passphrase) 
 }
 
 Secret SigningKey::to_pem(const Secret* passphrase) const {
-  const PlainKeyInfo plain(EVP_PKEY2PKCS8(key_.get()));
-  const BufferIo io(BIO_new(BIO_s_secmem()));
-  if (!plain || !io) fail("write the signing key");
-  if (passphrase == nullptr) {
-    if (PEM_write_bio_PKCS8_PRIV_KEY_INFO(io.get(), plain.get()) != 1) fail("write the signing key");
-  } else {
-    if (passphrase->size() > PEM_BUFSIZE)
-      throw UsageError("the passphrase for the signing key is longer than 1024 bytes; choose a shorter one");
-    const EncryptedKey encrypted(PKCS8_encrypt(-1, EVP_aes_256_cbc(), passphrase->text().data(),
-                                               static_cast<int>(passphrase->size()), nullptr, 0,
-                                               kPassphraseIterations, plain.get()));
-    if (!encrypted || PEM_write_bio_PKCS8(io.get(), encrypted.get()) != 1) fail("encrypt the signing key");
-  }
-  const char* text = nullptr;
-  const long size = BIO_get_mem_data(io.get(), &text);
-  if (size <= 0) fail("write the signing key");
-  return Secret::copy_of(std::string_view(text, static_cast<std::size_t>(size)));
+  const KeyInfo plain(EVP_PKEY2PKCS8(key_.get()));
+  if (!plain) fail("write the signing key");
+  return pkcs8_pem(*plain, passphrase);
+}
+
+SigningKey SigningKey::with_ml_dsa(MlDsaPrivateKey key) && {
+  if (key.set() != MlDsaSet::k65)
+    throw UsageError("a device signs by ML-DSA-65 beside Ed25519, by no other set");
+  SigningKey both = std::move(*this);
+  both.ml_dsa_.emplace(std::move(key));
+  return both;
 }
 
 Ed25519PublicKey SigningKey::public_key() const {

@@ -1,4 +1,5 @@
-// Ed25519 (RFC 8032) keys of a device. Immutable after construction; safe from several threads.
+// Ed25519 (RFC 8032) keys of a device, with the ML-DSA-65 key (FIPS 204) that signs beside. Immutable after
+// construction; safe from several threads.
 #pragma once
 
 #include <array>
@@ -8,6 +9,7 @@
 #include <string_view>
 
 #include "base/bytes.h"
+#include "crypto/ml_dsa.h"
 #include "crypto/openssl_handles.h"
 #include "crypto/secret.h"
 
@@ -33,9 +35,15 @@ class SigningKey {
   [[nodiscard]] Ed25519PublicKey public_key() const;
   [[nodiscard]] Ed25519Signature sign(ByteView message) const;
 
+  /// The key of a device that signs with both from now on; kiroku::UsageError for another set than ML-DSA-65.
+  [[nodiscard]] SigningKey with_ml_dsa(MlDsaPrivateKey key) &&;
+  /// Null if the device has none.
+  [[nodiscard]] const MlDsaPrivateKey* ml_dsa() const { return ml_dsa_ ? &*ml_dsa_ : nullptr; }
+
  private:
   explicit SigningKey(PrivateKey key);
   PrivateKey key_;
+  std::optional<MlDsaPrivateKey> ml_dsa_;
 };
 
 }  // namespace kiroku::crypto

@@ -25,7 +25,9 @@
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
 #include "base/error.h"
+#include "crypto/pkcs8.h"
 #include "crypto/secret.h"
+#include "crypto/signing_key.h"
 #include "fleet/shipper.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
@@ -112,7 +114,8 @@ Check check_clock() {
 }
 
 Check check_permissions(const Home& home, const Configuration& configuration) {
-  std::vector<std::pair<std::string, fs::path>> secrets{{"device key", home.device_key_file()}};
+  std::vector<std::pair<std::string, fs::path>> secrets{{"device key", home.device_key_file()},
+                                                        {"ML-DSA key", home.ml_dsa_key_file()}};
   if (const std::string& token = configuration.daemon.hook_token_file; !token.empty()) {
     secrets.emplace_back("hook token", home.folder() / token);
   }
@@ -126,6 +129,51 @@ Check check_permissions(const Home& home, const Configuration& configuration) {
             "run as the user that records (sudo -u kiroku kiroku doctor), or give it the folder"};
   }
   return {Health::kGood, "permissions", "secrets are their owner's alone, the archive can be written", ""};
+}
+
+/// Whether the home signs with both keys, and verifiers can know. The keys are not opened: they may have a
+/// passphrase.
+Check check_signatures(const Home& home) {
+  const std::string subject = "signatures";
+  std::error_code ignored;
+  const bool has_key = fs::exists(home.ml_dsa_key_file(), ignored);
+  const bool has_identity = fs::exists(home.device_identity_file(), ignored);
+  if (!has_key && has_identity) {
+    return {Health::kBad, subject,
+            home.device_identity_file().string() + " says that this device signs with an ML-DSA key, and " +
+                home.ml_dsa_key_file().string() + " is not there: what is signed now counts as forged",
+            "put device-ml-dsa.key back from the backup before anything is recorded"};
+  }
+  if (!has_key) {
+    return {Health::kGood, subject,
+            "checkpoints are signed by Ed25519 alone, which a quantum computer could forge; kiroku init "
+            "--add-ml-dsa adds a key",
+            ""};
+  }
+  if (!has_identity) {
+    return {Health::kWarning, subject,
+            "there is an ML-DSA key, and verifiers cannot know it: device.identity is not there",
+            "stop the recorder, then kiroku init --add-ml-dsa --home " + home.folder().string() +
+                ", and give device.identity to whoever verifies"};
+  }
+  const crypto::VerifierKey device = home.device();
+  const crypto::Secret pem =
+      crypto::Secret::copy_of(read_small_file(home.ml_dsa_key_file(), "the ML-DSA key"));
+  if (!crypto::SigningKey::pem_is_encrypted(pem.text())) {
+    const auto key = crypto::ml_dsa_of_pem(crypto::MlDsaSet::k65, pem.text(), nullptr);
+    if (!key || key->public_key() != device.ml_dsa().value().key()) {
+      return {Health::kBad, subject,
+              home.ml_dsa_key_file().string() + " is not the ML-DSA key that " +
+                  home.device_identity_file().string() + " states: what is signed with it counts as forged",
+              "put the key back from the backup before anything is recorded"};
+    }
+  }
+  return {Health::kGood, subject,
+          "checkpoints are signed by Ed25519 and ML-DSA-65" +
+              (device.ml_dsa_since() == 0
+                   ? std::string()
+                   : ", since entry " + std::to_string(device.ml_dsa_since()) + " of the appliance log"),
+          ""};
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {
@@ -404,6 +452,8 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
            ""});
   out.examine("permissions", "make the home anew with kiroku init, or restore it",
               [&] { return check_permissions(home, configuration); });
+  out.examine("signatures", "put device.pub, device.identity and the keys back from the backup",
+              [&] { return check_signatures(home); });
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });

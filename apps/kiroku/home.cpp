@@ -13,11 +13,19 @@
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "crypto/pkcs8.h"
 
 namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
+
+crypto::Secret read_secret(const fs::path& file, const std::string& what) {
+  Bytes bytes = read_small_file(file, what);
+  crypto::Secret secret = crypto::Secret::copy_of(bytes);
+  crypto::zeroise(bytes);
+  return secret;
+}
 
 bool is_home(const fs::path& folder) {
   std::error_code ignored;
@@ -100,17 +108,43 @@ Configuration Home::configuration() const {
 
 crypto::VerifierKey Home::device() const {
   const Bytes text = read_small_file(device_file(), "the device's public key");
-  return parse_device_keys(text_of(text), device_file().string()).front();
+  const crypto::VerifierKey key = parse_device_keys(text_of(text), device_file().string()).front();
+  std::error_code ignored;
+  if (!fs::exists(device_identity_file(), ignored)) return key;
+  const Bytes identity = read_small_file(device_identity_file(), "the device's identity");
+  const crypto::VerifierKey both =
+      parse_device_keys(text_of(identity), device_identity_file().string()).front();
+  if (both != key) {
+    throw Error(device_identity_file().string() + " is not the identity of " + key.to_string() +
+                ", the key in " + device_file().string() + ": put the right one back");
+  }
+  return both;
 }
 
-crypto::SigningKey Home::signing_key() const {
-  Bytes file = read_small_file(device_key_file(), "the device key");
-  const crypto::Secret pem = crypto::Secret::copy_of(file);
-  crypto::zeroise(file);
-  if (!crypto::SigningKey::pem_is_encrypted(pem.text()))
-    return crypto::SigningKey::from_pem(pem.text(), nullptr);
-  const crypto::Secret passphrase = ask_passphrase("the device key " + device_key_file().string());
-  return crypto::SigningKey::from_pem(pem.text(), &passphrase);
+std::optional<crypto::Secret> Home::key_passphrase() const {
+  const crypto::Secret pem = read_secret(device_key_file(), "the device key");
+  if (!crypto::SigningKey::pem_is_encrypted(pem.text())) return {};
+  return ask_passphrase("the device key " + device_key_file().string());
+}
+
+crypto::SigningKey Home::signing_key() const { return signing_key(key_passphrase()); }
+
+crypto::SigningKey Home::signing_key(const std::optional<crypto::Secret>& passphrase) const {
+  const crypto::Secret pem = read_secret(device_key_file(), "the device key");
+  const crypto::Secret* const its = passphrase ? &*passphrase : nullptr;
+  crypto::SigningKey key = crypto::SigningKey::from_pem(pem.text(), its);
+  std::error_code ignored;
+  if (!fs::exists(ml_dsa_key_file(), ignored)) return key;
+  const crypto::Secret ml_dsa_pem = read_secret(ml_dsa_key_file(), "the device's ML-DSA key");
+  const bool encrypted = crypto::SigningKey::pem_is_encrypted(ml_dsa_pem.text());
+  std::optional<crypto::MlDsaPrivateKey> ml_dsa =
+      crypto::ml_dsa_of_pem(crypto::MlDsaSet::k65, ml_dsa_pem.text(), encrypted ? its : nullptr);
+  if (!ml_dsa) {
+    throw Error(ml_dsa_key_file().string() +
+                " is no ML-DSA-65 key in PKCS#8, or has another passphrase than " +
+                device_key_file().string() + ": put the file back that belongs to it");
+  }
+  return std::move(key).with_ml_dsa(std::move(*ml_dsa));
 }
 
 std::vector<fs::path> Home::outside_root_files() const {

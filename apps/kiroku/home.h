@@ -3,6 +3,8 @@
 //
 //   kiroku.toml      how it records            device.key   signing key, PKCS#8, mode 0600
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
+//   device-ml-dsa.key  ML-DSA-65 key that signs beside, PKCS#8, mode 0600 (homes from before have none)
+//   device.identity  both public keys, signed by both (crypto/device_identity.h)
 //   trust.pem        roots of outside time-stamping authorities
 //   own-authority.pem  roots of the embedded one, former ones too; authority/  that authority
 //   archive/<case>/  the recordings            archive/log/ the appliance log
@@ -46,6 +48,8 @@ class Home {
   [[nodiscard]] std::filesystem::path configuration_file() const { return folder_ / "kiroku.toml"; }
   [[nodiscard]] std::filesystem::path device_key_file() const { return folder_ / "device.key"; }
   [[nodiscard]] std::filesystem::path device_file() const { return folder_ / "device.pub"; }
+  [[nodiscard]] std::filesystem::path ml_dsa_key_file() const { return folder_ / "device-ml-dsa.key"; }
+  [[nodiscard]] std::filesystem::path device_identity_file() const { return folder_ / "device.identity"; }
   [[nodiscard]] std::filesystem::path trust_file() const { return folder_ / "trust.pem"; }
   [[nodiscard]] std::filesystem::path own_authority_file() const { return folder_ / "own-authority.pem"; }
   [[nodiscard]] std::filesystem::path recipients_file() const { return folder_ / "recipients.txt"; }
@@ -70,9 +74,15 @@ class Home {
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;
 
   [[nodiscard]] Configuration configuration() const;
+  /// With its ML-DSA key, if the home has an identity file.
   [[nodiscard]] crypto::VerifierKey device() const;
-  /// Asks for the passphrase if the key has one.
+  /// Asks for the passphrase if the key has one, which is that of both keys. With the ML-DSA key, if its file
+  /// is there.
   [[nodiscard]] crypto::SigningKey signing_key() const;
+  /// The same where the passphrase was asked for already; nothing for keys without.
+  [[nodiscard]] crypto::SigningKey signing_key(const std::optional<crypto::Secret>& passphrase) const;
+  /// Asks for the passphrase of the device key, if it has one.
+  [[nodiscard]] std::optional<crypto::Secret> key_passphrase() const;
   /// trust.pem, where it holds any certificate: `kiroku init` writes one without.
   [[nodiscard]] std::vector<std::filesystem::path> outside_root_files() const;
   /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that

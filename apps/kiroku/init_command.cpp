@@ -17,10 +17,13 @@
 #include "apps/kiroku/output_file.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/storage/file_system.h"
+#include "archive/storage/recording_lock.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/age_file.h"
+#include "crypto/device_identity.h"
+#include "crypto/pkcs8.h"
 #include "timestamp/authority.h"
 
 namespace kiroku::apps {
@@ -37,7 +40,8 @@ constexpr std::string_view kTrustText =
 struct Request {
   std::optional<std::string> home, device_name;
   std::vector<std::string> recipients, recipient_files, new_identities;
-  bool demo = false, no_passphrase = false, passphrase = false, json = false;
+  bool demo = false, no_passphrase = false, passphrase = false;
+  bool ml_dsa = false, add_ml_dsa = false, json = false;
 };
 
 /// What was made so far, taken away again unless all of it succeeds.
@@ -182,11 +186,20 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
                          Undo& undo) {
   const std::string name = request.device_name.value_or(default_device_name());
   require_printable(name, "--device-name");
-  const crypto::SigningKey key = crypto::SigningKey::generate();
-  const crypto::VerifierKey device(name, key.public_key());
+  crypto::SigningKey key = crypto::SigningKey::generate();
+  if (request.ml_dsa) {
+    key = std::move(key).with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
+  }
+  const crypto::VerifierKey device = crypto::verifier_key_of(name, key);
   std::optional<crypto::Secret> passphrase;
   if (request.passphrase) passphrase = ask_new_passphrase("the device key");
-  write_new_file(home.device_key_file(), key.to_pem(passphrase ? &*passphrase : nullptr).bytes(), 0600, undo);
+  const crypto::Secret* const its = passphrase ? &*passphrase : nullptr;
+  write_new_file(home.device_key_file(), key.to_pem(its).bytes(), 0600, undo);
+  if (request.ml_dsa) {
+    write_new_file(home.ml_dsa_key_file(), crypto::ml_dsa_pem(*key.ml_dsa(), its).bytes(), 0600, undo);
+    write_new_file(home.device_identity_file(), bytes_of(crypto::write_device_identity(name, key, 0)), 0644,
+                   undo);
+  }
   write_new_file(home.device_file(), bytes_of(device.to_string() + "\n"), 0644, undo);
   write_new_file(home.recipients_file(), bytes_of(recipients_text(recipients)), 0644, undo);
   write_new_file(home.configuration_file(), bytes_of(default_configuration_text()), 0644, undo);
@@ -260,6 +273,12 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
             << "  device key   " << device.to_string() << "\n"
             << "               Give this line (or " << printable(home.device_file().string())
             << ") to whoever shall verify; it proves nothing if it comes with the recording.\n";
+  if (request.ml_dsa) {
+    std::cout
+        << "  both keys    " << printable(home.device_identity_file().string())
+        << "\n               Rather give this file: it holds the ML-DSA-65 key that signs beside, and only "
+           "with it are both signatures asked for.\n";
+  }
   for (const std::string& recipient : recipients) std::cout << "  recipient    " << recipient << "\n";
   for (const std::string& identity : identities) std::cout << "  identity     " << identity << "\n";
   if (request.demo) {
@@ -276,7 +295,72 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
             << printable(home.own_authority_file().string()) << ", as --own-authority.\n";
 }
 
+/// Gives a home that is there the ML-DSA key with which it signs from now on, too. Whatever breaks off, the
+/// same command brings to its end: the key comes first, then the log states it, then the identity is written.
+int add_ml_dsa(const Request& request) {
+  if (request.demo || request.no_passphrase || request.passphrase || request.ml_dsa || request.device_name ||
+      !request.recipients.empty() || !request.recipient_files.empty() || !request.new_identities.empty()) {
+    throw UsageError("--add-ml-dsa is about a home that is there, and takes --home and --json alone");
+  }
+  const Home home = Home::open(request.home);
+  archive::FileSystem& files = archive::real_file_system();
+  const archive::RecordingLock lock = archive::RecordingLock::take(files, home.archive());
+  const std::string name = home.device().name();
+  const std::optional<crypto::Secret> passphrase = home.key_passphrase();
+  crypto::SigningKey key = home.signing_key(passphrase);
+  if (key.ml_dsa() == nullptr) {
+    Undo undo;
+    const auto ml_dsa = crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65);
+    const fs::path beside = home.ml_dsa_key_file().string() + ".part";
+    std::error_code ignored;
+    fs::remove(beside, ignored);  // of an attempt that was cut off: nothing was signed with it
+    write_new_file(beside, crypto::ml_dsa_pem(ml_dsa, passphrase ? &*passphrase : nullptr).bytes(), 0600,
+                   undo);
+    files.rename(beside, home.ml_dsa_key_file());
+    files.sync_folder(home.folder());
+    undo.keep_all();
+    key = home.signing_key(passphrase);
+  }
+  const auto log = archive::ApplianceLog::open(files, home.log_folder(), key, name);
+  const std::uint64_t since = log->state_ml_dsa_key();
+  std::error_code ignored;
+  const bool is_new = !fs::exists(home.device_identity_file(), ignored);
+  if (is_new) {
+    Undo undo;
+    const fs::path beside = home.device_identity_file().string() + ".part";
+    fs::remove(beside, ignored);
+    write_new_file(beside, bytes_of(crypto::write_device_identity(name, key, since)), 0644, undo);
+    files.rename(beside, home.device_identity_file());
+    files.sync_folder(home.folder());
+    undo.keep_all();
+  }
+  const crypto::VerifierKey device = home.device();
+  if (!device.ml_dsa() || device.ml_dsa()->key() != key.ml_dsa()->public_key()) {
+    throw Error(home.device_identity_file().string() + " is of another ML-DSA key than " +
+                home.ml_dsa_key_file().string() + ": put the file back that belongs to it");
+  }
+  if (request.json) {
+    print_json({{"home", home.folder().string()},
+                {"device", device.to_string()},
+                {"identity", home.device_identity_file().string()},
+                {"log_entry", since},
+                {"added", is_new}});
+  } else if (!is_new) {
+    std::cout << "The home " << printable(home.folder().string())
+              << " signs with an ML-DSA-65 key already.\n";
+  } else {
+    std::cout << "The home " << printable(home.folder().string())
+              << " signs with an ML-DSA-65 key beside Ed25519 from now on. Its log says so in entry " << since
+              << ".\nGive " << printable(home.device_identity_file().string())
+              << " to whoever verifies: only with it are both signatures asked for. Back up "
+              << printable(home.ml_dsa_key_file().string())
+              << " as you do the device key. Start whatever runs on this home anew.\n";
+  }
+  return kDone;
+}
+
 int run(const Request& request) {
+  if (request.add_ml_dsa) return add_ml_dsa(request);
   const fs::path folder = request.home ? fs::path(*request.home) : Home::default_folder();
   require_free_place(folder);
   std::vector<std::string> recipients = given_recipients(request);
@@ -322,6 +406,10 @@ void add_init_command(Command& program) {
                  "this machine's name");
   command.flag("--passphrase", request->passphrase,
                "protects the device key with a passphrase, which every 'kiroku record' then needs");
+  command.flag("--ml-dsa", request->ml_dsa,
+               "signs checkpoints by ML-DSA-65, too, which quantum computers are not known to forge");
+  command.flag("--add-ml-dsa", request->add_ml_dsa,
+               "makes no home: gives one that is there, whose recorder is stopped, such a key");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "At least two recipients are needed, except with --demo. Keep identities away from the recorder: it "
@@ -335,6 +423,8 @@ void add_init_command(Command& program) {
       "a home whose recordings either stick opens");
   command.example("kiroku init --home /srv/kiroku -R recipients.txt --device-name or-3",
                   "a home for known recipients");
+  command.example("kiroku init --add-ml-dsa --home /srv/kiroku",
+                  "a home that is there signs with two keys from now on");
   command.on_run([request] { return run(*request); });
 }
 

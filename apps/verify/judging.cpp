@@ -33,9 +33,12 @@ crypto::WitnessPolicy read_witnesses(const std::filesystem::path& file) {
 
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras) {
   const bool home = bool(extras.defaults);
-  command.option("--device", "FILE", request.devices,
-                 home ? "trusted device key: a device.pub or the key itself; instead of the home's"
-                      : "trusted device key: a device.pub or the key itself");
+  command.option(
+      "--device", "FILE", request.devices,
+      home ? "trusted device: a device.identity, a device.pub (then Ed25519 alone is checked) or that "
+             "key itself; instead of the home's"
+           : "trusted device: a device.identity, a device.pub (then Ed25519 alone is checked) or "
+             "that key itself");
   command.option("--trust", "PEM", request.trust,
                  home ? "roots of outside time-stamping authorities that are trusted; instead of the home's"
                       : "roots of outside time-stamping authorities that are trusted");

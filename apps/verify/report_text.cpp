@@ -309,6 +309,11 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
+  if (report.signatures != archive::SignaturesChecked::kNone) {
+    out += line("signed by", report.signatures == archive::SignaturesChecked::kBoth
+                                 ? "Ed25519 and ML-DSA-65, both checked"
+                                 : "Ed25519, the only signature that was checked");
+  }
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
   out += line("time", time_words(report));

@@ -12,6 +12,7 @@
 #include "apps/verify/report_text.h"
 #include "archive/verify/report_json.h"
 #include "base/error.h"
+#include "crypto/device_identity.h"
 
 namespace kiroku::apps {
 namespace {
@@ -91,6 +92,13 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
 
 std::vector<crypto::VerifierKey> parse_device_keys(std::string_view text,
                                                    const std::string& name_for_errors) {
+  if (crypto::looks_like_device_identity(text)) {
+    try {
+      return {crypto::parse_device_identity(text)};
+    } catch (const Error& error) {
+      throw UsageError(name_for_errors + " is no device identity: " + error.what());
+    }
+  }
   std::vector<crypto::VerifierKey> keys;
   std::istringstream lines{std::string(text)};
   for (std::string line; std::getline(lines, line);) {
@@ -102,7 +110,9 @@ std::vector<crypto::VerifierKey> parse_device_keys(std::string_view text,
     }
   }
   if (keys.empty()) {
-    throw UsageError(name_for_errors + " holds no device key: give the device.pub of the recorder's home");
+    throw UsageError(
+        name_for_errors +
+        " holds no device key: give the device.identity, or the device.pub, of the recorder's home");
   }
   return keys;
 }

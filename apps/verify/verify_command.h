@@ -44,8 +44,9 @@ struct VerifyExtras {
 /// Gives `command` its options and action. `extras` is copied.
 void make_verify_command(Command& command, const VerifyExtras& extras);
 
-/// Keys in the text of a device.pub: one C2SP verifier key a line, '#' comments skipped. Throws
-/// kiroku::UsageError naming `name_for_errors`.
+/// Keys in the text of a device.pub, one C2SP verifier key a line, '#' comments skipped; or the key of a
+/// device.identity (crypto/device_identity.h), with its ML-DSA key. Throws kiroku::UsageError naming
+/// `name_for_errors`.
 std::vector<crypto::VerifierKey> parse_device_keys(std::string_view text, const std::string& name_for_errors);
 /// The same from a file, or from the key itself ("or-3+1a2b3c4d+A…").
 std::vector<crypto::VerifierKey> load_device_keys(const std::string& file_or_key);

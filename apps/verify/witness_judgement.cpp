@@ -34,7 +34,8 @@ std::optional<Candidate> candidate_of(const archive::OutsideNote& note, const cr
                                       std::vector<std::string>& unused) {
   const crypto::OpenedNote opened = crypto::open_note(note.text, {device});
   const auto checkpoint = crypto::Checkpoint::parse(opened.text);
-  if (opened.failure || !checkpoint) {
+  // What the device signed before it had an ML-DSA key is compared with the log, which is judged by itself.
+  if (!checkpoint || !crypto::is_signed_for_log(opened, device, checkpoint->size)) {
     unused.push_back(note.name + " says nothing of witnesses: it is no checkpoint that the device signed");
     return std::nullopt;
   }

@@ -7,6 +7,7 @@
 //   shutdown
 //   config-changed       sha256
 //   device-key-changed   device (the new verifier key)
+//   device-ml-dsa-added  ml_dsa (the ML-DSA-65 key with which the device signs, too, from here on)
 //   plan-sealed          sha256
 //   case-opened          case, sha256 (of the bytes of the case's first line, without LF)
 //   case-checkpoint      case, size, root
@@ -40,6 +41,9 @@ struct ConfigChangedEntry {
 };
 struct DeviceKeyChangedEntry {
   std::string device;
+};
+struct DeviceMlDsaEntry {
+  std::string ml_dsa;  // as crypto::MlDsaVerifierKey writes it
 };
 struct PlanSealedEntry {
   crypto::Sha256Digest sha256{};
@@ -87,10 +91,10 @@ struct CaseReleasedEntry {
   std::string reason, who;
 };
 
-using LogEntryBody =
-    std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, PlanSealedEntry,
-                 CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
-                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
+using LogEntryBody = std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry,
+                                  DeviceMlDsaEntry, PlanSealedEntry, CaseOpenedEntry, CaseCheckpointEntry,
+                                  CaseClosedEntry, ReplicatedEntry, CaseErasedEntry, AccessEntry,
+                                  LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

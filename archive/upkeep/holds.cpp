@@ -57,6 +57,10 @@ Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device,
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
   std::optional<crypto::VerifierKey> signer;
+  const auto signer_of = [&](const std::string& text) {
+    const crypto::VerifierKey stated = crypto::VerifierKey::parse(text);
+    return stated == device ? device : stated;
+  };
   Holds holds;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
@@ -74,9 +78,9 @@ Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device,
     }
     const LogEntry entry = parse_log_entry(line.json).entry.value();
     if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
-      signer = crypto::VerifierKey::parse(boot->device);
+      signer = signer_of(boot->device);
     } else if (const auto* change = std::get_if<DeviceKeyChangedEntry>(&entry.body)) {
-      signer = crypto::VerifierKey::parse(change->device);
+      signer = signer_of(change->device);
     } else if (const auto* held = std::get_if<CaseHeldEntry>(&entry.body)) {
       holds[held->case_id].push_back({line.seq, line.utc, held->reason, held->who});
     } else if (const auto* released = std::get_if<CaseReleasedEntry>(&entry.body)) {

@@ -256,7 +256,7 @@ class Recovery {
     if (!options_.carry_on) {
       return "recovered";
     }
-    const crypto::VerifierKey device(options_.device_name, options_.key->public_key());
+    const crypto::VerifierKey device = crypto::verifier_key_of(options_.device_name, *options_.key);
     if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device, files_)) {
       result_.problem = "it is not carried on, since it ended before anybody signed that it was opened";
       return "recovered";

@@ -29,7 +29,9 @@ bool is_signed(const fs::path& folder, const crypto::Checkpoint& wanted, const c
     return false;
   }
   const crypto::OpenedNote opened = crypto::open_note(*note, {device});
-  return !opened.failure && crypto::Checkpoint::parse(opened.text) == wanted;
+  const bool is_of_log = wanted.origin == log_origin(device.name());
+  return (is_of_log ? crypto::is_signed_for_log(opened, device, wanted.size) : !opened.failure) &&
+         crypto::Checkpoint::parse(opened.text) == wanted;
 }
 
 void for_each_whole_line(const fs::path& folder, const std::function<void(std::string_view)>& take,

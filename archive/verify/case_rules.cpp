@@ -183,6 +183,9 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
   if (!may_follow_close) {
     last_claim_ = number;
   }
+  if (!may_follow_close || std::holds_alternative<ErasedEntry>(entry.body)) {
+    claims_ = number + 1;
+  }
   if (close_ && !may_follow_close) {
     findings_->add("entry-after-close", in_ledger(number, line.offset),
                    at_entry(number) + " is a " + std::string(type_of(entry.body)) + " after close in " +
@@ -204,7 +207,11 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   }
   try {
     device_ = crypto::VerifierKey::parse(open.device);
-    checkpoints_->set_signer(*device_, case_origin(device_->name(), open.case_id));
+    const crypto::VerifierKey signer = known_device(*device_, options_->devices);
+    // The log's entry that states the ML-DSA key comes behind as many as the device had signed alone.
+    const bool from_before = signer.ml_dsa_since() > 0 && open.appliance_log_size <= signer.ml_dsa_since();
+    checkpoints_->set_signer(signer, case_origin(device_->name(), open.case_id),
+                             from_before ? UINT64_MAX : 0);
     judge_device(*device_, *options_, *findings_);
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(0), std::string("open names no device: ") + error.what());

@@ -54,6 +54,9 @@ class CaseRules {
   /// What `close` states of each stream; empty before it.
   [[nodiscard]] const std::map<std::string, StreamTotal>& close_totals() const { return close_totals_; }
   [[nodiscard]] bool recovered() const { return recovered_; }
+  /// Entries up to the last one that somebody must have signed: a token proves itself, and one that was
+  /// missed proves nothing.
+  [[nodiscard]] std::uint64_t claims() const { return claims_; }
   [[nodiscard]] std::int64_t last_mono_ns() const { return last_mono_ns_; }
   [[nodiscard]] const std::map<std::string, StreamRules>& streams() const { return streams_; }
   [[nodiscard]] const TokenRules& tokens() const { return tokens_; }
@@ -114,6 +117,7 @@ class CaseRules {
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
   std::set<std::uint64_t> unsigned_aftermath_;  // missed tokens and erasures behind close
+  std::uint64_t claims_ = 0;                    // entries up to the last that is about no token
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since
   std::uint64_t broken_lines_ = 0;
   bool recovered_ = false;

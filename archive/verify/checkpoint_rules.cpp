@@ -8,6 +8,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/file_checker.h"
 #include "base/error.h"
+#include "base/number_text.h"
 
 namespace kiroku::archive {
 
@@ -54,6 +55,14 @@ std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
   return total;
 }
 
+crypto::VerifierKey known_device(const crypto::VerifierKey& device,
+                                 const std::vector<crypto::VerifierKey>& known) {
+  // The same key may have been given with and without its ML-DSA key: then both are asked for.
+  const auto found = std::ranges::find_if(
+      known, [&](const crypto::VerifierKey& each) { return each == device && each.ml_dsa(); });
+  return found == known.end() ? device : *found;
+}
+
 void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings) {
   if (options.devices.empty()) {
     findings.add("no-trusted-device", {"", 0},
@@ -90,13 +99,14 @@ CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& 
                                  FindingList& findings, std::vector<std::uint64_t> sizes)
     : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
 
-void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin) {
+void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin, std::uint64_t alone_until) {
   // What was opened ahead was judged by another key. A log that changes its device in every line would have
   // it all opened again each time.
   one_signer_ = !device_;
   ahead_.clear();
   device_ = std::move(device);
   origin_ = std::move(origin);
+  alone_until_ = alone_until;
 }
 
 bool CheckpointRules::has(std::uint64_t size) const {
@@ -181,6 +191,8 @@ std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
 
 std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,
                                                               const crypto::OpenedNote& opened) {
+  const bool may_lack = opened.failure == crypto::NoteFailure::kLacksMlDsa && size <= alone_until_;
+  all_signed_ = all_signed_ && (!opened.failure || may_lack);
   const Place place{note_path(size)};
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
   if (opened.failure == crypto::NoteFailure::kMalformed || !checkpoint) {
@@ -193,17 +205,32 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
     findings_->add("checkpoint-signature-invalid", place, place.file + ": " + opened.explanation);
     return std::nullopt;
   }
-  if (device_ && opened.failure) {
+  const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa;
+  if (device_ && alone && !may_lack) {
+    findings_->add("checkpoint-ml-dsa-missing", place, place.file + ": " + opened.explanation);
+    return std::nullopt;
+  }
+  if (device_ && opened.failure && !alone) {
     findings_->add(
         "checkpoint-unknown-key", place,
         place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
     return std::nullopt;
   }
-  if (device_ && !opened.unchecked.empty()) {
+  if (opened.by_ml_dsa) {
+    alone_until_ = 0;
+  }
+  std::vector<std::string> unchecked = opened.unchecked;
+  if (device_ && !device_->ml_dsa() &&
+      std::erase_if(unchecked, [&](const std::string& key) {
+        return key.starts_with(crypto::MlDsaVerifierKey::name_of(device_->name()) + "+");
+      }) > 0) {
+    ++ml_dsa_unchecked_;
+  }
+  if (device_ && !unchecked.empty()) {
     findings_->add("checkpoint-cosigned", place,
-                   place.file + " is signed in the names of " + std::to_string(opened.unchecked.size()) +
-                       (opened.unchecked.size() == 1 ? " key" : " keys") +
-                       " beside the device's, which were not checked: " + some_of(opened.unchecked));
+                   place.file + " is signed in the names of " + std::to_string(unchecked.size()) +
+                       (unchecked.size() == 1 ? " key" : " keys") +
+                       " beside the device's, which were not checked: " + some_of(unchecked));
   }
   if (checkpoint->size != size) {
     findings_->add("checkpoint-size-differs", place,
@@ -238,6 +265,7 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
   }
   if (fits(checkpoint->root)) {
     covered_ = foreign ? covered_ : size;
+    covered_by_ml_dsa_ = foreign || !note->by_ml_dsa ? covered_by_ml_dsa_ : size;
     return;
   }
   if (!changed_) {
@@ -266,6 +294,34 @@ void CheckpointRules::finish(std::uint64_t size) {
                    note_path(*each) + " covers " + std::to_string(*each) + " entries and there are " +
                        std::to_string(size) + ": the end of the ledger was removed");
   }
+}
+
+void CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) {
+  if (!device_ || covered_ == 0) {
+    return;
+  }
+  signatures_checked_ = all_signed_ ? SignaturesChecked::kEd25519 : SignaturesChecked::kNone;
+  if (!device_->ml_dsa()) {
+    if (ml_dsa_unchecked_ > 0) {
+      findings_->add("checkpoint-ml-dsa-unchecked", {},
+                     counted(ml_dsa_unchecked_, "checkpoint carries", "checkpoints carry") +
+                         " a signature in the name of the ML-DSA key of " + device_->name() +
+                         ", which was not given: only Ed25519 was checked. The device's identity file, "
+                         "device.identity, holds that key");
+    }
+    return;
+  }
+  if (std::max(covered_by_ml_dsa_, vouched) >= std::min(claims, covered_)) {
+    signatures_checked_ = all_signed_ ? SignaturesChecked::kBoth : SignaturesChecked::kNone;
+    return;
+  }
+  findings_->add(
+      "checkpoint-not-by-both", {},
+      "the device " + device_->name() +
+          " signs by ML-DSA, too, and no such signature that was given covers entry " +
+          std::to_string(std::min(claims, covered_) - 1) +
+          ": this may be from before it had that key, or be made by whoever can forge Ed25519. The "
+          "newest appliance log, or a proof from it, can tell");
 }
 
 }  // namespace kiroku::archive

@@ -11,6 +11,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/limits.h"
 #include "archive/verify/finding_list.h"
+#include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
 #include "crypto/signed_note.h"
 
@@ -34,8 +35,10 @@ class CheckpointRules {
                   std::vector<std::uint64_t> sizes);
 
   /// Who must sign from here on, and the origin line; before the first call signatures and origins are not
-  /// checked (the ledger has no usable `open`, which is a finding of its own).
-  void set_signer(crypto::VerifierKey device, std::string origin);
+  /// checked (the ledger has no usable `open`, which is a finding of its own). Of a device that is known to
+  /// sign by ML-DSA, too, notes of up to `alone_until` entries may be by Ed25519 alone, as long as none
+  /// before them is by both: a device that has both keys uses both.
+  void set_signer(crypto::VerifierKey device, std::string origin, std::uint64_t alone_until);
   /// Whether a note of this size is there.
   [[nodiscard]] bool has(std::uint64_t size) const;
   /// A note that came to be after the listing.
@@ -49,6 +52,15 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  /// Largest size whose note fits the tree and was checked by both keys of the device; 0 if none.
+  [[nodiscard]] std::uint64_t covered_by_ml_dsa() const { return covered_by_ml_dsa_; }
+  /// After finish(): says what was signed, or checked, by Ed25519 alone. The first `vouched` entries are
+  /// known otherwise to be those of a device that signed them by ML-DSA; `claims`: how many there are to
+  /// vouch for.
+  void judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched);
+  /// By which keys of the device all that is covered was checked, once judge_ml_dsa() was called; kNone where
+  /// any note is not signed as it must be.
+  [[nodiscard]] SignaturesChecked signatures_checked() const { return signatures_checked_; }
   /// Largest size that any note has by its name; 0 if none.
   [[nodiscard]] std::uint64_t newest() const { return sizes_.empty() ? 0 : sizes_.back(); }
   [[nodiscard]] std::uint64_t count() const { return count_; }
@@ -77,18 +89,27 @@ class CheckpointRules {
   std::vector<std::uint64_t> sizes_;  // ascending
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
+  std::uint64_t alone_until_ = 0;
+  bool all_signed_ = true;              // each note that was looked at, by all keys that it needs
+  std::uint64_t ml_dsa_unchecked_ = 0;  // notes with a line in the name of an ML-DSA key that was not given
+  SignaturesChecked signatures_checked_ = SignaturesChecked::kNone;
   std::map<std::uint64_t, ReadNote> ahead_;  // by size
   std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
   bool one_signer_ = true;
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
   std::uint64_t covered_ = 0;
+  std::uint64_t covered_by_ml_dsa_ = 0;
   std::uint64_t count_ = 0;
   bool changed_ = false;  // a root did not fit: all later ones cannot either
 };
 
 /// Sizes of all regular files together.
 std::uint64_t bytes_in(const std::vector<ListedFile>& listing);
+
+/// The device with the ML-DSA key that it is known to have; `device` itself if none is known.
+crypto::VerifierKey known_device(const crypto::VerifierKey& device,
+                                 const std::vector<crypto::VerifierKey>& known);
 
 /// Adds "no-trusted-device" or "device-not-trusted" unless `device` is trusted.
 void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings);

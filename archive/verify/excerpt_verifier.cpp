@@ -62,6 +62,8 @@ class ExcerptVerification {
     outside_.finish(document_.first_entry + lines_, false);
     log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
                            shown_root_);
+    checkpoints_.judge_ml_dsa(document_.size,
+                              std::max(vouched_by_log_, log_proof_.vouched_by_ml_dsa(rules_.device())));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
@@ -184,6 +186,7 @@ class ExcerptVerification {
     rules_.finish(document_.first_entry > 1 ? std::optional(lines_begin_ns_) : std::nullopt);
     if (comparison) {
       comparison->settle(checkpoints_.covered(), std::nullopt);
+      vouched_by_log_ = comparison->vouched_by_ml_dsa();
     }
     judge_reach();
   }
@@ -349,6 +352,7 @@ class ExcerptVerification {
       report.lines_root = judged_.root();
     }
     report.checkpoints = checkpoints_.count();
+    report.signatures = checkpoints_.signatures_checked();
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
@@ -430,6 +434,7 @@ class ExcerptVerification {
   VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
   LogProof log_proof_;
+  std::uint64_t vouched_by_log_ = 0;  // entries whose root the log states under an ML-DSA signature
   std::optional<WalkedLog> walked_log_;
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.

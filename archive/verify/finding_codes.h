@@ -82,6 +82,19 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"checkpoint-unknown-key", Severity::kTampered, "a checkpoint is not signed by the case's device"},
     {"checkpoint-signature-invalid", Severity::kTampered,
      "the device's signature on a checkpoint does not verify"},
+    {"checkpoint-ml-dsa-missing", Severity::kTampered,
+     "the device signs with an ML-DSA key, too, by the identity given, and a checkpoint from since then has "
+     "no "
+     "such signature: it was taken away, or made by somebody else"},
+    {"device-ml-dsa-differs", Severity::kTampered,
+     "the log states another ML-DSA key of the device than the identity given"},
+    {"checkpoint-not-by-both", Severity::kUnproven,
+     "the device signs with an ML-DSA key, too, by the identity given, and nothing that it signed so covers "
+     "what is here: it may be from before, or by whoever can forge Ed25519"},
+    {"checkpoint-ml-dsa-unchecked", Severity::kNote,
+     "checkpoints carry a signature in the name of the device's ML-DSA key, which was not given: Ed25519 "
+     "alone "
+     "was checked"},
     {"checkpoint-of-other-origin", Severity::kTampered, "a checkpoint is of another case or log"},
     {"checkpoint-size-differs", Severity::kTampered, "a checkpoint states another size than its file name"},
     {"checkpoint-missing", Severity::kTampered, "a token is over a checkpoint that is not there"},
@@ -273,6 +286,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "signed"},
     {"outside-notes-contradict", Severity::kTampered,
      "two notes kept outside have one origin and size and different roots: the device signed two histories"},
+    {"outside-note-not-by-both", Severity::kUnproven,
+     "a note given does not fit, and lacks the signature by the ML-DSA key that the device has: whoever can "
+     "forge Ed25519 could have made it"},
     {"outside-note-invalid", Severity::kUnproven,
      "a note given is no signed checkpoint, or its signature does not verify: it was not compared"},
     {"outside-note-untrusted", Severity::kUnproven,

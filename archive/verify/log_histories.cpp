@@ -116,17 +116,20 @@ struct OpenedCheckpoint {
   std::string why;
 };
 
-OpenedCheckpoint open_kept(const LogHistory& history, const std::vector<std::string>& devices) {
+OpenedCheckpoint open_kept(const LogHistory& history, const std::vector<std::string>& devices,
+                           const std::vector<crypto::VerifierKey>& trusted) {
   const std::string& note = *history.note;
   const auto unjudged = crypto::Checkpoint::parse(crypto::open_note(note, {}).text);
   if (!unjudged) return {std::nullopt, history.name + " is neither a log nor a signed checkpoint of one"};
   for (const std::string& device : devices) {
     if (origin_of(device) != unjudged->origin) continue;
-    const crypto::OpenedNote opened = crypto::open_note(note, {crypto::VerifierKey::parse(device)});
+    const crypto::OpenedNote opened =
+        crypto::open_note(note, {known_device(crypto::VerifierKey::parse(device), trusted)});
     if (!opened.failure && unjudged->size == 0)
       return {std::nullopt, history.name + " is of no entry, and everything begins with none"};
     if (!opened.failure) return {Signer{device, *unjudged}, ""};
-    if (opened.failure == crypto::NoteFailure::kBadSignature)
+    if (opened.failure == crypto::NoteFailure::kBadSignature ||
+        opened.failure == crypto::NoteFailure::kLacksMlDsa)
       return {std::nullopt, history.name + " does not hold: " + opened.explanation};
   }
   return {std::nullopt, history.name + " is of \"" + printable(unjudged->origin) +
@@ -238,11 +241,11 @@ HistoryComparison compare_histories(const LogHistory& first, const LogHistory& s
   }
   if (!first.note && !second.note) return compare_logs(first, second);
   const LogHistory& kept = first.note ? first : second;
-  const OpenedCheckpoint opened = open_kept(kept, devices);
+  const OpenedCheckpoint opened = open_kept(kept, devices, trusted);
   if (!opened.signer) return unknown(opened.why);
   if (!first.note || !second.note)
     return compare_with_kept(first.note ? second : first, *opened.signer, kept.name, first.note.has_value());
-  const OpenedCheckpoint other = open_kept(second, devices);
+  const OpenedCheckpoint other = open_kept(second, devices, trusted);
   if (!other.signer) return unknown(other.why);
   return compare_kept(first, *opened.signer, second, *other.signer);
 }

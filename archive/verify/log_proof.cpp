@@ -90,6 +90,7 @@ void LogProof::judge(const OutsideNote& given, const std::vector<crypto::Verifie
   }
   entry_ = std::get<CaseClosedEntry>(entry.entry->body);
   checkpoint_ = verified.checkpoint;
+  signer_ = verified.signer;
   consistency_ = extra->consistency;
   proof_ = std::move(parsed.proof);
 }
@@ -113,7 +114,12 @@ bool LogProof::is_of(const std::string& case_id) {
   return false;
 }
 
-void LogProof::hold(const std::string& of_what) {
+std::uint64_t LogProof::vouched_by_ml_dsa(const std::optional<crypto::VerifierKey>& device) const {
+  return proved_ && signer_ && signer_->ml_dsa() && signer_ == device ? proved_entries_ : 0;
+}
+
+void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
+  proved_entries_ = entries;
   proved_ = Proved{name_, proof_->index, *checkpoint_, proof_->note};
   findings_->add("log-proof-holds", {},
                  name_ + " holds: entry " + std::to_string(proof_->index) +
@@ -127,7 +133,7 @@ void LogProof::finish(const std::string& case_id, std::uint64_t entries, bool re
     return;
   }
   if (root_fits_ == true) {
-    return hold("and these are the ones that are here");
+    return hold(entry_->size, "and these are the ones that are here");
   }
   if (root_fits_ == false) {
     findings_->add("log-proof-differs", {std::string(kLedgerFile), entry_->size - 1},
@@ -155,7 +161,8 @@ void LogProof::finish_part(const std::string& case_id, std::uint64_t size,
   const bool leads = size <= end ? crypto::verify_consistency(size, *root, end, entry_->root, consistency_)
                                  : crypto::verify_consistency(end, entry_->root, size, *root, consistency_);
   if (leads) {
-    return hold(size <= end ? "and the first " + std::to_string(size) + " of them are those of the excerpt"
+    return hold(std::min(size, end),
+                size <= end ? "and the first " + std::to_string(size) + " of them are those of the excerpt"
                             : "with which the excerpt's case begins");
   }
   // A wrong path shows nothing, whoever made it. Another root of the very same size is a statement.

@@ -51,6 +51,9 @@ class LogProof {
     std::string note;         // the same, signed and cosigned
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
+  /// How many entries of the case it proves under an ML-DSA signature of this device, which recorded the
+  /// case.
+  [[nodiscard]] std::uint64_t vouched_by_ml_dsa(const std::optional<crypto::VerifierKey>& device) const;
 
  private:
   /// By itself.
@@ -58,7 +61,7 @@ class LogProof {
   void refuse(const std::string& why);
   /// Whether the entry is of this case; else it answers.
   bool is_of(const std::string& case_id);
-  void hold(const std::string& of_what);
+  void hold(std::uint64_t entries, const std::string& of_what);
 
   FindingList* findings_;
   std::string name_;
@@ -68,6 +71,8 @@ class LogProof {
   std::optional<crypto::Checkpoint> checkpoint_;
   std::vector<crypto::Sha256Digest> consistency_;
   std::optional<bool> root_fits_;
+  std::optional<crypto::VerifierKey> signer_;
+  std::uint64_t proved_entries_ = 0;
   std::optional<Proved> proved_;
 };
 

@@ -126,6 +126,9 @@ LogContents LogWalk::run() {
   }
   judge_tail();
   check_names();
+  checkpoints_.judge_ml_dsa(tree_.size(), 0);
+  contents_.covered_by_ml_dsa = checkpoints_.covered_by_ml_dsa();
+  contents_.signatures = checkpoints_.signatures_checked();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
   return std::move(contents_);
@@ -275,7 +278,8 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
         "the machine's monotonic clock goes back in " + at_entry(number) + " of the log without a boot");
   }
   last_mono_ns_ = entry.at.mono_ns;
-  if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body)) {
+  if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body) &&
+      !std::holds_alternative<DeviceMlDsaEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
     since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
     to_be_followed_.push_back(number);
@@ -287,6 +291,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   std::visit(
       Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
+                 [&](const DeviceMlDsaEntry& added) { judge_ml_dsa_key(added.ml_dsa, number); },
                  [&](const CaseOpenedEntry& opened) {
                    LoggedCase* known = logged(opened.case_id);
                    if (known != nullptr) {
@@ -340,13 +345,15 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   }
   contents_.device = device;
   signer_.reset();
+  device_.reset();
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
     signer_ = key.to_string();
     if (kept_ != nullptr && number == 0) {
       kept_->first_device = *signer_;
     }
-    checkpoints_.set_signer(key, log_origin(key.name()));
+    device_ = known_device(key, options_->devices);
+    checkpoints_.set_signer(*device_, log_origin(key.name()), device_->ml_dsa_since());
     if (outside_ != nullptr) {
       outside_->add_origin(log_origin(key.name()));
     }
@@ -354,6 +361,21 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(number),
                    at_entry(number) + " of the log names no device: " + error.what());
+  }
+}
+
+void LogWalk::judge_ml_dsa_key(const std::string& key, std::uint64_t number) {
+  try {
+    const crypto::MlDsaVerifierKey stated = crypto::MlDsaVerifierKey::parse(key);
+    if (device_ &&
+        (stated.device() != device_->name() || (device_->ml_dsa() && *device_->ml_dsa() != stated))) {
+      findings_->add("device-ml-dsa-differs", in_ledger(number),
+                     at_entry(number) + " of the log states an ML-DSA key of " + stated.device() +
+                         " that is not the one of the identity given for " + device_->name());
+    }
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(number),
+                   at_entry(number) + " of the log states no ML-DSA key: " + error.what());
   }
 }
 
@@ -483,7 +505,11 @@ bool LogComparison::knows_beyond(std::uint64_t size) const {
 void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : roots_at(size)) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
-    if (!said && !fits(each.root)) {
+    const bool is_its = fits(each.root);
+    if (is_its && log_->opened_by_case_device && each.entry < log_->covered_by_ml_dsa) {
+      vouched_by_ml_dsa_ = std::max(vouched_by_ml_dsa_, size);
+    }
+    if (!said && !is_its) {
       said = true;
       add("log-checkpoint-differs", in_log(each.entry), each.entry,
           "the first " + std::to_string(size) +

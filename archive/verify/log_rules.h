@@ -67,6 +67,9 @@ struct LogContents {
   std::unordered_set<std::uint64_t> doubted;
   std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
   std::uint64_t entries = 0, checkpoints = 0;
+  std::uint64_t covered_by_ml_dsa =
+      0;  // entries that a checkpoint covers which both keys of the device signed
+  SignaturesChecked signatures = SignaturesChecked::kNone;
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
   bool opened_by_case_device = false;
@@ -96,6 +99,8 @@ class LogWalk {
   /// That a checkpoint of all until now holds, for a comparison.
   void keep_signed();
   void set_device(const std::string& device, std::uint64_t number);
+  /// The ML-DSA key that the log states against the one that is known.
+  void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
   /// What is known of a case; nothing where it is not asked for.
   LoggedCase* logged(const std::string& case_id);
   [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
@@ -119,7 +124,8 @@ class LogWalk {
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
   SignedLog* kept_ = nullptr;
-  std::optional<std::string> signer_;  // the device's key, where it names one
+  std::optional<std::string> signer_;          // the device's key, where it names one
+  std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
@@ -160,6 +166,9 @@ class LogComparison {
   /// case. Elsewhere nothing but the log tells of what is not there any more, and no crash leaves the log
   /// knowing more of a case than is in it: a case's checkpoint is durable before the log has its line.
   void settle(std::uint64_t covered, std::optional<std::uint64_t> close);
+  /// The most entries of the case whose root the log states, and it is the case's, in an entry that the
+  /// case's own device signed by ML-DSA.
+  [[nodiscard]] std::uint64_t vouched_by_ml_dsa() const { return vouched_by_ml_dsa_; }
 
  private:
   /// The roots that the log states for this size.
@@ -185,6 +194,7 @@ class LogComparison {
   FindingList* findings_;
   std::string case_id_;
   bool differs_ = false, differs_in_doubt_ = false;
+  std::uint64_t vouched_by_ml_dsa_ = 0;
   std::vector<Doubt> doubts_;
 };
 

@@ -63,7 +63,8 @@ void OutsideNotes::judge(const OutsideNote& note) {
                        "\", so nothing was compared with it: anybody can write such a note");
     return;
   }
-  if (opened.failure) {
+  const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa;
+  if (opened.failure && !alone) {
     findings_->add("outside-note-invalid", {},
                    note.name + " does not hold, so nothing was compared with it: " + opened.explanation);
     return;
@@ -73,7 +74,19 @@ void OutsideNotes::judge(const OutsideNote& note) {
                    note.name + " is of no entry, and everything begins with none, so it was not compared");
     return;
   }
-  notes_.push_back({note.name, note.text, std::move(*checkpoint)});
+  notes_.push_back({note.name, note.text, std::move(*checkpoint), alone});
+}
+
+void OutsideNotes::add_misfit(const Judged& note, CodeName code, const Place& place,
+                              const std::string& text) {
+  if (note.alone) {
+    findings_->add("outside-note-not-by-both", place,
+                   text +
+                       ". The note lacks the signature by the device's ML-DSA key, so this shows nothing if "
+                       "somebody can forge Ed25519");
+  } else {
+    findings_->add(code, place, text);
+  }
 }
 
 void OutsideNotes::compare_with_each_other() {
@@ -85,11 +98,11 @@ void OutsideNotes::compare_with_each_other() {
       if (one.origin != other.origin || one.root == other.root) {
         continue;
       }
-      contradict_ = true;
-      findings_->add("outside-notes-contradict", {},
-                     notes_[i].name + " and " + notes_[j].name + " are both signed by the device for \"" +
-                         one.origin + "\" with " + counted(one.size, "entry", "entries") +
-                         " and different roots: it signed two histories, whatever is shown now");
+      contradict_ = contradict_ || (!notes_[i].alone && !notes_[j].alone);
+      add_misfit(notes_[i].alone ? notes_[i] : notes_[j], "outside-notes-contradict", {},
+                 notes_[i].name + " and " + notes_[j].name + " are both signed by the device for \"" +
+                     one.origin + "\" with " + counted(one.size, "entry", "entries") +
+                     " and different roots: it signed two histories, whatever is shown now");
     }
   }
 }
@@ -104,7 +117,7 @@ void OutsideNotes::reached(std::uint64_t size, const RootTest& fits, bool tree_k
       each->answer = Answer::kUnknown;
     } else if (fits(each->checkpoint.root)) {
       each->answer = Answer::kHolds;
-      held = size;
+      held = each->alone ? held : size;
     } else {
       each->answer = Answer::kDiffers;
       each->fork_after = held_;
@@ -141,16 +154,16 @@ void OutsideNotes::finish(std::uint64_t size, bool whole_ledger) {
                      note.name + " holds: the first " + counted(stated, "entry", "entries") +
                          " are those that it was signed of");
     } else if (note.answer == Answer::kDiffers) {
-      findings_->add("outside-note-forked", in_ledger(note.fork_after),
-                     "the first " + counted(stated, "entry", "entries") + " are not those that " + note.name +
-                         " was signed of: the device signed another history, which parts from this one at "
-                         "entry " +
-                         std::to_string(note.fork_after) + " or later");
+      add_misfit(note, "outside-note-forked", in_ledger(note.fork_after),
+                 "the first " + counted(stated, "entry", "entries") + " are not those that " + note.name +
+                     " was signed of: the device signed another history, which parts from this one at "
+                     "entry " +
+                     std::to_string(note.fork_after) + " or later");
     } else if (note.answer == Answer::kNotReached && whole_ledger) {
-      findings_->add("outside-note-rolled-back", in_ledger(size),
-                     note.name + " was signed of " + counted(stated, "entry", "entries") + " and there are " +
-                         std::to_string(size) + ": the last " + counted(stated - size, "entry", "entries") +
-                         " were removed, or this is a copy from before");
+      add_misfit(note, "outside-note-rolled-back", in_ledger(size),
+                 note.name + " was signed of " + counted(stated, "entry", "entries") + " and there are " +
+                     std::to_string(size) + ": the last " + counted(stated - size, "entry", "entries") +
+                     " were removed, or this is a copy from before");
     } else {
       findings_->add("outside-note-unchecked", {},
                      note.name + " was signed of " + counted(stated, "entry", "entries") +

@@ -49,11 +49,13 @@ class OutsideNotes {
   struct Judged {
     std::string name, text;
     crypto::Checkpoint checkpoint;
+    bool alone = false;  // by Ed25519, where the device is known to sign by ML-DSA, too: it accuses nobody
     Answer answer = Answer::kNotReached;
     std::uint64_t fork_after = 0;  // where it differs: entries that are still those of an older note
   };
   void judge(const OutsideNote& note);
   void compare_with_each_other();
+  void add_misfit(const Judged& note, CodeName code, const Place& place, const std::string& text);
 
   const VerifyOptions* options_;
   FindingList* findings_;

@@ -151,10 +151,17 @@ struct WitnessReport {
 };
 std::string_view holds_name(WitnessReport::Holds holds);  // "end"
 
+/// By which keys of the device its checkpoints were checked. kNone: one is not signed as it must be, or none
+/// covers anything. kEd25519: of all that is covered by that one
+/// alone, since no ML-DSA key of the device was given, or it had none yet. kBoth: by ML-DSA-65, too.
+enum class SignaturesChecked { kNone, kEd25519, kBoth };
+std::string_view signatures_name(SignaturesChecked signatures);  // "ed25519"
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
   std::string device;  // verifier key of the case
+  SignaturesChecked signatures = SignaturesChecked::kNone;
   TimeProof time = TimeProof::kNone;
   std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;

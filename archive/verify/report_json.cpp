@@ -164,6 +164,7 @@ ordered_json report_json(const VerificationReport& report) {
                       {"time", time_proof_name(report.time)},
                       {"outside_entries", report.outside_entries},
                       {"device", report.device},
+                      {"signatures", signatures_name(report.signatures)},
                       {"opened", or_null(report.opened)},
                       {"closed", or_null(report.closed)},
                       {"entries", report.entries},

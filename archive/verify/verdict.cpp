@@ -24,6 +24,18 @@ Verdict verdict_of_excerpt(Severity worst) {
   return intact ? Verdict::kIntactExcerpt : verdict;
 }
 
+std::string_view signatures_name(SignaturesChecked signatures) {
+  switch (signatures) {
+    case SignaturesChecked::kEd25519:
+      return "ed25519";
+    case SignaturesChecked::kBoth:
+      return "ed25519+ml-dsa-65";
+    case SignaturesChecked::kNone:
+      break;
+  }
+  return "none";
+}
+
 std::string_view verdict_name(Verdict verdict) {
   switch (verdict) {
     case Verdict::kIntact:

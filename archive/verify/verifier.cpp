@@ -78,6 +78,8 @@ class CaseVerification {
     outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
     log_proof_.finish(rules_.opening() ? rules_.opening()->case_id : std::string(), tree_.size(),
                       opening.file.has_value() && !rules_.gave_up());
+    checkpoints_.judge_ml_dsa(rules_.claims(),
+                              std::max(vouched_by_log_, log_proof_.vouched_by_ml_dsa(rules_.device())));
     return report();
   }
 
@@ -123,6 +125,7 @@ class CaseVerification {
     rules_.finish();
     comparison.finish(tree_.size(), rules_.close_entry().has_value(), rules_.tokens().hashes());
     comparison.settle(checkpoints_.covered(), rules_.close_entry());
+    vouched_by_log_ = comparison.vouched_by_ml_dsa();
     rules_.judge_missing(files_.finish());
     judge_names();
     rules_.check_device_file();
@@ -326,6 +329,7 @@ class CaseVerification {
     report.entries = tree_.size();
     report.lines_root = tree_.root();
     report.checkpoints = checkpoints_.count();
+    report.signatures = checkpoints_.signatures_checked();
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
@@ -357,6 +361,7 @@ class CaseVerification {
   OutsideNotes outside_;
   LogProof log_proof_;
   std::optional<WalkedLog> walked_log_;
+  std::uint64_t vouched_by_log_ = 0;  // entries whose root the log states under an ML-DSA signature
   crypto::MerkleFrontier tree_;
 };
 
@@ -553,6 +558,7 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     report.device = log.device;
     report.entries = log.entries;
     report.checkpoints = log.checkpoints;
+    report.signatures = log.signatures;
     report.files = log.checkpoints + 1;
     report.bytes = bytes_in(opened.list());
     report.opened = log.begins;

@@ -49,7 +49,7 @@ struct ApplianceLog::State {
       : files(the_files),
         folder(std::move(the_folder)),
         key(the_key),
-        device(name, the_key.public_key()),
+        device(crypto::verifier_key_of(name, the_key)),
         reserve(the_files, reserve_file(folder.parent_path())),
         boot_id(kernel_boot_id()) {}
 
@@ -60,6 +60,7 @@ struct ApplianceLog::State {
       cases.clear();
       newest_boot_id.clear();
       signing.clear();
+      stated_ml_dsa.reset();
     }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
@@ -68,7 +69,7 @@ struct ApplianceLog::State {
     if (signing.size() > kMostRemembered) {
       signing.pop_front();
     }
-    if (!type.starts_with("boot\"") && !type.starts_with("case-opened\"") &&
+    if (!type.starts_with("boot\"") && !type.starts_with("device-") && !type.starts_with("case-opened\"") &&
         !type.starts_with("case-closed\"")) {
       return;
     }
@@ -78,6 +79,10 @@ struct ApplianceLog::State {
     }
     if (const auto* boot = std::get_if<BootEntry>(&parsed.entry->body)) {
       newest_boot_id = boot->boot_id;
+    } else if (const auto* added = std::get_if<DeviceMlDsaEntry>(&parsed.entry->body)) {
+      stated_ml_dsa = {seq, added->ml_dsa};
+    } else if (std::holds_alternative<DeviceKeyChangedEntry>(parsed.entry->body)) {
+      stated_ml_dsa.reset();
     } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
       cases.try_emplace(opened->case_id, CaseState::kOpened);
     } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
@@ -91,6 +96,9 @@ struct ApplianceLog::State {
       std::vector<LogEntryBody> bodies;
       if (newest_boot_id != boot_id) {
         bodies.emplace_back(BootEntry{boot_id, device.to_string()});
+      }
+      if (device.ml_dsa() && !stated_ml_dsa) {
+        bodies.emplace_back(DeviceMlDsaEntry{device.ml_dsa()->to_string()});
       }
       if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
         bodies.emplace_back(LogRecoveredEntry{torn});
@@ -152,6 +160,12 @@ struct ApplianceLog::State {
   /// is removed. Nor is what the device stands on: a case's opening, another key.
   void settle_locked() {
     ledger->catch_up();
+    if (stated_ml_dsa && (!device.ml_dsa() || device.ml_dsa()->to_string() != stated_ml_dsa->key)) {
+      throw Error("the appliance log in " + folder.string() + " states in its entry " +
+                  std::to_string(stated_ml_dsa->entry) + " that " + device.name() +
+                  " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
+                  "back, and start whatever runs from before it was made anew");
+    }
     const std::uint64_t size = ledger->size();
     if (size == 0 || size <= known_signed || signing.back() != Signing::kFollows) {
       return;
@@ -183,7 +197,7 @@ struct ApplianceLog::State {
   enum class Signing { kFollows, kKept, kNone };
   static Signing signing_of(std::string_view type) {
     if (type.starts_with("boot\"") || type.starts_with("config-changed\"") ||
-        type.starts_with("recovered\"")) {
+        type.starts_with("device-ml-dsa-added\"") || type.starts_with("recovered\"")) {
       return Signing::kNone;
     }
     return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
@@ -199,6 +213,11 @@ struct ApplianceLog::State {
   SpaceReserve reserve;
   std::string boot_id;         // of this machine, as far as known
   std::string newest_boot_id;  // that the log states
+  struct StatedMlDsa {
+    std::uint64_t entry = 0;
+    std::string key;
+  };
+  std::optional<StatedMlDsa> stated_ml_dsa;  // the device's, in the log
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
   std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
@@ -241,6 +260,25 @@ void ApplianceLog::config_changed(const crypto::Sha256Digest& sha256) {
 
 void ApplianceLog::device_key_changed() {
   state_->append_and_checkpoint(DeviceKeyChangedEntry{state_->device.to_string()});
+}
+
+std::uint64_t ApplianceLog::state_ml_dsa_key() {
+  const std::lock_guard guard(state_->mutex);
+  if (!state_->device.ml_dsa()) {
+    throw UsageError("the device " + state_->device.name() + " has no ML-DSA key to state in its log");
+  }
+  const Ledger::Turn turn(*state_->ledger);
+  state_->settle_locked();
+  if (!state_->stated_ml_dsa) {
+    state_->append_locked(std::nullopt);
+  }
+  state_->checkpoint_locked();
+  return state_->stated_ml_dsa.value().entry;
+}
+
+std::optional<std::uint64_t> ApplianceLog::ml_dsa_entry() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->stated_ml_dsa ? std::optional(state_->stated_ml_dsa->entry) : std::nullopt;
 }
 
 void ApplianceLog::plan_sealed(const crypto::Sha256Digest& sha256) {
@@ -368,7 +406,7 @@ bool is_signed_entry(const fs::path& folder, const crypto::VerifierKey& device, 
     return false;
   }
   const crypto::OpenedNote opened = crypto::open_note(*note, {device});
-  return !opened.failure &&
+  return crypto::is_signed_for_log(opened, device, size) &&
          crypto::Checkpoint::parse(opened.text) == crypto::Checkpoint{log_origin(device.name()), size, root};
 }
 

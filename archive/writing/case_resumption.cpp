@@ -45,16 +45,18 @@ const OpenEntry& CaseWriter::State::check_opening(const CaseEntry& entry, const 
   return *open;
 }
 
-void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root) {
+void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root,
+                                         bool may_be_by_ed25519_alone) {
   const fs::path file = folder / note_path(size);
   const auto note = CaseFolder::open(folder, files).read_if_there(note_path(size), kMaximumNoteBytes);
   if (!note) {
     refuse_damaged(folder, file.string() + " cannot be read");
   }
-  const crypto::OpenedNote opened =
-      crypto::open_note(*note, {crypto::VerifierKey(device_name, key->public_key())});
+  const crypto::OpenedNote opened = crypto::open_note(*note, {crypto::verifier_key_of(device_name, *key)});
+  const bool is_signed =
+      !opened.failure || (opened.failure == crypto::NoteFailure::kLacksMlDsa && may_be_by_ed25519_alone);
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
-  if (opened.failure || !checkpoint || checkpoint->origin != case_origin(device_name, case_id) ||
+  if (!is_signed || !checkpoint || checkpoint->origin != case_origin(device_name, case_id) ||
       checkpoint->size != size || checkpoint->root != root) {
     refuse_damaged(folder,
                    "its newest checkpoint, " + file.filename().string() + ", does not fit its ledger");
@@ -90,7 +92,11 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   state->folder = folder;
   state->case_id = folder.filename().string();
   refuse_linked_folders(files, folder);
-  const crypto::VerifierKey verifier(device_name, key.public_key());
+  // Of a case from before the device had an ML-DSA key, by the log, no checkpoint needs to be signed by it.
+  const std::optional<std::uint64_t> since = log == nullptr ? std::nullopt : log->ml_dsa_entry();
+  crypto::VerifierKey verifier = crypto::verifier_key_of(device_name, key);
+  if (since && verifier.ml_dsa()) verifier = verifier.with_ml_dsa(*verifier.ml_dsa(), *since);
+  bool from_before = !since;
   const std::string device = verifier.to_string();
   const std::uint64_t newest = newest_note(folder, files);
   // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
@@ -105,7 +111,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   std::optional<crypto::Sha256Digest> root;  // that the newest note must state
   const auto take_first = [&](std::string_view line) {
     if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
-      static_cast<void>(state->check_opening(*first.entry, device));
+      const OpenEntry& open = state->check_opening(*first.entry, device);
+      from_before = !since || open.appliance_log_size <= *since;
     }
     if (known) {
       known->take(line);
@@ -124,7 +131,7 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
                                std::to_string(tree.size()));
   }
   if (newest > 0) {
-    state->take_newest_note(newest, *root);
+    state->take_newest_note(newest, *root, from_before);
   }
   state->opening_vouched = newest > 0 || !known || known->opening_signed();
   tree = crypto::MerkleFrontier();

@@ -76,7 +76,7 @@ struct CaseWriter::State {
   void account_for(const CaseEntryBody& body);
   /// Of a ledger that is there already; throw kiroku::Error where it is not this device's, or damaged.
   [[nodiscard]] const OpenEntry& check_opening(const CaseEntry& entry, const std::string& device) const;
-  void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root);
+  void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root, bool may_be_by_ed25519_alone);
 
   FileSystem& files;
   const crypto::SigningKey* key;

@@ -222,6 +222,7 @@ class Entries:
 
     def __init__(self, folder, whole_case, wanted=lambda segment: True):
         self.folder, self.whole_case, self.wanted, self.report = folder, whole_case, wanted, folder.report
+        self.claims = 0   # lines up to the last one that is about no token
         self.opening = self.device = self.close = self.close_entry = None
         self.stepped_ns = 0
         self.streams, self.named, self.authorities, self.checked = {}, set(), set(), []
@@ -256,6 +257,8 @@ class Entries:
         if entry["mono_ns"] < self.last_mono:
             self.report("clock-went-back", f"line {number}")
         self.last_mono = max(self.last_mono, entry["mono_ns"])
+        if kind not in ("token", "token-missed"):
+            self.claims = number + 1
         if self.last_utc is not None and entry["utc"] < self.last_utc and not self.step_stated and kind != "clock":
             self.report("utc-went-back", f"line {number}")
         self.last_utc, self.step_stated = entry["utc"], False
@@ -277,6 +280,8 @@ class Entries:
         try:
             self.device = note.parse_key(entry["device"])
             self.folder.judge_device(self.device)
+            since = self.folder.known_device(self.device).since
+            self.folder.alone_until = 1 << 62 if since and entry["appliance_log"]["size"] <= since else 0
         except note.Malformed as e:
             self.report("device-invalid", str(e))
         if "subject" in entry:
@@ -616,6 +621,13 @@ class AgainstLog:
         else:
             self.report(code, text)
 
+    def vouched_by_ml_dsa(self, ledger):
+        """The most lines whose root the case's own device states in its log under an ML-DSA signature."""
+        if not self.known or self.known.device != self.entries.opening["device"]:
+            return 0
+        signed = [r for r in self.known.roots if r.entry < self.log.folder.covered_by_ml_dsa and ledger.first < r.size <= len(ledger)]
+        return max((r.size for r in signed if (ledger.root(r.size) or b"").hex() == r.root), default=0)
+
     def settle(self, first_line, ledger, covered, whole):
         if not self.log or not self.entries.opening:
             return
@@ -698,7 +710,8 @@ def verify_case(path, trust):
     entries.check_device_file()
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
-    folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger)
+    vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger, entries.device)
+    folder.judge_ml_dsa(entries.device, entries.claims, max(vouched, comparison.vouched_by_ml_dsa(ledger)))
     return Judgement(folder.findings)
 
 
@@ -865,7 +878,9 @@ def verify_excerpt(path, trust):
             _judge_reach(folder, entries, document, selected, lines)
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, lines, False)
-    folder.judge_proof(entries.opening["case"] if entries.opening else None, lines, size)
+    vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, lines, entries.device, size)
+    by_log = lines.comparison.vouched_by_ml_dsa(lines) if lines is not None and lines.comparison else 0
+    folder.judge_ml_dsa(entries.device, size, max(vouched, by_log))
     entries.check_files(lambda file: file + ".header" in present)
 
     def judge(file):
@@ -946,7 +961,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
     entries.finish(lines_begin if first > 1 else None)
     if comparison:
         comparison.settle(open_line, lines, folder.covered, False)
-    lines.begin_ns = lines_begin or 0
+    lines.begin_ns, lines.comparison = lines_begin or 0, comparison
     return lines
 
 

@@ -24,7 +24,7 @@ def parse_key(text):
     if len(parts) != 3:
         raise note.Malformed("no witness's key")
     data = note.from_base64(parts[2])
-    if (data[:1], len(data)) not in ((bytes([ED25519]), 33), (bytes([ML_DSA_44]), 1 + ml_dsa.KEY_BYTES)):
+    if (data[:1], len(data)) not in ((bytes([ED25519]), 33), (bytes([ML_DSA_44]), 1 + ml_dsa.ML_DSA_44.key_bytes)):
         raise note.Malformed("no key of a known algorithm")
     identifier = hashlib.sha256(parts[0].encode() + b"\n" + data).digest()[:4]
     if identifier.hex() != parts[1]:
@@ -49,7 +49,7 @@ def check(checkpoint, key):
                 return 0
             message = b"".join((b"subtree/v1\n\x00", bytes([len(cosigner)]), cosigner, struct.pack(">Q", time), bytes([len(origin)]), origin,
                                 struct.pack(">QQ", 0, checkpoint.size), checkpoint.root))
-            holds = ml_dsa.verify(public, message, signature)
+            holds = ml_dsa.verify(ml_dsa.ML_DSA_44, public, message, signature)
         return time if holds else 0
     return None
 

@@ -66,7 +66,7 @@ class Exchange(unittest.TestCase):
         for option, texts in (("--device", given.devices), ("--trust", given.roots), ("--own-authority", given.own)):
             for i, text in enumerate(texts):
                 path = folder / f"given{option}{i}"
-                path.write_text(f"{text}\n" if option == "--device" else text)
+                path.write_text((text.identity or f"{text}\n") if option == "--device" else text)
                 options += [option, path]
         options += ["--log", given.log] if given.log else []
         for path in given.against:
@@ -220,7 +220,7 @@ class Exchange(unittest.TestCase):
         return case, {"vitals": vitals, "events": [event.decode()], "pointing": pointing}
 
     def test_the_other_verifier_reads_our_case(self):
-        self.assertEqual(self.ask("kiroku", "init", "--demo", home="home").returncode, 0)
+        self.assertEqual(self.ask("kiroku", "init", "--demo", "--ml-dsa", home="home").returncode, 0)
         home = self.scratch / "home"
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -256,7 +256,7 @@ socket = "{self.scratch}/s"
         self.assertEqual(daemon.returncode, 0)
         archive, folder = home / "archive", self.scratch / "judged"
         folder.mkdir()
-        given = forgeries.Given(archive / case, [note.parse_key((home / "device.pub").read_text().strip())], [], [(home / "own-authority.pem").read_text()], archive / "log")
+        given = forgeries.Given(archive / case, [note.parse_device((home / "device.identity").read_text())], [], [(home / "own-authority.pem").read_text()], archive / "log")
         # Notes, and gaps of a machine that is too busy, are of this machine: of its clock, of its load.
         verdict, noted = self.of_ours(given, folder)
         self.assertIn(verdict, ("intact", "intact-with-gaps"))

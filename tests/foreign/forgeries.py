@@ -1860,3 +1860,212 @@ def excerpt_with_too_much(world):
         files["segments/endoscope/00000003.ts.age"] = b"x"
         files["subject.json.age"] = b"x"
     return excerpt(world, change=change)
+
+
+# -- a device that signs by Ed25519 and ML-DSA-65
+
+
+def both(world, since=0):
+    """The world of a device that has an ML-DSA key, since its log had so many entries."""
+    return dataclasses.replace(world, device=dataclasses.replace(world.device, ml_dsa_seed=bytes([9] * 32), since=since))
+
+
+def by_both(world, given):
+    """Judged by whoever knows the ML-DSA key."""
+    return dataclasses.replace(given, devices=[world.device.identity])
+
+
+def alone(world):
+    """The same device before, or in the hand of whoever can forge Ed25519."""
+    return dataclasses.replace(world, device=dataclasses.replace(world.device, ml_dsa_seed=None))
+
+
+def without_ml_dsa(data):
+    return b"".join(line for line in data.splitlines(True) if b"/ml-dsa-65 " not in line)
+
+
+@reaches()
+def signed_by_both(world):
+    world = both(world)
+    return by_both(world, world.given(world.sound().write(world.folder).folder))
+
+
+@reaches()
+def signed_by_both_beside_its_log(world):
+    world = both(world)
+    return by_both(world, with_log(world))
+
+
+@reaches("checkpoint-ml-dsa-unchecked")
+def signed_by_both_to_one_who_knows_one_key(world):
+    written = both(world).sound().write(world.folder)
+    return world.given(written.folder, devices=[alone(world).device.key])
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def an_ml_dsa_signature_taken_away(world):
+    world = both(world)
+    case = world.sound()
+    case.of(Checkpoint)[1].change = without_ml_dsa
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def a_case_by_ed25519_alone(world):
+    written = alone(world).sound().write(world.folder)
+    return by_both(both(world), world.given(written.folder))
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def a_case_of_later_by_ed25519_alone(world):
+    written = alone(world).sound(log_state=(8, "0" * 64)).write(world.folder)
+    return by_both(both(world, 7), world.given(written.folder))
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def a_case_that_falls_back_to_ed25519(world):
+    world = both(world, 7)
+    case = world.sound()
+    for step in case.of(Checkpoint)[2:]:
+        step.signer = alone(world).device
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-signature-invalid")
+def an_ml_dsa_signature_of_another_text(world):
+    world = both(world)
+    case = world.sound()
+
+    def change(data):
+        other = world.device.line(b"another text\n").splitlines(True)[1]
+        return without_ml_dsa(data) + other
+    case.of(Checkpoint)[1].change = change
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-signature-invalid")
+def an_ml_dsa_signature_by_another_key(world):
+    world = both(world)
+    case = world.sound()
+    case.of(Checkpoint)[1].signer = dataclasses.replace(world.device, ml_dsa_seed=bytes([8] * 32))
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-not-by-both")
+def a_case_from_before_the_ml_dsa_key(world):
+    written = alone(world).sound(log_state=(5, "0" * 64)).write(world.folder)
+    return by_both(both(world, 7), world.given(written.folder))
+
+
+def upgraded(world, change=lambda log, written: None, signer=None):
+    """A case from before the device had its ML-DSA key, and the log that states that key behind it."""
+    new = both(world, 4)
+
+    def add(log, written):
+        log.signed("device-ml-dsa-added", 90 * SECOND, ml_dsa=new.device.key.ml_dsa_text)
+        log.of(Checkpoint)[-1].signer = signer or new.device
+        change(log, written)
+    return by_both(new, with_log(alone(world), add))
+
+
+@reaches()
+def a_case_from_before_by_the_log_that_goes_on(world):
+    return upgraded(world)
+
+
+@reaches()
+def the_log_that_goes_on(world):
+    given = upgraded(world)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("log-checkpoint-differs")
+def a_case_from_before_that_is_not_the_logs(world):
+    def change(log, written):
+        log.find("case-closed").fields["root"] = "0" * 64
+    return upgraded(world, change)
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def the_log_that_goes_on_by_ed25519_alone(world):
+    given = upgraded(world, signer=alone(world).device)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("checkpoint-not-by-both")
+def the_log_cut_back_to_before_the_ml_dsa_key(world):
+    given = the_log(alone(world))
+    return by_both(both(world, 4), given)
+
+
+@reaches("device-ml-dsa-differs")
+def a_log_that_states_another_ml_dsa_key(world):
+    other = dataclasses.replace(both(world).device, ml_dsa_seed=bytes([8] * 32))
+
+    def change(log, written):
+        log.find("device-ml-dsa-added").fields["ml_dsa"] = other.key.ml_dsa_text
+    given = upgraded(world, change)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("device-invalid")
+def a_log_that_states_no_ml_dsa_key(world):
+    def change(log, written):
+        log.find("device-ml-dsa-added").fields["ml_dsa"] = "or3"
+    given = upgraded(world, change)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("outside-note-not-by-both")
+def a_forged_note_of_more_entries(world):
+    world = both(world)
+    written = world.sound().write(world.folder)
+    forged = alone(world).device.checkpoint(written.case.origin, len(written.lines) + 5, bytes(32))
+    return by_both(world, world.given(written.folder, against=kept(world, forged)))
+
+
+@reaches("outside-note-not-by-both")
+def a_forged_note_of_other_entries(world):
+    world = both(world)
+    written = world.sound().write(world.folder)
+    forged = alone(world).device.checkpoint(written.case.origin, max(written.notes), bytes(32))
+    return by_both(world, world.given(written.folder, against=kept(world, forged)))
+
+
+@reaches("outside-note-holds")
+def a_kept_note_without_its_ml_dsa_signature(world):
+    world = both(world)
+    written = world.sound().write(world.folder)
+    return by_both(world, world.given(written.folder, against=kept(world, without_ml_dsa(written.notes[max(written.notes)]))))
+
+
+@reaches("log-proof-holds")
+def a_proof_by_both(world):
+    world = both(world)
+    return by_both(world, by_proof(world, with_log(world)))
+
+
+@reaches("log-proof-not-used")
+def a_proof_without_its_ml_dsa_signature(world):
+    world = both(world)
+
+    def change(parts):
+        parts["signed"] = without_ml_dsa(parts["signed"])
+    return by_both(world, by_proof(world, with_log(world), change))
+
+
+@reaches("log-proof-holds")
+def a_case_from_before_by_a_proof(world):
+    new = both(world, 4)
+    return by_both(new, by_proof(new, upgraded(world)))
+
+
+@reaches("checkpoint-not-by-both")
+def an_excerpt_from_before_the_ml_dsa_key(world):
+    return by_both(both(world, 7), excerpt(alone(world)))
+
+
+@reaches()
+def an_excerpt_signed_by_both(world):
+    world = both(world)
+    return by_both(world, excerpt(world))

@@ -1,4 +1,4 @@
-"""C2SP signed notes and tlog-checkpoints with Ed25519; `openssl` signs and verifies."""
+"""C2SP signed notes and tlog-checkpoints with Ed25519, which `openssl` signs and verifies, and ML-DSA-65 beside it."""
 import base64
 import binascii
 import dataclasses
@@ -8,9 +8,12 @@ import re
 import subprocess
 import tempfile
 
+import ml_dsa
+
 _PUBLIC = bytes.fromhex("302a300506032b6570032100")           # SubjectPublicKeyInfo of Ed25519 before the 32 bytes
 _PRIVATE = bytes.fromhex("302e020100300506032b657004220420")  # PKCS #8 of Ed25519 before the 32 bytes
 MOST_BYTES, MOST_SIGNATURES = 131072, 100
+ML_DSA_TYPE = b"\xffkiroku/ml-dsa-65"
 
 
 class Malformed(ValueError):
@@ -32,10 +35,32 @@ class Key:
     """A verifier key: `name+hash+base64(0x01 || public key)`."""
     name: str
     public: bytes
+    ml_dsa: bytes | None = dataclasses.field(default=None, compare=False)    # the ML-DSA-65 key that signs beside
+    since: int = dataclasses.field(default=0, compare=False)                 # entries that the log had before it did
+    identity: str | None = dataclasses.field(default=None, compare=False)    # the file that says so
 
     @property
     def id(self):
         return hashlib.sha256(self.name.encode() + b"\n\x01" + self.public).digest()[:4]
+
+    @property
+    def ml_dsa_name(self):
+        return f"{self.name}/ml-dsa-65"
+
+    @property
+    def ml_dsa_id(self):
+        return hashlib.sha256(self.ml_dsa_name.encode() + b"\n" + ML_DSA_TYPE + self.ml_dsa).digest()[:4]
+
+    @property
+    def ml_dsa_text(self):
+        return f"{self.ml_dsa_name}+{self.ml_dsa_id.hex()}+{base64.b64encode(ML_DSA_TYPE + self.ml_dsa).decode()}"
+
+    def by_ml_dsa(self, checkpoint):
+        """Whether the ML-DSA key signed it: None where there is no such line, False where it does not hold."""
+        theirs = [s for s in checkpoint.signatures if s[0] == self.ml_dsa_name]
+        if not theirs:
+            return None
+        return all(key == self.ml_dsa_id and ml_dsa.verify(ml_dsa.ML_DSA_65, self.ml_dsa, checkpoint.text, signature) for _, key, signature in theirs)
 
     def __str__(self):
         return f"{self.name}+{self.id.hex()}+{base64.b64encode(bytes([1]) + self.public).decode()}"
@@ -54,6 +79,35 @@ def parse_key(text):
     return key
 
 
+def parse_ml_dsa_key(text):
+    """The device's name and the public key."""
+    name, key_id, data = (text.split("+", 2) + ["", ""])[:3]
+    data, device = from_base64(data), name.removesuffix("/ml-dsa-65")
+    if device == name or not device or len(data) != len(ML_DSA_TYPE) + ml_dsa.ML_DSA_65.key_bytes or not data.startswith(ML_DSA_TYPE):
+        raise Malformed("no ML-DSA-65 key of a device")
+    key = Key(device, b"", data[len(ML_DSA_TYPE):])
+    if key_id != key.ml_dsa_id.hex():
+        raise Malformed("the key's hash is another")
+    return key.name, key.ml_dsa
+
+
+def parse_device(text):
+    """The key in a device's file: a verifier key, or an identity of two keys that both sign it."""
+    if not text.startswith("kiroku/"):
+        return parse_key(text.strip())
+    signed, signatures = _parts(text)
+    lines = signed.split("\n")
+    if len(lines) != 5 or not re.fullmatch("0|[1-9][0-9]*", lines[3]):
+        raise Malformed("no identity of four lines")
+    key, (name, public) = parse_key(lines[1]), parse_ml_dsa_key(lines[2])
+    key = dataclasses.replace(key, ml_dsa=public, since=int(lines[3]), identity=text)
+    note = Checkpoint(lines[0], 0, b"", signed.encode(), signatures)
+    ours = [s for s in signatures if s[:2] == (key.name, key.id)]
+    if name != key.name or lines[0] != f"kiroku/{name}/identity" or not ours or not holds(key.public, note.text, ours[0][2]) or not key.by_ml_dsa(note):
+        raise Malformed("not signed by both keys of one device")
+    return key
+
+
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
     origin: str
@@ -63,13 +117,8 @@ class Checkpoint:
     signatures: tuple   # (name, key's hash, signature)
 
 
-def parse_checkpoint(data):
-    if len(data) > MOST_BYTES:
-        raise Malformed("larger than 131,072 bytes")
-    try:
-        note = data.decode("utf-8")
-    except UnicodeDecodeError as e:
-        raise Malformed("no UTF-8") from e
+def _parts(note):
+    """The text of a signed note, and its signatures."""
     if re.search(r"[\x00-\x09\x0b-\x1f]", note) or "\n\n" not in note or not note.endswith("\n"):
         raise Malformed("no signed note")
     text, signatures = note[:note.rindex("\n\n") + 1], []
@@ -83,13 +132,24 @@ def parse_checkpoint(data):
         signatures.append((found[1], blob[:4], blob[4:]))
     if len(signatures) > MOST_SIGNATURES or len({s[:2] for s in signatures}) != len(signatures):
         raise Malformed("more than 100 signatures, or two of one key")
+    return text, tuple(signatures)
+
+
+def parse_checkpoint(data):
+    if len(data) > MOST_BYTES:
+        raise Malformed("larger than 131,072 bytes")
+    try:
+        note = data.decode("utf-8")
+    except UnicodeDecodeError as e:
+        raise Malformed("no UTF-8") from e
+    text, signatures = _parts(note)
     lines = text.split("\n")
     if len(lines) != 4 or not lines[0] or not re.fullmatch("0|[1-9][0-9]{0,18}", lines[1]):
         raise Malformed("no checkpoint of three lines")
     root = from_base64(lines[2])
     if len(root) != 32:
         raise Malformed("the root has not 32 bytes")
-    return Checkpoint(lines[0], int(lines[1]), root, text.encode(), tuple(signatures))
+    return Checkpoint(lines[0], int(lines[1]), root, text.encode(), signatures)
 
 
 @functools.lru_cache(maxsize=None)
@@ -104,16 +164,32 @@ def holds(public, text, signature):
     return done.returncode == 0
 
 
+@functools.lru_cache(maxsize=None)
+def _private(seed):
+    return ml_dsa.PrivateKey(ml_dsa.ML_DSA_65, seed)
+
+
 @dataclasses.dataclass(frozen=True)
 class Signer:
-    """A device: its name and the 32 bytes of its Ed25519 private key."""
+    """A device: its name, the 32 bytes of its Ed25519 private key, and the seed of its ML-DSA-65 key if it has one."""
     name: str
     seed: bytes
+    ml_dsa_seed: bytes | None = None
+    since: int = 0
 
     @functools.cached_property
     def key(self):
         done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_PRIVATE + self.seed, capture_output=True, check=True)
-        return Key(self.name, done.stdout[-32:])
+        key = Key(self.name, done.stdout[-32:])
+        if self.ml_dsa_seed is None:
+            return key
+        return dataclasses.replace(key, ml_dsa=_private(self.ml_dsa_seed).public, since=self.since)
+
+    @property
+    def identity(self):
+        """The key with its file, as a verifier gets it."""
+        text = f"kiroku/{self.name}/identity\n{self.key}\n{self.key.ml_dsa_text}\n{self.since}\n"
+        return dataclasses.replace(self.key, identity=f"{text}\n{self.line(text.encode()).decode()}")
 
     @functools.lru_cache(maxsize=None)  # Ed25519 signs a text in one way
     def sign(self, text):
@@ -125,7 +201,11 @@ class Signer:
                                   capture_output=True, check=True).stdout
 
     def line(self, text):
-        return f"\u2014 {self.name} {base64.b64encode(self.key.id + self.sign(text)).decode()}\n".encode()
+        line = f"\u2014 {self.name} {base64.b64encode(self.key.id + self.sign(text)).decode()}\n"
+        if self.ml_dsa_seed is not None:
+            signature = _private(self.ml_dsa_seed).sign(text)
+            line += f"\u2014 {self.key.ml_dsa_name} {base64.b64encode(self.key.ml_dsa_id + signature).decode()}\n"
+        return line.encode()
 
     def checkpoint(self, origin, size, root):
         """The bytes of a signed checkpoint."""

@@ -187,6 +187,8 @@ class Folder:
         self.note_sizes = sorted(size for size in (size_of_note(f.path) for f in self.listing if f.kind != "folder") if size)
         self.covered = 0        # lines that a checkpoint covers which holds
         self.changed = False
+        self.alone_until = 0    # lines up to which a checkpoint may be by Ed25519 alone, of a device that has an ML-DSA key
+        self.covered_by_ml_dsa = self.ml_dsa_unchecked = 0
         self.notes = {}         # size: bytes
 
     def report(self, code, text):
@@ -232,9 +234,23 @@ class Folder:
         elif device not in self.trust.devices:
             self.report("device-not-trusted", str(device))
 
+    def known_device(self, device):
+        """The device with the ML-DSA key that it is known to have."""
+        return next((known for known in self.trust.devices if known == device and known.ml_dsa), device)
+
+    def judge_ml_dsa(self, device, claims, vouched):
+        """What of the first `claims` lines was signed, or checked, by Ed25519 alone. The first `vouched` are known otherwise to be the device's."""
+        if device is None or self.covered == 0:
+            return
+        if self.known_device(device).ml_dsa is None:
+            if self.ml_dsa_unchecked:
+                self.report("checkpoint-ml-dsa-unchecked", f"{self.ml_dsa_unchecked} checkpoints")
+        elif max(self.covered_by_ml_dsa, vouched) < min(claims, self.covered):
+            self.report("checkpoint-not-by-both", f"of {claims} lines")
+
     def judge_note(self, size, root, device, origin, is_known=True):
         """A checkpoint against the root of the lines (None: there are too few), where that is known. True where it covers them."""
-        name = f"checkpoints/{size:08d}.note"
+        name, by_ml_dsa = f"checkpoints/{size:08d}.note", None
         data = self.read(name, LARGEST_NOTE)
         if data is None:
             return False
@@ -252,7 +268,19 @@ class Folder:
             if not note.holds(device.public, checkpoint.text, ours[0][2]):
                 self.report("checkpoint-signature-invalid", name)
                 return False
-            if len(ours) < len(checkpoint.signatures):
+            known, others = self.known_device(device), [s for s in checkpoint.signatures if s[0] not in (device.name, device.ml_dsa_name)]
+            if known.ml_dsa is None:
+                self.ml_dsa_unchecked += len(ours) + len(others) < len(checkpoint.signatures)
+            else:
+                by_ml_dsa = known.by_ml_dsa(checkpoint)
+                if by_ml_dsa is False:
+                    self.report("checkpoint-signature-invalid", name)
+                    return False
+                if by_ml_dsa is None and size > self.alone_until:
+                    self.report("checkpoint-ml-dsa-missing", name)
+                    return False
+                self.alone_until = 0 if by_ml_dsa else self.alone_until
+            if others:
                 self.report("checkpoint-cosigned", name)
         if checkpoint.size != size:
             self.report("checkpoint-size-differs", name)
@@ -273,6 +301,7 @@ class Folder:
             return False
         if not foreign:
             self.covered = size
+            self.covered_by_ml_dsa = size if by_ml_dsa else self.covered_by_ml_dsa
         return not foreign
 
     def judge_names(self, judge):
@@ -310,52 +339,73 @@ class Folder:
             if checkpoint.size == 0:
                 self.report("outside-note-unchecked", name)
                 continue
-            seen.append((name, checkpoint))
-        for i, (name, one) in enumerate(seen):
-            if any((o.origin, o.size) == (one.origin, one.size) and o.root != one.root for _, o in seen[:i]):
-                self.report("outside-notes-contradict", name)
-        for name, checkpoint in seen:
+            both = [k.by_ml_dsa(checkpoint) for k, _ in signed if k.ml_dsa]
+            if False in both:
+                self.report("outside-note-invalid", name)
+                continue
+            seen.append((name, checkpoint, None in both))
+        for i, (name, one, alone) in enumerate(seen):
+            against = [others_alone for _, o, others_alone in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root]
+            if against:
+                self.report("outside-note-not-by-both" if alone or all(against) else "outside-notes-contradict", name)
+        for name, checkpoint, alone in seen:
+            def accuse(code, name=name, alone=alone):
+                self.report("outside-note-not-by-both" if alone else code, name)
             known = ledger is not None and (ledger.first == 0 or ledger.first < checkpoint.size) and checkpoint.size <= min(len(ledger), ledger.known)
             if not origins:
                 self.report("outside-note-unchecked", name)
             elif checkpoint.origin not in origins:
                 self.report("outside-note-of-other-origin", name)
             elif known:
-                self.report("outside-note-holds" if ledger.root(checkpoint.size) == checkpoint.root else "outside-note-forked", name)
+                if ledger.root(checkpoint.size) == checkpoint.root:
+                    self.report("outside-note-holds", name)
+                else:
+                    accuse("outside-note-forked")
+            elif whole and checkpoint.size > len(ledger):
+                accuse("outside-note-rolled-back")
             else:
-                self.report("outside-note-rolled-back" if whole and checkpoint.size > len(ledger) else "outside-note-unchecked", name)
+                self.report("outside-note-unchecked", name)
 
-    def judge_proof(self, case_id, ledger, part=None):
-        """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead."""
+    def judge_proof(self, case_id, ledger, device=None, part=None):
+        """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead.
+
+        How many lines it proves under an ML-DSA signature of `device`.
+        """
         if self.trust.proof is None:
-            return
+            return 0
         try:
             line, consistency, index, path, checkpoint = tlog_proof.parse(self.trust.proof.read_bytes())
             entry = parse_entry(line, "appliance-log", 1)
         except (note.Malformed, strict_json.Malformed, schema.Unfit) as e:
-            return self.report("log-proof-not-used", str(e))
+            return self._answer("log-proof-not-used", str(e))
         keys = [k for k in self.trust.devices if checkpoint.origin == f"kiroku/{k.name}/log"]
         signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
-        if not signed or not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
-            return self.report("log-proof-not-used", "not signed by a trusted device for its own log")
+        if not signed or not all(note.holds(k.public, checkpoint.text, s[2]) and (not k.ml_dsa or k.by_ml_dsa(checkpoint)) for k, s in signed):
+            return self._answer("log-proof-not-used", "not signed by a trusted device for its own log")
         if merkle.root_by_inclusion(merkle.leaf(line), index, checkpoint.size, path) != checkpoint.root:
-            return self.report("log-proof-not-used", "the audit path does not lead to the root")
+            return self._answer("log-proof-not-used", "the audit path does not lead to the root")
         if entry["type"] != "case-closed" or entry["seq"] != index or entry["case"] != case_id:
-            return self.report("log-proof-not-used", "no end of this case")
+            return self._answer("log-proof-not-used", "no end of this case")
         size, root = entry["size"], bytes.fromhex(entry["root"])
+        by_ml_dsa = any(k.ml_dsa and k == device for k, _ in signed)
         if part is None:
             known = 0 if ledger is None else min(len(ledger), ledger.known)
             if 0 < size <= known:
-                return self.report("log-proof-holds" if ledger.root(size) == root else "log-proof-differs", "the root of the case's end")
+                holds = ledger.root(size) == root
+                return self._answer("log-proof-holds" if holds else "log-proof-differs", "the root of the case's end", size if holds and by_ml_dsa else 0)
             whole = ledger is not None and ledger.readable and size > len(ledger)
-            return self.report("log-proof-differs" if whole else "log-proof-not-used", "the case's end is not here")
+            return self._answer("log-proof-differs" if whole else "log-proof-not-used", "the case's end is not here")
         shown = ledger.root(part) if ledger is not None and len(ledger) == part else None
         if shown is None:
-            return self.report("log-proof-not-used", "the excerpt shows no root")
+            return self._answer("log-proof-not-used", "the excerpt shows no root")
         if part == size and shown != root:
-            return self.report("log-proof-differs", "the excerpt is of another case")
+            return self._answer("log-proof-differs", "the excerpt is of another case")
         leads = merkle.consistent(part, shown, size, root, consistency) if part <= size else merkle.consistent(size, root, part, shown, consistency)
-        return self.report("log-proof-holds" if leads else "log-proof-not-used", "from the excerpt to the case's end")
+        return self._answer("log-proof-holds" if leads else "log-proof-not-used", "from the excerpt to the case's end", min(part, size) if leads and by_ml_dsa else 0)
+
+    def _answer(self, code, text, vouched=0):
+        self.report(code, text)
+        return vouched
 
 
 def outside_notes(trust, of_logs):

@@ -25,7 +25,7 @@ def main():
     asked.add_argument("--proof", type=pathlib.Path)
     asked.add_argument("--as-log", action="store_true")
     asked = asked.parse_args()
-    trust = Trust(tuple(note.parse_key(path.read_text().strip()) for path in asked.device), "".join(path.read_text() for path in asked.trust),
+    trust = Trust(tuple(note.parse_device(path.read_text()) for path in asked.device), "".join(path.read_text() for path in asked.trust),
                   "".join(path.read_text() for path in asked.own_authority), asked.log, tuple(asked.against), asked.proof)
     judgement = (log_verifier.verify_log if asked.as_log else case_verifier.verify_case)(asked.folder, trust)
     print(json.dumps({"verdict": judgement.verdict, "codes": sorted(judgement.codes), "findings": judgement.findings}))

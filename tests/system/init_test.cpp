@@ -1,5 +1,6 @@
 #include <sys/stat.h>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -46,6 +47,62 @@ TEST_F(Init, RefusesAHomeThatIsThereAndLeavesItAsItIs) {
   const std::string before = read_text(home() / "device.pub");
   EXPECT_REFUSED(kiroku({"init", "--demo"}), "is a home already");
   EXPECT_EQ(read_text(home() / "device.pub"), before);
+}
+
+TEST_F(Init, AHomeThatIsThereGetsAnMlDsaKeyAndItsOldCasesStandByItsLog) {
+  make_demo_home();
+  const std::string old_case = record().string();
+  EXPECT_EQ(kiroku_json({"verify", "--json", old_case})["signatures"], "ed25519");
+  std::filesystem::copy(home() / "device.pub", path("before.pub"));
+
+  ASSERT_TRUE(kiroku_json({"init", "--add-ml-dsa", "--json"})["added"].get<bool>());
+  EXPECT_FALSE(kiroku_json({"init", "--add-ml-dsa", "--json"})["added"].get<bool>()) << "what is there stays";
+  EXPECT_EQ(mode_of(home() / "device-ml-dsa.key"), 0600U);
+  EXPECT_EQ(kiroku_json({"verify", "--json", old_case})["signatures"], "ed25519+ml-dsa-65")
+      << "by the log, which goes on";
+
+  const std::string identity = (home() / "device.identity").string();
+  const auto verify = [&](const std::string& device, const std::filesystem::path& folder,
+                          bool as_log = false) {
+    Process::Options run;
+    run.command = {built_file("kiroku-verify"),
+                   "--json",
+                   "--device",
+                   device,
+                   "--own-authority",
+                   (home() / "own-authority.pem").string(),
+                   folder.string()};
+    if (as_log) run.command.emplace_back("--as-log");
+    return run_process(run);
+  };
+  EXPECT_EQ(verify(path("before.pub"), old_case).status, 0) << "an old identity judges as it did";
+  const ProcessResult unbound = verify(identity, old_case);
+  EXPECT_EQ(unbound.status, 3);
+  EXPECT_THAT(unbound.out, HasSubstr("checkpoint-not-by-both"));
+
+  const std::filesystem::path made = record();
+  EXPECT_EQ(verify(identity, made).status, 0);
+  const ProcessResult by_one = verify(path("before.pub"), made);
+  EXPECT_EQ(by_one.status, 0);
+  EXPECT_THAT(by_one.out, HasSubstr("checkpoint-ml-dsa-unchecked"));
+  EXPECT_EQ(verify(identity, home() / "archive/log", true).status, 0);
+  EXPECT_EQ(kiroku({"report", made.string(), "--receipt", "-o", path("receipt.pdf")}).status, 0)
+      << "the QR code holds the Ed25519 signature alone";
+
+  // A home that was put back without the key records nothing that counts as forged.
+  std::filesystem::rename(home() / "device-ml-dsa.key", path("kept.key"));
+  const ProcessResult refused =
+      kiroku({"record", "--endoscope", "synthetic:endoscope?size=64x48&rate=10", "--duration", "1s"});
+  EXPECT_NE(refused.status, 0);
+  EXPECT_THAT(refused.err, HasSubstr("device-ml-dsa.key"));
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("device-ml-dsa.key"));
+}
+
+TEST_F(Init, ANewHomeMaySignWithBothFromTheBeginning) {
+  ASSERT_EQ(kiroku({"init", "--demo", "--ml-dsa", "--device-name", "or-3"}).status, 0);
+  EXPECT_THAT(read_text(home() / "device.identity"), HasSubstr("\n0\n"));
+  EXPECT_EQ(kiroku_json({"verify", "--json", record().string()})["signatures"], "ed25519+ml-dsa-65");
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
 }
 
 TEST_F(Init, RefusesAFolderWithSomethingInIt) {

@@ -20,8 +20,8 @@ HomeWitnesses::HomeWitnesses(const std::filesystem::path& folder, const crypto::
     // What else lies there says nothing of this log, and nothing against a case.
     const crypto::OpenedNote opened = crypto::open_note(*note, {device});
     const auto checkpoint = crypto::Checkpoint::parse(opened.text);
-    if (!opened.failure && checkpoint && checkpoint->origin == archive::log_origin(device.name()) &&
-        checkpoint->size > 0) {
+    if (checkpoint && checkpoint->size > 0 && checkpoint->origin == archive::log_origin(device.name()) &&
+        crypto::is_signed_for_log(opened, device, checkpoint->size)) {
       note_ = {"witnessed/log.note", std::move(*note)};
     }
   } catch (const Error& error) {

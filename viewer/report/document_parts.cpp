@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "base/utc_time.h"
+#include "crypto/note_format.h"
+#include "crypto/signed_note.h"
 #include "viewer/report/figures_in_words.h"
 #include "viewer/report/texts.h"
 
@@ -208,10 +210,27 @@ void add_fact(Table& table, std::string name, std::string value, Face face) {
       {{std::move(name), Tone::kPlain, Face::kStrong}, {std::move(value), Tone::kPlain, face}});
 }
 
+std::string signature_words(const ReportInput& input) {
+  switch (input.verification.signatures) {
+    case archive::SignaturesChecked::kBoth:
+      return say(input.language, "device.signatures.both");
+    case archive::SignaturesChecked::kEd25519:
+      return say(input.language, "device.signatures.ed25519");
+    case archive::SignaturesChecked::kNone:
+      break;
+  }
+  return say(input.language, "device.signatures.none");
+}
+
+std::string ml_dsa_line_of(const std::string& device) {
+  return std::string(crypto::kSignaturePrefix) +
+         crypto::MlDsaVerifierKey::name_of(device.substr(0, device.find('+'))) + ' ';
+}
+
 std::string device_trust_words(const ReportInput& input) {
   if (input.given.devices.empty()) return say(input.language, "device.trusted.none");
   const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
-    return check_of(finding.code) == Check::kDevice;
+    return finding.code == "device-not-trusted" || finding.code == "no-trusted-device";
   });
   return doubted || input.verification.device.empty() ? say(input.language, "device.trusted.no")
                                                       : say(input.language, "device.trusted.yes");

@@ -66,6 +66,16 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "チェックポイントの文書が署名付きチェックポイントの形式でない。"},
     {"checkpoint-unknown-key", Check::kLedger, "チェックポイントの署名が、症例の装置によるものでない。"},
     {"checkpoint-signature-invalid", Check::kLedger, "チェックポイントの装置の署名が成立しない。"},
+    {"checkpoint-ml-dsa-missing", Check::kLedger,
+     "与えられた識別情報では装置は ML-DSA でも署名するが、それ以降のチェックポイントにその署名がない。"},
+    {"device-ml-dsa-differs", Check::kLog,
+     "ログに記載された装置の ML-DSA 鍵が、与えられた識別情報と異なる。"},
+    {"checkpoint-not-by-both", Check::kDevice,
+     "装置は ML-DSA でも署名するが、ここにあるものを覆うその署名がない。以前のものか、Ed25519 "
+     "を偽造できる者によるものかは分からない。"},
+    {"checkpoint-ml-dsa-unchecked", Check::kDevice,
+     "チェックポイントに装置の ML-DSA 鍵の名による署名があるが、その鍵が与えられていない。検証は Ed25519 "
+     "のみ。"},
     {"checkpoint-of-other-origin", Check::kLedger, "チェックポイントが別の症例またはログのものである。"},
     {"checkpoint-size-differs", Check::kLedger, "チェックポイントの項目数がファイル名と異なる。"},
     {"checkpoint-missing", Check::kLedger, "タイムスタンプの対象であるチェックポイントが存在しない。"},
@@ -217,6 +227,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "外部に保管された二つの控えが、同じ項目数で異なる根を持つ。装置は二通りの経過に署名した。"},
     {"outside-note-invalid", Check::kLedger,
      "与えられた控えが署名付きチェックポイントでないか、署名が成立しない。照合されていない。"},
+    {"outside-note-not-by-both", Check::kLedger,
+     "与えられたチェックポイントは合わないが、装置の ML-DSA 鍵の署名がない。Ed25519 "
+     "を偽造できる者なら作ることができる。"},
     {"outside-note-untrusted", Check::kLedger,
      "与えられた控えが、信頼する装置の署名でない。照合されていない。"},
     {"outside-note-of-other-origin", Check::kLedger,

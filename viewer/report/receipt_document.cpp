@@ -59,13 +59,20 @@ Document make_receipt(const ReportInput& input) {
   }
   add_fact(table, words("device.key"), plain_text(input.verification.device), Face::kMono);
   add_fact(table, words("device.trusted"), device_trust_words(input));
+  add_fact(table, words("device.signatures"), signature_words(input));
   add(std::move(table));
 
-  add(Picture{qr_figure(note.text, kCodeSide, words("qr.description")),
-              words("receipt.qr.caption", {note.file})});
+  // An ML-DSA signature alone has more bytes than a QR code holds. It comes behind the other one.
+  const std::size_t ml_dsa = note.text.find(ml_dsa_line_of(input.verification.device));
+  const std::string code = note.text.substr(0, ml_dsa);
+  const bool whole = code.size() == note.text.size();
+  add(Picture{
+      qr_figure(code, kCodeSide, words("qr.description")),
+      words(whole ? TextKey("receipt.qr.caption") : TextKey("receipt.qr.caption.ed25519"), {note.file})});
   add(Heading{2, words("receipt.check")});
   add(Paragraph{words("receipt.check.scan")});
-  add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp - " + note.file}});
+  const std::string bytes = whole ? "" : "-n " + std::to_string(code.size()) + " ";
+  add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp " + bytes + "- " + note.file}});
   add(Paragraph{words("receipt.check.verify")});
   add(Listing{
       {"kiroku verify " + document.identifier + " --device " + shell_word(input.verification.device)}});

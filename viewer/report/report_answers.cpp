@@ -200,8 +200,9 @@ void ReportMaker::add_chain() {
   chain.links.push_back(link("chain.ledger", answer(Check::kLedger), words("chain.ledger.text", {entries()}),
                              words("chain.ledger.bond")));
   CheckAnswer signatures = answer(Check::kDevice);
-  const bool unsound = std::ranges::any_of(
-      found_.findings, [](const Finding& finding) { return finding.code.starts_with("checkpoint-"); });
+  const bool unsound = std::ranges::any_of(found_.findings, [](const Finding& finding) {
+    return finding.severity == archive::Severity::kTampered && finding.code.starts_with("checkpoint-");
+  });
   if (unsound) signatures.answer = Answer::kNo;
   chain.links.push_back(
       link("chain.checkpoints", signatures,

@@ -17,6 +17,7 @@ void ReportMaker::add_device() {
       add_fact(table, words("device.id"), plain_text(found_.device.substr(id + 1, 8)), Face::kMono);
   }
   add_fact(table, words("device.trusted"), device_trust_words(in_));
+  add_fact(table, words("device.signatures"), signature_words(in_));
   add(std::move(table));
   small(words("device.lead"));
 }

@@ -555,6 +555,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"device.key", "Verifier key", "検証鍵"},
     {"device.id", "Key identifier", "鍵識別子"},
     {"device.trusted", "Trusted", "信頼"},
+    {"device.signatures", "Signatures checked", "検証した署名"},
+    {"device.signatures.both", "Ed25519 and ML-DSA-65", "Ed25519 と ML-DSA-65"},
+    {"device.signatures.ed25519", "Ed25519 alone", "Ed25519 のみ"},
+    {"device.signatures.none", "none", "なし"},
     {"device.trusted.yes", "yes: among the keys that were given for this check",
      "あり（検査に与えられた鍵に含まれる）"},
     {"device.trusted.no", "no: not among the keys that were given for this check",
@@ -700,6 +704,14 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "the device.",
      "QRコードには、症例フォルダー内の最後のチェックポイント（{0}"
      "）がそのまま入っています。症例番号・項目数・根に装置が署名したものです。"},
+    {"receipt.qr.caption.ed25519",
+     "The QR code holds the beginning of the last checkpoint of the case as it lies in the folder ({0}): "
+     "case, "
+     "size and root, signed by the device with Ed25519. The ML-DSA signature behind it is too long for a QR "
+     "code.",
+     "QRコードには、症例フォルダー内の最後のチェックポイント（{0}"
+     "）の先頭部分が入っています。症例番号・項目数・根と装置の Ed25519 署名です。続く ML-DSA "
+     "署名はQRコードに収まりません。"},
     {"receipt.check",
      "To check the recording against this page later:", "後日、記録をこの控えと照合するには："},
     {"receipt.check.scan",

@@ -37,6 +37,8 @@ std::vector<Example> examples() {
       {ShutdownEntry{}, head_of("shutdown") + "}"},
       {ConfigChangedEntry{some_digest()}, head_of("config-changed") + ",\"sha256\":\"" + hex + "\"}"},
       {DeviceKeyChangedEntry{"dev+2+k"}, head_of("device-key-changed") + R"(,"device":"dev+2+k"})"},
+      {DeviceMlDsaEntry{"dev/ml-dsa-65+2+k"},
+       head_of("device-ml-dsa-added") + R"(,"ml_dsa":"dev/ml-dsa-65+2+k"})"},
       {PlanSealedEntry{some_digest()}, head_of("plan-sealed") + ",\"sha256\":\"" + hex + "\"}"},
       {CaseOpenedEntry{id, some_digest()},
        head_of("case-opened") + with_case + ",\"sha256\":\"" + hex + "\"}"},

@@ -10,6 +10,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
+#include "base/error.h"
 #include "crypto/merkle_tree.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/temporary_folder.h"
@@ -118,6 +119,43 @@ TEST_F(ApplianceLogTest, SignsACheckpointAfterEachEntryThatMatters) {
   EXPECT_EQ(note(1), std::nullopt) << "the next one covers the boot";
   EXPECT_EQ(note(2), (crypto::Checkpoint{"kiroku/theatre-1/log", 2, root_of_first(2)}));
   EXPECT_EQ(note(3), (crypto::Checkpoint{"kiroku/theatre-1/log", 3, root_of_first(3)}));
+}
+
+TEST_F(ApplianceLogTest, StatesTheMlDsaKeyBeforeAnythingIsSignedWithIt) {
+  open()->shutdown();
+  const crypto::Secret seed = crypto::Secret::random(crypto::kMlDsaSeedSize);
+  const auto both = [&] {
+    return crypto::SigningKey::from_pem(key_.to_pem(nullptr).text(), nullptr)
+        .with_ml_dsa({crypto::MlDsaSet::k65, seed.bytes()});
+  };
+  const crypto::SigningKey key = both();
+  const crypto::VerifierKey device = crypto::VerifierKey("theatre-1", key.public_key())
+                                         .with_ml_dsa(*crypto::verifier_key_of("theatre-1", key).ml_dsa(), 2);
+  {
+    const auto log = ApplianceLog::open(files_, folder_ / "log", key, "theatre-1");
+    EXPECT_EQ(log->ml_dsa_entry(), std::nullopt);
+    EXPECT_EQ(log->state_ml_dsa_key(), 2U);
+    EXPECT_EQ(log->state_ml_dsa_key(), 2U) << "stated once";
+    log->access("*", "what", "who");
+  }
+  EXPECT_THAT(types(), ElementsAre("boot", "shutdown", "device-ml-dsa-added", "access"));
+  EXPECT_EQ(ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->ml_dsa_entry(), 2U);
+  for (const std::uint64_t seq : {1U, 2U, 3U})
+    EXPECT_TRUE(is_signed_entry(folder_ / "log", device, seq, root_of_first(seq + 1))) << seq;
+  EXPECT_FALSE(
+      is_signed_entry(folder_ / "log", crypto::verifier_key_of("theatre-1", key), 1, root_of_first(2)))
+      << "to whoever knows that it signed with both since the beginning, that entry has no signature";
+}
+
+TEST_F(ApplianceLogTest, AKeyWithoutTheStatedHalfSignsNothing) {
+  const auto before = open();  // a program from before the home got its second key
+  before->shutdown();
+  const crypto::SigningKey key = crypto::SigningKey::from_pem(key_.to_pem(nullptr).text(), nullptr)
+                                     .with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
+  ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->state_ml_dsa_key();
+  EXPECT_THAT([&] { before->shutdown(); }, testing::ThrowsMessage<Error>(HasSubstr("device-ml-dsa.key")));
+  EXPECT_THAT([&] { open(); }, testing::ThrowsMessage<Error>(HasSubstr("states in its entry 2")));
+  EXPECT_THAT(types(), ElementsAre("boot", "shutdown", "device-ml-dsa-added"));
 }
 
 TEST_F(ApplianceLogTest, ChecksTheCaseIdentifier) {

@@ -17,6 +17,7 @@ export const kLogTypes = [
   'shutdown',
   'config-changed',
   'device-key-changed',
+  'device-ml-dsa-added',
   'pre-roll-discarded',
   'recovered',
 ] as const;
