@@ -194,6 +194,12 @@ def verdict(told):
 def truth(attack):
     status, told, _ = attack.fetched()
     require(status == 0 and verdict(told) == "intact" and not told["remarks"], f"an honest store's case: {told}")
+    # One stream of it is exported without a look at what signed the ledger, and says so.
+    film = str(attack.folder / "out" / "vitals.csv")
+    for words in ((), ("--json", "--force")):
+        said = attack.appliance.kiroku("export", str(attack.folder / "out" / attack.case), "--stream", "vitals", "-i",
+                                       str(attack.appliance.home / "identity.txt"), "-o", film, *words)
+        require(json.loads(said)["verified"] is False if words else "was not verified" in said, f"an export: {said}")
 
 
 def another_case(attack):
