@@ -188,6 +188,12 @@ bool WitnessPolicy::is_met(const std::vector<bool>& has_cosigned) const {
   return met[*quorum_];
 }
 
+bool WitnessPolicy::has_witness_with(const Ed25519PublicKey& key) const {
+  return std::ranges::any_of(witnesses_, [&](const Witness& each) {
+    return each.key.algorithm() == CosignatureAlgorithm::kEd25519 && std::ranges::equal(each.key.key(), key);
+  });
+}
+
 WitnessedNote judge_witnesses(const WitnessPolicy& policy, std::string_view note, std::uint64_t now_s,
                               CountedCosignatures counted) {
   WitnessedNote judged;

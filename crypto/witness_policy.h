@@ -38,6 +38,8 @@ class WitnessPolicy {
   [[nodiscard]] bool asks_for_none() const { return !quorum_; }
   /// Whether the quorum is met; `has_cosigned` for each of witnesses().
   [[nodiscard]] bool is_met(const std::vector<bool>& has_cosigned) const;
+  /// Whether one of the witnesses signs with this key: whoever signs a log does not witness it.
+  [[nodiscard]] bool has_witness_with(const Ed25519PublicKey& key) const;
 
  private:
   class Parser;

@@ -5,7 +5,8 @@
 #include <charconv>
 #include <fcntl.h>
 #include <map>
-#include <span>
+#include <optional>
+#include <set>
 #include <unistd.h>
 
 #include "archive/format/case_layout.h"
@@ -22,7 +23,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kLargestObject = 5ULL << 30;
+/// So many other versions of one file are fetched to find the one that the ledger names.
+constexpr std::size_t kMostTried = 100;
+constexpr std::size_t kMostRemarks = 1'000;
 constexpr std::string_view kGrowing = "growing/";
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
@@ -37,6 +40,18 @@ bool is_name_below(std::string_view path) {
     begin = end + 1;
   }
   return true;
+}
+
+/// Whether files of cases lie so deep there: what lies elsewhere could keep a file of the case from its
+/// place.
+bool is_place_of_file(std::string_view path) {
+  const std::size_t end = path.find('/');
+  const std::string_view first = path.substr(0, end);
+  const auto deep = std::ranges::count(path, '/');
+  if (first == archive::kSegmentsFolder) return deep == 2;
+  const bool is_folder = first == archive::kCheckpointsFolder || first == archive::kTokensFolder ||
+                         first == archive::kAuthoritiesFolder;
+  return deep == (is_folder ? 1 : 0);
 }
 
 void make_folders(const fs::path& folder) {
@@ -79,8 +94,12 @@ class NewFile {
 /// One case on its way into a folder.
 class Fetching {
  public:
-  Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder)
-      : store_(store), prefix_(std::move(prefix)), case_id_(std::move(case_id)), folder_(std::move(folder)) {}
+  Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder, WhichVersions which)
+      : store_(store),
+        prefix_(std::move(prefix)),
+        case_id_(std::move(case_id)),
+        folder_(std::move(folder)),
+        which_(which) {}
 
   /// Its ledger alone; whether there is one.
   bool run_ledger() {
@@ -89,7 +108,7 @@ class Fetching {
     list_parts();
     make_folders(folder_);
     if (versions_.contains(ledger)) {
-      take(ledger, versions_.at(ledger).front());
+      take_ledger(versions_.at(ledger));
     } else if (!parts_.empty()) {
       join_parts();
     } else {
@@ -106,10 +125,18 @@ class Fetching {
       throw UsageError("the store has nothing of case " + case_id_ + " below '" + prefix_ +
                        "': 'kiroku fetch --list' names the cases that it has");
     }
+    require_room();
     make_folders(folder_);
-    for (const auto& [path, versions] : versions_) take(path, versions.front());
+    for (const auto& [path, versions] : versions_) {
+      if (path == archive::kLedgerFile) {
+        take_ledger(versions);
+      } else {
+        take(path, of_first_choice(versions));
+      }
+    }
     if (!versions_.contains(std::string(archive::kLedgerFile))) join_parts();
     if (case_id_ != kLog) take_what_the_ledger_names();
+    tell_of_choices();
     return std::move(result_);
   }
 
@@ -119,21 +146,77 @@ class Fetching {
     const std::string of_case = prefix_ + case_id_ + "/";
     store_.for_each_version(of_case + beginning, [&](const ListedVersion& each) {
       const std::string path = each.key.substr(of_case.size());
-      if (!is_name_below(path)) {
+      count();
+      if (!is_name_below(path) || !is_place_of_file(path)) {
+        if (result_.remarks.size() >= kMostRemarks) return;
         result_.remarks.push_back("'" + printable(each.key) +
                                   "' was left out: nothing of Kiroku gives such a name");
         return;
       }
       std::vector<ListedVersion>& versions = versions_[path];
-      versions.insert(each.newest ? versions.begin() : versions.end(), each);
+      const bool is_first = each.newest && !versions.empty() && !versions.front().newest;
+      versions.insert(is_first ? versions.begin() : versions.end(), each);
     });
   }
 
   void list_parts() {
     const std::string of_parts = prefix_ + std::string(kGrowing) + case_id_ + "/";
     store_.for_each_version(of_parts, [&](const ListedVersion& each) {
-      if (each.newest) parts_[each.key.substr(of_parts.size())] = each;
+      count();
+      ListedVersion& part = parts_[each.key.substr(of_parts.size())];
+      // From the newest to the oldest.
+      if (part.key.empty() || which_ == WhichVersions::kOldest) part = each;
     });
+  }
+
+  void count() {
+    if (++listed_ <= kMostVersions) return;
+    throw Error("the store lists more than " + std::to_string(kMostVersions) + " objects of '" + case_id_ +
+                "', which no recording has: nothing was fetched");
+  }
+
+  /// The store tells how much it will send, and is taken at its word.
+  void require_room() {
+    std::uint64_t needed = 0;
+    const auto add = [&](std::uint64_t bytes) { needed += std::min(bytes, UINT64_MAX - needed); };
+    for (const auto& each : versions_) add(of_first_choice(each.second).bytes);
+    for (const auto& each : parts_) add(each.second.bytes);
+    std::error_code unknown;
+    const fs::space_info space = fs::space(folder_.parent_path(), unknown);
+    if (unknown || needed <= space.available) return;
+    throw UsageError("the store lists " + std::to_string(needed) + " bytes of '" + case_id_ + "', and " +
+                     folder_.parent_path().string() + " has room for " + std::to_string(space.available) +
+                     ": give another folder");
+  }
+
+  [[nodiscard]] const ListedVersion& of_first_choice(const std::vector<ListedVersion>& versions) const {
+    return which_ == WhichVersions::kOldest ? versions.back() : versions.front();
+  }
+
+  /// Of a ledger nothing tells which version is the recorded one, but that it must be of this case.
+  void take_ledger(const std::vector<ListedVersion>& versions) {
+    const std::string ledger(archive::kLedgerFile);
+    take(ledger, of_first_choice(versions));
+    if (versions.size() > 1 && case_id_ != kLog && !is_of_this_case()) {
+      std::size_t tried = 0;
+      for (const ListedVersion& each : versions) {
+        if (tried++ == kMostTried) break;
+        take(ledger, each);
+        if (!is_of_this_case()) continue;
+        ledger_chosen_ = true;
+        result_.remarks.push_back("of " + ledger + " another version was taken: the " + words_of_choice() +
+                                  " is no ledger of this case");
+        return;
+      }
+      take(ledger, of_first_choice(versions));
+    }
+  }
+  [[nodiscard]] bool is_of_this_case() const {
+    try {
+      return archive::CaseReader::open(folder_).opening().case_id == case_id_;
+    } catch (const Error&) {
+      return false;
+    }
   }
 
   void take(const std::string& path, const ListedVersion& version) {
@@ -146,11 +229,12 @@ class Fetching {
   std::string download(const ListedVersion& version, NewFile& file) {
     const std::uint64_t before = file.size();
     const StoredObject told =
-        store_.get(version.key, version.version, kLargestObject, [&](ByteView bytes) { file.write(bytes); });
+        store_.get(version.key, version.version, version.bytes, [&](ByteView bytes) { file.write(bytes); });
     const std::uint64_t bytes = file.size() - before;
-    if (bytes != told.bytes) {
+    if (bytes != told.bytes || bytes != version.bytes) {
       throw Error("of " + version.key + " the store sent " + std::to_string(bytes) +
-                  " bytes where it told of " + std::to_string(told.bytes) + ": try again");
+                  " bytes where it told of " +
+                  std::to_string(bytes != told.bytes ? told.bytes : version.bytes) + ": try again");
     }
     std::string hash = before == 0 ? file.finish() : "";
     if (before == 0 && !told.sha256.empty() && told.sha256 != hash) {
@@ -182,27 +266,40 @@ class Fetching {
   /// Whoever has the appliance's keys can put other versions; what the ledger names lies among the older
   /// ones.
   void take_what_the_ledger_names() {
-    const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256) {
+    std::set<std::string> wanted;  // lines may name one file as often as their writer likes
+    const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
+                          std::optional<std::uint64_t> bytes) {
       const std::string hash = crypto::to_hex(sha256);
       const auto versions = versions_.find(path);
-      if (versions == versions_.end() || hashes_[path] == hash) return;
-      for (const ListedVersion& each : std::span(versions->second).subspan(1)) {
+      if (versions == versions_.end() || hashes_[path] == hash || !wanted.insert(path).second) return;
+      const ListedVersion& first = of_first_choice(versions->second);
+      std::size_t tried = 0;
+      for (const ListedVersion& each : versions->second) {
+        if (&each == &first || (bytes && each.bytes != *bytes)) continue;
+        if (tried++ == kMostTried) {
+          result_.remarks.push_back(
+              "of " + path + " " + std::to_string(kMostTried) +
+              " other versions are not what the ledger names, and the rest was not tried");
+          break;
+        }
         take(path, each);
         if (hashes_[path] != hash) continue;
-        result_.remarks.push_back("of " + path +
-                                  " an older version was taken: the newest is not what the ledger names");
+        result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
+                                  " is not what the ledger names");
         return;
       }
-      if (versions->second.size() > 1) take(path, versions->second.front());
+      if (versions->second.size() > 1) take(path, first);
     };
     try {
       const archive::CaseReader reader = archive::CaseReader::open(folder_);
-      if (reader.opening().subject) want(reader.opening().subject->file, reader.opening().subject->sha256);
+      if (reader.opening().subject)
+        want(reader.opening().subject->file, reader.opening().subject->sha256,
+             reader.opening().subject->bytes);
       reader.for_each([&](const archive::CaseEntry& entry) {
         if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
-          want(segment->file.file, segment->file.sha256);
+          want(segment->file.file, segment->file.sha256, segment->file.bytes);
         } else if (const auto* token = std::get_if<archive::TokenEntry>(&entry.body)) {
-          want(token->file, token->sha256);
+          want(token->file, token->sha256, std::nullopt);
         }
       });
     } catch (const StoreError&) {
@@ -215,9 +312,35 @@ class Fetching {
     }
   }
 
+  [[nodiscard]] std::string words_of_choice() const {
+    return which_ == WhichVersions::kOldest ? "oldest" : "newest";
+  }
+
+  /// No ledger names itself, nor the notes that sign it: whether the version that was taken is the recorded
+  /// one, verification alone tells.
+  void tell_of_choices() {
+    std::size_t several = 0;
+    std::string one;
+    for (const auto& [path, versions] : versions_) {
+      if (path.starts_with(archive::kSegmentsFolder) || path.starts_with(archive::kTokensFolder) ||
+          versions.size() == 1 || (ledger_chosen_ && path == archive::kLedgerFile))
+        continue;
+      if (++several == 1) one = path;
+    }
+    if (several == 0) return;
+    result_.remarks.push_back(
+        "the store holds several versions of " + one +
+        (several > 1 ? " and of " + std::to_string(several - 1) + " others that no ledger names" : "") +
+        ", and the " + words_of_choice() + " was taken: where that does not hold, try the " +
+        (which_ == WhichVersions::kOldest ? "newest, without --oldest" : "oldest with --oldest"));
+  }
+
   ObjectStore& store_;
   const std::string prefix_, case_id_;
   const fs::path folder_;
+  const WhichVersions which_;
+  std::uint64_t listed_ = 0;
+  bool ledger_chosen_ = false;  // by the case that it names, and not as the first choice
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
   std::map<std::string, ListedVersion> parts_;  // by their names, which sort as their bytes do
   std::map<std::string, std::string> hashes_;   // of what was taken last, hexadecimal
@@ -225,7 +348,7 @@ class Fetching {
 };
 
 FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::string& name,
-                  const fs::path& into) {
+                  const fs::path& into, WhichVersions which) {
   const fs::path folder = into / name, part = into / (".fetching-" + name);
   if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
     throw UsageError(folder.string() + " is there already: give another folder with -o");
@@ -233,7 +356,7 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   std::error_code failed;
   fs::remove_all(part, failed);
   if (failed) throw IoError("remove", part, failed.value());
-  FetchedCase result = Fetching(store, appliance + "/", name, part).run();
+  FetchedCase result = Fetching(store, appliance + "/", name, part, which).run();
   fs::rename(part, folder, failed);
   if (failed) throw IoError("rename", part, failed.value());
   result.folder = folder;
@@ -254,19 +377,19 @@ std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& a
 
 bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                   const fs::path& folder) {
-  return Fetching(store, appliance + "/", case_id, folder).run_ledger();
+  return Fetching(store, appliance + "/", case_id, folder, WhichVersions::kNewest).run_ledger();
 }
 
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
-                       const fs::path& into) {
+                       const fs::path& into, WhichVersions which) {
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  return fetch(store, appliance, case_id, into);
+  return fetch(store, appliance, case_id, into, which);
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {
-  return fetch(store, appliance, std::string(kLog), into);
+  return fetch(store, appliance, std::string(kLog), into, WhichVersions::kNewest);
 }
 
 }  // namespace kiroku::fleet

@@ -18,18 +18,22 @@ std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& a
 struct FetchedCase {
   std::filesystem::path folder;
   std::uint64_t objects = 0, bytes = 0;
-  /// The store has the ledger only as far as it had grown: the case was not closed when the last of it came.
+  /// The store has, or gives, the ledger only as far as it had grown.
   bool growing = false;
   /// What was left out or taken otherwise than as the newest version, a sentence each.
   std::vector<std::string> remarks;
 };
-/// Makes `into`/<case>, which must not be there. Of each object the newest version is taken; of a file that
-/// the ledger names with a hash, where the newest has another, the one that has it. What is there is no
-/// verdict: verify it. Throws StoreError, kiroku::UsageError where the store has nothing of the case or the
-/// folder is there, kiroku::IoError; nothing is left behind then but a folder ".fetching-<case>", which the
-/// next try removes.
+/// Which version is taken of an object that has several. Whoever has the appliance's keys can put newer ones
+/// under each key, and nobody can put an older one.
+enum class WhichVersions { kNewest, kOldest };
+/// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
+/// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
+/// one of this case. What is there is no verdict: verify it. Throws StoreError, kiroku::Error where the
+/// store's answers contradict each other or are more than any case has, kiroku::UsageError where the store
+/// has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but a folder
+/// ".fetching-<case>", which the next try removes.
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
-                       const std::filesystem::path& into);
+                       const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest);
 
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);

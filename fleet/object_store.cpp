@@ -17,6 +17,8 @@ constexpr std::size_t kLargestAnswer = 1U << 20;
 constexpr long kOk = 200;
 constexpr long kBadRequest = 400, kForbidden = 403, kNotFound = 404, kTooLarge = 413, kTooManyRequests = 429,
                kServerError = 500;
+/// More folders below one name than any store of recordings has.
+constexpr std::size_t kMostFolders = 1'000'000;
 constexpr const char* kMetadata = "x-amz-meta-kiroku-sha256";
 
 struct EasyDeleter {
@@ -134,6 +136,14 @@ std::string percent_encoded(std::string_view text) {
 
 std::string of_version(const std::string& version) {
   return version.empty() ? "" : "versionId=" + percent_encoded(version);
+}
+
+/// What another version is says nothing of the one that was asked for. Some stores name none.
+void require_version(const std::string& key, const std::string& asked, const StoredObject& told) {
+  if (asked.empty() || told.version.empty() || told.version == asked) return;
+  throw Error("the store was asked for version " + printable(asked) + " of " + key +
+              ", and tells of version " + printable(told.version) +
+              ": nothing it says of versions can be relied on");
 }
 
 /// "2036-11-23T15:00:00Z": stores take no fractions.
@@ -354,7 +364,9 @@ std::optional<StoredObject> ObjectStore::look(const std::string& key, const std:
   const Answer answer = state_->ask({.method = "HEAD", .key = key, .query = of_version(version)});
   if (answer.status == kNotFound) return {};
   if (answer.status != 200) throw state_->refusal(answer, "look at " + key);
-  return object_of(key, answer.headers);
+  StoredObject object = object_of(key, answer.headers);
+  require_version(key, version, object);
+  return object;
 }
 
 void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
@@ -371,7 +383,9 @@ void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
     const Answer answer = state_->ask({.method = "GET", .query = query, .most = kLargestPage});
     if (answer.status != 200) throw state_->refusal(answer, "list what begins with " + prefix);
     const VersionPage page = version_page_of(answer.body);
-    if (page.more && std::tie(page.next_key, page.next_version) == std::tie(next_key, next_version))
+    // Keys are listed in their order, so a list that goes back would never end.
+    if (page.more && (page.next_key < next_key ||
+                      std::tie(page.next_key, page.next_version) == std::tie(next_key, next_version)))
       throw Error("the store's list of versions goes on with what it told before");
     visit(page);
     more = page.more;
@@ -397,6 +411,10 @@ std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
     for (const std::string& each : page.folders) {
       if (each.size() > prefix.size() + 1 && each.starts_with(prefix) && each.ends_with('/'))
         found.insert(each.substr(prefix.size(), each.size() - prefix.size() - 1));
+    }
+    if (found.size() > kMostFolders) {
+      throw Error("the store lists more than " + std::to_string(kMostFolders) + " names below '" + prefix +
+                  "': it makes them up, or something else's objects lie there");
     }
   });
   return {found.begin(), found.end()};
@@ -433,7 +451,9 @@ StoredObject ObjectStore::get(const std::string& key, const std::string& version
   const Answer answer =
       state_->ask({.method = "GET", .key = key, .query = of_version(version), .most = most, .take = &take});
   if (answer.status != kOk) throw state_->refusal(answer, "get " + key);
-  return object_of(key, answer.headers);
+  StoredObject object = object_of(key, answer.headers);
+  require_version(key, version, object);
+  return object;
 }
 
 bool ObjectStore::remove(const std::string& key, const std::string& version) {

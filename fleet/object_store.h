@@ -122,6 +122,9 @@ class ObjectStore {
   std::unique_ptr<State> state_;
 };
 
+/// More objects than a case of days has, in all their versions.
+inline constexpr std::size_t kMostVersions = 1'000'000;
+
 /// Whether stores of every make take the key as it is.
 bool is_plain_key(std::string_view key);
 

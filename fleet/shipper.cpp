@@ -283,7 +283,13 @@ struct Shipper::Pass {
     for (const std::string& begin :
          {prefix() + case_id + "/", prefix() + "growing/" + case_id + "/", evidence}) {
       std::vector<ListedVersion> versions;
-      shipper.store_.for_each_version(begin, [&](const ListedVersion& each) { versions.push_back(each); });
+      shipper.store_.for_each_version(begin, [&](const ListedVersion& each) {
+        if (versions.size() == kMostVersions) {
+          throw Error("the store lists more than " + std::to_string(kMostVersions) + " objects below " +
+                      begin + ", which no case has: its legal hold was not " + (standing ? "set" : "lifted"));
+        }
+        versions.push_back(each);
+      });
       for (const ListedVersion& each : versions) {
         if (ended()) return;
         if (!is_plain_key(each.key)) {

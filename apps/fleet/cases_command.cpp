@@ -146,7 +146,7 @@ int cases(const Request& request) {
     return kDone;
   }
   print_table(found);
-  if (next) std::cout << "There may be more: --after " << *next << "\n";
+  if (next) std::cout << "There may be more: --after " << printable(*next) << "\n";
   return kDone;
 }
 

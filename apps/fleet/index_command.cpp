@@ -54,8 +54,8 @@ int run(const Request& request) {
                       " any more, though the catalogue knows it: no lock that holds lets that happen");
     }
     if (!request.json)
-      std::cout << appliance << ": " << counted(report.cases, "case", "cases") << ", " << report.read
-                << " new or changed\n";
+      std::cout << printable(appliance) << ": " << counted(report.cases, "case", "cases") << ", "
+                << report.read << " new or changed\n";
   }
   if (request.json) print_json({{"appliances", told}});
   if (told.empty() && !request.json) std::cout << "The store has no case of any appliance.\n";

@@ -12,6 +12,7 @@
 #include "apps/fleet/scratch_folder.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/verify/judging.h"
+#include "archive/format/case_layout.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/number_text.h"
@@ -140,6 +141,11 @@ class Worker {
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
+    // Whoever may write the catalogue's rows names no folder here.
+    if (!archive::is_short_name(lease.appliance) || !archive::is_case_id(lease.case_id)) {
+      throw UsageError("the catalogue has '" + printable(lease.case_id) + "' of '" +
+                       printable(lease.appliance) + "', which names no case: nothing was looked at");
+    }
     const fs::path key = configuration_.devices / (lease.appliance + ".pub");
     std::error_code ignored;
     if (!fs::exists(key, ignored)) {
@@ -174,7 +180,7 @@ class Worker {
                        {"findings", found.findings},
                        {"detail", found.detail}});
     } else {
-      std::cout << lease.appliance << "  " << lease.case_id << "  " << found.verdict
+      std::cout << printable(lease.appliance) << "  " << printable(lease.case_id) << "  " << found.verdict
                 << (found.detail.empty() ? "" : ": " + printable(found.detail)) << std::endl;
     }
   }

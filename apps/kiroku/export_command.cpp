@@ -74,16 +74,20 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
                 {"bytes", result.bytes},
                 {"zero_ns", result.zero_ns},
                 {"start_ns", result.start_ns},
-                {"end_ns", result.end_ns}});
+                {"end_ns", result.end_ns},
+                {"verified", false}});
     return kDone;
   }
-  std::cout << printable(request.output) << ": " << result.frames << (pictures ? " frames" : " lines")
-            << " of " << options.stream << ", from " << format_duration(result.start_ns - begins_ns) << " to "
-            << format_duration(result.end_ns - begins_ns) << " of the case, " << format_bytes(result.bytes)
-            << (result.uncounted == 0 ? ""
-                                      : "; " + std::to_string(result.uncounted) +
-                                            " segment(s) found by recovery are in it and not counted")
-            << "\nIts time 0 is " << archive::case_time_text(result.zero_ns, begins_ns) << " of the case.\n";
+  std::cout
+      << printable(request.output) << ": " << result.frames << (pictures ? " frames" : " lines") << " of "
+      << options.stream << ", from " << format_duration(result.start_ns - begins_ns) << " to "
+      << format_duration(result.end_ns - begins_ns) << " of the case, " << format_bytes(result.bytes)
+      << (result.uncounted == 0 ? ""
+                                : "; " + std::to_string(result.uncounted) +
+                                      " segment(s) found by recovery are in it and not counted")
+      << "\nIts time 0 is " << archive::case_time_text(result.zero_ns, begins_ns) << " of the case.\n"
+      << "Its segments have the hashes that the ledger states; whether the case holds was not verified: "
+         "'kiroku verify' does that.\n";
   if (result.left_out > 0) {
     std::cout
         << result.left_out

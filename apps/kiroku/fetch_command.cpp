@@ -29,7 +29,7 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::optional<std::string> case_name, output, appliance;
-  bool all = false, list = false, json = false;
+  bool all = false, list = false, oldest = false, json = false;
   JudgingRequest judging;
 };
 
@@ -52,7 +52,9 @@ int worse(int a, int b) {
 /// Gets one case, judges it, tells of both.
 int fetch(const Request& request, fleet::ObjectStore& store, const std::string& appliance,
           const std::string& name, const Judge& judge, ordered_json& told) {
-  const fleet::FetchedCase fetched = fleet::fetch_case(store, appliance, name, *request.output);
+  const fleet::FetchedCase fetched =
+      fleet::fetch_case(store, appliance, name, *request.output,
+                        request.oldest ? fleet::WhichVersions::kOldest : fleet::WhichVersions::kNewest);
   const Judged judged = judge.judge(fetched.folder);
   told.push_back({{"case", name},
                   {"folder", fetched.folder.string()},
@@ -66,8 +68,7 @@ int fetch(const Request& request, fleet::ObjectStore& store, const std::string& 
     std::cout << "fetched " << fetched.objects << " objects, " << format_bytes(fetched.bytes) << ", into "
               << printable(fetched.folder.string()) << "\n"
               << (fetched.growing
-                      ? "The case was not closed when the last of it came: it is judged as far as "
-                        "it is in the store.\n"
+                      ? "The store gives no end of this case: it is judged as far as the store gives it.\n"
                       : "")
               << report_text(judged.report, fetched.folder.string(), judged.device_trusted,
                              judged.log ? judged.log->string() : no_log_words());
@@ -87,6 +88,10 @@ int run(const Request& request, const std::optional<std::string>& asked_home, co
   const Judge judge(request.judging, extras);
   const std::vector<std::string> cases =
       request.all ? fleet::cases_in_store(store, appliance) : std::vector{*request.case_name};
+  if (cases.empty()) {
+    throw UsageError("the store tells of no case of " + printable(appliance) + " in bucket '" + of.bucket +
+                     "': nothing was fetched");
+  }
   ordered_json told = ordered_json::array();
   int status = kDone;
   for (const std::string& each : cases) {
@@ -119,6 +124,10 @@ void add_fetch_command(Command& program) {
   const auto extras = std::make_shared<VerifyExtras>(verify_extras(asked_home));
   command.argument("CASE", request->case_name, "identifier of a case in the store");
   command.flag("--all", request->all, "every case that the store has of the appliance, instead");
+  command.flag(
+      "--oldest", request->oldest,
+      "of objects with several versions the oldest, where the ledger does not tell which: newer ones may "
+      "be somebody's who has the appliance's keys");
   command.flag("--list", request->list, "only names the cases that the store has of the appliance");
   command.option("-o,--output", "DIR", request->output, "the folder that gets a folder for each case");
   command.option("--appliance", "NAME", request->appliance, "whose cases", "[store] of kiroku.toml");

@@ -16,6 +16,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/told_to_end.h"
+#include "apps/verify/witness_judgement.h"
 #include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/utc_time.h"
@@ -215,8 +216,8 @@ int ask(const Request& request) {
       std::cout << "  " << printable(outcome.witness) << ": "
                 << (outcome.line.empty() ? printable(outcome.why) : "cosigned") << "\n";
     }
-    std::cout << "The first " << log.checkpoint.size << " entries of the log "
-              << (judged.quorum ? "are witnessed as the policy asks" : "are NOT witnessed as the policy asks")
+    std::cout << "The first " << log.checkpoint.size << " entries of the log are "
+              << witnessed_words(policy.asks_for_none(), judged.quorum)
               << (is_kept ? ": " + printable(file.string()) : std::string())
               << (!is_kept && fs::exists(file) ? "; the note that was kept before stays" : "") << "\n";
   }

@@ -198,8 +198,8 @@ std::string witness_lines(const archive::WitnessReport& witnesses) {
     const bool is_end = witnesses.holds == Holds::kEnd;
     out = line("witnesses", std::string("the log's first ") + counted(witnesses.entries, "entry", "entries") +
                                 (witnesses.entries == 1 ? " is " : " are ") +
-                                (witnesses.witnessed.quorum ? "" : "NOT ") +
-                                "witnessed as the policy asks (" + witnesses.note + ")");
+                                witnessed_words(witnesses.asks_for_none, witnesses.witnessed.quorum) + " (" +
+                                witnesses.note + ")");
     out += line("", is_end ? "the case's end is among them"
                            : "the case's opening is among them, its end is NOT: nobody witnessed that");
     for (const auto& cosigner : witnesses.witnessed.cosigners) out += line("", cosigner_words(cosigner));

@@ -69,6 +69,12 @@ std::string when(std::uint64_t time_s) {
 
 }  // namespace
 
+std::string witnessed_words(bool asks_for_none, bool quorum) {
+  // A quorum of nobody is no witness.
+  if (asks_for_none) return "not asked to be witnessed by the policy";
+  return quorum ? "witnessed as the policy asks" : "NOT witnessed as the policy asks";
+}
+
 std::string cosigner_words(const crypto::WitnessedNote::Cosigner& cosigner) {
   switch (cosigner.check.state) {
     case State::kValid:
@@ -99,6 +105,12 @@ WitnessJudgement judge_log_witnesses(const std::filesystem::path& log_folder,
   if (!is_meant) {
     judgement.witnessed.quorum = false;
     judgement.unused.push_back("the policy names logs, and this device's key is none of them");
+    return judgement;
+  }
+  if (policy.has_witness_with(device.key())) {
+    judgement.witnessed.quorum = false;
+    judgement.unused.push_back(
+        "the policy names the device's own key as a witness: whoever signs a log does not witness it");
     return judgement;
   }
   std::vector<Candidate> candidates;
@@ -148,7 +160,7 @@ std::string WitnessJudgement::text() const {
   } else {
     text = std::string("Witnesses: the first ") + std::to_string(entries) + " of " +
            counted(log_entries, "entry", "entries") + (entries == 1 ? " is " : " are ") +
-           (witnessed.quorum ? "" : "NOT ") + "witnessed as the policy asks (" + printable(note) + ").\n";
+           witnessed_words(asks_for_none, witnessed.quorum) + " (" + printable(note) + ").\n";
     if (first_unwitnessed) {
       const std::uint64_t rest = log_entries - entries;
       text += std::string("  Of the ") + (rest == 1 ? "one" : std::to_string(rest)) +

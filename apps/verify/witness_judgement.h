@@ -31,6 +31,8 @@ struct WitnessJudgement {
   [[nodiscard]] nlohmann::ordered_json json() const;
 };
 
+/// What is said of entries: "witnessed as the policy asks", or that they are not, or need not be.
+std::string witnessed_words(bool asks_for_none, bool quorum);
 /// "w1 cosigned, at 2026-11-26 14:00:03 +0000 by its clock".
 std::string cosigner_words(const crypto::WitnessedNote::Cosigner& cosigner);
 

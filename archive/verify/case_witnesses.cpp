@@ -109,6 +109,13 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
   const crypto::WitnessPolicy& policy = *options.witnesses;
   WitnessReport report;
   report.asks_for_none = policy.asks_for_none();
+  const bool is_own = std::ranges::any_of(
+      options.devices, [&](const auto& device) { return policy.has_witness_with(device.key()); });
+  if (is_own) {
+    report.unused.push_back(
+        "the policy names a device's own key as a witness: whoever signs a log does not witness it");
+    return report;
+  }
   const crypto::CountedCosignatures counted = counted_cosignatures(options);
   std::vector<Candidate> candidates;
   if (const auto& proved = proof.proved()) {

@@ -77,6 +77,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "steps "
      "of the wall clock lead: how long the case lasted says the case clock, not these two times"},
     {"folder-name-differs", Severity::kNote, "the folder is not called by its case identifier"},
+    {"folder-of-another-case", Severity::kUnproven,
+     "the folder is called by the identifier of another case than the one that lies in it"},
     // -- checkpoints
     {"checkpoint-malformed", Severity::kTampered, "a note is no signed checkpoint"},
     {"checkpoint-unknown-key", Severity::kTampered, "a checkpoint is not signed by the case's device"},

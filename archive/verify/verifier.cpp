@@ -317,9 +317,17 @@ class CaseVerification {
                       file.path + " is still there, although it was erased by policy");
       }
     }
-    if (rules_.opening() && std::filesystem::absolute(folder_.path()).lexically_normal().filename() !=
-                                rules_.opening()->case_id) {
-      findings_.add("folder-name-differs", {}, "the folder is not called " + rules_.opening()->case_id);
+    if (!rules_.opening()) return;
+    const std::filesystem::path whole = std::filesystem::absolute(folder_.path()).lexically_normal();
+    const std::string name = (whole.has_filename() ? whole : whole.parent_path()).filename().string();
+    const std::string& case_id = rules_.opening()->case_id;
+    if (name == case_id) return;
+    if (is_case_id(name)) {
+      findings_.add("folder-of-another-case", {},
+                    "the folder is called by the identifier of case " + name +
+                        ", and what lies in it is case " + case_id + ": nothing here is of " + name);
+    } else {
+      findings_.add("folder-name-differs", {}, "the folder is not called " + case_id);
     }
   }
 

@@ -704,8 +704,10 @@ def verify_case(path, trust):
         if file.kind == "regular" and index is not None and file.path in entries.named and stream.is_erased(index):
             folder.report("erased-file-present", file.path)
     if entries.opening:
-        if path.resolve().name != entries.opening["case"]:
-            folder.report("folder-name-differs", path.name)
+        called = path.resolve().name
+        if called != entries.opening["case"]:
+            is_of_another = re.fullmatch(r"[0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}", called)
+            folder.report("folder-of-another-case" if is_of_another else "folder-name-differs", called)
         _judge_carrying_on(folder, path.resolve(), entries)
     entries.check_device_file()
     origins = [entries.origin] if entries.device and entries.opening else []

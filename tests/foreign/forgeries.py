@@ -407,6 +407,11 @@ def renamed_folder(world):
     return world.given(world.sound().write(world.folder, "evidence").folder)
 
 
+@reaches("folder-of-another-case")
+def case_in_anothers_place(world):
+    return world.given(world.sound().write(world.folder, "20250101T000000Z-00000000").folder)
+
+
 # Checkpoints
 
 

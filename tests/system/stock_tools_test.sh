@@ -50,6 +50,7 @@ for profile in mpeg2 lossless; do
   wrong_inputs verify.sh "$case"
   device=$scratch/other/device.pub expect 1 '^NOT INTACT: .*missing or changed' verify.sh "$(rm -rf "$scratch/less"; cp -r "$case" "$scratch/less"; rm -r "$scratch/less/segments/vitals"; echo "$scratch/less")"
 
+  expect 2 '^COULD NOT CHECK: the folder is called by the identifier of another case' verify.sh "$(rm -rf "$scratch/20250101T000000Z-00000000"; cp -r "$case" "$scratch/20250101T000000Z-00000000"; echo "$scratch/20250101T000000Z-00000000")"
   copy=$scratch/copy
   hashes_alone() { [[ $profile != mpeg2 && $every != --every-profile ]]; }
   tampered() { # PATTERN COMMAND: in a copy of the case

@@ -128,6 +128,13 @@ std::string BreathingBench::save(const std::string& name, const MotionDeed& moti
   const fs::path folder = fs::absolute(file_).parent_path(), file = folder / (name + ".json");
   if (std::error_code ignored; fs::exists(file, ignored))
     throw Refusal(409, "there is a file '" + name + ".json' already: save it under another name");
+  const auto models =
+      std::count_if(fs::directory_iterator(folder), fs::directory_iterator(),
+                    [](const fs::directory_entry& each) { return each.path().extension() == ".json"; });
+  if (static_cast<std::size_t>(models) >= kMostModels) {
+    throw Refusal(409, "there are " + std::to_string(kMostModels) +
+                           " models beside this one, as many as are kept: have some removed");
+  }
   const std::string text = sim::with_motion(file_, motion.motion, folder, motion.cycle_s);
   require_disk_room(folder, text.size(), "remove models that nobody needs");
   constexpr mode_t kMode = 0640;

@@ -79,8 +79,11 @@ class BreathingBench {
   [[nodiscard]] const sim::Vector3& tumour_m() const { return tumour_m_; }
   [[nodiscard]] const sim::MotionResponses::Place& tumour() const { return tumour_; }
 
+  /// So many models are kept in one folder.
+  static constexpr std::size_t kMostModels = 1000;
   /// Writes the model with another motion beside it, as `name` with ".json", durably; returns that. Refusal
-  /// 400 for a name that is no file's, 409 where there is such a file, 507 where the disk has no room.
+  /// 400 for a name that is no file's, 409 where there is such a file or are kMostModels, 507 where the disk
+  /// has no room.
   [[nodiscard]] std::string save(const std::string& name, const MotionDeed& motion) const;
 
  private:

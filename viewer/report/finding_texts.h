@@ -62,6 +62,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "終了項目の UTC が、開始項目の UTC・症例時計・記載された時刻合わせから導かれる時刻と 1 "
      "分を超えて異なる。症例の長さを示すのは症例時計であり、この二つの時刻ではない。"},
     {"folder-name-differs", Check::kFiles, "フォルダー名が症例番号と異なる。"},
+    {"folder-of-another-case", Check::kFiles,
+     "フォルダー名が別の症例の番号である。フォルダーの内容はその症例のものではない。"},
     {"checkpoint-malformed", Check::kLedger,
      "チェックポイントの文書が署名付きチェックポイントの形式でない。"},
     {"checkpoint-unknown-key", Check::kLedger, "チェックポイントの署名が、症例の装置によるものでない。"},

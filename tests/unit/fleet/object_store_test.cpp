@@ -240,6 +240,32 @@ TEST(ObjectStore, ListsEveryVersion) {
   EXPECT_THAT(list, ThrowsMessage<Error>(HasSubstr("is none")));
 }
 
+TEST(ObjectStore, AListThatGoesBackIsRefused) {
+  const auto page = [](const std::string& next) {
+    return listing(
+        "<IsTruncated>true</IsTruncated><NextKeyMarker>or-1/" + next +
+        "</NextKeyMarker><Version><Key>or-1/a</Key><VersionId>v1</VersionId><Size>1</Size></Version>");
+  };
+  test::ScriptedServer server(page("b"));
+  ObjectStore store = store_at(endpoint_of(server));
+  int pages = 0;
+  const auto list = [&] {
+    store.for_each_version("or-1/", [&](const ListedVersion& /*each*/) {
+      if (++pages == 10) throw std::runtime_error("it goes on");
+      server.answer_with(page(pages % 2 == 0 ? "b" : "a"));
+    });
+  };
+  EXPECT_THAT(list, ThrowsMessage<Error>(HasSubstr("told before")));
+}
+
+TEST(ObjectStore, AnotherVersionThanWasAskedForTellsNothing) {
+  const test::ScriptedServer server(head_answer("Content-Length: 1\r\nx-amz-version-id: v2\r\n"));
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_EQ(store.look("a")->version, "v2");
+  EXPECT_EQ(store.look("a", "v2")->version, "v2");
+  EXPECT_THAT([&] { store.look("a", "v1"); }, ThrowsMessage<Error>(HasSubstr("tells of version v2")));
+}
+
 TEST(ObjectStore, AnotherModeIsNoLock) {
   test::ScriptedServer server(head_answer("Content-Length: 1\r\nx-amz-object-lock-mode: GOVERNANCE\r\n"));
   ObjectStore store = store_at(endpoint_of(server));

@@ -85,10 +85,24 @@ TEST_F(JudgedWitnesses, SaysWhyANoteDoesNotFit) {
               HasSubstr("it is of 9 entries, and here are 3. Entries were taken away"));
 }
 
+// Whoever holds the device's key can cosign as well as sign.
+TEST_F(JudgedWitnesses, TheDeviceIsNoWitnessOfItsOwnLog) {
+  const std::string text = crypto::Checkpoint{archive::log_origin("or3"), 3, tree.root(3)}.to_text();
+  const archive::OutsideNote note{
+      "kept.note", crypto::sign_note(text, "or3", key) + crypto::cosign(text, "notary", key, 1)};
+  const auto policy = crypto::WitnessPolicy::parse(
+      "witness a " + crypto::CosignerKey("notary", key.public_key()).to_string() + "\nquorum a\n",
+      "policy.txt");
+  const WitnessJudgement judged = judge_log_witnesses(folder.path(), device, policy, {note});
+  EXPECT_FALSE(judged.witnessed.quorum);
+  EXPECT_THAT(judged.text(), HasSubstr("names the device's own key as a witness"));
+}
+
 TEST_F(JudgedWitnesses, APolicyThatAsksForNobodyIsSaid) {
   const WitnessJudgement judged = judge({cosigned(3)}, "none");
   EXPECT_TRUE(judged.witnessed.quorum);
   EXPECT_THAT(judged.text(), HasSubstr("The policy asks for no witness"));
+  EXPECT_THAT(judged.text(), Not(HasSubstr("witnessed as the policy asks")));
   EXPECT_TRUE(judged.json()["asks_for_none"]);
 }
 

@@ -104,6 +104,19 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
 }
 
+// The folder may lie on a recorder's disk, and whoever may plan may save.
+TEST_F(BreathingApi, ModelsAreNotSavedWithoutEnd) {
+  for (std::size_t i = 1; i < BreathingBench::kMostModels; ++i)
+    std::ofstream(chest.folder() / (std::to_string(i) + ".json")) << "{}";
+  const auto client = routes.connect("breathing/table");
+  const json motion = until_said(*client, "opened")["motion"];
+  client->send_text(message(1, "save", {{"file", "mine"}, {"motion", motion}}));
+  EXPECT_THAT(until_said(*client, "told").get<std::string>(), HasSubstr("1000 models beside this one"));
+  std::filesystem::remove(chest.folder() / "1.json");
+  client->send_text(message(2, "save", {{"file", "mine"}, {"motion", motion}}));
+  EXPECT_EQ(until_said(*client, "saved")["file"], "mine.json");
+}
+
 TEST_F(BreathingApi, HasOnePlaceForWhoMayPlan) {
   const auto client = routes.connect("breathing/table");
   EXPECT_TRUE(until_said(*client, "opened").is_object());

@@ -1,0 +1,368 @@
+#!/usr/bin/env python3
+"""A store that lies: what `kiroku fetch` and `kiroku ship` make of it. The store is a program of this test, and needs no Ceph.
+
+Usage: tests/fleet/hostile_store.py PROGRAMS
+  PROGRAMS  the folder of kiroku, such as build/release/apps
+
+Exit status: 0 everything holds, 1 something does not.
+"""
+import http.server
+import json
+import pathlib
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import urllib.parse
+from xml.sax.saxutils import escape
+
+from fleet_test import Fleet
+from ship_test import HERE, Appliance, require
+
+
+class Version:
+    def __init__(self, name, body, headers):
+        self.name, self.body, self.headers = name, body, headers
+
+
+class HostileStore:
+    """Keeps versions as a store does, until one of its lies is set.
+
+    `listing(query)` answers a listing, `object_of(key, version)` says which version is given for which was asked,
+    `cut(key)` after how many bytes an answer ends; each gives None for the truth.
+    """
+
+    def __init__(self):
+        self.objects, self.count = {}, 0
+        self.honest()
+        store = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def log_message(self, *_):
+                pass
+
+            def reply(self, status, body=b"", headers=()):
+                out = f"HTTP/1.1 {status} Told\r\nContent-Length: {len(body)}\r\n".encode()
+                out += "".join(f"{name}: {value}\r\n" for name, value in headers).encode("latin-1") + b"\r\n"
+                self.send(out + (b"" if self.command == "HEAD" else body))
+
+            def send(self, out):
+                try:
+                    self.wfile.write(out)
+                    self.wfile.flush()
+                except OSError:
+                    self.close_connection = True
+
+            def any(self):
+                body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+                parts = urllib.parse.urlsplit(self.path)
+                query = dict(urllib.parse.parse_qsl(parts.query, keep_blank_values=True))
+                store.answer(self, urllib.parse.unquote(parts.path)[len("/recordings/"):], query, body)
+
+            do_GET = do_PUT = do_HEAD = do_DELETE = any
+
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.server.daemon_threads = True
+        self.endpoint = f"http://127.0.0.1:{self.server.server_address[1]}"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def honest(self):
+        self.listing = lambda query: None
+        self.object_of = lambda key, version: None
+        self.cut = lambda key: None
+        self.status_of = lambda method, key, query: None
+        self.asked = []
+
+    def put(self, key, body, headers=()):
+        self.count += 1
+        version = Version(f"v{self.count}", body, dict(headers))
+        self.objects.setdefault(key, []).insert(0, version)
+        return version
+
+    def answer(self, asked, key, query, body):
+        self.asked.append((asked.command, key, query))
+        told = self.status_of(asked.command, key, query)
+        if told is not None:
+            asked.reply(*told)
+        elif "object-lock" in query:
+            asked.reply(200, b"<ObjectLockConfiguration><ObjectLockEnabled>Enabled</ObjectLockEnabled></ObjectLockConfiguration>")
+        elif "versions" in query:
+            text = self.listing(query)
+            asked.reply(200, (self.list_of(query) if text is None else text).encode())
+        elif asked.command == "PUT":
+            kept = [(name.lower(), value) for name, value in asked.headers.items()
+                    if name.lower().startswith(("x-amz-meta", "x-amz-object-lock"))]
+            asked.reply(200, b"", [("x-amz-version-id", self.put(key, body, kept).name)])
+        elif asked.command == "DELETE":
+            asked.reply(403, b"<Error><Code>AccessDenied</Code></Error>")
+        else:
+            self.give(asked, key, query.get("versionId"))
+
+    def give(self, asked, key, wanted):
+        found = self.object_of(key, wanted)
+        if found is None:
+            found = next((each for each in self.objects.get(key, []) if wanted in (None, each.name)), None)
+        if found is None:
+            return asked.reply(404, b"<Error><Code>NoSuchKey</Code></Error>")
+        headers = [*found.headers.items(), ("x-amz-version-id", found.name)]
+        at = self.cut(key)
+        if at is None or asked.command == "HEAD":
+            return asked.reply(200, found.body, headers)
+        # Without a length the end of the connection is the end of the object, and nobody sees that it was cut.
+        asked.send(b"HTTP/1.1 200 Told\r\nConnection: close\r\n" + "".join(f"{n}: {v}\r\n" for n, v in headers).encode() + b"\r\n" + found.body[:at])
+        asked.close_connection = True
+
+    def list_of(self, query):
+        prefix, after, folders = query.get("prefix", ""), query.get("key-marker", ""), set()
+        if query.get("delimiter") == "/":
+            for key in self.objects:
+                rest = key[len(prefix):] if key.startswith(prefix) else ""
+                if "/" in rest:
+                    folders.add(prefix + rest[: rest.index("/") + 1])
+            return page([], folders)
+        return page([(key, version.name, len(version.body), i == 0)
+                     for key in sorted(self.objects) if key.startswith(prefix) and key > after
+                     for i, version in enumerate(self.objects[key])])
+
+
+def page(versions, folders=(), more=None):
+    """One answer of ListObjectVersions: (key, version, bytes, newest) each; `more`: the next (key, version)."""
+    text = '<?xml version="1.0" encoding="UTF-8"?><ListVersionsResult>'
+    text += f"<IsTruncated>{'true' if more else 'false'}</IsTruncated>"
+    if more:
+        text += f"<NextKeyMarker>{escape(more[0])}</NextKeyMarker><NextVersionIdMarker>{escape(more[1])}</NextVersionIdMarker>"
+    for key, version, size, newest in versions:
+        text += f"<Version><Key>{escape(key)}</Key><VersionId>{version}</VersionId><Size>{size}</Size><IsLatest>{'true' if newest else 'false'}</IsLatest></Version>"
+    for folder in folders:
+        text += f"<CommonPrefixes><Prefix>{escape(folder)}</Prefix></CommonPrefixes>"
+    return text + "</ListVersionsResult>"
+
+
+class Attack:
+    """An appliance that recorded two cases and shipped them, and what a fetch of the first one gives."""
+
+    def __init__(self, programs, folder):
+        self.programs, self.folder = programs, folder
+        self.store = HostileStore()
+        self.appliance = Appliance(programs, folder / "home", self.store.endpoint, "recordings")
+        self.case, self.other = self.appliance.recorded(2), self.appliance.recorded(1)
+        self.appliance.kiroku("ship")
+        self.shipped = {key: list(versions) for key, versions in self.store.objects.items()}
+
+    def of_case(self, path=""):
+        return f"or-1/{self.case}/{path}"
+
+    def segment(self):
+        return next(key for key in self.shipped if key.startswith(self.of_case("segments/endoscope/")))
+
+    def anew(self):
+        self.store.honest()
+        self.store.objects = {key: list(versions) for key, versions in self.shipped.items()}
+
+    def fetched(self, *words, name=None, megabytes=None, seconds=60):
+        """Exit status, what the JSON says, what stands on stderr; the store is honest again afterwards."""
+        out = self.folder / "out"
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir()
+
+        def limits():
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+            if megabytes:
+                resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
+
+        which = [name or self.case] if "--all" not in words else []
+        done = subprocess.run(self.appliance.command("fetch", *which, "-o", str(out), "--json", *words), capture_output=True, text=True,
+                              env=self.appliance.environment, preexec_fn=limits, timeout=300)
+        stray = [each.name for each in self.folder.iterdir() if each.name not in ("home", "out", "fleet", "postgres")]
+        require(not stray, f"something was written beside the folder: {stray}")
+        self.anew()
+        return done.returncode, json.loads(done.stdout)["cases"][0] if done.stdout else None, done.stderr
+
+    def refused(self, words, what, **limits):
+        status, told, said = self.fetched(**limits)
+        require(status == 2 and told is None and words in said, f"{what}: {status}, {said[-500:]}")
+
+
+def verdict(told):
+    return told["report"]["verdict"]
+
+
+def truth(attack):
+    status, told, _ = attack.fetched()
+    require(status == 0 and verdict(told) == "intact" and not told["remarks"], f"an honest store's case: {told}")
+    # One stream of it is exported without a look at what signed the ledger, and says so.
+    film = str(attack.folder / "out" / "vitals.csv")
+    for words in ((), ("--json", "--force")):
+        said = attack.appliance.kiroku("export", str(attack.folder / "out" / attack.case), "--stream", "vitals", "-i",
+                                       str(attack.appliance.home / "identity.txt"), "-o", film, *words)
+        require(json.loads(said)["verified"] is False if words else "was not verified" in said, f"an export: {said}")
+
+
+def another_case(attack):
+    """One case's objects under another's name: nobody may take them for the case that was asked for."""
+    def another(key, _):
+        return attack.store.objects.get(key.replace(attack.case, attack.other), [None])[0]
+
+    def listed(query):
+        return attack.store.list_of({**query, "prefix": query["prefix"].replace(attack.case, attack.other)}).replace(attack.other, attack.case)
+
+    attack.store.object_of, attack.store.listing = another, listed
+    status, told, _ = attack.fetched()
+    codes = {finding["code"] for finding in told["report"]["findings"]}
+    require(status == 3 and verdict(told) == "unproven" and "folder-of-another-case" in codes, f"another case: {status}, {codes}")
+
+
+def endless_lists(attack):
+    turns = iter(range(1 << 62))
+    attack.store.listing = lambda query: page([], more=("or-1/a" if next(turns) % 2 else "or-1/b", "v"))
+    attack.refused("goes on with what it told before", "a list that goes in a circle")
+    many = page([("@", "v", 1, True)] * 20_000, more=("@", "v"))
+
+    def endless(query):
+        turn = next(turns)
+        text = many.replace("@</NextKeyMarker>", f"{query['prefix']}{turn:020d}</NextKeyMarker>")
+        return text.replace("<Key>@", f"<Key>{query['prefix']}segments/endoscope/{turn:08d}.ts.age")
+
+    attack.store.listing = endless
+    attack.refused("which no recording has", "a list without end", megabytes=2048, seconds=120)
+    attack.store.listing = lambda query: page([(attack.of_case("x"), "v", 1, True)] * 200_000)
+    status, _, said = attack.fetched(seconds=10)
+    require(status == 2 and said, f"one version many times: {status}, {said[-500:]}")
+
+
+def names(attack):
+    """What lies under names that no case has neither leads out of the folder nor keeps the case from it."""
+    odd = ["../stray", "/stray", "a/../../../stray", ".hidden", "segments//x", "segments/./x", "a b", "%2e%2e/stray", "x" * 300, "\u202ex",
+           "ledger.jsonl/x", "segments/endoscope", "checkpoints", "segments/endoscope/00000000.ts.age/x", "a/b/c/d"]
+    for name in odd:
+        attack.store.put(attack.of_case(name), b"odd")
+    status, told, _ = attack.fetched()
+    require(status == 0 and verdict(told) == "intact", f"odd names: {status}, {told['report']['findings']}")
+    require(len(told["remarks"]) == len(odd), f"odd names are not all told: {told['remarks']}")
+    attack.store.put(attack.of_case("stray"), b"in a plain place")
+    require(attack.fetched()[0] == 1, "a file that nobody named is not found")
+
+
+def versions(attack):
+    """Whoever has the appliance's keys puts newer versions; the recorded ones remain, and can be had."""
+    def newer(path, body):
+        attack.store.put(attack.of_case(path), body)
+        return attack.fetched()
+
+    others = attack.shipped[f"or-1/{attack.other}/ledger.jsonl"][0].body
+    for body in (b"none\n", others):
+        status, told, _ = newer("ledger.jsonl", body)
+        require(status == 0 and "another version was taken" in str(told["remarks"]), f"a ledger of nothing: {status}, {told['remarks']}")
+    note = next(key for key in attack.shipped if key.startswith(attack.of_case("checkpoints/"))).rpartition(attack.of_case())[2]
+    status, told, _ = newer(note, b"none\n")
+    require(status == 1 and f"several versions of {note}" in str(told["remarks"]), f"another note: {status}, {told['remarks']}")
+    attack.store.put(attack.of_case(note), b"none\n")
+    status, told, _ = attack.fetched("--oldest")
+    require(status == 0 and verdict(told) == "intact", f"the oldest note: {status}, {told}")
+    for _ in range(150):
+        attack.store.put(attack.segment(), b"\0" * len(attack.shipped[attack.segment()][0].body))
+    attack.store.put(attack.segment(), b"of another size")
+    asked = attack.store.asked
+    status, told, _ = attack.fetched()
+    tries = sum(key == attack.segment() for _, key, _ in asked)
+    require(status == 1 and "the rest was not tried" in str(told["remarks"]) and tries < 110, f"{tries} tries: {told['remarks']}")
+    for _ in range(150):
+        attack.store.put(attack.segment(), b"of another size")
+    status, told, _ = attack.fetched()
+    require(status == 0, f"versions of other sizes hide the recorded one: {told['remarks']}")
+
+
+def sizes(attack):
+    attack.store.cut = lambda key: 100 if key == attack.segment() else None
+    attack.refused("does not say how long", "an object that is cut")
+    attack.store.listing = lambda query: attack.store.list_of(query).replace("<Size>", "<Size>9")
+    attack.refused("bytes where it told of", "an object that is shorter than it is listed")
+    attack.store.listing = lambda query: attack.store.list_of(query).replace("<Size>", "<Size>99999999")
+    attack.refused("has room for", "more than the disk has room for")
+    attack.store.listing = lambda query: attack.store.list_of(query).replace("<Size>", "<Size>0</Size><Size>")
+    attack.refused("is longer than 0 bytes", "an object that is longer than it is listed")
+    attack.store.object_of = lambda key, version: attack.store.objects[key][0] if key == attack.segment() else None
+    attack.store.put(attack.segment(), b"another")
+    attack.store.listing = lambda query: page([(key, found[-1].name, len(b"another"), True) for key, found in attack.store.objects.items()
+                                               if key == attack.segment() and key.startswith(query["prefix"])])
+    attack.refused("and tells of version", "another version than was asked for")
+    attack.store.status_of = lambda method, key, query: (307, b"", [("Location", "file:///etc/passwd")]) if key == attack.segment() else None
+    attack.refused("status 307", "a redirect")
+
+
+def nothing_at_all(attack):
+    attack.store.listing = lambda query: page([])
+    status, told, said = attack.fetched("--all")
+    require(status == 2 and told is None and "tells of no case" in said, f"a store that tells of nothing: {status}, {said}")
+
+
+def the_end_withheld(attack):
+    """A closed case whose ledger a store does not list, beside what grew while it was recorded."""
+    ledger = attack.of_case("ledger.jsonl")
+    body = attack.shipped[ledger][0].body
+    del attack.store.objects[ledger]
+    attack.store.put(f"or-1/growing/{attack.case}/000000000000", body[: body.index(b"\n", 1000) + 1])
+    status, told, _ = attack.fetched()
+    require(status == 1 and not told["closed"], f"an end that is withheld: {status}, {told}")
+
+
+def unconfirmed(attack):
+    """What the store tells of other than as it was put counts as not shipped, and is told."""
+    attack.store.object_of = lambda key, version: Version("v0", b"", {}) if version else None
+    attack.appliance.recorded(1)
+    done = attack.appliance.ask("ship", "--json")
+    told = json.loads(done.stdout) if done.stdout else {}
+    require(done.returncode in (2, 3) and not told.get("sent"), f"a store that tells of other versions: {done}")
+    attack.anew()
+
+
+def catalogue(attack):
+    """What kiroku-fleet makes of such a store, where PostgreSQL is installed."""
+    started = subprocess.run([str(HERE / "postgres.sh"), "up", str(attack.folder / "postgres")], capture_output=True, text=True)
+    if started.returncode == 77:
+        return print(started.stdout.strip())
+    try:
+        connection = started.stdout.strip().splitlines()[-1]
+        fleet = Fleet(attack.programs, attack.folder / "fleet", attack.store.endpoint, connection, {"or-1": attack.appliance})
+        require(fleet.ask("init").returncode == 0, "init failed")
+        # Whoever may write rows names folders outside.
+        precious = attack.folder / "fleet" / "precious"
+        precious.mkdir()
+        (attack.folder / "fleet/precious.pub").write_bytes((attack.appliance.home / "device.pub").read_bytes())
+        subprocess.run([*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection, "-c",
+                        "INSERT INTO kiroku.cases (appliance, case_id, opened, state, streams, segments, bytes, tokens, ledger_bytes, changed)"
+                        f" VALUES ('../precious', '{attack.case}', now(), 'closed', '', 0, 0, 0, 0, 0)"], check=True)
+        told = fleet.tell("verify", status=3)["cases"]
+        require("names no case" in told[0]["detail"] and precious.is_dir(), f"a folder outside: {told}")
+        fleet.tell("index", status=1)
+        # One case's objects become another's: newer versions under the same keys.
+        for key, found in attack.shipped.items():
+            if key.startswith(f"or-1/{attack.other}/"):
+                attack.store.put(key.replace(attack.other, attack.case), found[0].body)
+        del attack.store.objects[attack.segment()][1:]
+        attack.store.objects[attack.of_case("ledger.jsonl")][1:] = []
+        told = fleet.tell("verify", "--all", status=1)["cases"]
+        found = {each["case"]: each["verdict"] for each in told if each["appliance"] == "or-1"}
+        require(found[attack.other] == "intact" and found[attack.case] not in ("intact", "intact-with-gaps"), f"another case: {told}")
+    finally:
+        subprocess.run([str(HERE / "postgres.sh"), "down", str(attack.folder / "postgres")], check=False)
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    with tempfile.TemporaryDirectory() as name:
+        pathlib.Path(name).chmod(0o755)
+        attack = Attack(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
+        for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed, catalogue):
+            attempt(attack)
+            attack.anew()
+            print(f"holds: {attempt.__name__.replace('_', ' ')}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
