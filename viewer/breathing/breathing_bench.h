@@ -11,6 +11,7 @@
 #include "sim/drr/mesh_projector.h"
 #include "sim/drr/overlay.h"
 #include "sim/respiration/breathing_model.h"
+#include "sim/respiration/breathing_pictures.h"
 #include "sim/respiration/motion_responses.h"
 #include "viewer/breathing/breathing_deeds.h"
 
@@ -79,6 +80,15 @@ class BreathingBench {
   [[nodiscard]] const sim::Vector3& tumour_m() const { return tumour_m_; }
   [[nodiscard]] const sim::MotionResponses::Place& tumour() const { return tumour_; }
 
+  /// The whole series can be fitted to where there are so many moments (sim::kLeastMoments).
+  [[nodiscard]] bool can_fit() const;
+  /// For a fit: the model as `motion` has it, the lung in the CT with its directions, and the CT.
+  [[nodiscard]] sim::BreathingModel model_with(const MotionDeed& motion) const;
+  [[nodiscard]] sim::BreathingScene scene_of(const sim::BreathingModel& model) const {
+    return {model, ct_, mesh_};
+  }
+  [[nodiscard]] const sim::Volume& volume() const { return volume_; }
+
   /// Writes the model with another motion beside it, as `name` with ".json", durably; returns that. Refusal
   /// 400 for a name that is no file's, 409 where there is such a file, 507 where the disk has no room.
   [[nodiscard]] std::string save(const std::string& name, const MotionDeed& motion) const;
@@ -94,8 +104,9 @@ class BreathingBench {
   std::vector<BenchRadiograph> radiographs_;
   double start_s_;
   std::unique_ptr<sim::MotionResponses> responses_;
-  std::unique_ptr<sim::CtProjector> ct_;
-  std::unique_ptr<sim::MeshProjector> mesh_;
+  std::shared_ptr<const sim::CtProjector> ct_;
+  std::shared_ptr<const sim::MeshProjector> mesh_;
+  sim::Volume volume_;       // none where there is nothing to fit to
   std::vector<View> views_;  // by factor
   sim::OverlayWindows windows_;
   std::int32_t tumour_region_ = 0;

@@ -10,6 +10,7 @@
 
 #include "base/bytes.h"
 #include "viewer/breathing/live_breathing.h"
+#include "viewer/breathing/series_fitting.h"
 
 namespace kiroku::viewer {
 
@@ -18,9 +19,11 @@ struct SaveMotion {
   std::string file;
   MotionDeed motion;
 };
+/// {"input": 4, "cancel": true}: the fit that is computed.
+struct CancelFit {};
 struct BreathingMessage {
   std::uint64_t input = 0;
-  std::variant<MotionDeed, MomentDeed, LookDeed, SaveMotion> deed;
+  std::variant<MotionDeed, MomentDeed, LookDeed, SaveMotion, FitDeed, CancelFit> deed;
 };
 
 /// No message is longer.
@@ -35,6 +38,10 @@ nlohmann::ordered_json opened_json(const BreathingBench& bench);
 nlohmann::ordered_json path_json(const BreathingTable& table);
 /// {"similarity": {"revision", "values"}}, null for radiographs that were not measured
 nlohmann::ordered_json similarity_json(const BreathingTable& table);
+/// {"fitting": {"doing", "done", "all"}}
+nlohmann::ordered_json fitting_json(const std::string& doing, std::size_t done, std::size_t all);
+/// {"fitted": {…}}: what was found, or why nothing was.
+nlohmann::ordered_json fitted_json(const FittedSeries& fitted);
 /// A picture with its numbers (viewer/http/picture_message.h).
 Bytes moment_message(const BreathingMoment& moment);
 

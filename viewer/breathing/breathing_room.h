@@ -22,11 +22,13 @@ class BreathingRoom {
   /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken. Of
   /// several places one is always left for others.
   std::unique_ptr<Turns::Turn> enter(const std::string& person);
+  /// The right to compute a fit, which takes all cores: one at a time. Refusal 503 where another is computed.
+  std::unique_ptr<Turns::Turn> enter_fit(const std::string& person);
 
  private:
   const BreathingBench& bench_;
   std::function<void(const std::string& sentence)> tell_;
-  Turns places_;
+  Turns places_, fits_;
 };
 
 }  // namespace kiroku::viewer

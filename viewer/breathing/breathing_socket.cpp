@@ -12,7 +12,7 @@ using nlohmann::ordered_json;
 
 BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
                                  std::shared_ptr<SocketOutput> output)
-    : room_(room), output_(std::move(output)), place_(room.enter(person)) {
+    : room_(room), person_(person), output_(std::move(output)), place_(room.enter(person)) {
   output_->send_text(opened_json(room_.bench()).dump());
   live_ = std::make_unique<LiveBreathing>(room_.bench(), listener());
 }
@@ -23,6 +23,8 @@ void BreathingSocket::receive(const SocketMessage& message) {
   if (said.input <= last_input_) throw Refusal(400, "'input' must rise from message to message");
   last_input_ = said.input;
   if (const auto* wanted = std::get_if<SaveMotion>(&said.deed)) return save(*wanted);
+  if (const auto* fit = std::get_if<FitDeed>(&said.deed)) return begin_fit(*fit);
+  if (std::holds_alternative<CancelFit>(said.deed) && fit_) fit_->cancel();
   if (const auto* motion = std::get_if<MotionDeed>(&said.deed)) live_->apply(said.input, *motion);
   if (const auto* moment = std::get_if<MomentDeed>(&said.deed)) live_->apply(said.input, *moment);
   if (const auto* look = std::get_if<LookDeed>(&said.deed)) live_->apply(said.input, *look);
@@ -35,6 +37,28 @@ void BreathingSocket::save(const SaveMotion& wanted) {
         ordered_json{{"saved", {{"file", file}, {"motion", motion_json(wanted.motion)}}}}.dump());
   };
   if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
+}
+
+void BreathingSocket::begin_fit(const FitDeed& deed) {
+  const auto ended = [output = output_](const std::string& sentence) {
+    output->send_text(ordered_json{{"fit_ended", sentence}}.dump());
+  };
+  if (fit_ && !fit_->over()) return ended("you have a fit computed already: wait for that, or cancel it");
+  fit_.reset();
+  try {
+    BackgroundFit::Listener listener;
+    listener.progress = [output = output_](const std::string& doing, std::size_t done, std::size_t all) {
+      output->send_text(fitting_json(doing, done, all).dump());
+    };
+    listener.fitted = [output = output_](const FittedSeries& fitted) {
+      output->send_text(fitted_json(fitted).dump());
+    };
+    listener.ended = ended;
+    fit_ =
+        std::make_unique<BackgroundFit>(room_.bench(), deed, room_.enter_fit(person_), std::move(listener));
+  } catch (const Refusal& refusal) {
+    ended(refusal.what());
+  }
 }
 
 BreathingListener BreathingSocket::listener() {

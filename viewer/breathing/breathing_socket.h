@@ -18,13 +18,17 @@ class BreathingSocket : public SocketHandler {
 
  private:
   void save(const SaveMotion& wanted);
+  void begin_fit(const FitDeed& deed);
   [[nodiscard]] BreathingListener listener();
 
   BreathingRoom& room_;
+  const std::string person_;
   std::shared_ptr<SocketOutput> output_;
   std::unique_ptr<Turns::Turn> place_;
   std::uint64_t last_input_ = 0;
-  std::unique_ptr<LiveBreathing> live_;  // last: over before what it uses
+  // Last: over before what they use.
+  std::unique_ptr<LiveBreathing> live_;
+  std::unique_ptr<BackgroundFit> fit_;
 };
 
 }  // namespace kiroku::viewer

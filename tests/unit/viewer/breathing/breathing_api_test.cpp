@@ -104,6 +104,51 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
 }
 
+TEST_F(BreathingApi, SaysWhyASeriesIsTooShortForAFit) {
+  const auto client = routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["can_fit"], false);
+  client->send_text(message(1, "fit", {{"motion", opened["motion"]}, {"direction", false}}));
+  EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("the series has 6 moments; 8 at least"));
+}
+
+/// A series that is long enough for a fit.
+struct LongSeriesApi : BreathingApi {
+  LongSeriesApi() : fit_bench(chest.inputs_with_radiographs(16)) {}
+  BreathingBench fit_bench;
+  BreathingRoom fit_room{fit_bench, 2, [](const std::string& /*sentence*/) {}};
+  test::ServedRoutes fit_routes{[this](Router& router) { add_breathing_routes(router, fit_room, context); },
+                                "anna", Role::kSurgeon};
+};
+
+TEST_F(LongSeriesApi, FitsCancelsAndFitsAgain) {
+  const auto client = fit_routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["can_fit"], true);
+  const json wanted{{"motion", opened["motion"]}, {"direction", true}};
+  {
+    const auto turn = fit_room.enter_fit("otto");
+    client->send_text(message(1, "fit", wanted));
+    EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("another fit is being computed"));
+  }
+  client->send_text(message(2, "fit", wanted));
+  client->send_text(message(3, "cancel", true));
+  EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("was cancelled"));
+  client->send_text(message(4, "fit", wanted));
+  EXPECT_GT(until_said(*client, "fitting")["all"], 0);
+  const json fitted = until_said(*client, "fitted");
+  EXPECT_EQ(fitted["refusal"], nullptr);
+  EXPECT_NEAR(fitted["motion"]["diaphragm"]["amplitude_mm"].get<double>(), 9, 1);
+  EXPECT_NEAR(fitted["motion"]["cycle_s"].get<double>(), 3.6, 0.05);
+  EXPECT_GT(fitted["errors"]["diaphragm"]["amplitude_mm"], 0);
+  EXPECT_GT(fitted["similarity"]["after"], fitted["similarity"]["before"]);
+  EXPECT_EQ(fitted["tumour"].size(), 16U);
+  EXPECT_GT(std::ranges::count_if(fitted["tumour"], [](const json& one) { return !one.is_null(); }), 10);
+  // What came is a motion that can be shown.
+  client->send_text(message(5, "motion", fitted["motion"]));
+  EXPECT_EQ(picture_with(*client, 5)["input"], 5);
+}
+
 TEST_F(BreathingApi, HasOnePlaceForWhoMayPlan) {
   const auto client = routes.connect("breathing/table");
   EXPECT_TRUE(until_said(*client, "opened").is_object());
@@ -134,7 +179,9 @@ TEST_F(BreathingApi, RefusesWhatIsNoMessageAndNoMotion) {
       {R"({"input": 1, "moment": {"time_s": 1e9}})", "'time_s' must be"},
       {R"({"input": 1, "look": {"mode": "upside down", "part": 0, "outlined": true}})", "'mode' must be"},
       {R"({"input": 1, "look": {"mode": "wipe", "part": 2, "outlined": true}})", "'part' must be"},
-      {R"({"input": 1, "save": {"file": "x"}})", "'motion' is missing"}};
+      {R"({"input": 1, "save": {"file": "x"}})", "'motion' is missing"},
+      {R"({"input": 1, "fit": {"direction": true}})", "'motion' is missing"},
+      {message(1, "fit", {{"motion", motion_json(bench.own_motion())}}), "'direction' is missing"}};
   for (const auto& [text, sentence] : bad) {
     std::string refused = "taken";
     try {

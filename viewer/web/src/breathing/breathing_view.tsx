@@ -4,10 +4,11 @@ import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { typed } from '@/base/form_fields';
 import { askBeforeLeaving } from '@/base/route';
 import { kModes, type Mode } from '@/breathing/breathing_api';
+import { FitCard } from '@/breathing/fit_card';
 import { LungController } from '@/breathing/lung_controller';
 import { kGroups } from '@/breathing/motion';
 import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
-import { beginOf, momentAt } from '@/breathing/time_line';
+import { beginOf, distances, meanOf, momentAt } from '@/breathing/time_line';
 import { TimePlot } from '@/breathing/time_plot';
 import { t } from '@/i18n/i18n';
 import { inOwnWords } from '@/i18n/server_words';
@@ -105,8 +106,13 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
         const wide = Math.round((picture.width / picture.height) * rows);
         if (to.width !== wide || to.height !== rows) [to.width, to.height] = [wide, rows];
         to.getContext('2d')?.drawImage(picture, 0, 0, wide, rows);
+        // Whether this one is of all pixels.
+        to.dataset['rows'] = String(picture.height);
       },
       told: (sentence) => notify(inOwnWords(sentence, 409)),
+      fitted: (fitted) => {
+        if (fitted.refusal === null) announce(t('breathing.fit.found', { took: fitted.took_s.toFixed(1) }));
+      },
       saved: (file) => {
         notify(t('planning.saved', { plan: file }), 'done');
         announce(t('planning.saved', { plan: file }));
@@ -167,6 +173,9 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
   const alike = lung.similarity.value;
   const measured = alike && path && alike.revision === path.revision ? alike.values.filter((one): one is number => one !== null) : [];
   const withSeries = (opened?.radiographs ?? 0) > 0;
+  const fit = lung.fit.value;
+  const seen = fit && fit.tumour.length > 0 ? fit.tumour : undefined;
+  const off = seen && path ? distances(seen, path.mm) : [];
   const wipes = withSeries && look.mode === 'wipe';
   const drag = (event: PointerEvent) => {
     if (wipes && event.buttons > 0 && canvas.current) lung.lookAs({ part: within(alongPicture(canvas.current, event)) });
@@ -290,7 +299,10 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
                 digits={1}
                 times_s={path.times_s}
                 end_s={end_s}
-                curves={kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) }))}
+                curves={[
+                  ...kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) })),
+                  ...(seen ? kAxes.map((axis, i) => ({ name: t(`breathing.seen.${axis}`), values: seen.map((one) => one?.mm[i] ?? null), pointsOf: i })) : []),
+                ]}
                 now_s={time_s}
                 seek={(at_s) => lung.goTo(at_s)}
               />
@@ -299,7 +311,7 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
                   title={
                     measured.length > 0
                       ? t('breathing.similarityOf', {
-                          mean: (measured.reduce((sum, one) => sum + one, 0) / measured.length).toFixed(3),
+                          mean: meanOf(measured).toFixed(3),
                           n: measured.length,
                           all: opened?.radiographs ?? 0,
                         })
@@ -314,11 +326,24 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
                   seek={(at_s) => lung.goTo(at_s)}
                 />
               )}
+              {seen && (
+                <TimePlot
+                  title={t('breathing.offOf', { mean: meanOf(off).toFixed(2), n: off.filter((one) => one !== null).length })}
+                  unit="mm"
+                  digits={2}
+                  times_s={path.times_s}
+                  end_s={end_s}
+                  curves={[{ name: t('breathing.off'), values: off }]}
+                  now_s={time_s}
+                  seek={(at_s) => lung.goTo(at_s)}
+                />
+              )}
             </div>
           )}
         </div>
         {opened && motion && (
           <div class="lung-side">
+            {withSeries && <FitCard lung={lung} motion={motion} canFit={opened.can_fit} />}
             {kGroups.map((group) => (
               <GroupSliders key={group} lung={lung} motion={motion} group={group} nodes={opened.groups[group] ?? 0} />
             ))}

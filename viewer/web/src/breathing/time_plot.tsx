@@ -10,6 +10,8 @@ const kTop = 8;
 export interface Curve {
   name: string;
   values: readonly (number | null)[];
+  /** Seen, not computed: its values are single points, in the colour of the curve that has this place. */
+  pointsOf?: number;
 }
 
 /** The polylines of a curve: it is broken where nothing is known. */
@@ -68,8 +70,8 @@ export function TimePlot({
         {title}
         {curves.length > 1 && (
           <span class="lung-plot-names">
-            {curves.map(({ name }, i) => (
-              <span key={name} class={`lung-curve-${i}`}>
+            {curves.map(({ name, pointsOf: i }, at) => (
+              <span key={name} class={`lung-curve-${i ?? at}`}>
                 {name}
               </span>
             ))}
@@ -96,8 +98,17 @@ export function TimePlot({
         <text x={kLeft - 4} y={kHeight / 2} text-anchor="end">
           {unit}
         </text>
-        {curves.map(({ name, values }, i) =>
-          parts(values, (at, value) => `${x(times_s[at] ?? 0).toFixed(1)},${y(value).toFixed(1)}`).map((points) =>
+        {curves.map(({ name, values, pointsOf }) =>
+          pointsOf === undefined
+            ? null
+            : values.map((value, at) =>
+                value === null ? null : <circle key={`${name}${at}`} class={`lung-curve-${pointsOf} lung-point`} cx={x(times_s[at] ?? 0)} cy={y(value)} r="2" />,
+              ),
+        )}
+        {curves.map(({ name, values, pointsOf }, i) =>
+          pointsOf !== undefined
+            ? null
+            : parts(values, (at, value) => `${x(times_s[at] ?? 0).toFixed(1)},${y(value).toFixed(1)}`).map((points) =>
             points.includes(' ') ? (
               <polyline key={name + points} class={`lung-curve-${i}`} points={points} />
             ) : (
