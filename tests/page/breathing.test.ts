@@ -158,7 +158,7 @@ story('A person who fits a breathing lung', (step) => {
     await expect.poll(() => page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
     await page.locator('.lung-field[aria-busy=false]').waitFor();
     await expect.poll(picture).not.toBe(0);
-    expect(await shape()).toBeCloseTo(2, 5);
+    await expect.poll(shape).toBeCloseTo(2, 5);
     before = await allMeasured();
     expect(before).toBeLessThan(0.99);
     await expect.poll(() => page.locator('.lung-plot polyline').count()).toBe(4);
@@ -310,6 +310,29 @@ story('A person who fits a breathing lung', (step) => {
     const found = (paths[1] ?? []).map((row) => row.split(',').map(Number));
     expect(found.length).toBe(kPhases);
     found.forEach((row, i) => row.forEach((value, j) => expect(Math.abs(value - (truth[i]?.[j] ?? NaN))).toBeLessThan(0.01)));
+  });
+
+  step('seals one as a plan, which holds and is in the log', async () => {
+    const { page } = visitor;
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('planned');
+    await page.getByLabel('Seal it as a plan').check();
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page
+      .getByText(/Saved as planned\.json, sealed in planned\.seal\.json\. Time-stamps: [1-9]/)
+      .first()
+      .waitFor();
+    const { stdout } = await run(kiroku, ['plan', 'verify', file('planned.seal.json'), '--home', file('home'), '--json']);
+    const checks = (JSON.parse(stdout) as { checks: { about: string; answer: string }[] }).checks;
+    expect(checks.filter(({ answer }) => answer !== 'holds')).toEqual([]);
+    expect(checks.map(({ about }) => about)).toContain('log');
+    // It has no steps that an operation could be compared with.
+    await expect(run(kiroku, ['plan', 'check', file('planned.json')])).rejects.toThrow(/is a breathing lung, which has no steps/);
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('planned');
+    await page.getByLabel('Seal it as a plan').check();
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText("there is a file 'planned.json' already").waitFor();
   });
 
   step('lies on a tablet, and reads all of it in Japanese and in light colours', async () => {

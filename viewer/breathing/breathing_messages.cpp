@@ -104,7 +104,8 @@ BreathingMessage parse_breathing_message(std::string_view text) {
   if (object.contains("look")) return {input, look_of(object["look"])};
   if (object.contains("save")) {
     const json& save = object["save"];
-    return {input, SaveMotion{message_text(save, "file"), motion_of(message_field(save, "motion"))}};
+    return {input, SaveMotion{message_text(save, "file"), motion_of(message_field(save, "motion")),
+                              message_flag(save, "seal")}};
   }
   if (object.contains("fit")) {
     const json& fit = object["fit"];
@@ -120,7 +121,7 @@ ordered_json motion_json(const MotionDeed& motion) {
           {"cycle_s", motion.cycle_s ? ordered_json(*motion.cycle_s) : ordered_json(nullptr)}};
 }
 
-ordered_json opened_json(const BreathingBench& bench) {
+ordered_json opened_json(const BreathingBench& bench, bool may_seal) {
   ordered_json groups = ordered_json::object();
   const auto counts = sim::counts_of(bench.model().groups);
   for (std::size_t group = 1; group < counts.size(); ++group)
@@ -133,6 +134,7 @@ ordered_json opened_json(const BreathingBench& bench) {
             {"rows", bench.geometry(1).rows()},
             {"radiographs", bench.radiographs().size()},
             {"can_fit", bench.can_fit()},
+            {"may_seal", may_seal},
             {"warnings", bench.model().warnings},
             {"motion", motion_json(bench.own_motion())}}}};
 }

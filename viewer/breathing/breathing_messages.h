@@ -14,10 +14,11 @@
 
 namespace kiroku::viewer {
 
-/// {"input": 3, "save": {"file": "fitted", "motion": {…}}}
+/// {"input": 3, "save": {"file": "fitted", "motion": {…}, "seal": true}}
 struct SaveMotion {
   std::string file;
   MotionDeed motion;
+  bool seal = false;  // as a plan, before an operation
 };
 /// {"input": 4, "cancel": true}: the fit that is computed.
 struct CancelFit {};
@@ -33,7 +34,7 @@ BreathingMessage parse_breathing_message(std::string_view text);
 
 nlohmann::ordered_json motion_json(const MotionDeed& motion);
 /// {"opened": {…}}: what there is, before the first picture.
-nlohmann::ordered_json opened_json(const BreathingBench& bench);
+nlohmann::ordered_json opened_json(const BreathingBench& bench, bool may_seal);
 /// {"path": {"revision", "duration_s", "times_s", "mm"}}
 nlohmann::ordered_json path_json(const BreathingTable& table);
 /// {"similarity": {"revision", "values"}}, null for radiographs that were not measured

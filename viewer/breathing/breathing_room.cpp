@@ -24,9 +24,10 @@ Turns::Sentences refusals_of_fits() {
 }  // namespace
 
 BreathingRoom::BreathingRoom(const BreathingBench& bench, std::size_t at_once,
-                             std::function<void(const std::string& sentence)> tell)
+                             std::function<void(const std::string& sentence)> tell, ModelSealer sealer)
     : bench_(bench),
       tell_(std::move(tell)),
+      sealer_(std::move(sealer)),
       places_(places_at_bench(at_once), refusals_at_bench(at_once)),
       fits_({.all = 1, .of_person = 1}, refusals_of_fits()) {}
 

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "viewer/http/request.h"
 
 namespace kiroku::viewer {
@@ -13,7 +14,7 @@ using nlohmann::ordered_json;
 BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
                                  std::shared_ptr<SocketOutput> output)
     : room_(room), person_(person), output_(std::move(output)), place_(room.enter(person)) {
-  output_->send_text(opened_json(room_.bench()).dump());
+  output_->send_text(opened_json(room_.bench(), room_.sealer() != nullptr).dump());
   live_ = std::make_unique<LiveBreathing>(room_.bench(), listener());
 }
 
@@ -31,12 +32,40 @@ void BreathingSocket::receive(const SocketMessage& message) {
 }
 
 void BreathingSocket::save(const SaveMotion& wanted) {
+  if (wanted.seal) return seal(wanted);
   const auto task = [this, wanted] {
-    const std::string file = room_.bench().save(wanted.file, wanted.motion);
-    output_->send_text(
-        ordered_json{{"saved", {{"file", file}, {"motion", motion_json(wanted.motion)}}}}.dump());
+    tell_saved(wanted, room_.bench().save(wanted.file, wanted.motion), nullptr);
   };
   if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
+}
+
+void BreathingSocket::seal(const SaveMotion& wanted) {
+  // Not a task of the workbench: pictures go on while an authority is asked.
+  try {
+    if (!room_.sealer()) throw Refusal(404, "this server seals no models: it serves no home of its own");
+    const std::string file = room_.bench().save(wanted.file, wanted.motion);
+    try {
+      const SealedModel sealed =
+          room_.sealer()(std::filesystem::absolute(room_.bench().file()).parent_path() / file);
+      tell_saved(wanted, file, &sealed);
+    } catch (const Error&) {
+      tell_saved(wanted, file, nullptr);
+      throw;
+    }
+  } catch (const Error& error) {
+    output_->send_text(ordered_json{{"told", error.what()}}.dump());
+  }
+}
+
+void BreathingSocket::tell_saved(const SaveMotion& wanted, const std::string& file, const SealedModel* seal) {
+  ordered_json saved{{"file", file}, {"motion", motion_json(wanted.motion)}, {"seal", nullptr}};
+  if (seal) {
+    ordered_json stamps = ordered_json::array();
+    for (const SealedModel::Stamp& stamp : seal->stamps)
+      stamps.push_back({{"authority", stamp.authority}, {"time", stamp.time}, {"problem", stamp.problem}});
+    saved["seal"] = {{"file", seal->file}, {"sha256", seal->sha256}, {"time_stamps", std::move(stamps)}};
+  }
+  output_->send_text(ordered_json{{"saved", std::move(saved)}}.dump());
 }
 
 void BreathingSocket::begin_fit(const FitDeed& deed) {

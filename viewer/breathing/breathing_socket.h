@@ -12,12 +12,15 @@ namespace kiroku::viewer {
 
 class BreathingSocket : public SocketHandler {
  public:
-  /// `room` must outlive it. `person` as Session::person(). Refusal 503 where all places are taken.
+  /// `room` must outlive it. `person` as
+  /// Session::person(). Refusal 503 where all places are taken.
   BreathingSocket(BreathingRoom& room, const std::string& person, std::shared_ptr<SocketOutput> output);
   void receive(const SocketMessage& message) override;
 
  private:
   void save(const SaveMotion& wanted);
+  void seal(const SaveMotion& wanted);
+  void tell_saved(const SaveMotion& wanted, const std::string& file, const SealedModel* seal);
   void begin_fit(const FitDeed& deed);
   [[nodiscard]] BreathingListener listener();
 

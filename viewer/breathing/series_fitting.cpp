@@ -1,6 +1,7 @@
 #include "viewer/breathing/series_fitting.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "sim/drr/registration.h"
@@ -51,7 +52,16 @@ FittedSeries fit_to_radiographs(const BreathingBench& bench, const FitDeed& deed
       {}};
   if (fitted.fit.refusal.empty()) {
     fitted.motion.motion = fitted.fit.motion;
-    if (fitted.motion.cycle_s) fitted.motion.cycle_s = fitted.fit.waveform.duration_s();
+    if (fitted.motion.cycle_s) {
+      const double cycle_s = fitted.fit.waveform.duration_s();
+      fitted.motion.cycle_s = cycle_s;
+      // A phase is the same a cycle later: the one that is nearest to where its slider was.
+      const auto near = [&](sim::GroupMotion& found, const sim::GroupMotion& start) {
+        found.phase_s += cycle_s * std::round((start.phase_s - found.phase_s) / cycle_s);
+      };
+      near(fitted.motion.motion.rib_cage, deed.start.motion.rib_cage);
+      near(fitted.motion.motion.diaphragm, deed.start.motion.diaphragm);
+    }
     progress("looking for the tumour", 0, 1);
     fitted.tumour = seen_of(bench, fitted.fit,
                             sim::track_tumour(model, scene, bench.volume(), views, pictures, fitted.fit));

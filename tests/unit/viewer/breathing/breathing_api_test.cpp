@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "tests/support/served_routes.h"
 #include "tests/unit/viewer/breathing/chest_bench.h"
 #include "viewer/api/workplaces.h"
@@ -95,13 +96,63 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   EXPECT_EQ(similarity["values"].size(), 6U);
   client->send_text(message(3, "look", {{"mode", "wipe"}, {"part", 0.3}, {"outlined", false}}));
   EXPECT_EQ(picture_with(*client, 3)["input"], 3);
-  client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}}));
+  client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}, {"seal", false}}));
   EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'lung.json' already"));
-  client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}}));
+  client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}, {"seal", false}}));
   EXPECT_EQ(until_said(*client, "saved")["file"], "by hand.json");
   const sim::BreathingModel saved = sim::read_breathing_model(chest.folder() / "by hand.json");
   EXPECT_NEAR(saved.motion.diaphragm.amplitude_m, 0.0045, 1e-12);
   EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
+}
+
+TEST_F(BreathingApi, SealsNothingWithoutAHome) {
+  const auto client = routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["may_seal"], false);
+  client->send_text(message(1, "save", {{"file", "planned"}, {"motion", opened["motion"]}, {"seal", true}}));
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("seals no models"));
+  EXPECT_FALSE(std::filesystem::exists(chest.folder() / "planned.json"));
+}
+
+/// Whose sealer refuses the second model.
+struct SealingApi : BreathingApi {
+  std::vector<std::filesystem::path> sealed;
+  BreathingRoom sealing_room{bench, 2, [](const std::string& /*sentence*/) {},
+                             [this](const std::filesystem::path& model) {
+                               EXPECT_NO_THROW(static_cast<void>(sim::read_breathing_model(model)));
+                               sealed.push_back(model);
+                               if (sealed.size() > 1) throw Error("the log is full");
+                               return SealedModel{"planned.seal.json", "ab12", {{"embedded", "now", ""}}};
+                             }};
+  test::ServedRoutes sealing_routes{
+      [this](Router& router) { add_breathing_routes(router, sealing_room, context); }, "anna",
+      Role::kSurgeon};
+};
+
+TEST_F(SealingApi, SealsWhatItSavedAndTellsWhereThatFailed) {
+  const auto client = sealing_routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["may_seal"], true);
+  const auto wanted = [&](const char* file) {
+    return json{{"file", file}, {"motion", opened["motion"]}, {"seal", true}};
+  };
+  client->send_text(message(1, "save", wanted("planned")));
+  const json saved = until_said(*client, "saved");
+  EXPECT_EQ(saved["file"], "planned.json");
+  EXPECT_EQ(saved["seal"],
+            (json{{"file", "planned.seal.json"},
+                  {"sha256", "ab12"},
+                  {"time_stamps", {{{"authority", "embedded"}, {"time", "now"}, {"problem", ""}}}}}));
+  ASSERT_EQ(sealed.size(), 1U);
+  EXPECT_EQ(sealed.front(), chest.folder() / "planned.json");
+  // What is there is not saved over, and not sealed.
+  client->send_text(message(2, "save", wanted("planned")));
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'planned.json' already"));
+  EXPECT_EQ(sealed.size(), 1U);
+  // What could not be sealed is saved all the same, and both are told.
+  client->send_text(message(3, "save", wanted("other")));
+  EXPECT_EQ(until_said(*client, "saved")["seal"], nullptr);
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("the log is full"));
 }
 
 TEST_F(BreathingApi, SaysWhyASeriesIsTooShortForAFit) {

@@ -12,6 +12,8 @@ export interface OpenedLung {
   radiographs: number;
   /** Whether there are enough of them for a fit. */
   can_fit: boolean;
+  /** Whether models can be sealed here as plans. */
+  may_seal: boolean;
   warnings: string[];
   motion: Motion;
 }
@@ -60,6 +62,18 @@ export interface Fitted {
   tumour: (SeenTumour | null)[];
 }
 
+/** What froze a model: its hash is in the appliance log. Of a stamp time or problem is empty. */
+export interface ModelSeal {
+  file: string;
+  sha256: string;
+  time_stamps: { authority: string; time: string; problem: string }[];
+}
+interface Saved {
+  file: string;
+  motion: Motion;
+  seal: ModelSeal | null;
+}
+
 export const kModes = ['beside', 'opacity', 'wipe', 'difference', 'contour'] as const;
 export type Mode = (typeof kModes)[number];
 export interface Look {
@@ -68,7 +82,7 @@ export interface Look {
   outlined: boolean;
 }
 
-export type LungDeed = { motion: Motion } | { moment: { time_s: number } } | { look: Look } | { save: { file: string; motion: Motion } } | { fit: { motion: Motion; direction: boolean } } | { cancel: true };
+export type LungDeed = { motion: Motion } | { moment: { time_s: number } } | { look: Look } | { save: { file: string; motion: Motion; seal: boolean } } | { fit: { motion: Motion; direction: boolean } } | { cancel: true };
 
 export interface LungListener {
   opened: (opened: OpenedLung) => void;
@@ -79,7 +93,7 @@ export interface LungListener {
   fitted: (fitted: Fitted) => void;
   fitEnded: (sentence: string) => void;
   told: (sentence: string) => void;
-  saved: (file: string, motion: Motion) => void;
+  saved: (saved: Saved) => void;
   lost: (sentence: string) => void;
 }
 
@@ -91,7 +105,7 @@ interface Said {
   fitted?: Fitted;
   fit_ended?: string;
   told?: string;
-  saved?: { file: string; motion: Motion };
+  saved?: Saved;
   failed?: string;
 }
 
@@ -108,7 +122,7 @@ export class LungConnection {
         if (said.fitted) listener.fitted(said.fitted);
         if (said.fit_ended !== undefined) listener.fitEnded(said.fit_ended);
         if (said.told !== undefined) listener.told(said.told);
-        if (said.saved) listener.saved(said.saved.file, said.saved.motion);
+        if (said.saved) listener.saved(said.saved);
       },
       moment: listener.moment,
       lost: listener.lost,

@@ -68,15 +68,28 @@ export function BreathingView() {
   );
 }
 
-function SaveDialog({ file, save, close }: { file: string; save: (file: string) => void; close: () => void }) {
+function SaveDialog({ file, maySeal, save, close }: { file: string; maySeal: boolean; save: (file: string, seal: boolean) => void; close: () => void }) {
   return (
     <Dialog title={t('breathing.save')} onClose={close}>
-      <form class="form" method="dialog" onSubmit={(event) => save(typed(new FormData(event.currentTarget), 'file').trim())}>
+      <form
+        class="form"
+        method="dialog"
+        onSubmit={(event) => {
+          const form = new FormData(event.currentTarget);
+          save(typed(form, 'file').trim(), form.has('seal'));
+        }}
+      >
         <label class="field">
           <span>{t('planning.saveFile')}</span>
           <input name="file" required maxLength={100} defaultValue={file} autocomplete="off" />
         </label>
         <p class="muted">{t('breathing.saveWhat')}</p>
+        {maySeal && (
+          <label class="train-check">
+            <input type="checkbox" name="seal" />
+            <span>{t('breathing.seal')}</span>
+          </label>
+        )}
         <button type="submit" class="button button-main">
           <Icon name="save" />
           {t('planning.saveDo')}
@@ -113,9 +126,12 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
       fitted: (fitted) => {
         if (fitted.refusal === null) announce(t('breathing.fit.found', { took: fitted.took_s.toFixed(1) }));
       },
-      saved: (file) => {
-        notify(t('planning.saved', { plan: file }), 'done');
-        announce(t('planning.saved', { plan: file }));
+      saved: (file, seal) => {
+        const text = seal
+          ? t('breathing.sealed', { file, seal: seal.file, stamps: seal.time_stamps.filter(({ time }) => time !== '').length })
+          : t('planning.saved', { plan: file });
+        notify(text, 'done');
+        announce(text);
       },
       lost: (sentence) => leave(sentence && inOwnWords(sentence, 409)),
     });
@@ -294,14 +310,14 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
           {path && (
             <div class="lung-plots">
               <TimePlot
-                title={t('breathing.path')}
+                title={t(seen ? 'breathing.pathSeen' : 'breathing.path')}
                 unit="mm"
                 digits={1}
                 times_s={path.times_s}
                 end_s={end_s}
                 curves={[
                   ...kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) })),
-                  ...(seen ? kAxes.map((axis, i) => ({ name: t(`breathing.seen.${axis}`), values: seen.map((one) => one?.mm[i] ?? null), pointsOf: i })) : []),
+                  ...(seen ? kAxes.map((axis, i) => ({ name: `seen ${axis}`, values: seen.map((one) => one?.mm[i] ?? null), pointsOf: i })) : []),
                 ]}
                 now_s={time_s}
                 seek={(at_s) => lung.goTo(at_s)}
@@ -351,7 +367,7 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
           </div>
         )}
       </div>
-      {saving.value && opened && <SaveDialog file={`${stemOf(opened.file)}-2`} save={(file) => lung.save(file)} close={() => (saving.value = false)} />}
+      {saving.value && opened && <SaveDialog file={`${stemOf(opened.file)}-2`} maySeal={opened.may_seal} save={(file, seal) => lung.save(file, seal)} close={() => (saving.value = false)} />}
     </main>
   );
 }

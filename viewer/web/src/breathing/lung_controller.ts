@@ -2,7 +2,7 @@
 import { signal } from '@preact/signals';
 import { Median } from '@/base/median';
 import { History } from '@/breathing/history';
-import { type Fitted, type Fitting, type Look, LungConnection, type LungDeed, type LungMoment, type OpenedLung, type Path, type Similarity } from '@/breathing/breathing_api';
+import { type Fitted, type Fitting, type Look, LungConnection, type LungDeed, type LungMoment, type ModelSeal, type OpenedLung, type Path, type Similarity } from '@/breathing/breathing_api';
 import { type Motion, sameMotion } from '@/breathing/motion';
 import { later, stepped, type TimeLine } from '@/breathing/time_line';
 
@@ -14,7 +14,7 @@ export interface LungEvents {
   picture: (picture: ImageBitmap) => void;
   told: (sentence: string) => void;
   fitted: (fitted: Fitted) => void;
-  saved: (file: string) => void;
+  saved: (file: string, seal: ModelSeal | null) => void;
   lost: (sentence: string) => void;
 }
 
@@ -78,10 +78,10 @@ export class LungController {
         events.told(sentence);
       },
       told: events.told,
-      saved: (file, motion) => {
+      saved: ({ file, motion, seal }) => {
         this.kept = motion;
         this.tellSteps();
-        events.saved(file);
+        events.saved(file, seal);
       },
       lost: (sentence) => {
         this.pause();
@@ -137,8 +137,8 @@ export class LungController {
     const { history, kept } = this;
     if (history && kept) this.steps.value = { undo: history.canUndo, redo: history.canRedo, saved: sameMotion(history.now, kept) };
   }
-  save(file: string): void {
-    if (this.history) this.send({ save: { file, motion: this.history.now } });
+  save(file: string, seal: boolean): void {
+    if (this.history) this.send({ save: { file, motion: this.history.now, seal } });
   }
 
   /** From where the sliders stand. */

@@ -70,8 +70,8 @@ export function TimePlot({
         {title}
         {curves.length > 1 && (
           <span class="lung-plot-names">
-            {curves.map(({ name, pointsOf: i }, at) => (
-              <span key={name} class={`lung-curve-${i ?? at}`}>
+            {curves.map(({ name, pointsOf }, i) => pointsOf === undefined && (
+              <span key={name} class={`lung-curve-${i}`}>
                 {name}
               </span>
             ))}

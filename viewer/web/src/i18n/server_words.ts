@@ -165,6 +165,7 @@ export const kServerSentences: readonly SentencePair[] = [
   ['another fit is being computed on this machine: try again when it is done', 'この装置で別のあてはめを計算中です。終わってから再試行してください'],
   ['you have a fit computed already, on another page: wait for that, or cancel it', '別のページであてはめを計算中です。終わるのを待つか、中止してください'],
   ['you have a fit computed already: wait for that, or cancel it', 'あてはめを計算中です。終わるのを待つか、中止してください'],
+  ['this server seals no models: it serves no home of its own', 'このサーバーではモデルを封印できません'],
   ['the fit was cancelled', 'あてはめを中止しました'],
   ['finding how the patient lies', '患者の位置を求めています'],
   ['trying other ways round', 'ほかの向きを試しています'],
