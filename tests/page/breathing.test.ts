@@ -195,9 +195,12 @@ story('A person who fits a breathing lung', (step) => {
     await page.getByRole('button', { name: 'Fit', exact: true }).click();
     await page.getByRole('button', { name: 'Cancel' }).click();
     await page.getByText('the fit was cancelled').first().waitFor();
-    expect(await slider('Diaphragm: Amplitude').inputValue()).toBe('4');
+    await expect.poll(() => slider('Diaphragm: Amplitude').inputValue()).toBe('4');
     await page.getByRole('button', { name: 'Fit', exact: true }).click();
-    await page.getByText(/^Found in/).first().waitFor();
+    await page
+      .getByText(/^Found in/)
+      .first()
+      .waitFor();
     expect(Math.abs(Number(await slider('Diaphragm: Amplitude').inputValue()) - 9)).toBeLessThan(0.8);
     expect(Math.abs(Number(await slider('Diaphragm: Phase').inputValue()) - 0.6)).toBeLessThan(0.1);
     expect(await allMeasured()).toBeGreaterThan(0.99);
@@ -338,7 +341,9 @@ story('A person who fits a breathing lung', (step) => {
   step('lies on a tablet, and reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;
     await page.setViewportSize({ width: 820, height: 1180 });
-    await expect.poll(() => page.evaluate(() => getComputedStyle(document.querySelector('.lung-body') as Element).gridTemplateColumns.split(' ').length)).toBe(1);
+    await expect
+      .poll(() => page.evaluate(() => getComputedStyle(document.querySelector('.lung-body') as Element).gridTemplateColumns.split(' ').length))
+      .toBe(1);
     await keepPicture(page, 'breathing-tablet-820');
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByRole('button', { name: '明るい配色' }).click();

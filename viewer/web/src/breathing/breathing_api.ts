@@ -82,7 +82,13 @@ export interface Look {
   outlined: boolean;
 }
 
-export type LungDeed = { motion: Motion } | { moment: { time_s: number } } | { look: Look } | { save: { file: string; motion: Motion; seal: boolean } } | { fit: { motion: Motion; direction: boolean } } | { cancel: true };
+export type LungDeed =
+  | { motion: Motion }
+  | { moment: { time_s: number } }
+  | { look: Look }
+  | { save: { file: string; motion: Motion; seal: boolean } }
+  | { fit: { motion: Motion; direction: boolean } }
+  | { cancel: true };
 
 export interface LungListener {
   opened: (opened: OpenedLung) => void;

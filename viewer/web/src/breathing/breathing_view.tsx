@@ -367,7 +367,14 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
           </div>
         )}
       </div>
-      {saving.value && opened && <SaveDialog file={`${stemOf(opened.file)}-2`} maySeal={opened.may_seal} save={(file, seal) => lung.save(file, seal)} close={() => (saving.value = false)} />}
+      {saving.value && opened && (
+        <SaveDialog
+          file={`${stemOf(opened.file)}-2`}
+          maySeal={opened.may_seal}
+          save={(file, seal) => lung.save(file, seal)}
+          close={() => (saving.value = false)}
+        />
+      )}
     </main>
   );
 }

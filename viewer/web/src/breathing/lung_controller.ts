@@ -2,7 +2,18 @@
 import { signal } from '@preact/signals';
 import { Median } from '@/base/median';
 import { History } from '@/breathing/history';
-import { type Fitted, type Fitting, type Look, LungConnection, type LungDeed, type LungMoment, type ModelSeal, type OpenedLung, type Path, type Similarity } from '@/breathing/breathing_api';
+import {
+  type Fitted,
+  type Fitting,
+  type Look,
+  LungConnection,
+  type LungDeed,
+  type LungMoment,
+  type ModelSeal,
+  type OpenedLung,
+  type Path,
+  type Similarity,
+} from '@/breathing/breathing_api';
 import { type Motion, sameMotion } from '@/breathing/motion';
 import { later, stepped, type TimeLine } from '@/breathing/time_line';
 

@@ -70,11 +70,14 @@ export function TimePlot({
         {title}
         {curves.length > 1 && (
           <span class="lung-plot-names">
-            {curves.map(({ name, pointsOf }, i) => pointsOf === undefined && (
-              <span key={name} class={`lung-curve-${i}`}>
-                {name}
-              </span>
-            ))}
+            {curves.map(
+              ({ name, pointsOf }, i) =>
+                pointsOf === undefined && (
+                  <span key={name} class={`lung-curve-${i}`}>
+                    {name}
+                  </span>
+                ),
+            )}
           </span>
         )}
       </figcaption>
@@ -102,19 +105,21 @@ export function TimePlot({
           pointsOf === undefined
             ? null
             : values.map((value, at) =>
-                value === null ? null : <circle key={`${name}${at}`} class={`lung-curve-${pointsOf} lung-point`} cx={x(times_s[at] ?? 0)} cy={y(value)} r="2" />,
+                value === null ? null : (
+                  <circle key={`${name}${at}`} class={`lung-curve-${pointsOf} lung-point`} cx={x(times_s[at] ?? 0)} cy={y(value)} r="2" />
+                ),
               ),
         )}
         {curves.map(({ name, values, pointsOf }, i) =>
           pointsOf !== undefined
             ? null
             : parts(values, (at, value) => `${x(times_s[at] ?? 0).toFixed(1)},${y(value).toFixed(1)}`).map((points) =>
-            points.includes(' ') ? (
-              <polyline key={name + points} class={`lung-curve-${i}`} points={points} />
-            ) : (
-              <circle key={name + points} class={`lung-curve-${i}`} cx={points.split(',')[0]} cy={points.split(',')[1]} r="1.5" />
-            ),
-          ),
+                points.includes(' ') ? (
+                  <polyline key={name + points} class={`lung-curve-${i}`} points={points} />
+                ) : (
+                  <circle key={name + points} class={`lung-curve-${i}`} cx={points.split(',')[0]} cy={points.split(',')[1]} r="1.5" />
+                ),
+              ),
         )}
         <line class="lung-plot-now" x1={x(now_s)} x2={x(now_s)} y1={kTop - 4} y2={kHeight - kBottom} />
       </svg>
