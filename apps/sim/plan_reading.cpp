@@ -7,11 +7,20 @@
 #include "apps/common/command_line.h"
 #include "apps/common/json_output.h"
 #include "apps/common/step_line.h"
+#include "base/error.h"
 #include "sim/meshing/mesh_recipe.h"
+#include "sim/plan/plan_files.h"
 
 namespace kiroku::apps {
 
 std::optional<sim::Plan> read_plan_and_tell(const std::string& file, bool json) {
+  if (sim::kind_of_plan(file) == sim::PlanKind::kBreathing) {
+    throw UsageError(
+        file +
+        " is a breathing lung, which has no steps to carry out or to find in a case: 'kiroku sim respire' "
+        "computes it, and 'kiroku respire serve --radiographs' lays it beside a case's fluoroscopy that "
+        "'kiroku export' wrote, with the error of each picture");
+  }
   sim::PlanReading reading = [&] {
     StepLine line;
     return sim::read_plan(file, sim::recipe_mesh_maker([&](const std::string& step) { line.show(step); }));

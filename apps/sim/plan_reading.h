@@ -9,7 +9,8 @@
 namespace kiroku::apps {
 
 /// The plan, its mesh made where it has a recipe, or nothing once all its errors are told: on standard error,
-/// or for machines as one JSON object. Warnings are told to people only.
+/// or for machines as one JSON object. Warnings are told to people only. kiroku::UsageError for a breathing
+/// lung.
 std::optional<sim::Plan> read_plan_and_tell(const std::string& file, bool json);
 
 /// Of all steps.

@@ -8,16 +8,18 @@
 #include "apps/common/file.h"
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
-#include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/sim/plan_command.h"
 #include "apps/sim/plan_reading.h"
+#include "apps/sim/plan_sealing.h"
 #include "apps/sim/sealed_files.h"
 #include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "sim/plan/plan_files.h"
+#include "sim/respiration/breathing_model.h"
 #include "viewer/http/disk_room.h"
 #include "viewer/kept/log_of_case.h"
 
@@ -35,52 +37,47 @@ struct Request {
   bool json = false;
 };
 
-constexpr const char* kEnding = ".seal.json";
-
-/// liver.json is sealed in liver.seal.json, beside it.
-fs::path seal_file(const fs::path& plan) {
-  fs::path file = plan;
-  return file.replace_extension(kEnding);
+/// The name of a plan that can be carried out; nothing once its errors are told. kiroku::Error for a
+/// breathing lung that is none.
+std::optional<std::string> read_name(const Request& request) {
+  if (sim::kind_of_plan(request.file) == sim::PlanKind::kBreathing) {
+    const sim::BreathingModel model = sim::read_breathing_model(request.file);
+    if (!request.json) {
+      for (const std::string& warning : model.warnings) print_error("kiroku", "warning: " + warning);
+    }
+    return model.name;
+  }
+  const auto plan = read_plan_and_tell(request.file, request.json);
+  return plan ? std::optional(plan->name) : std::nullopt;
 }
 
 int seal(const Request& request) {
-  const fs::path plan_file = request.file, seal_path = seal_file(plan_file);
-  if (fs::exists(seal_path)) {
-    throw UsageError(seal_path.string() +
-                     " is there already: kiroku plan verify tells whether it still holds; to seal a changed "
-                     "plan, give that another name");
-  }
+  require_unsealed(request.file);
   const Home home = Home::open(request.home);
   viewer::require_disk_room(home.archive(), 0, "free some, then seal the plan again");
-  const Configuration configuration = home.configuration();
-  const auto plan = read_plan_and_tell(request.file, request.json);
-  if (!plan) return kRefused;
-  const PlanSeal made = seal_of_plan(plan_file, plan->name);
-  const Authorities authorities(home, configuration, request.authorities);
+  const auto name = read_name(request);
+  if (!name) return kRefused;
   const WritableHome writable(home);
-  const std::string text = plan_seal_text(made);
-  const crypto::Sha256Digest digest = crypto::sha256(bytes_of(text));
-  write_durably(seal_path, bytes_of(text));
-  writable.log->plan_sealed(digest);
-  std::vector<Stamp> stamps;
-  for (const recorder::NamedAuthority& authority : authorities.named())
-    stamps.push_back(stamp_file(authority, seal_path, digest, writable.trust));
+  const SealedPlan made =
+      seal_plan_file(home, request.file, *name, request.authorities, writable.trust,
+                     [&](const crypto::Sha256Digest& digest) { writable.log->plan_sealed(digest); });
   if (request.json) {
-    print_json({{"seal", seal_path.string()},
-                {"sha256", crypto::to_hex(digest)},
-                {"files", made.files.size()},
-                {"time_stamps", stamps_json(stamps)}});
+    print_json({{"seal", made.file.string()},
+                {"sha256", crypto::to_hex(made.digest)},
+                {"files", made.seal.files.size()},
+                {"time_stamps", stamps_json(made.stamps)}});
   } else {
-    warn_of_missing(stamps);
-    std::cout << printable(seal_path.string()) << ": " << made.files.size()
-              << " files sealed, entered into the appliance log\n  seal  " << crypto::to_hex(digest) << "\n";
-    for (const Stamp& each : stamps) {
+    warn_of_missing(made.stamps);
+    std::cout << printable(made.file.string()) << ": " << made.seal.files.size()
+              << " files sealed, entered into the appliance log\n  seal  " << crypto::to_hex(made.digest)
+              << "\n";
+    for (const Stamp& each : made.stamps) {
       if (each.gen_time)
         std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
     }
-    std::cout << "  next  kiroku record --plan " << printable(seal_path.string()) << " ...\n";
+    std::cout << "  next  kiroku record --plan " << printable(made.file.string()) << " ...\n";
   }
-  return any_valid(stamps) ? kDone : kNoAnswer;
+  return any_valid(made.stamps) ? kDone : kNoAnswer;
 }
 
 std::vector<Check> check_order(const std::optional<Home>& home, const archive::CaseReader& recording,
@@ -135,13 +132,14 @@ int verify(const Request& request) {
 void add_plan_seal_commands(Command& plan) {
   Command& sealed = plan.add_command("seal", "freezes a plan before the operation");
   const auto seal_request = std::make_shared<Request>();
-  sealed.argument("PLAN", seal_request->file, "the plan (.json)");
+  sealed.argument("PLAN", seal_request->file, "the plan, or the breathing lung (.json)");
   sealed.option("--authority", "NAME", seal_request->authorities, "asks only this authority of kiroku.toml");
   add_home_option(sealed, seal_request->home);
   sealed.flag("--json", seal_request->json, "prints one JSON object instead");
   sealed.explain(
       "Writes PLAN.seal.json beside the plan: the hashes of the plan, its mesh or what that is made of, and "
-      "its volume. Their hash is entered into the appliance log and time-stamped (PLAN.seal.AUTHORITY.tsr). "
+      "its volume; of a breathing lung its mesh, labels and trace. Their hash is entered into the appliance "
+      "log and time-stamped (PLAN.seal.AUTHORITY.tsr). "
       "Nothing of the plan leaves the machine but that hash. Exit status: 0 sealed and time-stamped, 3 "
       "sealed "
       "without a time-stamp.");

@@ -1,19 +1,25 @@
 // 'kiroku respire serve': a lung's motion fitted to radiographs by hand, on a page.
 #include <algorithm>
+#include <filesystem>
 #include <memory>
+#include <mutex>
 #include <thread>
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/format.h"
 #include "apps/common/step_line.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/serving.h"
 #include "apps/sim/number_option.h"
+#include "apps/sim/plan_sealing.h"
 #include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
 #include "base/number_text.h"
+#include "crypto/encoding.h"
 #include "sim/drr/dicom_radiograph.h"
 #include "sim/volume/volume_reader.h"
 #include "viewer/breathing/breathing_api.h"
@@ -21,6 +27,8 @@
 
 namespace kiroku::apps {
 namespace {
+
+namespace fs = std::filesystem;
 
 struct RespireServeRequest {
   ServingRequest serving{.listen = "", .own_port = "8447"};
@@ -70,6 +78,22 @@ std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& requ
                                                   [&](const std::string& step) { line.show(step); });
 }
 
+viewer::ModelSealer sealer_of(const Home& home) {
+  return [&home, one = std::make_shared<std::mutex>()](const fs::path& model) {
+    const std::lock_guard guard(*one);  // authorities are asked by one thread at a time
+    const WritableHome writable(home);
+    const SealedPlan made =
+        seal_plan_file(home, model, sim::read_breathing_model(model).name, {}, writable.trust,
+                       [&](const crypto::Sha256Digest& digest) { writable.log->plan_sealed(digest); });
+    viewer::SealedModel told{made.file.filename().string(), crypto::to_hex(made.digest), {}};
+    for (const Stamp& stamp : made.stamps) {
+      told.stamps.push_back(
+          {stamp.authority, stamp.gen_time ? format_utc(*stamp.gen_time) : std::string(), stamp.problem});
+    }
+    return told;
+  };
+}
+
 int run(const RespireServeRequest& request) {
   constexpr std::size_t kMostAtOnce = 64;
   check(request);
@@ -78,7 +102,7 @@ int run(const RespireServeRequest& request) {
                                               : std::max(1U, std::thread::hardware_concurrency() / 2);
   const std::unique_ptr<viewer::BreathingBench> bench = bench_of(request);
   const auto tell = tell_on_standard_error();
-  viewer::BreathingRoom room(*bench, at_once, tell);
+  viewer::BreathingRoom room(*bench, at_once, tell, sealer_of(home));
   const std::size_t count = bench->radiographs().size();
   serve_until_stopped(request.serving, home,
                       {.serves = "breathing",

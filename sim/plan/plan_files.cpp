@@ -1,7 +1,9 @@
 #include "sim/plan/plan_files.h"
 
 #include <algorithm>
+#include <array>
 
+#include "base/error.h"
 #include "sim/model/body_model.h"
 #include "sim/model/json_field.h"
 
@@ -28,6 +30,20 @@ void add(std::vector<PlanFile>& files, const std::string& role, const JsonField&
 
 }  // namespace
 
+PlanKind kind_of_plan(const fs::path& plan) {
+  constexpr std::array<const char*, 7> kOfLungs{"breathing", "tumour", "lung",  "labels",
+                                                "groups",    "slide",  "phases"};
+  try {
+    const nlohmann::json document = JsonField::parse(read_document(plan), plan.string());
+    const bool is_lung =
+        document.is_object() && !document.contains("steps") &&
+        std::ranges::any_of(kOfLungs, [&](const char* key) { return document.contains(key); });
+    return is_lung ? PlanKind::kBreathing : PlanKind::kSteps;
+  } catch (const Error&) {
+    return PlanKind::kSteps;
+  }
+}
+
 std::vector<PlanFile> files_of_plan(const fs::path& plan) {
   const nlohmann::json document = JsonField::parse(read_document(plan), plan.string());
   const JsonField field(document, plan.string());
@@ -42,6 +58,10 @@ std::vector<PlanFile> files_of_plan(const fs::path& plan) {
     add(files, "mesh", mesh, folder);
   }
   if (const auto volume = field.optional_member("volume")) add(files, "volume", *volume, folder);
+  if (const auto labels = field.optional_member("labels")) add(files, "labels", *labels, folder);
+  if (const auto breathing = field.optional_member("breathing"); breathing && breathing->is_object()) {
+    if (const auto trace = breathing->optional_member("trace")) add(files, "trace", *trace, folder);
+  }
   return files;
 }
 

@@ -8,14 +8,21 @@
 namespace kiroku::sim {
 
 struct PlanFile {
-  std::string role;  // "plan", "mesh", "volume", "labels", "contours"
+  std::string role;  // "plan", "mesh", "volume", "labels", "contours", "trace"
   std::string name;  // from the plan's folder on, with '/'
   std::filesystem::path path;
 };
 
-/// The plan itself, then what it names: a mesh or what its recipe takes, and the volume; of a folder every
-/// file in it and below, in the order of their names. kiroku::IoError, and kiroku::Error for a plan that is
-/// no JSON object or names what is not there.
+enum class PlanKind {
+  kSteps,      // an operation, step by step (sim/plan/plan.h)
+  kBreathing,  // a lung that breathes (sim/respiration/breathing_model.h)
+};
+/// By what the document has: what is none of both counts as an operation, whose reader says what is wrong.
+PlanKind kind_of_plan(const std::filesystem::path& plan);
+
+/// The plan itself, then what it names: a mesh or what its recipe takes, and the volume, or a breathing
+/// lung's labels and trace; of a folder every file in it and below, in the order of their names.
+/// kiroku::IoError, and kiroku::Error for a plan that is no JSON object or names what is not there.
 std::vector<PlanFile> files_of_plan(const std::filesystem::path& plan);
 
 }  // namespace kiroku::sim

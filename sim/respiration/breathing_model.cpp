@@ -38,6 +38,7 @@ class BreathingReader {
   /// `materials_given`: whether the document says what a tumour region is of.
   BreathingReader(const JsonField& document, const fs::path& folder, bool materials_given)
       : folder_(folder), body_(document, folder) {
+    if (const auto name = document.optional_member("name")) model_.name = name->text();
     model_.unit = body_.model().unit;
     units_ = units_per_metre(model_.unit);
     model_.mesh = body_.model().mesh;

@@ -26,6 +26,7 @@ std::vector<double> phase_times_s(const Waveform& waveform, std::size_t phases);
 inline constexpr double kLargestAmplitudeM = 0.2, kLongestPhaseS = 60;
 
 struct BreathingModel {
+  std::string name;  // for people; may be empty
   TetMesh mesh;
   LengthUnit unit = LengthUnit::kMillimetre;
   Materials materials;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -19,8 +20,15 @@ std::vector<Vector3> nodes_of(const Eigen::VectorXd& vectors) {
 }  // namespace
 
 BreathingScene::BreathingScene(const BreathingModel& model, const Volume& volume)
-    : ct_(std::make_unique<CtProjector>(volume, Attenuation(Attenuation::kCtEnergyKev))),
-      mesh_(std::make_unique<MeshProjector>(*ct_, model.mesh)),
+    : BreathingScene(model, std::make_shared<CtProjector>(volume, Attenuation(Attenuation::kCtEnergyKev))) {}
+
+BreathingScene::BreathingScene(const BreathingModel& model, const std::shared_ptr<const CtProjector>& ct)
+    : BreathingScene(model, ct, std::make_shared<MeshProjector>(*ct, model.mesh)) {}
+
+BreathingScene::BreathingScene(const BreathingModel& model, std::shared_ptr<const CtProjector> ct,
+                               std::shared_ptr<const MeshProjector> mesh)
+    : ct_(std::move(ct)),
+      mesh_(std::move(mesh)),
       body_(std::make_unique<BreathingBody>(model.mesh, model.materials, model.groups, model.slide)),
       rib_cage_(nodes_of(body_->response(BoundaryGroup::kRibCage, model.motion.rib_cage.direction))) {
   const Extent extent = extent_of(model.mesh);

@@ -18,11 +18,14 @@ struct BreathState {
 };
 
 /// A CT with the lung that moves in it. Not thread-safe; projections use all threads. Model and volume need
-/// not outlive it.
+/// not outlive it, projectors are shared.
 class BreathingScene {
  public:
   /// What BreathingBody, CtProjector and MeshProjector throw.
   BreathingScene(const BreathingModel& model, const Volume& volume);
+  /// The same with projectors that are there already: of the CT, and of the model's mesh in it.
+  BreathingScene(const BreathingModel& model, std::shared_ptr<const CtProjector> ct,
+                 std::shared_ptr<const MeshProjector> mesh);
 
   [[nodiscard]] const TetMesh& mesh() const { return mesh_->mesh(); }
   [[nodiscard]] const CtProjector& ct() const { return *ct_; }
@@ -53,8 +56,10 @@ class BreathingScene {
   }
 
  private:
-  std::unique_ptr<CtProjector> ct_;
-  std::unique_ptr<MeshProjector> mesh_;
+  BreathingScene(const BreathingModel& model, const std::shared_ptr<const CtProjector>& ct);
+
+  std::shared_ptr<const CtProjector> ct_;
+  std::shared_ptr<const MeshProjector> mesh_;
   std::unique_ptr<BreathingBody> body_;
   Vector3 middle_m_ = Vector3::Zero();
   std::optional<Vector3> direction_;

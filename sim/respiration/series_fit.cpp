@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <random>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -15,6 +14,7 @@
 #include "base/parallel.h"
 #include "sim/drr/registration.h"
 #include "sim/respiration/gradient_terms.h"
+#include "sim/respiration/series_change.h"
 
 namespace kiroku::sim {
 namespace {
@@ -35,10 +35,11 @@ constexpr double kPriorRibCageM = 0.005, kPriorDiaphragmM = 0.02, kPriorShiftM =
                  kPriorTurnRad = 10 * 3.14159265358979 / 180, kPriorAcrossM = 0.5;
 /// A step of finite differences of the pose, in pixels of the level at the patient; turns as at this lever.
 constexpr double kPoseStepPixels = 0.5, kLeverM = 0.1;
+/// Unknowns of all moments: the patient's shift along three axes, turns about them, and where the diaphragm
+/// points, across its direction.
+constexpr std::size_t kFirstTurn = 3, kFirstAcross = 6, kAllUnknowns = 8;
 /// The pose is found on so many moments in the smallest pixels.
 constexpr std::size_t kPoseMoments = 80;
-/// Below this a computed picture shows something else than the radiograph.
-constexpr double kLeastSimilarity = 0.3, kDoubtfulSimilarity = 0.8, kClearlyBetter = 0.1;
 /// The least correlation of changes that is told as breathing, and how often chance must be exceeded.
 constexpr double kLeastChange = 0.05, kTimesChance = 3;
 
@@ -84,6 +85,9 @@ class SeriesFitter {
                   std::to_string(kLeastMoments) + " at least are needed to tell a breath");
     }
     if (options.direction && !scene.diaphragm_direction()) scene.point_diaphragm(-Vector3::UnitZ());
+    for (std::size_t unknown = options.lies_as_given ? kFirstAcross : 0;
+         unknown < (options.direction ? kAllUnknowns : kFirstAcross); ++unknown)
+      unknowns_.push_back(unknown);
   }
 
   SeriesFit run() {
@@ -155,110 +159,15 @@ class SeriesFitter {
 
   // The pose, before anything is known of the breathing.
 
-  [[nodiscard]] std::vector<RegistrationView> mean_pictures(std::size_t most_pixels) const {
-    std::vector<RegistrationView> means;
-    for (std::size_t view = 0; view < views_.size(); ++view) {
-      const std::size_t factor =
-          std::max<std::size_t>(std::min(views_[view].columns(), views_[view].rows()) / most_pixels, 1);
-      RegistrationView mean{{}, views_[view].binned(factor)};
-      mean.radiograph = {mean.geometry.columns(), mean.geometry.rows(), {}};
-      mean.radiograph.values.assign(mean.radiograph.columns * mean.radiograph.rows, 0.0F);
-      for (const SeriesPicture& picture : pictures_) {
-        if (picture.view != view) continue;
-        const ProjectionImage image = binned(picture.image, factor);
-        for (std::size_t i = 0; i < image.values.size(); ++i) mean.radiograph.values[i] += image.values[i];
-      }
-      means.push_back(std::move(mean));
-    }
-    return means;
-  }
-
-  Registration registered(std::span<const RegistrationView> means, const std::string& doing) {
-    const Registration found = register_rigidly(
-        means, scene_.middle_m(),
-        [&](const ProjectionGeometry& geometry) { return scene_.at_rest(geometry); },
-        [&](std::size_t done, std::size_t all) { tell(doing, done, all); });
-    fit_.projections += found.projections;
-    return found;
-  }
-
   void find_pose() {
-    constexpr std::size_t kMostPixels = 64;
-    const std::vector<RegistrationView> means = mean_pictures(kMostPixels);
-    const Registration found = registered(means, "finding how the patient lies");
+    SeriesPose found = find_series_pose(scene_, views_, pictures_, options_.lies_as_given, options_.progress);
     fit_.similarity_before = found.similarity_before;
     fit_.similarity_posed = found.similarity_after;
+    fit_.refusal = std::move(found.refusal);
+    fit_.findings = std::move(found.findings);
+    fit_.projections += found.projections;
     shift_m_ = found.translation_m;
-    const double angle = found.rotation_rad.norm();
-    if (angle > 0) turn_ = Eigen::AngleAxisd(angle, found.rotation_rad / angle).toRotationMatrix();
-    if (found.similarity_after < kDoubtfulSimilarity) try_other_ways();
-  }
-
-  /// Pictures that were laid on the scanner the wrong way round, or whose grey means the opposite.
-  void try_other_ways() {
-    struct Way {
-      const char* words;
-      bool across, down, turned;
-    };
-    constexpr std::array<Way, 5> kWays{{{"mirrored left to right", true, false, false},
-                                        {"upside down (mirrored)", false, true, false},
-                                        {"turned by 180 degrees", true, true, false},
-                                        {"turned by 90 degrees clockwise", true, false, true},
-                                        {"turned by 90 degrees anticlockwise", false, true, true}}};
-    constexpr std::size_t kFewPixels = 64;
-    const std::vector<RegistrationView> means = mean_pictures(kFewPixels);
-    std::string tried;
-    double best = -1;
-    const char* best_way = nullptr;
-    for (const Way& way : kWays) {
-      std::vector<RegistrationView> changed = means;
-      bool fits = true;
-      for (RegistrationView& view : changed) {
-        ProjectionImage& image = view.radiograph;
-        const ProjectionImage from = image;
-        if (way.turned && image.columns != image.rows) fits = false;
-        for (std::size_t row = 0; row < image.rows && fits; ++row) {
-          for (std::size_t column = 0; column < image.columns; ++column) {
-            std::size_t x = column, y = row;
-            if (way.turned) std::swap(x, y);
-            if (way.turned ? way.down : way.across) x = image.columns - 1 - x;
-            if (way.turned ? way.across : way.down) y = image.rows - 1 - y;
-            image.values[row * image.columns + column] = from.values[y * image.columns + x];
-          }
-        }
-      }
-      if (!fits) continue;
-      const double similarity = registered(changed, "trying other ways round").similarity_after;
-      tried += std::string(tried.empty() ? "" : ", ") + way.words + " " + number_text(similarity, 2);
-      if (similarity > best) {
-        best = similarity;
-        best_way = way.words;
-      }
-    }
-    // What is dark for light is as alike as what is light for light, the other way round.
-    std::vector<RegistrationView> inverse = means;
-    for (RegistrationView& view : inverse) {
-      for (float& value : view.radiograph.values) value = -value;
-    }
-    const double inverted = registered(inverse, "trying other ways round").similarity_after;
-    tried += ", with dark and light exchanged " + number_text(inverted, 2);
-    const std::string agree = "the radiographs and the CT agree to " + number_text(fit_.similarity_posed, 2) +
-                              " (gradient correlation of the mean pictures, at the best pose found)";
-    const std::string all = "; tried: " + tried;
-    if (best > fit_.similarity_posed + kClearlyBetter && best >= inverted) {
-      fit_.refusal = agree + ", but " + best_way + " to " + number_text(best, 2) +
-                     ": the pictures are the other way round than the geometry says" + all;
-    } else if (inverted > fit_.similarity_posed + kClearlyBetter) {
-      fit_.refusal = agree + ", but with dark and light exchanged to " + number_text(inverted, 2) +
-                     ": give --polarity bone-black (or bone-white)" + all;
-    } else if (fit_.similarity_posed < kLeastSimilarity) {
-      fit_.refusal = agree + ", and " + number_text(kLeastSimilarity, 2) +
-                     " at least is needed: another patient's series, another geometry, or a patient who lies "
-                     "further than some 20 mm or 10 degrees from where the geometry has them" +
-                     all;
-    } else {
-      fit_.findings.push_back(agree + all);
-    }
+    turn_ = found.turn;
   }
 
   // The breathing.
@@ -266,6 +175,7 @@ class SeriesFitter {
   void run_level(std::size_t number) {
     SeriesLevel level = level_of(factor_of(number));
     const bool first = axes_.empty();
+    choose_axes(level);
     damping_ = 1e-3;
     double best = std::numeric_limits<double>::infinity();
     Kept kept;
@@ -289,6 +199,7 @@ class SeriesFitter {
           finish_level(number);
           return;
         }
+        if (unknowns_.empty()) break;
         make_slopes(level);
         collect(level, number + 1 == kFitLevels.size() ? kPoseMoments : fit_.moments.size());
         damping_ = std::max(damping_ / 10, 1e-6);
@@ -297,7 +208,7 @@ class SeriesFitter {
         if (last) break;
         damping_ *= 30;
       }
-      if (!move_pose(level)) break;
+      if (unknowns_.empty() || !move_pose(level)) break;
     }
     // With the pose that is kept.
     take_back(kept);
@@ -325,7 +236,9 @@ class SeriesFitter {
       scene_.point_diaphragm(*kept.direction);
   }
 
-  void make_tables(const SeriesLevel& level) {
+  /// Once for all steps of a level: their misfits are compared, and each table is wrong between its own
+  /// nodes.
+  void choose_axes(const SeriesLevel& level) {
     const double step_m = kNodePixels * level.pixel_m;
     double r0 = -kMostRibCageM, r1 = kMostRibCageM, d0 = -kMostDiaphragmM, d1 = kMostDiaphragmM;
     if (!axes_.empty()) {
@@ -338,13 +251,16 @@ class SeriesFitter {
         d0 = std::min(d0, moment.state.diaphragm_m);
         d1 = std::max(d1, moment.state.diaphragm_m);
       }
-      constexpr double kMoreM = 0.002;
+      constexpr double kMoreM = 0.003;
       r0 = std::max(r0 - kMoreM, -kMostRibCageM);
       r1 = std::min(r1 + kMoreM, kMostRibCageM);
       d0 = std::max(d0 - kMoreM, -kMostDiaphragmM);
       d1 = std::min(d1 + kMoreM, kMostDiaphragmM);
     }
     axes_ = {StateAxis::covering(r0, r1, 2 * step_m), StateAxis::covering(d0, d1, step_m)};
+  }
+
+  void make_tables(const SeriesLevel& level) {
     tables_.clear();
     for (const ProjectionGeometry& view : level.views) {
       tables_.emplace_back(scene_, view.of_moved_patient(pose(shift_m_, turn_)), axes_[0], axes_[1]);
@@ -354,14 +270,16 @@ class SeriesFitter {
     tables_turn_ = turn_;
   }
 
-  /// Where the diaphragm must have moved for each moment, by nodes of the table; the rib cage shows less.
+  /// Where the diaphragm must have moved for each moment, by the model's own motion and by nodes of the
+  /// table; the rib cage shows less.
   void look_for_states(const SeriesLevel& level) {
     for_each_part(fit_.moments.size(), threads(), [&](std::size_t m) {
       SeriesMoment& moment = fit_.moments[m];
       double best = -std::numeric_limits<double>::infinity();
       BreathingPictures::Looked looked;
-      for (std::size_t j = 1; j + 1 < axes_[1].count; ++j) {
-        const BreathState tried{0, axes_[1].node(j)};
+      std::vector<BreathState> candidates{by_waveform(moment.time_s)};
+      for (std::size_t j = 1; j + 1 < axes_[1].count; ++j) candidates.push_back({0, axes_[1].node(j)});
+      for (const BreathState& tried : candidates) {
         double similarity = 0;
         for (const std::size_t picture : moment.pictures) {
           const std::size_t view = pictures_[picture].view;
@@ -474,8 +392,6 @@ class SeriesFitter {
     }
   }
 
-  [[nodiscard]] std::size_t pose_unknowns() const { return options_.direction ? 8 : 6; }
-
   void make_slopes(const SeriesLevel& level) {
     slopes_.assign(views_.size(), {});
     for (std::size_t view = 0; view < views_.size(); ++view) {
@@ -483,22 +399,22 @@ class SeriesFitter {
       slopes.rib_cage_m = {axes_[0].from_m(), axes_[0].to_m()};
       slopes.diaphragm_m = {axes_[1].from_m(), axes_[1].to_m()};
       const double step_m = kPoseStepPixels * level.pixel_m;
-      for (std::size_t unknown = 0; unknown < pose_unknowns(); ++unknown) {
+      for (const std::size_t unknown : unknowns_) {
         std::array<std::array<std::array<ProjectionImage, 2>, 2>, 2> images;  // side, rib cage, diaphragm
         for (std::size_t side = 0; side < 2; ++side) {
           const double by_m = side == 0 ? -step_m : step_m;
           Vector3 shift_m = shift_m_;
           Eigen::Matrix3d turn = turn_;
           std::array<double, 2> across_m{};
-          if (unknown < 3) shift_m[static_cast<Eigen::Index>(unknown)] += by_m;
-          if (unknown >= 3 && unknown < 6) {
-            const Vector3 axis = Vector3::Unit(static_cast<Eigen::Index>(unknown - 3));
+          if (unknown < kFirstTurn) shift_m[static_cast<Eigen::Index>(unknown)] += by_m;
+          if (unknown >= kFirstTurn && unknown < kFirstAcross) {
+            const Vector3 axis = Vector3::Unit(static_cast<Eigen::Index>(unknown - kFirstTurn));
             turn = Eigen::AngleAxisd(by_m / kLeverM, axis).toRotationMatrix() * turn_;
           }
-          if (unknown >= 6) across_m[unknown - 6] = by_m;
+          if (unknown >= kFirstAcross) across_m[unknown - kFirstAcross] = by_m;
           const ProjectionGeometry geometry = level.views[view].of_moved_patient(pose(shift_m, turn));
           std::optional<ProjectionImage> still;
-          if (unknown < 6) still = scene_.still(geometry);
+          if (unknown < kFirstAcross) still = scene_.still(geometry);
           for (std::size_t r = 0; r < 2; ++r) {
             for (std::size_t d = 0; d < 2; ++d) {
               images[side][r][d] =
@@ -523,7 +439,7 @@ class SeriesFitter {
 
   /// The equations of the pose, with the states eliminated.
   void collect(const SeriesLevel& level, std::size_t most_moments) {
-    const auto pose_count = static_cast<Eigen::Index>(pose_unknowns());
+    const auto pose_count = static_cast<Eigen::Index>(unknowns_.size());
     const std::size_t stride = std::max<std::size_t>(fit_.moments.size() / most_moments, 1);
     const std::size_t used = (fit_.moments.size() + stride - 1) / stride;
     std::vector<Eigen::MatrixXd> normals(used);
@@ -568,17 +484,18 @@ class SeriesFitter {
     for (const Eigen::VectorXd& right : rights) votes_ += (right - mean) * (right - mean).transpose();
   }
 
-  static void between(const PoseSlopes& slopes, const BreathState& state, std::size_t unknown,
-                      std::vector<float>& column) {
+  /// The picture's change by the unknown of that number.
+  void between(const PoseSlopes& slopes, const BreathState& state, std::size_t number,
+               std::vector<float>& column) const {
     const auto part = [](const std::array<double, 2>& ends, double value) {
       return std::clamp((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
     };
     const double r = part(slopes.rib_cage_m, state.rib_cage_m),
                  d = part(slopes.diaphragm_m, state.diaphragm_m);
     // A unit of direction moves the diaphragm as far as it goes.
-    const double times = unknown >= 6 ? state.diaphragm_m : 1;
-    const std::vector<float>&a = slopes.at[0][0][unknown], &b = slopes.at[0][1][unknown],
-          &c = slopes.at[1][0][unknown], &e = slopes.at[1][1][unknown];
+    const double times = unknowns_[number] >= kFirstAcross ? state.diaphragm_m : 1;
+    const std::vector<float>&a = slopes.at[0][0][number], &b = slopes.at[0][1][number],
+          &c = slopes.at[1][0][number], &e = slopes.at[1][1][number];
     column.resize(a.size());
     const auto wa = static_cast<float>(times * (1 - r) * (1 - d)),
                wb = static_cast<float>(times * (1 - r) * d), wc = static_cast<float>(times * r * (1 - d)),
@@ -588,9 +505,13 @@ class SeriesFitter {
 
   /// In units of the unknowns: metres, metres at the lever, parts of the diaphragm's way.
   [[nodiscard]] Eigen::VectorXd prior_of_pose() const {
-    Eigen::VectorXd prior = Eigen::VectorXd::Constant(normal_.rows(), 1 / (kPriorShiftM * kPriorShiftM));
-    prior.segment<3>(3).setConstant(1 / std::pow(kLeverM * kPriorTurnRad, 2));
-    if (prior.size() > 6) prior.tail<2>().setConstant(1 / (kPriorAcrossM * kPriorAcrossM));
+    Eigen::VectorXd prior(normal_.rows());
+    for (std::size_t i = 0; i < unknowns_.size(); ++i) {
+      const double deviation = unknowns_[i] < kFirstTurn     ? kPriorShiftM
+                               : unknowns_[i] < kFirstAcross ? kLeverM * kPriorTurnRad
+                                                             : kPriorAcrossM;
+      prior[static_cast<Eigen::Index>(i)] = 1 / (deviation * deviation);
+    }
     return prior;
   }
 
@@ -601,17 +522,23 @@ class SeriesFitter {
     normal.diagonal() += damping_ * normal_.diagonal() + prior;
     Eigen::VectorXd change = normal.ldlt().solve(right_);
     constexpr double kMostPixels = 2;
-    const double longest = change.head(6).cwiseAbs().maxCoeff();
+    double longest = 0;
+    for (std::size_t i = 0; i < unknowns_.size() && unknowns_[i] < kFirstAcross; ++i)
+      longest = std::max(longest, std::abs(change[static_cast<Eigen::Index>(i)]));
     if (longest > kMostPixels * level.pixel_m) change *= kMostPixels * level.pixel_m / longest;
-    shift_m_ += change.head<3>();
-    const Vector3 turn = change.segment<3>(3) / kLeverM;
+    Eigen::Matrix<double, kAllUnknowns, 1> by = Eigen::Matrix<double, kAllUnknowns, 1>::Zero();
+    for (std::size_t i = 0; i < unknowns_.size(); ++i)
+      by[static_cast<Eigen::Index>(unknowns_[i])] = change[static_cast<Eigen::Index>(i)];
+    shift_m_ += by.head<3>();
+    const Vector3 turn = by.segment<3>(kFirstTurn) / kLeverM;
     if (turn.norm() > 0) turn_ = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() * turn_;
-    if (change.size() > 6) {
-      const std::array<Vector3, 2> across = scene_.across_diaphragm();
-      scene_.point_diaphragm(*scene_.diaphragm_direction() + change[6] * across[0] + change[7] * across[1]);
+    const Eigen::Vector2d across = by.tail<2>();
+    if (options_.direction) {
+      const std::array<Vector3, 2> axes = scene_.across_diaphragm();
+      scene_.point_diaphragm(*scene_.diaphragm_direction() + across[0] * axes[0] + across[1] * axes[1]);
     }
-    constexpr double kLeastPixels = 0.02;
-    return longest > kLeastPixels * level.pixel_m || (change.size() > 6 && change.tail<2>().norm() > 0.002);
+    constexpr double kLeastPixels = 0.02, kLeastAcross = 0.002;
+    return longest > kLeastPixels * level.pixel_m || across.norm() > kLeastAcross;
   }
 
   void finish_level(std::size_t number) {
@@ -620,7 +547,7 @@ class SeriesFitter {
     fit_.similarity_after = sum / static_cast<double>(fit_.moments.size());
     const bool finest =
         number + 1 == kFitLevels.size() || factor_of(number) == factor_of(kFitLevels.size() - 1);
-    if (!finest || normal_.size() == 0) return;
+    if (!finest || options_.lies_as_given || normal_.size() == 0) return;
     // Each moment's vote, so that what neighbouring pixels share is not counted as many.
     Eigen::MatrixXd normal = normal_;
     normal.diagonal() += prior_of_pose();
@@ -678,67 +605,23 @@ class SeriesFitter {
   /// What the waveform alone says of the pictures' change, and what it would say by chance.
   void measure_change() {
     const SeriesLevel level = level_of(factor_of(0));
-    std::vector<BreathState> states;
-    double r0 = 0, r1 = 0, d0 = 0, d1 = 0;
+    std::vector<ProjectionGeometry> posed;
+    for (const ProjectionGeometry& view : level.views)
+      posed.push_back(view.of_moved_patient(pose(shift_m_, turn_)));
+    std::vector<MovedPicture> moved;
     for (const SeriesMoment& moment : fit_.moments) {
-      states.push_back({std::clamp(fit_.motion.rib_cage.moved_m(fit_.waveform, moment.time_s), -kMostRibCageM,
-                                   kMostRibCageM),
-                        std::clamp(fit_.motion.diaphragm.moved_m(fit_.waveform, moment.time_s),
-                                   -kMostDiaphragmM, kMostDiaphragmM)});
-      r0 = std::min(r0, states.back().rib_cage_m);
-      r1 = std::max(r1, states.back().rib_cage_m);
-      d0 = std::min(d0, states.back().diaphragm_m);
-      d1 = std::max(d1, states.back().diaphragm_m);
+      const BreathState state = by_waveform(moment.time_s);
+      for (const std::size_t picture : moment.pictures)
+        moved.push_back({pictures_[picture].view, &level.images[picture], state});
     }
-    const double step_m = kNodePixels * level.pixel_m;
-    const StateAxis rib_cage = StateAxis::covering(r0, r1, 2 * step_m),
-                    diaphragm = StateAxis::covering(d0, d1, step_m);
-    double together = 0, of_pictures = 0, of_computed = 0;
-    std::vector<Eigen::MatrixXf> products;
-    for (std::size_t view = 0; view < views_.size(); ++view) {
-      const BreathingPictures table(scene_, level.views[view].of_moved_patient(pose(shift_m_, turn_)),
-                                    rib_cage, diaphragm);
-      std::vector<Eigen::VectorXf> measured, computed;
-      BreathingPictures::Looked looked;
-      for (std::size_t m = 0; m < fit_.moments.size(); ++m) {
-        for (const std::size_t picture : fit_.moments[m].pictures) {
-          if (pictures_[picture].view != view) continue;
-          table.look_up(states[m], looked);
-          measured.push_back(
-              normalised_differences(level.images[picture].values, table.columns(), table.rows()));
-          computed.push_back(normalised_differences(looked.value, table.columns(), table.rows()));
-        }
-      }
-      const auto matrix = [](const std::vector<Eigen::VectorXf>& vectors) {
-        Eigen::MatrixXf all(vectors.front().size(), static_cast<Eigen::Index>(vectors.size()));
-        for (std::size_t i = 0; i < vectors.size(); ++i) all.col(static_cast<Eigen::Index>(i)) = vectors[i];
-        all.colwise() -= all.rowwise().mean().eval();
-        return all;
-      };
-      const Eigen::MatrixXf a = matrix(measured), b = matrix(computed);
-      products.emplace_back(a.transpose() * b);
-      together += double(products.back().trace());
-      of_pictures += double(a.squaredNorm());
-      of_computed += double(b.squaredNorm());
-    }
-    const double lengths = std::sqrt(of_pictures * of_computed);
-    if (!(lengths > 0)) return;
-    fit_.change = together / lengths;
-    constexpr int kOrders = 50;
-    std::mt19937 random(19);
-    double squares = 0;
-    for (int order = 0; order < kOrders; ++order) {
-      double sum = 0;
-      for (const Eigen::MatrixXf& product : products) {
-        std::vector<Eigen::Index> other(static_cast<std::size_t>(product.rows()));
-        std::iota(other.begin(), other.end(), Eigen::Index{0});
-        for (std::size_t i = other.size() - 1; i > 0; --i) std::swap(other[i], other[random() % (i + 1)]);
-        for (Eigen::Index i = 0; i < product.rows(); ++i)
-          sum += double(product(i, other[static_cast<std::size_t>(i)]));
-      }
-      squares += std::pow(sum / lengths, 2) / kOrders;
-    }
-    fit_.change_by_chance = std::sqrt(squares);
+    const SeriesChange change = explained_change(scene_, posed, moved, kNodePixels * level.pixel_m);
+    fit_.change = change.explained;
+    fit_.change_by_chance = change.by_chance;
+  }
+  [[nodiscard]] BreathState by_waveform(double time_s) const {
+    return {
+        std::clamp(fit_.motion.rib_cage.moved_m(fit_.waveform, time_s), -kMostRibCageM, kMostRibCageM),
+        std::clamp(fit_.motion.diaphragm.moved_m(fit_.waveform, time_s), -kMostDiaphragmM, kMostDiaphragmM)};
   }
 
   void judge() {
@@ -786,7 +669,8 @@ class SeriesFitter {
   SeriesFit fit_;
   Vector3 shift_m_ = Vector3::Zero(), tables_shift_m_ = Vector3::Zero();
   Eigen::Matrix3d turn_ = Eigen::Matrix3d::Identity(), tables_turn_ = Eigen::Matrix3d::Identity();
-  std::vector<StateAxis> axes_;  // rib cage, diaphragm; empty before the first table
+  std::vector<std::size_t> unknowns_;  // that are sought, ascending
+  std::vector<StateAxis> axes_;        // rib cage, diaphragm; empty before the first table
   std::vector<BreathingPictures> tables_;
   std::vector<PoseSlopes> slopes_;
   Eigen::MatrixXd normal_, votes_;

@@ -9,28 +9,21 @@
 // pictures.
 #pragma once
 
-#include <functional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "sim/respiration/breathing_pictures.h"
+#include "sim/respiration/series_pose.h"
 #include "sim/respiration/wave_fit.h"
 
 namespace kiroku::sim {
 
-struct SeriesPicture {
-  double time_s = 0;
-  std::size_t view = 0;   // which geometry, from 0
-  ProjectionImage image;  // of the geometry's pixels; light where much attenuates
-  std::string name;       // for people
-};
-
 struct SeriesFitOptions {
   /// The diaphragm's direction is sought, too, from the model's or from straight down.
   bool direction = false;
-  /// Told what is done, and the parts done of all.
-  std::function<void(const std::string&, std::size_t, std::size_t)> progress;
+  /// The patient lies as the geometries have them: only the breathing is sought.
+  bool lies_as_given = false;
+  SeriesProgress progress;
 };
 
 /// Pictures that were taken at the same time.

@@ -134,6 +134,8 @@ const shape = () =>
     const { width, height } = document.querySelector('.lung-field canvas') as HTMLCanvasElement;
     return width / height;
   });
+/** Waits for a picture of all pixels, after which no other comes by itself. */
+const whole = () => expect.poll(() => visitor.page.locator('.lung-field canvas').getAttribute('data-rows')).toBe('256');
 const slider = (name: string, who = visitor) => who.page.getByRole('slider', { name });
 /** Mean and count of the radiographs that were measured. */
 const measured = async () => {
@@ -156,7 +158,7 @@ story('A person who fits a breathing lung', (step) => {
     await expect.poll(() => page.getByRole('link', { name: 'Cases' }).count()).toBe(0);
     await page.locator('.lung-field[aria-busy=false]').waitFor();
     await expect.poll(picture).not.toBe(0);
-    expect(await shape()).toBeCloseTo(2, 5);
+    await expect.poll(shape).toBeCloseTo(2, 5);
     before = await allMeasured();
     expect(before).toBeLessThan(0.99);
     await expect.poll(() => page.locator('.lung-plot polyline').count()).toBe(4);
@@ -186,6 +188,40 @@ story('A person who fits a breathing lung', (step) => {
     await expect.poll(() => page.getByRole('button', { name: 'Redo' }).isDisabled()).toBe(true);
   });
 
+  step('drags two sliders, presses Fit, and sees the tumour followed and how far off it is', async () => {
+    const { page } = visitor;
+    await slider('Diaphragm: Amplitude').fill('4');
+    await slider('Diaphragm: Phase').fill('0.2');
+    await page.getByRole('button', { name: 'Fit', exact: true }).click();
+    await page.getByRole('button', { name: 'Cancel' }).click();
+    await page.getByText('the fit was cancelled').first().waitFor();
+    await expect.poll(() => slider('Diaphragm: Amplitude').inputValue()).toBe('4');
+    await page.getByRole('button', { name: 'Fit', exact: true }).click();
+    await page
+      .getByText(/^Found in/)
+      .first()
+      .waitFor();
+    expect(Math.abs(Number(await slider('Diaphragm: Amplitude').inputValue()) - 9)).toBeLessThan(0.8);
+    expect(Math.abs(Number(await slider('Diaphragm: Phase').inputValue()) - 0.6)).toBeLessThan(0.1);
+    expect(await allMeasured()).toBeGreaterThan(0.99);
+    const seen = /seen in (\d+) of 12/.exec((await page.getByText(/^The tumour was seen in/).textContent()) ?? '');
+    expect(Number(seen?.[1])).toBeGreaterThan(8);
+    await expect.poll(() => page.locator('.lung-plot circle.lung-point').count()).toBe(3 * Number(seen?.[1]));
+    const off = async () => Number(/mean ([\d.]+) of/.exec((await page.locator('.lung-plot figcaption').nth(2).textContent()) ?? '')?.[1]);
+    const fitted = await off();
+    expect(fitted).toBeLessThan(1.5);
+    await expect.poll(() => page.locator('.lung-found td.mono').first().textContent()).toMatch(/^[\d.-]+ ± [\d.]+$/);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'breathing-fitted');
+    // All of it is one step; with the sliders as before the tumour is further off.
+    await page.getByRole('button', { name: 'Undo' }).click();
+    await expect.poll(() => slider('Diaphragm: Amplitude').inputValue()).toBe('4');
+    await page.getByText('The sliders were moved since.').waitFor();
+    await expect.poll(off).toBeGreaterThan(fitted + 0.5);
+    for (let i = 0; i < 2; ++i) await page.getByRole('button', { name: 'Undo' }).click();
+    await expect.poll(() => slider('Diaphragm: Amplitude').inputValue()).toBe('9');
+  });
+
   step('turns a direction with its sliders', async () => {
     const { page } = visitor;
     await page.getByLabel('Rib cage: Direction').selectOption('one');
@@ -206,11 +242,12 @@ story('A person who fits a breathing lung', (step) => {
     const pictures = new Set<number>();
     for (const key of ['w', 'd', 'c']) {
       await page.locator('.lung-field').focus();
+      await whole();
       const last = await picture();
       await page.keyboard.press(key);
       await expect.poll(picture).not.toBe(last);
+      await whole();
       pictures.add(await picture());
-      await page.waitForTimeout(300);
       if (key === 'd') await keepPicture(page, 'breathing-difference');
     }
     expect(pictures.size).toBe(3);
@@ -278,10 +315,35 @@ story('A person who fits a breathing lung', (step) => {
     found.forEach((row, i) => row.forEach((value, j) => expect(Math.abs(value - (truth[i]?.[j] ?? NaN))).toBeLessThan(0.01)));
   });
 
+  step('seals one as a plan, which holds and is in the log', async () => {
+    const { page } = visitor;
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('planned');
+    await page.getByLabel('Seal it as a plan').check();
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page
+      .getByText(/Saved as planned\.json, sealed in planned\.seal\.json\. Time-stamps: [1-9]/)
+      .first()
+      .waitFor();
+    const { stdout } = await run(kiroku, ['plan', 'verify', file('planned.seal.json'), '--home', file('home'), '--json']);
+    const checks = (JSON.parse(stdout) as { checks: { about: string; answer: string }[] }).checks;
+    expect(checks.filter(({ answer }) => answer !== 'holds')).toEqual([]);
+    expect(checks.map(({ about }) => about)).toContain('log');
+    // It has no steps that an operation could be compared with.
+    await expect(run(kiroku, ['plan', 'check', file('planned.json')])).rejects.toThrow(/is a breathing lung, which has no steps/);
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('planned');
+    await page.getByLabel('Seal it as a plan').check();
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText("there is a file 'planned.json' already").waitFor();
+  });
+
   step('lies on a tablet, and reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;
     await page.setViewportSize({ width: 820, height: 1180 });
-    await page.waitForTimeout(400);
+    await expect
+      .poll(() => page.evaluate(() => getComputedStyle(document.querySelector('.lung-body') as Element).gridTemplateColumns.split(' ').length))
+      .toBe(1);
     await keepPicture(page, 'breathing-tablet-820');
     await page.getByRole('button', { name: '日本語' }).click();
     await page.getByRole('button', { name: '明るい配色' }).click();

@@ -137,7 +137,8 @@ story('A person who plans', (step) => {
         const { x: left, y: top } = await onPicture(x, y);
         await page.mouse.move(left, top);
         await page.mouse.down();
-        await page.waitForTimeout(400);
+        // Until a picture shows what came of it.
+        await expect.poll(() => field().getAttribute('data-waits')).toBe('false');
         await page.mouse.up();
       }
     }

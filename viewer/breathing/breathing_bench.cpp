@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "sim/respiration/series_fit.h"
 #include "timestamp/small_files.h"
 #include "viewer/http/disk_room.h"
 #include "viewer/http/new_file_name.h"
@@ -59,8 +60,9 @@ BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(cons
   tumour_m_ = centre.mean(model_.mesh.nodes);
   tumour_ = responses_->at(centre);
   tell("projecting the CT");
-  ct_ = std::make_unique<sim::CtProjector>(inputs.volume, sim::Attenuation(sim::Attenuation::kCtEnergyKev));
-  mesh_ = std::make_unique<sim::MeshProjector>(*ct_, model_.mesh);
+  ct_ = std::make_shared<sim::CtProjector>(inputs.volume, sim::Attenuation(sim::Attenuation::kCtEnergyKev));
+  mesh_ = std::make_shared<sim::MeshProjector>(*ct_, model_.mesh);
+  if (can_fit()) volume_ = std::move(inputs.volume);
   const std::size_t most = std::min({kFactors, inputs.geometry.columns(), inputs.geometry.rows()});
   for (std::size_t factor = 1; factor <= most; ++factor) {
     sim::ProjectionGeometry geometry = inputs.geometry.binned(factor);
@@ -75,6 +77,15 @@ void BreathingBench::require_memory_for(std::size_t radiograph_bytes) {
   if (radiograph_bytes <= kMostRadiographBytes) return;
   throw Error("the radiographs take more than " + std::to_string(kMostRadiographBytes >> 30) +
               " GiB of memory: give a part of the series, or one of fewer pixels");
+}
+
+bool BreathingBench::can_fit() const { return radiographs_.size() >= sim::kLeastMoments; }
+
+sim::BreathingModel BreathingBench::model_with(const MotionDeed& motion) const {
+  sim::BreathingModel model = model_;
+  model.motion = motion.motion;
+  model.waveform = waveform_of(motion);
+  return model;
 }
 
 MotionDeed BreathingBench::own_motion() const {

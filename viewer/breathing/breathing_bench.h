@@ -11,6 +11,7 @@
 #include "sim/drr/mesh_projector.h"
 #include "sim/drr/overlay.h"
 #include "sim/respiration/breathing_model.h"
+#include "sim/respiration/breathing_pictures.h"
 #include "sim/respiration/motion_responses.h"
 #include "viewer/breathing/breathing_deeds.h"
 
@@ -81,6 +82,16 @@ class BreathingBench {
 
   /// So many models are kept in one folder.
   static constexpr std::size_t kMostModels = 1000;
+
+  /// The whole series can be fitted to where there are so many moments (sim::kLeastMoments).
+  [[nodiscard]] bool can_fit() const;
+  /// For a fit: the model as `motion` has it, the lung in the CT with its directions, and the CT.
+  [[nodiscard]] sim::BreathingModel model_with(const MotionDeed& motion) const;
+  [[nodiscard]] sim::BreathingScene scene_of(const sim::BreathingModel& model) const {
+    return {model, ct_, mesh_};
+  }
+  [[nodiscard]] const sim::Volume& volume() const { return volume_; }
+
   /// Writes the model with another motion beside it, as `name` with ".json", durably; returns that. Refusal
   /// 400 for a name that is no file's, 409 where there is such a file or are kMostModels, 507 where the disk
   /// has no room.
@@ -97,8 +108,9 @@ class BreathingBench {
   std::vector<BenchRadiograph> radiographs_;
   double start_s_;
   std::unique_ptr<sim::MotionResponses> responses_;
-  std::unique_ptr<sim::CtProjector> ct_;
-  std::unique_ptr<sim::MeshProjector> mesh_;
+  std::shared_ptr<const sim::CtProjector> ct_;
+  std::shared_ptr<const sim::MeshProjector> mesh_;
+  sim::Volume volume_;       // none where there is nothing to fit to
   std::vector<View> views_;  // by factor
   sim::OverlayWindows windows_;
   std::int32_t tumour_region_ = 0;

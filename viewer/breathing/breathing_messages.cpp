@@ -77,6 +77,15 @@ ordered_json group_json(const sim::GroupMotion& group) {
           {"drift_mm_per_min", kMmPerM * kSecondsPerMinute * group.drift_m_per_s}};
 }
 
+/// What a group's numbers may be off by, and what of the motion they explain.
+ordered_json errors_json(const sim::WaveFit& wave) {
+  return {{"amplitude_mm", kMmPerM * wave.amplitude_error_m},
+          {"phase_s", wave.phase_error_s},
+          {"baseline_mm", kMmPerM * wave.baseline_error_m},
+          {"drift_mm_per_min", kMmPerM * kSecondsPerMinute * wave.drift_error_m_per_s},
+          {"explained", wave.explained}};
+}
+
 sim::Picture plain(const sim::ColourPicture& picture) {
   sim::Picture out(static_cast<int>(picture.columns), static_cast<int>(picture.rows));
   std::memcpy(out.rgb.data(), picture.pixels.data(), out.rgb.size());
@@ -95,9 +104,15 @@ BreathingMessage parse_breathing_message(std::string_view text) {
   if (object.contains("look")) return {input, look_of(object["look"])};
   if (object.contains("save")) {
     const json& save = object["save"];
-    return {input, SaveMotion{message_text(save, "file"), motion_of(message_field(save, "motion"))}};
+    return {input, SaveMotion{message_text(save, "file"), motion_of(message_field(save, "motion")),
+                              message_flag(save, "seal")}};
   }
-  throw Refusal(400, "a message must have 'motion', 'moment', 'look' or 'save'");
+  if (object.contains("fit")) {
+    const json& fit = object["fit"];
+    return {input, FitDeed{motion_of(message_field(fit, "motion")), message_flag(fit, "direction")}};
+  }
+  if (object.contains("cancel")) return {input, CancelFit{}};
+  throw Refusal(400, "a message must have 'motion', 'moment', 'look', 'save', 'fit' or 'cancel'");
 }
 
 ordered_json motion_json(const MotionDeed& motion) {
@@ -106,7 +121,7 @@ ordered_json motion_json(const MotionDeed& motion) {
           {"cycle_s", motion.cycle_s ? ordered_json(*motion.cycle_s) : ordered_json(nullptr)}};
 }
 
-ordered_json opened_json(const BreathingBench& bench) {
+ordered_json opened_json(const BreathingBench& bench, bool may_seal) {
   ordered_json groups = ordered_json::object();
   const auto counts = sim::counts_of(bench.model().groups);
   for (std::size_t group = 1; group < counts.size(); ++group)
@@ -118,6 +133,8 @@ ordered_json opened_json(const BreathingBench& bench) {
             {"columns", bench.geometry(1).columns()},
             {"rows", bench.geometry(1).rows()},
             {"radiographs", bench.radiographs().size()},
+            {"can_fit", bench.can_fit()},
+            {"may_seal", may_seal},
             {"warnings", bench.model().warnings},
             {"motion", motion_json(bench.own_motion())}}}};
 }
@@ -139,6 +156,33 @@ ordered_json similarity_json(const BreathingTable& table) {
   for (const std::optional<double>& one : table.similarities())
     values.push_back(one ? ordered_json(*one) : ordered_json(nullptr));
   return {{"similarity", {{"revision", table.revision()}, {"values", std::move(values)}}}};
+}
+
+ordered_json fitting_json(const std::string& doing, std::size_t done, std::size_t all) {
+  return {{"fitting", {{"doing", doing}, {"done", done}, {"all", all}}}};
+}
+
+ordered_json fitted_json(const FittedSeries& fitted) {
+  const sim::SeriesFit& fit = fitted.fit;
+  const bool found = fit.refusal.empty();
+  ordered_json tumour = ordered_json::array();
+  for (const std::optional<SeenTumour>& one : fitted.tumour) {
+    tumour.push_back(one ? ordered_json{{"mm", vector_json(kMmPerM * one->place_m)},
+                                        {"error_mm", vector_json(kMmPerM * one->error_m)}}
+                         : ordered_json(nullptr));
+  }
+  return {{"fitted",
+           {{"refusal", found ? ordered_json(nullptr) : ordered_json(fit.refusal)},
+            {"motion", found ? motion_json(fitted.motion) : ordered_json(nullptr)},
+            {"errors", found ? ordered_json{{"rib_cage", errors_json(fit.rib_cage)},
+                                            {"diaphragm", errors_json(fit.diaphragm)}}
+                             : ordered_json(nullptr)},
+            {"similarity", {{"before", fit.similarity_before}, {"after", fit.similarity_after}}},
+            {"change", fit.change},
+            {"change_by_chance", fit.change_by_chance},
+            {"findings", fit.findings},
+            {"took_s", fitted.took.count()},
+            {"tumour", std::move(tumour)}}}};
 }
 
 Bytes moment_message(const BreathingMoment& moment) {

@@ -16,14 +16,27 @@ Turns::Sentences refusals_at_bench(std::size_t at_once) {
           "you work at this lung already, on another page: close that first"};
 }
 
+Turns::Sentences refusals_of_fits() {
+  return {"another fit is being computed on this machine: try again when it is done",
+          "you have a fit computed already, on another page: wait for that, or cancel it"};
+}
+
 }  // namespace
 
 BreathingRoom::BreathingRoom(const BreathingBench& bench, std::size_t at_once,
-                             std::function<void(const std::string& sentence)> tell)
-    : bench_(bench), tell_(std::move(tell)), places_(places_at_bench(at_once), refusals_at_bench(at_once)) {}
+                             std::function<void(const std::string& sentence)> tell, ModelSealer sealer)
+    : bench_(bench),
+      tell_(std::move(tell)),
+      sealer_(std::move(sealer)),
+      places_(places_at_bench(at_once), refusals_at_bench(at_once)),
+      fits_({.all = 1, .of_person = 1}, refusals_of_fits()) {}
 
 std::unique_ptr<Turns::Turn> BreathingRoom::enter(const std::string& person) {
   return std::make_unique<Turns::Turn>(places_, person);
+}
+
+std::unique_ptr<Turns::Turn> BreathingRoom::enter_fit(const std::string& person) {
+  return std::make_unique<Turns::Turn>(fits_, person);
 }
 
 }  // namespace kiroku::viewer

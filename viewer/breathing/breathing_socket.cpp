@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "viewer/http/request.h"
 
 namespace kiroku::viewer {
@@ -12,8 +13,8 @@ using nlohmann::ordered_json;
 
 BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
                                  std::shared_ptr<SocketOutput> output)
-    : room_(room), output_(std::move(output)), place_(room.enter(person)) {
-  output_->send_text(opened_json(room_.bench()).dump());
+    : room_(room), person_(person), output_(std::move(output)), place_(room.enter(person)) {
+  output_->send_text(opened_json(room_.bench(), room_.sealer() != nullptr).dump());
   live_ = std::make_unique<LiveBreathing>(room_.bench(), listener());
 }
 
@@ -23,18 +24,70 @@ void BreathingSocket::receive(const SocketMessage& message) {
   if (said.input <= last_input_) throw Refusal(400, "'input' must rise from message to message");
   last_input_ = said.input;
   if (const auto* wanted = std::get_if<SaveMotion>(&said.deed)) return save(*wanted);
+  if (const auto* fit = std::get_if<FitDeed>(&said.deed)) return begin_fit(*fit);
+  if (std::holds_alternative<CancelFit>(said.deed) && fit_) fit_->cancel();
   if (const auto* motion = std::get_if<MotionDeed>(&said.deed)) live_->apply(said.input, *motion);
   if (const auto* moment = std::get_if<MomentDeed>(&said.deed)) live_->apply(said.input, *moment);
   if (const auto* look = std::get_if<LookDeed>(&said.deed)) live_->apply(said.input, *look);
 }
 
 void BreathingSocket::save(const SaveMotion& wanted) {
+  if (wanted.seal) return seal(wanted);
   const auto task = [this, wanted] {
-    const std::string file = room_.bench().save(wanted.file, wanted.motion);
-    output_->send_text(
-        ordered_json{{"saved", {{"file", file}, {"motion", motion_json(wanted.motion)}}}}.dump());
+    tell_saved(wanted, room_.bench().save(wanted.file, wanted.motion), nullptr);
   };
   if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
+}
+
+void BreathingSocket::seal(const SaveMotion& wanted) {
+  // Not a task of the workbench: pictures go on while an authority is asked.
+  try {
+    if (!room_.sealer()) throw Refusal(404, "this server seals no models: it serves no home of its own");
+    const std::string file = room_.bench().save(wanted.file, wanted.motion);
+    try {
+      const SealedModel sealed =
+          room_.sealer()(std::filesystem::absolute(room_.bench().file()).parent_path() / file);
+      tell_saved(wanted, file, &sealed);
+    } catch (const Error&) {
+      tell_saved(wanted, file, nullptr);
+      throw;
+    }
+  } catch (const Error& error) {
+    output_->send_text(ordered_json{{"told", error.what()}}.dump());
+  }
+}
+
+void BreathingSocket::tell_saved(const SaveMotion& wanted, const std::string& file, const SealedModel* seal) {
+  ordered_json saved{{"file", file}, {"motion", motion_json(wanted.motion)}, {"seal", nullptr}};
+  if (seal) {
+    ordered_json stamps = ordered_json::array();
+    for (const SealedModel::Stamp& stamp : seal->stamps)
+      stamps.push_back({{"authority", stamp.authority}, {"time", stamp.time}, {"problem", stamp.problem}});
+    saved["seal"] = {{"file", seal->file}, {"sha256", seal->sha256}, {"time_stamps", std::move(stamps)}};
+  }
+  output_->send_text(ordered_json{{"saved", std::move(saved)}}.dump());
+}
+
+void BreathingSocket::begin_fit(const FitDeed& deed) {
+  const auto ended = [output = output_](const std::string& sentence) {
+    output->send_text(ordered_json{{"fit_ended", sentence}}.dump());
+  };
+  if (fit_ && !fit_->over()) return ended("you have a fit computed already: wait for that, or cancel it");
+  fit_.reset();
+  try {
+    BackgroundFit::Listener listener;
+    listener.progress = [output = output_](const std::string& doing, std::size_t done, std::size_t all) {
+      output->send_text(fitting_json(doing, done, all).dump());
+    };
+    listener.fitted = [output = output_](const FittedSeries& fitted) {
+      output->send_text(fitted_json(fitted).dump());
+    };
+    listener.ended = ended;
+    fit_ =
+        std::make_unique<BackgroundFit>(room_.bench(), deed, room_.enter_fit(person_), std::move(listener));
+  } catch (const Refusal& refusal) {
+    ended(refusal.what());
+  }
 }
 
 BreathingListener BreathingSocket::listener() {

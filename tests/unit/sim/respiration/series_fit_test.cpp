@@ -110,6 +110,38 @@ TEST(SeriesFit, PoseAndBreathingAreFoundFromTwoViews) {
             6 * fit.diaphragm.amplitude_error_m + 0.0001);
 }
 
+TEST(SeriesFit, APatientWhoLiesAsGivenStaysThere) {
+  const Chest truth_chest;
+  test::ChestTruth truth = truth_of(truth_chest.scene);
+  truth.pose = Eigen::Isometry3d::Identity();
+  truth.moments = 16;
+  truth.motion.diaphragm.direction = Vector3(0, 0.28, -0.96);
+  Chest chest, turned;
+  turned.model.motion.diaphragm.direction = truth.motion.diaphragm.direction;
+  const BreathingScene truth_scene(turned.model, test::box_chest());
+  const std::vector<ProjectionGeometry> views{test::chest_view(0), test::chest_view(90)};
+  const std::vector<SeriesPicture> pictures = test::chest_radiographs(truth_scene, views, truth);
+  const SeriesFit fit = fit_series(chest.model, chest.scene, views, pictures,
+                                   {.direction = true, .lies_as_given = true, .progress = {}});
+  EXPECT_EQ(fit.refusal, "");
+  EXPECT_THAT(fit.findings, testing::IsEmpty());
+  EXPECT_TRUE(fit.pose.isApprox(Eigen::Isometry3d::Identity(), 0));
+  EXPECT_EQ(fit.pose_covariance.norm(), 0);
+  EXPECT_NEAR(fit.motion.diaphragm.amplitude_m, truth.motion.diaphragm.amplitude_m, 0.0008);
+  EXPECT_NEAR(fit.motion.rib_cage.amplitude_m, truth.motion.rib_cage.amplitude_m, 0.0008);
+  EXPECT_GT(fit.motion.diaphragm.direction->dot(*truth.motion.diaphragm.direction), 0.99);
+  EXPECT_EQ(fit.similarity_before, fit.similarity_posed);
+
+  // Where the pictures say that the patient lies elsewhere, that is told, and not done.
+  truth.pose = rigid_motion({0.012, 0, 0.012}, kRadians * Vector3(0, 5, 0), truth_scene.middle_m());
+  const SeriesFit elsewhere =
+      fit_series(chest.model, chest.scene, views, test::chest_radiographs(truth_scene, views, truth),
+                 {.direction = false, .lies_as_given = true, .progress = {}});
+  EXPECT_THAT(elsewhere.findings,
+              testing::Contains(HasSubstr("find that first, with kiroku sim fit-series")));
+  EXPECT_TRUE(elsewhere.pose.isApprox(Eigen::Isometry3d::Identity(), 0));
+}
+
 TEST(SeriesFit, ACouchThatIsNotInTheCtDoesNotPull) {
   const Chest truth_chest;
   const test::ChestTruth truth = truth_of(truth_chest.scene);

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "tests/support/served_routes.h"
 #include "tests/unit/viewer/breathing/chest_bench.h"
 #include "viewer/api/workplaces.h"
@@ -95,9 +96,9 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   EXPECT_EQ(similarity["values"].size(), 6U);
   client->send_text(message(3, "look", {{"mode", "wipe"}, {"part", 0.3}, {"outlined", false}}));
   EXPECT_EQ(picture_with(*client, 3)["input"], 3);
-  client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}}));
+  client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}, {"seal", false}}));
   EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'lung.json' already"));
-  client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}}));
+  client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}, {"seal", false}}));
   EXPECT_EQ(until_said(*client, "saved")["file"], "by hand.json");
   const sim::BreathingModel saved = sim::read_breathing_model(chest.folder() / "by hand.json");
   EXPECT_NEAR(saved.motion.diaphragm.amplitude_m, 0.0045, 1e-12);
@@ -115,6 +116,101 @@ TEST_F(BreathingApi, ModelsAreNotSavedWithoutEnd) {
   std::filesystem::remove(chest.folder() / "1.json");
   client->send_text(message(2, "save", {{"file", "mine"}, {"motion", motion}}));
   EXPECT_EQ(until_said(*client, "saved")["file"], "mine.json");
+}
+
+TEST_F(BreathingApi, SealsNothingWithoutAHome) {
+  const auto client = routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["may_seal"], false);
+  client->send_text(message(1, "save", {{"file", "planned"}, {"motion", opened["motion"]}, {"seal", true}}));
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("seals no models"));
+  EXPECT_FALSE(std::filesystem::exists(chest.folder() / "planned.json"));
+}
+
+/// Whose sealer refuses the second model.
+struct SealingApi : BreathingApi {
+  std::vector<std::filesystem::path> sealed;
+  BreathingRoom sealing_room{bench, 2, [](const std::string& /*sentence*/) {},
+                             [this](const std::filesystem::path& model) {
+                               EXPECT_NO_THROW(static_cast<void>(sim::read_breathing_model(model)));
+                               sealed.push_back(model);
+                               if (sealed.size() > 1) throw Error("the log is full");
+                               return SealedModel{"planned.seal.json", "ab12", {{"embedded", "now", ""}}};
+                             }};
+  test::ServedRoutes sealing_routes{
+      [this](Router& router) { add_breathing_routes(router, sealing_room, context); }, "anna",
+      Role::kSurgeon};
+};
+
+TEST_F(SealingApi, SealsWhatItSavedAndTellsWhereThatFailed) {
+  const auto client = sealing_routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["may_seal"], true);
+  const auto wanted = [&](const char* file) {
+    return json{{"file", file}, {"motion", opened["motion"]}, {"seal", true}};
+  };
+  client->send_text(message(1, "save", wanted("planned")));
+  const json saved = until_said(*client, "saved");
+  EXPECT_EQ(saved["file"], "planned.json");
+  EXPECT_EQ(saved["seal"],
+            (json{{"file", "planned.seal.json"},
+                  {"sha256", "ab12"},
+                  {"time_stamps", {{{"authority", "embedded"}, {"time", "now"}, {"problem", ""}}}}}));
+  ASSERT_EQ(sealed.size(), 1U);
+  EXPECT_EQ(sealed.front(), chest.folder() / "planned.json");
+  // What is there is not saved over, and not sealed.
+  client->send_text(message(2, "save", wanted("planned")));
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'planned.json' already"));
+  EXPECT_EQ(sealed.size(), 1U);
+  // What could not be sealed is saved all the same, and both are told.
+  client->send_text(message(3, "save", wanted("other")));
+  EXPECT_EQ(until_said(*client, "saved")["seal"], nullptr);
+  EXPECT_THAT(until_said(*client, "told"), HasSubstr("the log is full"));
+}
+
+TEST_F(BreathingApi, SaysWhyASeriesIsTooShortForAFit) {
+  const auto client = routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["can_fit"], false);
+  client->send_text(message(1, "fit", {{"motion", opened["motion"]}, {"direction", false}}));
+  EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("the series has 6 moments; 8 at least"));
+}
+
+/// A series that is long enough for a fit.
+struct LongSeriesApi : BreathingApi {
+  LongSeriesApi() : fit_bench(chest.inputs_with_radiographs(16)) {}
+  BreathingBench fit_bench;
+  BreathingRoom fit_room{fit_bench, 2, [](const std::string& /*sentence*/) {}};
+  test::ServedRoutes fit_routes{[this](Router& router) { add_breathing_routes(router, fit_room, context); },
+                                "anna", Role::kSurgeon};
+};
+
+TEST_F(LongSeriesApi, FitsCancelsAndFitsAgain) {
+  const auto client = fit_routes.connect("breathing/table");
+  const json opened = until_said(*client, "opened");
+  EXPECT_EQ(opened["can_fit"], true);
+  const json wanted{{"motion", opened["motion"]}, {"direction", true}};
+  {
+    const auto turn = fit_room.enter_fit("otto");
+    client->send_text(message(1, "fit", wanted));
+    EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("another fit is being computed"));
+  }
+  client->send_text(message(2, "fit", wanted));
+  client->send_text(message(3, "cancel", true));
+  EXPECT_THAT(until_said(*client, "fit_ended"), HasSubstr("was cancelled"));
+  client->send_text(message(4, "fit", wanted));
+  EXPECT_GT(until_said(*client, "fitting")["all"], 0);
+  const json fitted = until_said(*client, "fitted");
+  EXPECT_EQ(fitted["refusal"], nullptr);
+  EXPECT_NEAR(fitted["motion"]["diaphragm"]["amplitude_mm"].get<double>(), 9, 1);
+  EXPECT_NEAR(fitted["motion"]["cycle_s"].get<double>(), 3.6, 0.05);
+  EXPECT_GT(fitted["errors"]["diaphragm"]["amplitude_mm"], 0);
+  EXPECT_GT(fitted["similarity"]["after"], fitted["similarity"]["before"]);
+  EXPECT_EQ(fitted["tumour"].size(), 16U);
+  EXPECT_GT(std::ranges::count_if(fitted["tumour"], [](const json& one) { return !one.is_null(); }), 10);
+  // What came is a motion that can be shown.
+  client->send_text(message(5, "motion", fitted["motion"]));
+  EXPECT_EQ(picture_with(*client, 5)["input"], 5);
 }
 
 TEST_F(BreathingApi, HasOnePlaceForWhoMayPlan) {
@@ -147,7 +243,9 @@ TEST_F(BreathingApi, RefusesWhatIsNoMessageAndNoMotion) {
       {R"({"input": 1, "moment": {"time_s": 1e9}})", "'time_s' must be"},
       {R"({"input": 1, "look": {"mode": "upside down", "part": 0, "outlined": true}})", "'mode' must be"},
       {R"({"input": 1, "look": {"mode": "wipe", "part": 2, "outlined": true}})", "'part' must be"},
-      {R"({"input": 1, "save": {"file": "x"}})", "'motion' is missing"}};
+      {R"({"input": 1, "save": {"file": "x"}})", "'motion' is missing"},
+      {R"({"input": 1, "fit": {"direction": true}})", "'motion' is missing"},
+      {message(1, "fit", {{"motion", motion_json(bench.own_motion())}}), "'direction' is missing"}};
   for (const auto& [text, sentence] : bad) {
     std::string refused = "taken";
     try {

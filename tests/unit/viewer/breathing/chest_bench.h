@@ -19,7 +19,6 @@ class ChestBench {
     write("lung.json", document(R"("tumour": {"region": 2})"));
     truth_.motion.rib_cage = {0.002, 0.2, std::nullopt, 0, 0};
     truth_.motion.diaphragm = {0.009, 0.5, sim::Vector3(0, 0.28, -0.96), 0.001, 0};
-    truth_.moments = 6;
   }
   void write(const std::string& name, const std::string& text) const {
     std::ofstream(folder_ / name, std::ios::binary) << text;
@@ -39,13 +38,15 @@ class ChestBench {
             .geometry = chest_view(0),
             .radiographs = {}};
   }
-  [[nodiscard]] viewer::BenchInputs inputs_with_radiographs() const {
+  [[nodiscard]] viewer::BenchInputs inputs_with_radiographs(std::size_t moments = 6) const {
     viewer::BenchInputs inputs = this->inputs();
+    ChestTruth truth = truth_;
+    truth.moments = moments;
     // The truth goes by whole solves of its own directions.
     sim::BreathingModel model = inputs.model;
     model.motion = truth_.motion;
     const sim::BreathingScene scene(model, inputs.volume);
-    for (sim::SeriesPicture& one : chest_radiographs(scene, {chest_view(0)}, truth_))
+    for (sim::SeriesPicture& one : chest_radiographs(scene, {chest_view(0)}, truth))
       inputs.radiographs.push_back({one.time_s, std::move(one.image), std::move(one.name)});
     return inputs;
   }

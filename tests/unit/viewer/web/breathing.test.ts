@@ -2,7 +2,7 @@
 import { describe, expect, it } from 'vitest';
 import { History } from '@/breathing/history';
 import { anglesOf, directionOf, type Motion, rangeOf, sameMotion, withDirection, withNumber } from '@/breathing/motion';
-import { later, momentAt, stepped } from '@/breathing/time_line';
+import { distances, later, meanOf, momentAt, stepped } from '@/breathing/time_line';
 
 const kStill = { amplitude_mm: 3, phase_s: 0, direction: null, baseline_mm: 0, drift_mm_per_min: 0 };
 const kMotion: Motion = { rib_cage: kStill, diaphragm: { ...kStill, amplitude_mm: 10 }, cycle_s: 3.6 };
@@ -67,6 +67,22 @@ describe('A slider', () => {
     expect(rangeOf('amplitude_mm', 12).most).toBe(30);
     expect(rangeOf('amplitude_mm', 45).most).toBe(45);
     expect(rangeOf('phase_s', -7).least).toBe(-7);
+  });
+});
+
+describe('A tumour that was seen', () => {
+  it('is so far from where the motion has it, and nowhere where it was not seen', () => {
+    const error_mm: [number, number, number] = [1, 1, 1];
+    const seen = [{ mm: [3, 0, 4] as [number, number, number], error_mm }, null, { mm: [1, 1, 1] as [number, number, number], error_mm }];
+    const off = distances(seen, [
+      [0, 0, 0],
+      [9, 9, 9],
+      [1, 1, 0],
+    ]);
+    expect(off).toEqual([5, null, 1]);
+    expect(meanOf(off)).toBe(3);
+    expect(meanOf([null])).toBe(0);
+    expect(distances(seen, [])).toEqual([null, null, null]);
   });
 });
 

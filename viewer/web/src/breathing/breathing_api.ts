@@ -1,5 +1,5 @@
 // The breathing workbench's part of the API (docs/reference/viewer.md, "Breathing"): the WebSocket of the lung that is served.
-import type { Motion, Vector } from '@/breathing/motion';
+import type { Group, Motion, NumberOfGroup, Vector } from '@/breathing/motion';
 import { PictureSocket } from '@/media/picture_socket';
 
 export interface OpenedLung {
@@ -10,6 +10,10 @@ export interface OpenedLung {
   rows: number;
   /** So many; 0: the lung is seen alone. */
   radiographs: number;
+  /** Whether there are enough of them for a fit. */
+  can_fit: boolean;
+  /** Whether models can be sealed here as plans. */
+  may_seal: boolean;
   warnings: string[];
   motion: Motion;
 }
@@ -35,6 +39,41 @@ export interface LungMoment {
   drawing_ms: number;
 }
 
+/** What a fit does now. */
+export interface Fitting {
+  doing: string;
+  done: number;
+  all: number;
+}
+export type GroupErrors = Record<NumberOfGroup | 'explained', number>;
+export interface SeenTumour {
+  mm: Vector;
+  error_mm: Vector;
+}
+/** What was found; motion and errors are null where it was refused, with the sentence that says why. */
+export interface Fitted {
+  refusal: string | null;
+  motion: Motion | null;
+  errors: Record<Group, GroupErrors> | null;
+  similarity: { before: number; after: number };
+  findings: string[];
+  took_s: number;
+  /** By radiograph: where the tumour was seen, from its place at rest. */
+  tumour: (SeenTumour | null)[];
+}
+
+/** What froze a model: its hash is in the appliance log. Of a stamp time or problem is empty. */
+export interface ModelSeal {
+  file: string;
+  sha256: string;
+  time_stamps: { authority: string; time: string; problem: string }[];
+}
+interface Saved {
+  file: string;
+  motion: Motion;
+  seal: ModelSeal | null;
+}
+
 export const kModes = ['beside', 'opacity', 'wipe', 'difference', 'contour'] as const;
 export type Mode = (typeof kModes)[number];
 export interface Look {
@@ -43,15 +82,24 @@ export interface Look {
   outlined: boolean;
 }
 
-export type LungDeed = { motion: Motion } | { moment: { time_s: number } } | { look: Look } | { save: { file: string; motion: Motion } };
+export type LungDeed =
+  | { motion: Motion }
+  | { moment: { time_s: number } }
+  | { look: Look }
+  | { save: { file: string; motion: Motion; seal: boolean } }
+  | { fit: { motion: Motion; direction: boolean } }
+  | { cancel: true };
 
 export interface LungListener {
   opened: (opened: OpenedLung) => void;
   path: (path: Path) => void;
   similarity: (similarity: Similarity) => void;
   moment: (moment: LungMoment, picture: ImageBitmap) => void;
+  fitting: (fitting: Fitting) => void;
+  fitted: (fitted: Fitted) => void;
+  fitEnded: (sentence: string) => void;
   told: (sentence: string) => void;
-  saved: (file: string, motion: Motion) => void;
+  saved: (saved: Saved) => void;
   lost: (sentence: string) => void;
 }
 
@@ -59,8 +107,11 @@ interface Said {
   opened?: OpenedLung;
   path?: Path;
   similarity?: Similarity;
+  fitting?: Fitting;
+  fitted?: Fitted;
+  fit_ended?: string;
   told?: string;
-  saved?: { file: string; motion: Motion };
+  saved?: Saved;
   failed?: string;
 }
 
@@ -73,8 +124,11 @@ export class LungConnection {
         if (said.opened) listener.opened(said.opened);
         if (said.path) listener.path(said.path);
         if (said.similarity) listener.similarity(said.similarity);
+        if (said.fitting) listener.fitting(said.fitting);
+        if (said.fitted) listener.fitted(said.fitted);
+        if (said.fit_ended !== undefined) listener.fitEnded(said.fit_ended);
         if (said.told !== undefined) listener.told(said.told);
-        if (said.saved) listener.saved(said.saved.file, said.saved.motion);
+        if (said.saved) listener.saved(said.saved);
       },
       moment: listener.moment,
       lost: listener.lost,

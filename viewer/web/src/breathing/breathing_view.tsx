@@ -4,10 +4,11 @@ import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { typed } from '@/base/form_fields';
 import { askBeforeLeaving } from '@/base/route';
 import { kModes, type Mode } from '@/breathing/breathing_api';
+import { FitCard } from '@/breathing/fit_card';
 import { LungController } from '@/breathing/lung_controller';
 import { kGroups } from '@/breathing/motion';
 import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
-import { beginOf, momentAt } from '@/breathing/time_line';
+import { beginOf, distances, meanOf, momentAt } from '@/breathing/time_line';
 import { TimePlot } from '@/breathing/time_plot';
 import { t } from '@/i18n/i18n';
 import { inOwnWords } from '@/i18n/server_words';
@@ -67,15 +68,28 @@ export function BreathingView() {
   );
 }
 
-function SaveDialog({ file, save, close }: { file: string; save: (file: string) => void; close: () => void }) {
+function SaveDialog({ file, maySeal, save, close }: { file: string; maySeal: boolean; save: (file: string, seal: boolean) => void; close: () => void }) {
   return (
     <Dialog title={t('breathing.save')} onClose={close}>
-      <form class="form" method="dialog" onSubmit={(event) => save(typed(new FormData(event.currentTarget), 'file').trim())}>
+      <form
+        class="form"
+        method="dialog"
+        onSubmit={(event) => {
+          const form = new FormData(event.currentTarget);
+          save(typed(form, 'file').trim(), form.has('seal'));
+        }}
+      >
         <label class="field">
           <span>{t('planning.saveFile')}</span>
           <input name="file" required maxLength={100} defaultValue={file} autocomplete="off" />
         </label>
         <p class="muted">{t('breathing.saveWhat')}</p>
+        {maySeal && (
+          <label class="train-check">
+            <input type="checkbox" name="seal" />
+            <span>{t('breathing.seal')}</span>
+          </label>
+        )}
         <button type="submit" class="button button-main">
           <Icon name="save" />
           {t('planning.saveDo')}
@@ -105,11 +119,19 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
         const wide = Math.round((picture.width / picture.height) * rows);
         if (to.width !== wide || to.height !== rows) [to.width, to.height] = [wide, rows];
         to.getContext('2d')?.drawImage(picture, 0, 0, wide, rows);
+        // Whether this one is of all pixels.
+        to.dataset['rows'] = String(picture.height);
       },
       told: (sentence) => notify(inOwnWords(sentence, 409)),
-      saved: (file) => {
-        notify(t('planning.saved', { plan: file }), 'done');
-        announce(t('planning.saved', { plan: file }));
+      fitted: (fitted) => {
+        if (fitted.refusal === null) announce(t('breathing.fit.found', { took: fitted.took_s.toFixed(1) }));
+      },
+      saved: (file, seal) => {
+        const text = seal
+          ? t('breathing.sealed', { file, seal: seal.file, stamps: seal.time_stamps.filter(({ time }) => time !== '').length })
+          : t('planning.saved', { plan: file });
+        notify(text, 'done');
+        announce(text);
       },
       lost: (sentence) => leave(sentence && inOwnWords(sentence, 409)),
     });
@@ -167,6 +189,9 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
   const alike = lung.similarity.value;
   const measured = alike && path && alike.revision === path.revision ? alike.values.filter((one): one is number => one !== null) : [];
   const withSeries = (opened?.radiographs ?? 0) > 0;
+  const fit = lung.fit.value;
+  const seen = fit && fit.tumour.length > 0 ? fit.tumour : undefined;
+  const off = seen && path ? distances(seen, path.mm) : [];
   const wipes = withSeries && look.mode === 'wipe';
   const drag = (event: PointerEvent) => {
     if (wipes && event.buttons > 0 && canvas.current) lung.lookAs({ part: within(alongPicture(canvas.current, event)) });
@@ -285,12 +310,15 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
           {path && (
             <div class="lung-plots">
               <TimePlot
-                title={t('breathing.path')}
+                title={t(seen ? 'breathing.pathSeen' : 'breathing.path')}
                 unit="mm"
                 digits={1}
                 times_s={path.times_s}
                 end_s={end_s}
-                curves={kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) }))}
+                curves={[
+                  ...kAxes.map((axis, i) => ({ name: t(`breathing.axis.${axis}`), values: path.mm.map((one) => one[i] ?? null) })),
+                  ...(seen ? kAxes.map((axis, i) => ({ name: `seen ${axis}`, values: seen.map((one) => one?.mm[i] ?? null), pointsOf: i })) : []),
+                ]}
                 now_s={time_s}
                 seek={(at_s) => lung.goTo(at_s)}
               />
@@ -299,7 +327,7 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
                   title={
                     measured.length > 0
                       ? t('breathing.similarityOf', {
-                          mean: (measured.reduce((sum, one) => sum + one, 0) / measured.length).toFixed(3),
+                          mean: meanOf(measured).toFixed(3),
                           n: measured.length,
                           all: opened?.radiographs ?? 0,
                         })
@@ -314,11 +342,24 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
                   seek={(at_s) => lung.goTo(at_s)}
                 />
               )}
+              {seen && (
+                <TimePlot
+                  title={t('breathing.offOf', { mean: meanOf(off).toFixed(2), n: off.filter((one) => one !== null).length })}
+                  unit="mm"
+                  digits={2}
+                  times_s={path.times_s}
+                  end_s={end_s}
+                  curves={[{ name: t('breathing.off'), values: off }]}
+                  now_s={time_s}
+                  seek={(at_s) => lung.goTo(at_s)}
+                />
+              )}
             </div>
           )}
         </div>
         {opened && motion && (
           <div class="lung-side">
+            {withSeries && <FitCard lung={lung} motion={motion} canFit={opened.can_fit} />}
             {kGroups.map((group) => (
               <GroupSliders key={group} lung={lung} motion={motion} group={group} nodes={opened.groups[group] ?? 0} />
             ))}
@@ -326,7 +367,14 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
           </div>
         )}
       </div>
-      {saving.value && opened && <SaveDialog file={`${stemOf(opened.file)}-2`} save={(file) => lung.save(file)} close={() => (saving.value = false)} />}
+      {saving.value && opened && (
+        <SaveDialog
+          file={`${stemOf(opened.file)}-2`}
+          maySeal={opened.may_seal}
+          save={(file, seal) => lung.save(file, seal)}
+          close={() => (saving.value = false)}
+        />
+      )}
     </main>
   );
 }

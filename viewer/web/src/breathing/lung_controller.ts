@@ -2,7 +2,18 @@
 import { signal } from '@preact/signals';
 import { Median } from '@/base/median';
 import { History } from '@/breathing/history';
-import { type Look, LungConnection, type LungDeed, type LungMoment, type OpenedLung, type Path, type Similarity } from '@/breathing/breathing_api';
+import {
+  type Fitted,
+  type Fitting,
+  type Look,
+  LungConnection,
+  type LungDeed,
+  type LungMoment,
+  type ModelSeal,
+  type OpenedLung,
+  type Path,
+  type Similarity,
+} from '@/breathing/breathing_api';
 import { type Motion, sameMotion } from '@/breathing/motion';
 import { later, stepped, type TimeLine } from '@/breathing/time_line';
 
@@ -13,7 +24,8 @@ export interface LungEvents {
   opened: (opened: OpenedLung) => void;
   picture: (picture: ImageBitmap) => void;
   told: (sentence: string) => void;
-  saved: (file: string) => void;
+  fitted: (fitted: Fitted) => void;
+  saved: (file: string, seal: ModelSeal | null) => void;
   lost: (sentence: string) => void;
 }
 
@@ -27,6 +39,10 @@ export class LungController {
   readonly time_s = signal(0);
   readonly playing = signal(false);
   readonly look = signal<Look>({ mode: 'beside', part: 0.5, outlined: true });
+  /** What the fit does that is computed, if one is. */
+  readonly fitting = signal<Fitting | undefined>(undefined);
+  /** What the last one found. */
+  readonly fit = signal<Fitted | undefined>(undefined);
   readonly rate = signal({ latency_ms: undefined as number | undefined, perSecond: 0 });
 
   private readonly connection: LungConnection;
@@ -56,11 +72,27 @@ export class LungController {
         events.picture(picture);
         this.shown(moment);
       },
+      fitting: (fitting) => {
+        if (this.fitting.peek()) this.fitting.value = fitting;
+      },
+      fitted: (fitted) => {
+        this.fitting.value = undefined;
+        this.fit.value = fitted;
+        // One step of its own.
+        this.settle();
+        if (fitted.motion) this.change(fitted.motion, 'fit');
+        this.settle();
+        events.fitted(fitted);
+      },
+      fitEnded: (sentence) => {
+        this.fitting.value = undefined;
+        events.told(sentence);
+      },
       told: events.told,
-      saved: (file, motion) => {
+      saved: ({ file, motion, seal }) => {
         this.kept = motion;
         this.tellSteps();
-        events.saved(file);
+        events.saved(file, seal);
       },
       lost: (sentence) => {
         this.pause();
@@ -88,7 +120,7 @@ export class LungController {
   }
   private send(deed: LungDeed): void {
     const number = this.connection.send(deed);
-    if (number > 0 && !('save' in deed)) this.sent.set(number, performance.now());
+    if (number > 0 && !('save' in deed) && !('fit' in deed) && !('cancel' in deed)) this.sent.set(number, performance.now());
   }
 
   /** By a control that has this name; one step until it is let go. */
@@ -116,8 +148,18 @@ export class LungController {
     const { history, kept } = this;
     if (history && kept) this.steps.value = { undo: history.canUndo, redo: history.canRedo, saved: sameMotion(history.now, kept) };
   }
-  save(file: string): void {
-    if (this.history) this.send({ save: { file, motion: this.history.now } });
+  save(file: string, seal: boolean): void {
+    if (this.history) this.send({ save: { file, motion: this.history.now, seal } });
+  }
+
+  /** From where the sliders stand. */
+  fitAll(direction: boolean): void {
+    if (!this.history || this.fitting.peek()) return;
+    this.fitting.value = { doing: '', done: 0, all: 1 };
+    this.send({ fit: { motion: this.history.now, direction } });
+  }
+  cancelFit(): void {
+    this.send({ cancel: true });
   }
 
   lookAs(look: Partial<Look>): void {

@@ -18,8 +18,8 @@ import {
 } from '@/breathing/motion';
 import { t } from '@/i18n/i18n';
 
-const kDigits: Record<NumberOfGroup, number> = { amplitude_mm: 1, phase_s: 2, baseline_mm: 1, drift_mm_per_min: 1 };
-const kUnits: Record<NumberOfGroup, string> = { amplitude_mm: 'mm', phase_s: 's', baseline_mm: 'mm', drift_mm_per_min: 'mm/min' };
+export const kDigits: Record<NumberOfGroup, number> = { amplitude_mm: 1, phase_s: 2, baseline_mm: 1, drift_mm_per_min: 1 };
+export const kUnits: Record<NumberOfGroup, string> = { amplitude_mm: 'mm', phase_s: 's', baseline_mm: 'mm', drift_mm_per_min: 'mm/min' };
 
 function Slider({
   label,

@@ -1,4 +1,6 @@
-// Moments of a breathing lung: playing them in real time, and stepping from one to the next. Pure.
+// Moments of a breathing lung: playing them in real time, stepping from one to the next, and what is told of each. Pure.
+import type { SeenTumour } from '@/breathing/breathing_api';
+import type { Vector } from '@/breathing/motion';
 
 /** The moments, ascending, and how long all of it lasts: of a breath that repeats longer than to its last moment. */
 export interface TimeLine {
@@ -30,4 +32,16 @@ export function stepped(line: TimeLine, time_s: number, by: number): number {
   const count = line.times_s.length;
   if (count === 0) return time_s;
   return line.times_s[(((momentAt(line, time_s) + by) % count) + count) % count] ?? time_s;
+}
+
+/** How far the tumour was seen from where the motion has it, by moment; null where it was not seen. */
+export const distances = (seen: readonly (SeenTumour | null)[], path_mm: readonly Vector[]): (number | null)[] =>
+  seen.map((one, i) => {
+    const there = path_mm[i];
+    return one && there ? Math.hypot(...one.mm.map((value, axis) => value - (there[axis] ?? 0))) : null;
+  });
+/** Of what is known; 0 where nothing is. */
+export function meanOf(values: readonly (number | null)[]): number {
+  const known = values.filter((one): one is number => one !== null);
+  return known.length > 0 ? known.reduce((sum, one) => sum + one, 0) / known.length : 0;
 }

@@ -10,6 +10,8 @@ const kTop = 8;
 export interface Curve {
   name: string;
   values: readonly (number | null)[];
+  /** Seen, not computed: its values are single points, in the colour of the curve that has this place. */
+  pointsOf?: number;
 }
 
 /** The polylines of a curve: it is broken where nothing is known. */
@@ -68,11 +70,14 @@ export function TimePlot({
         {title}
         {curves.length > 1 && (
           <span class="lung-plot-names">
-            {curves.map(({ name }, i) => (
-              <span key={name} class={`lung-curve-${i}`}>
-                {name}
-              </span>
-            ))}
+            {curves.map(
+              ({ name, pointsOf }, i) =>
+                pointsOf === undefined && (
+                  <span key={name} class={`lung-curve-${i}`}>
+                    {name}
+                  </span>
+                ),
+            )}
           </span>
         )}
       </figcaption>
@@ -96,14 +101,25 @@ export function TimePlot({
         <text x={kLeft - 4} y={kHeight / 2} text-anchor="end">
           {unit}
         </text>
-        {curves.map(({ name, values }, i) =>
-          parts(values, (at, value) => `${x(times_s[at] ?? 0).toFixed(1)},${y(value).toFixed(1)}`).map((points) =>
-            points.includes(' ') ? (
-              <polyline key={name + points} class={`lung-curve-${i}`} points={points} />
-            ) : (
-              <circle key={name + points} class={`lung-curve-${i}`} cx={points.split(',')[0]} cy={points.split(',')[1]} r="1.5" />
-            ),
-          ),
+        {curves.map(({ name, values, pointsOf }) =>
+          pointsOf === undefined
+            ? null
+            : values.map((value, at) =>
+                value === null ? null : (
+                  <circle key={`${name}${at}`} class={`lung-curve-${pointsOf} lung-point`} cx={x(times_s[at] ?? 0)} cy={y(value)} r="2" />
+                ),
+              ),
+        )}
+        {curves.map(({ name, values, pointsOf }, i) =>
+          pointsOf !== undefined
+            ? null
+            : parts(values, (at, value) => `${x(times_s[at] ?? 0).toFixed(1)},${y(value).toFixed(1)}`).map((points) =>
+                points.includes(' ') ? (
+                  <polyline key={name + points} class={`lung-curve-${i}`} points={points} />
+                ) : (
+                  <circle key={name + points} class={`lung-curve-${i}`} cx={points.split(',')[0]} cy={points.split(',')[1]} r="1.5" />
+                ),
+              ),
         )}
         <line class="lung-plot-now" x1={x(now_s)} x2={x(now_s)} y1={kTop - 4} y2={kHeight - kBottom} />
       </svg>

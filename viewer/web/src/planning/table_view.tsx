@@ -162,6 +162,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
             tabIndex={0}
             aria-label={t('planning.picture')}
             aria-busy={told === undefined}
+            data-waits={table.waitsSince_ms.value !== undefined}
             onPointerDown={(event) => {
               if (event.button !== 0 || !told || !table.press(placed(event))) return;
               field.current?.focus();
