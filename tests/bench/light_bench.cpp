@@ -1,16 +1,15 @@
 // How well the codes of a display (light/) are read in pictures of a room: shares of seconds by the height of
 // the code, after MPEG-2 of 4 Mbit/s by the recorder's own encoder; and false readings in films that show
 // none.
-//   light_bench [SECONDS=40]             what is read, of so many seconds for each condition
-//   light_bench --false FRAMES FILM...   false readings in pictures of films, each changed in another way
+//   light_bench [SECONDS=40] [HEIGHT] [CONDITION]   what is read, of so many seconds for each condition
+//   light_bench --false PICTURES FILM...            false readings in pictures of films, each cut out in
+//                                                   another way, with a place where a display was thought to
+//                                                   be
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <deque>
 #include <iostream>
-#include <optional>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -256,16 +255,6 @@ light::LightReport run(const Condition& condition, double height, int seconds,
     if (decoder.decode(packet.get(), *decoded)) look();
   }
   if (decoder.decode(nullptr, *decoded)) look();
-  for (const light::Place& p : finder.places()) {
-    for (auto& c : p) std::printf("(%.1f %.1f) ", c.x - kWidth * 0.78, c.y - kHeight * 0.3);
-    const light::GreyView view{decoded->data[0], decoded->width, decoded->height, decoded->linesize[0]};
-    for (auto& g : finder.read(view)) {
-      int best = 99;
-      for (auto& c : ledger.codes()) best = std::min(best, __builtin_popcountll(c.code ^ g.words[0]));
-      std::printf("opp %d clar %.2f contrast %.0f dist %d; ", g.opposite, g.clarity, g.contrast, best);
-    }
-    std::puts("");
-  }
   return judge.finish();
 }
 
@@ -300,11 +289,58 @@ int read_rates(int seconds, double only_height, const std::string& only) {
   return 0;
 }
 
+int false_readings(int pictures, const std::vector<std::string>& films) {
+  const light::LedgerLights ledger = ledger_of(pictures / kRate + 1);
+  light::LightJudge judge(ledger);
+  std::mt19937 random(11);
+  recorder::CaseClock clock;
+  std::uint64_t places = 0;
+  for (int count = 0; count < pictures;) {
+    for (const std::string& film : films) {
+      const auto source = recorder::open_source(recorder::parse_source_address(film + "?speed=max"), clock);
+      // Another part of the picture for each second, so that no second is the same twice.
+      int left = 0, top = 0;
+      light::PictureFinder finder;
+      while (count < pictures) {
+        const auto timed = source->read();
+        if (!timed) break;
+        if (timed->is_sound) continue;
+        const AVFrame& frame = *timed->frame;
+        if (count % kRate == 0) {
+          left = static_cast<int>(random() % static_cast<unsigned>(frame.width / 3));
+          top = static_cast<int>(random() % static_cast<unsigned>(frame.height / 3));
+          const double x = 40 + random() % 200, y = 40 + random() % 100, height = 20 + random() % 30;
+          const double width = height * 16 / 9;
+          finder = light::PictureFinder(
+              std::array{light::Place{{{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}}}});
+        }
+        const light::GreyView view{frame.data[0] + top * frame.linesize[0] + left, frame.width - left,
+                                   frame.height - top, frame.linesize[0]};
+        if (count % 5 == 0) {
+          const std::size_t before = finder.places().size();
+          finder.search(view);
+          places += finder.places().size() - std::min(before, finder.places().size());
+        }
+        judge.add(count * kSecond / kRate, finder.read(view));
+        ++count;
+      }
+    }
+  }
+  const light::LightReport report = judge.finish();
+  std::printf(
+      "pictures %lu, seconds %lu, places that looked like a code %lu, false readings: agree %lu, old %lu, "
+      "foreign %lu\n",
+      report.pictures, report.seconds, places, report.agreeing, report.old, report.foreign);
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
     media::silence_libav();
+    if (argc > 3 && argv[1] == std::string("--false"))
+      return false_readings(std::stoi(argv[2]), {argv + 3, argv + argc});
     return read_rates(argc > 1 ? std::stoi(argv[1]) : 40, argc > 2 ? std::stod(argv[2]) : 0,
                       argc > 3 ? argv[3] : "");
   } catch (const std::exception& error) {
