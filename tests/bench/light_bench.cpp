@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <iostream>
 #include <random>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -309,10 +310,12 @@ int false_readings(int pictures, const std::vector<std::string>& films) {
         if (count % kRate == 0) {
           left = static_cast<int>(random() % static_cast<unsigned>(frame.width / 3));
           top = static_cast<int>(random() % static_cast<unsigned>(frame.height / 3));
-          const double x = 40 + random() % 200, y = 40 + random() % 100, height = 20 + random() % 30;
-          const double width = height * 16 / 9;
-          finder = light::PictureFinder(
-              std::array{light::Place{{{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}}}});
+          std::uniform_real_distribution<double> share(0, 1);
+          const double x = 40 + 200 * share(random), y = 40 + 100 * share(random);
+          const double height = 20 + 30 * share(random), width = height * 16 / 9;
+          const light::Place place{
+              light::Point{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}};
+          finder = light::PictureFinder(std::span(&place, 1));
         }
         const light::GreyView view{frame.data[0] + top * frame.linesize[0] + left, frame.width - left,
                                    frame.height - top, frame.linesize[0]};
