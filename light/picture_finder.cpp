@@ -328,7 +328,11 @@ std::optional<Place> found_at(const GreyView& picture, const Place& about) {
       }
     }
     const Place place = refined(picture, start);
-    if (is_code(look_at(picture, place))) return place;
+    const Look look = look_at(picture, place);
+    if (is_code(look)) return place;
+    // What has no dark margin at most of its edge is no code from wherever one starts.
+    constexpr float kPromising = 0.7F;
+    if (farther == 0 && look.bordered < kPromising) return std::nullopt;
   }
   return std::nullopt;
 }
