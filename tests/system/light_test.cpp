@@ -6,6 +6,7 @@ namespace {
 
 using testing::HasSubstr;
 
+// Real time: a display's codes are of the machine's seconds, and a camera sees them while they pass.
 class LightRealTime : public ProgramTest {
  protected:
   void SetUp() override { make_demo_home(); }
