@@ -10,6 +10,7 @@
 #include "media/export/remux_job.h"
 #include "media/inspection/inspector.h"
 #include "media/libav_handles.h"
+#include "media/light/light_reading.h"
 #include "recorder/procedure/worklist_box.h"
 #include "recorder/source/source_box.h"
 #include "viewer/playback/viewing_boxes.h"
@@ -22,6 +23,7 @@ int main(int argc, char** argv) {
   if (role == "segments") {
     kiroku::media::Jobs jobs = kiroku::playback::viewing_jobs();
     jobs[kiroku::media::kCountFrames] = kiroku::media::count_frames;
+    jobs[kiroku::media::kReadLight] = kiroku::media::read_light_in_box;
     kiroku::media::run_job_box(jobs);
   }
   // Of a case of days: as long as it takes, while it says something.

@@ -12,6 +12,7 @@ void add_status_command(Command& program);
 void add_recover_command(Command& program);
 void add_doctor_command(Command& program);
 void add_devices_command(Command& program);
+void add_display_command(Command& program);
 void add_cases_command(Command& program);
 void add_verify_command(Command& program);
 void add_report_command(Command& program);

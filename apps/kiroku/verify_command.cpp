@@ -1,5 +1,6 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/light_verifying.h"
 #include "apps/kiroku/verify_extras.h"
 #include "apps/kiroku/witnessed_note.h"
 #include "apps/verify/witness_judgement.h"
@@ -47,7 +48,9 @@ void remember(const std::optional<Home>& home, const std::filesystem::path& case
 void add_verify_command(Command& program) {
   Command& command = program.add_command("verify", "tells whether a case is whole and when it existed");
   const auto asked_home = std::make_shared<std::optional<std::string>>();
-  make_verify_command(command, verify_extras(asked_home));
+  VerifyExtras extras = verify_extras(asked_home);
+  extras.read_light = light_reading(asked_home);
+  make_verify_command(command, extras);
   add_home_option(command, *asked_home);
 }
 

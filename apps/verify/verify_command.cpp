@@ -22,7 +22,8 @@ using nlohmann::ordered_json;
 struct Request {
   std::vector<std::string> cases;
   JudgingRequest judging;
-  bool excerpt = false, json = false;
+  bool excerpt = false, json = false, light = false;
+  std::vector<std::string> light_streams;
 };
 
 /// The worst of several: a no outweighs a refusal, which outweighs no answer yet, and that an answer about a
@@ -52,6 +53,10 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
     throw UsageError("--proof is of one case: verify the cases one by one");
   if (request.judging.log_proof && request.judging.as_log)
     throw UsageError("--proof is of a case, and --as-log judges a log: 'kiroku-verify CASE --proof FILE'");
+  if (!request.light_streams.empty() && !request.light)
+    throw UsageError("--light-stream says where --light looks: give --light, too");
+  if (request.light && request.judging.as_log)
+    throw UsageError("--light looks into the pictures of a case, and --as-log judges a log");
   const Judge judge(request.judging, extras);
   int status = kDone;
   ordered_json reports = ordered_json::array();
@@ -64,16 +69,24 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
       if (!is_witnessed(judged)) status = worse(status, kNoAnswer);
+      LightOutcome light;
+      if (request.light) {
+        light = extras.read_light(
+            {folder, judged.report.lines_root, request.judging.identities, request.light_streams});
+        status = worse(status, light.status);
+      }
       if (request.json) {
         reports.push_back(archive::report_json(judged.report));
         if (judged.log_witnesses) reports.back()["witnesses"] = judged.log_witnesses->json();
+        if (request.light) reports.back()["light"] = ordered_json::parse(light.json);
       } else {
         const std::string log = request.judging.as_log ? ""
                                 : judged.log           ? "compared with " + judged.log->string()
                                                        : no_log_words();
         std::cout << (first ? "" : "\n")
                   << report_text(judged.report, folder.string(), judged.device_trusted, log)
-                  << (judged.log_witnesses ? judged.log_witnesses->text() : std::string()) << std::flush;
+                  << (judged.log_witnesses ? judged.log_witnesses->text() : std::string()) << light.text
+                  << std::flush;
         first = false;
       }
     } catch (const Error& error) {
@@ -138,6 +151,12 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
   command.flag("--excerpt", request->excerpt,
                "an excerpt will do: an intact one gives exit status 0 instead of 4");
   command.flag("--as-log", request->judging.as_log, "CASE is the folder of an appliance log");
+  if (extras.read_light) {
+    command.flag("--light", request->light,
+                 "also compares codes that a display in the room showed (kiroku display) with the ledger");
+    command.option("--light-stream", "STREAM", request->light_streams,
+                   "looks for them in this stream alone; otherwise in every stream of pictures");
+  }
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "--against compares with a signed note that was kept elsewhere: from a receipt, a replica, a mail. If "
@@ -150,6 +169,15 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "Witnesses say of a log that it is the only one, and of a case nothing: --witnesses changes no "
       "verdict. (In a home, the log's cosigned checkpoint that it keeps is compared, as with --against.) "
       "Where the policy's quorum did not cosign the case's end, exit status 0 or 4 becomes 3.");
+  if (extras.read_light) {
+    command.explain(
+        "--light opens the pictures, so it takes an identity. It changes no verdict. Exit status 0 or 4 "
+        "becomes "
+        "1 where pictures show a code that the ledger did not have then, and 3 where codes were not read in "
+        "nine of ten seconds, or in none. It cannot tell a film that somebody put together within seconds, "
+        "with "
+        "the recorder's ledger at hand.");
+  }
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "
       "or unproven, 4 an intact excerpt, which is a part of a case. --excerpt changes nothing else: an "
@@ -167,6 +195,10 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "tells without the log how it says that the case ended, and who witnessed that");
   command.example(command.full_name() + " --as-log archive/log --device device.pub --against kept.note",
                   "judges an appliance log by a note that was kept elsewhere");
+  if (extras.read_light) {
+    command.example(command.full_name() + " CASE --light --light-stream room -i identity.txt",
+                    "tells also whether the room's pictures show the codes of this ledger");
+  }
   command.example(command.full_name() + " --json CASE | jq -r .verdict", "prints the verdict alone");
   command.on_run([request, extras, program] { return run(*request, extras, program); });
 }

@@ -23,18 +23,31 @@ struct VerifyDefaults {
   std::optional<archive::OutsideNote> witnessed_note;
 };
 
-/// What a program with a home and decoders adds; every member may be empty.
 /// How a case was verified, for whoever remembers verdicts.
 struct HowVerified {
   bool decrypted = false;    // an identity was used
   bool by_defaults = false;  // by `defaults` alone: nobody named keys, roots, a log, a record or a policy
 };
 
+/// The light of a display in a case's pictures, beside the ledger (light/light_judge.h).
+struct LightQuestion {
+  std::filesystem::path folder;
+  std::optional<crypto::Sha256Digest> lines_root;  // of the lines that were judged
+  std::vector<std::string> identities, streams;    // files; names, none: every stream of pictures
+};
+struct LightOutcome {
+  int status = 0;          // kDone, kAnswerIsNo, kNoAnswer
+  std::string text, json;  // for people; one object
+};
+using ReadLight = std::function<LightOutcome(const LightQuestion& question)>;
+
+/// What a program with a home and decoders adds; every member may be empty.
 struct VerifyExtras {
   /// Folder of a case that was named by its identifier.
   std::function<std::filesystem::path(const std::string& named)> find_case;
   std::function<VerifyDefaults(const std::filesystem::path& case_folder)> defaults;
   archive::SegmentInspector inspect;
+  ReadLight read_light;
   /// Called after each verification.
   std::function<void(const std::filesystem::path& case_folder, const archive::VerificationReport& report,
                      const HowVerified& how)>

@@ -8,10 +8,16 @@ extern "C" {
 #include <libavutil/pixdesc.h>
 }
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <fstream>
 #include <numbers>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 
@@ -26,10 +32,12 @@ struct Scene {
   int flash_every_s = 0;
   int beep_every_s = 0;
   int change_after_s = 0;
+  std::string light;     // a picture that `kiroku display -o` keeps new, shown on a display in the room
+  int light_height = 0;  // pixels
 };
 
 Scene scene_of(const SourceAddress& address) {
-  address.require_options("size,rate,pixel_format,flash,beep,speed,change");
+  address.require_options("size,rate,pixel_format,flash,beep,speed,change,light,light_height");
   Scene scene;
   if (address.options.contains("size")) {
     const std::string size = address.option("size", "");
@@ -49,6 +57,17 @@ Scene scene_of(const SourceAddress& address) {
   if (av_get_pix_fmt(scene.pixel_format.c_str()) == AV_PIX_FMT_NONE) {
     throw UsageError("source '" + address.stated + "': '" + scene.pixel_format +
                      "' is no pixel format that FFmpeg knows (ffmpeg -pix_fmts lists them)");
+  }
+  scene.light = address.option("light", "");
+  scene.light_height =
+      integer_option(address, "light_height", std::max(22, scene.height / 12), 8, scene.height / 2);
+  if (!scene.light.empty() && (address.location != "room" || scene.pixel_format != "yuv420p")) {
+    throw UsageError("source '" + address.stated +
+                     "': light is shown in synthetic:room alone, in pixel_format yuv420p");
+  }
+  if (scene.light.empty() && address.options.contains("light_height")) {
+    throw UsageError("source '" + address.stated +
+                     "': light_height needs light, a .pgm that 'kiroku display -o' writes");
   }
   return scene;
 }
@@ -195,6 +214,68 @@ media::Frame sound_of(std::int64_t first, std::int64_t last, std::int64_t every_
   return frame;
 }
 
+/// A display in the room: a binary Netpbm picture (.pgm) that another program keeps new.
+class RoomDisplay {
+ public:
+  RoomDisplay(std::string file, int height) : file_(std::move(file)), height_(height) {}
+
+  /// Into a picture of yuv420p. What cannot be read is a dark display.
+  void draw(AVFrame& frame) {
+    constexpr std::chrono::milliseconds kLooksEach{40};
+    const auto now = std::chrono::steady_clock::now();
+    if (now - looked_ >= kLooksEach) {
+      looked_ = now;
+      load();
+    }
+    constexpr std::uint8_t kDark = 24, kBright = 196;
+    const int shown_width = columns_ > 0 ? height_ * columns_ / rows_ : height_ * 18 / 11;
+    const int left = frame.width * 4 / 5 / 2 * 2, top = frame.height / 14 / 2 * 2;
+    const int right = std::min(left + shown_width, frame.width),
+              bottom = std::min(top + height_, frame.height);
+    for (int y = top; y < bottom; ++y) {
+      std::uint8_t* const row = frame.data[0] + y * frame.linesize[0];
+      for (int x = left; x < right; ++x) {
+        row[x] = kDark;
+        if (columns_ == 0) continue;
+        const std::size_t from_row = static_cast<std::size_t>((y - top) * rows_ / height_);
+        const std::size_t from = static_cast<std::size_t>((x - left) * columns_ / shown_width);
+        constexpr int kMiddle = 128;
+        if (samples_[from_row * static_cast<std::size_t>(columns_) + from] >= kMiddle) row[x] = kBright;
+      }
+    }
+    constexpr int kColourless = 128;
+    for (const int plane : {1, 2})
+      for (int y = top / 2; y < bottom / 2; ++y)
+        std::memset(frame.data[plane] + y * frame.linesize[plane] + left / 2, kColourless,
+                    static_cast<std::size_t>((right - left) / 2));
+  }
+
+ private:
+  void load() {
+    columns_ = rows_ = 0;
+    std::ifstream file(file_, std::ios::binary);
+    std::string form;
+    int columns = 0, rows = 0, most = 0;
+    constexpr int kLargest = 4'096;
+    if (!(file >> form >> columns >> rows >> most) || form != "P5" || most != 255 || columns < 1 ||
+        rows < 1 || columns > kLargest || rows > kLargest)
+      return;
+    file.get();
+    samples_.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+    // NOLINTNEXTLINE(cppcoreguidelines-pro-type-reinterpret-cast): bytes of a file
+    file.read(reinterpret_cast<char*>(samples_.data()), static_cast<std::streamsize>(samples_.size()));
+    if (!file) return;
+    columns_ = columns;
+    rows_ = rows;
+  }
+
+  const std::string file_;
+  const int height_;
+  int columns_ = 0, rows_ = 0;
+  std::vector<std::uint8_t> samples_;
+  std::chrono::steady_clock::time_point looked_{};
+};
+
 class SyntheticSource : public Source {
  public:
   SyntheticSource(const SourceAddress& address, const CaseClock& clock, bool with_sound)
@@ -202,6 +283,7 @@ class SyntheticSource : public Source {
         clock_(clock),
         scene_(scene_of(address)),
         has_sound_(with_sound && scene_.beep_every_s > 0) {
+    if (!scene_.light.empty()) display_.emplace(scene_.light, scene_.light_height);
     build();
     first_frame_ = next();
     format_ = format_of(*first_frame_);
@@ -240,6 +322,7 @@ class SyntheticSource : public Source {
       }
       if (!wait_until(clock_, timed.time_ns, interruption())) return {};
     }
+    show_display(*timed.frame);
     ++index_;
     if (scene_.change_after_s > 0 &&
         index_ == static_cast<std::int64_t>(scene_.change_after_s) * scene_.rate) {
@@ -287,10 +370,18 @@ class SyntheticSource : public Source {
     return frame;
   }
 
+  /// The picture as it is taken: what the display shows then.
+  void show_display(AVFrame& frame) {
+    if (!display_) return;
+    require(av_frame_make_writable(&frame), "cannot go on with source '" + address_.stated + "'");
+    display_->draw(frame);
+  }
+
   SourceAddress address_;
   const CaseClock& clock_;
   Scene scene_;
   bool has_sound_;
+  std::optional<RoomDisplay> display_;
   media::FilterGraph graph_;
   AVFilterContext* sink_ = nullptr;
   media::Frame first_frame_;

@@ -1,0 +1,231 @@
+#include "apps/kiroku/light_verifying.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/progress.h"
+#include "apps/kiroku/home.h"
+#include "archive/reading/case_reader.h"
+#include "base/error.h"
+#include "light/ledger_lights.h"
+#include "light/light_judge.h"
+#include "media/light/light_reading.h"
+
+namespace kiroku::apps {
+namespace {
+
+using light::LightAnswer;
+using light::SecondLight;
+using nlohmann::ordered_json;
+
+constexpr std::size_t kMostPrinted = 24;  // stretches, for people
+
+UtcTime utc_of_second(std::int64_t second) { return UtcTime(std::chrono::seconds(second)); }
+
+std::string share_text(std::uint64_t of, std::uint64_t all) {
+  // Rounded down: 100 % is all of them.
+  const std::uint64_t tenths = all == 0 ? 0 : of * 1'000 / all;
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " %";
+}
+
+std::string delay_text(std::int64_t ns) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.2f s", static_cast<double>(ns) / 1e9);
+  return text.data();
+}
+
+std::int64_t delay_at(const light::LightReport& report, double share) {
+  const auto last = static_cast<double>(report.delays_ns.size() - 1);
+  return report.delays_ns[static_cast<std::size_t>(share * last)];
+}
+
+/// One sentence that answers.
+std::string answer_text(const media::StreamLight& stream) {
+  const light::LightReport& report = stream.report;
+  switch (report.answer) {
+    case LightAnswer::kAgrees:
+      return "light and ledger agree: the pictures were made while this ledger was written";
+    case LightAnswer::kInPart:
+      return "light and ledger agree as far as codes could be read; of the other seconds light says nothing";
+    case LightAnswer::kDisagrees:
+      return "LIGHT AND LEDGER DISAGREE: some pictures show a code that the ledger did not have in that "
+             "second";
+    case LightAnswer::kNotSeen:
+      return "could not check: no code could be read in any picture; there was no display in the picture, or "
+             "the film was made without it";
+    case LightAnswer::kNoPictures:
+      return "could not check: there are no pictures to look at";
+  }
+  return {};
+}
+
+std::string stretch_text(const light::LightStretch& stretch, std::int64_t begins_ns) {
+  const std::string when =
+      format_duration(stretch.start_ns - begins_ns) + " to " + format_duration(stretch.end_ns - begins_ns) +
+      " (" + std::to_string(stretch.seconds) + (stretch.seconds == 1 ? " second): " : " seconds): ");
+  switch (stretch.light) {
+    case SecondLight::kOld:
+      return when + "pictures repeat the code of another second of this case, first that of " +
+             format_utc_for_people(utc_of_second(*stretch.shown_second)) +
+             ": they were taken then, or the display stood still";
+    case SecondLight::kForeign:
+      return when +
+             "pictures show a code that this ledger never had: they were taken beside another ledger, of "
+             "another day or recorder";
+    default:
+      return when +
+             "no code could be read: covered, out of the picture, or pictures that were made without it";
+  }
+}
+
+std::string text_of_stream(const std::string& name, const media::StreamLight& stream,
+                           std::int64_t begins_ns) {
+  const light::LightReport& report = stream.report;
+  std::string text = "Light in stream " + name + ": " + answer_text(stream) + ".\n";
+  if (report.seconds > 0) {
+    text += "  agrees in " + std::to_string(report.agreeing) + " of " + std::to_string(report.seconds) +
+            " seconds (" + share_text(report.agreeing, report.seconds) + "); another second's code in " +
+            std::to_string(report.old) + ", another ledger's in " + std::to_string(report.foreign) +
+            ", none read in " + std::to_string(report.unread) + "\n";
+  }
+  if (!report.delays_ns.empty()) {
+    text += "  a code is seen " + delay_text(delay_at(report, 0.5)) +
+            " after its second began (half of them), " + delay_text(delay_at(report, 0.95)) +
+            " (95 % of them), " + delay_text(report.delays_ns.back()) + " at most\n";
+  }
+  if (report.newest_token) {
+    text += "  the pictures at " + format_duration(report.newest_token_shown_ns - begins_ns) +
+            " are later than the time-stamp of entry " + std::to_string(report.newest_token->entry) + " (" +
+            format_utc_for_people(report.newest_token->gen_time) + ", " + report.newest_token->authority +
+            ")\n";
+  }
+  if (report.beside_foreign > 0) {
+    text += "  " + std::to_string(report.beside_foreign) +
+            " seconds that agree show another ledger's code beside it, of a second display perhaps\n";
+  }
+  if (stream.unread_segments > 0) {
+    text += "  could not look at " + std::to_string(stream.unread_segments) + " of " +
+            std::to_string(stream.segments) + " segments: " + stream.why_unread + "\n";
+  }
+  if (stream.erased > 0) text += "  " + std::to_string(stream.erased) + " segments were erased by policy\n";
+  // What disagrees comes first where not all is printed.
+  std::vector<light::LightStretch> stretches = report.stretches;
+  if (stretches.size() > kMostPrinted) {
+    std::stable_sort(stretches.begin(), stretches.end(), [](const auto& a, const auto& b) {
+      return (a.light == SecondLight::kUnread) < (b.light == SecondLight::kUnread);
+    });
+  }
+  for (std::size_t i = 0; i < std::min(stretches.size(), kMostPrinted); ++i)
+    text += "  " + stretch_text(stretches[i], begins_ns) + "\n";
+  const std::uint64_t more =
+      report.more_stretches + (stretches.size() > kMostPrinted ? stretches.size() - kMostPrinted : 0);
+  if (more > 0) text += "  and " + std::to_string(more) + " more such stretches (--json)\n";
+  return text;
+}
+
+ordered_json json_of_stream(const std::string& name, const media::StreamLight& stream) {
+  const light::LightReport& report = stream.report;
+  ordered_json json{{"stream", name},
+                    {"answer", light::answer_name(report.answer)},
+                    {"text", answer_text(stream)},
+                    {"pictures", report.pictures},
+                    {"seconds", report.seconds},
+                    {"agreeing", report.agreeing},
+                    {"old", report.old},
+                    {"foreign", report.foreign},
+                    {"unread", report.unread},
+                    {"beside_foreign", report.beside_foreign},
+                    {"segments", stream.segments},
+                    {"unread_segments", stream.unread_segments},
+                    {"erased_segments", stream.erased},
+                    {"delay_ns", nullptr},
+                    {"newest_token", nullptr},
+                    {"stretches", ordered_json::array()},
+                    {"more_stretches", report.more_stretches}};
+  if (stream.unread_segments > 0) json["why_unread"] = stream.why_unread;
+  if (!report.delays_ns.empty()) {
+    json["delay_ns"] = {{"least", report.delays_ns.front()},
+                        {"median", delay_at(report, 0.5)},
+                        {"p95", delay_at(report, 0.95)},
+                        {"most", report.delays_ns.back()}};
+  }
+  if (report.newest_token) {
+    json["newest_token"] = {{"entry", report.newest_token->entry},
+                            {"authority", report.newest_token->authority},
+                            {"gen_time", format_utc(report.newest_token->gen_time)},
+                            {"shown_ns", report.newest_token_shown_ns}};
+  }
+  for (const light::LightStretch& stretch : report.stretches) {
+    ordered_json one{{"light", light::second_light_name(stretch.light)},
+                     {"start_ns", stretch.start_ns},
+                     {"end_ns", stretch.end_ns},
+                     {"seconds", stretch.seconds}};
+    if (stretch.shown_second) one["shown"] = format_utc(utc_of_second(*stretch.shown_second));
+    json["stretches"].push_back(std::move(one));
+  }
+  return json;
+}
+
+int status_of(const media::StreamLight& stream) {
+  if (stream.report.answer == LightAnswer::kDisagrees) return kAnswerIsNo;
+  return stream.report.answer == LightAnswer::kAgrees && stream.unread_segments == 0 ? kDone : kNoAnswer;
+}
+
+LightOutcome read(const std::optional<Home>& home, const LightQuestion& question) {
+  const archive::CaseReader recording = archive::CaseReader::open(question.folder);
+  if (question.lines_root != recording.lines_root()) {
+    throw Error(
+        "the ledger of " + question.folder.string() +
+        " is not the one that was verified: it changed in between, so light was not compared; find out "
+        "what writes to it");
+  }
+  std::vector<std::string> names = question.streams;
+  if (names.empty()) {
+    for (const archive::StreamInfo& stream : recording.opening().streams)
+      if (stream.kind == "video") names.push_back(stream.name);
+  }
+  for (const std::string& name : names) {
+    if (recording.stream(name).kind != "video")
+      throw UsageError("--light-stream: stream '" + name + "' has no pictures");
+  }
+  const crypto::AgeIdentities identities = load_identities(question.identities, home);
+  const light::LedgerLights ledger = light::LedgerLights::of(question.folder);
+  ordered_json streams = ordered_json::array();
+  LightOutcome outcome;
+  // Without a name every stream may be the room's. The ones without a code count where there is no other.
+  bool is_seen = false;
+  int seen_status = kDone;
+  for (const std::string& name : names) {
+    Progress progress("reading light");
+    const media::StreamLight stream =
+        media::read_light(recording, ledger, name, identities,
+                          [&](std::uint64_t done, std::uint64_t total) { progress.update(done, total); });
+    progress.clear();
+    outcome.text += text_of_stream(name, stream, recording.opening().begins_ns);
+    streams.push_back(json_of_stream(name, stream));
+    const bool shows = stream.report.agreeing + stream.report.old + stream.report.foreign > 0;
+    if (!shows && question.streams.empty()) continue;
+    is_seen = true;
+    const int status = status_of(stream);
+    seen_status =
+        seen_status == kAnswerIsNo || status == kAnswerIsNo ? kAnswerIsNo : std::max(seen_status, status);
+  }
+  if (names.empty()) outcome.text = "Light: could not check: the case has no stream of pictures.\n";
+  outcome.status = is_seen ? seen_status : kNoAnswer;
+  outcome.json = ordered_json{{"streams", std::move(streams)}}.dump(-1, ' ', false,
+                                                                    ordered_json::error_handler_t::replace);
+  log_access(home, question.folder, "read the light of a display in the pictures");
+  return outcome;
+}
+
+}  // namespace
+
+ReadLight light_reading(const std::shared_ptr<std::optional<std::string>>& asked_home) {
+  return [asked_home](const LightQuestion& question) { return read(Home::find(*asked_home), question); };
+}
+
+}  // namespace kiroku::apps

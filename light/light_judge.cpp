@@ -1,0 +1,199 @@
+#include "light/light_judge.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "light/light_code.h"
+
+namespace kiroku::light {
+namespace {
+
+// Bits of kCodeBits that may differ, so that of 100,000 seconds of noise none is read as a code: random words
+// differ from one of the some 100 codes of seven seconds by so few once in 10^5 (of all cells, at a place
+// that showed a code before) and in 10^6 (of eight halves).
+constexpr int kMostOfAll = 6, kMostOfHalf = 4;
+// Of the some million codes of a day no random word is so near, and opposite in so many pairs.
+constexpr int kMostOfOld = 3, kOppositeOfOld = 40;
+// Nobody is to be accused by what is hard to read.
+constexpr int kOppositeOfForeign = 47, kLeastOfForeign = 12;
+constexpr double kClarityOfForeign = 0.4;
+
+int distance(std::uint64_t a, std::uint64_t b) {
+  const int differ = std::popcount(a ^ b);
+  return std::min(differ, kCodeBits - differ);  // a code may hang upside down
+}
+
+std::int64_t floor_second(std::int64_t utc_ns) {
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  return utc_ns / kSecond - (utc_ns % kSecond < 0 ? 1 : 0);
+}
+
+/// So many pictures of a second must show the same; a slow camera has one alone.
+std::uint64_t enough_of(std::uint64_t pictures) { return std::min<std::uint64_t>(pictures, 2); }
+
+constexpr std::size_t kMostWords = 200;  // of a second that are kept apart
+
+void count(std::map<std::uint64_t, std::uint64_t>& words, std::uint64_t word) {
+  if (words.size() < kMostWords || words.contains(word)) ++words[word];
+}
+
+/// The word that most pictures show, where those are a third of them and enough.
+std::optional<std::uint64_t> most_shown(const std::map<std::uint64_t, std::uint64_t>& words,
+                                        std::uint64_t pictures) {
+  const auto most = std::max_element(words.begin(), words.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most == words.end() || most->second < enough_of(pictures) || 3 * most->second < pictures)
+    return std::nullopt;
+  return most->first;
+}
+
+}  // namespace
+
+std::string_view answer_name(LightAnswer answer) {
+  switch (answer) {
+    case LightAnswer::kAgrees:
+      return "agrees";
+    case LightAnswer::kInPart:
+      return "in-part";
+    case LightAnswer::kDisagrees:
+      return "disagrees";
+    case LightAnswer::kNotSeen:
+      return "not-seen";
+    case LightAnswer::kNoPictures:
+      return "no-pictures";
+  }
+  return "no-pictures";
+}
+
+std::string_view second_light_name(SecondLight light) {
+  switch (light) {
+    case SecondLight::kAgrees:
+      return "agrees";
+    case SecondLight::kOld:
+      return "old";
+    case SecondLight::kForeign:
+      return "foreign";
+    case SecondLight::kUnread:
+      return "unread";
+  }
+  return "unread";
+}
+
+const LedgerCode* LightJudge::nearby(const Sighting& sighting, std::int64_t second) const {
+  const LedgerCode* best = nullptr;
+  int least = kCodeBits;
+  for (const LedgerCode& code : ledger_.codes_of(second - kLateSeconds, second + kEarlySeconds)) {
+    for (std::size_t view = 0; view < sighting.words.size(); ++view) {
+      const int differ = distance(sighting.words[view], code.code);
+      if (differ > (view == 0 ? kMostOfAll : kMostOfHalf) || differ >= least) continue;
+      best = &code;
+      least = differ;
+    }
+  }
+  return best;
+}
+
+const LedgerCode* LightJudge::anywhere(std::uint64_t word) const {
+  for (const LedgerCode& code : ledger_.codes()) {
+    if (distance(word, code.code) <= kMostOfOld) return &code;
+  }
+  return nullptr;
+}
+
+void LightJudge::add(std::int64_t case_ns, std::span<const Sighting> sightings) {
+  ++report_.pictures;
+  const std::optional<std::int64_t> utc_ns = ledger_.utc_ns_at(case_ns);
+  if (!utc_ns) return;
+  const std::int64_t utc = floor_second(*utc_ns);
+  if (second_ && second_->utc != utc) close();
+  if (!second_) second_ = Second{utc, case_ns, case_ns, 0, {}, 0, {}, {}};
+  Second& now = *second_;
+  now.last_ns = case_ns;
+  ++now.pictures;
+  for (const Sighting& sighting : sightings) {
+    if (const LedgerCode* code = nearby(sighting, utc)) {
+      ++now.near[code->second];
+      now.entries = std::max(now.entries, code->entries);
+      if (!latest_shown_ || code->second > *latest_shown_) {
+        latest_shown_ = code->second;
+        report_.delays_ns.push_back(*utc_ns - code->second * 1'000'000'000);
+      }
+      continue;
+    }
+    if (sighting.opposite < kOppositeOfOld) continue;
+    count(now.strange, sighting.words[0]);
+    const auto around = ledger_.codes_of(utc - kLateSeconds, utc + kEarlySeconds);
+    if (sighting.opposite >= kOppositeOfForeign && sighting.clarity >= kClarityOfForeign &&
+        std::none_of(around.begin(), around.end(), [&](const LedgerCode& code) {
+          return distance(sighting.words[0], code.code) < kLeastOfForeign;
+        }))
+      count(now.clear, sighting.words[0]);
+  }
+}
+
+void LightJudge::note(SecondLight light, const Second& second, std::optional<std::int64_t> shown) {
+  if (!report_.stretches.empty() && report_.more_stretches == 0) {
+    LightStretch& last = report_.stretches.back();
+    constexpr std::int64_t kNext = 2'000'000'000;
+    const bool goes_on = last.light == light && second.first_ns - last.end_ns < kNext;
+    if (goes_on) {
+      last.end_ns = second.last_ns;
+      ++last.seconds;
+      return;
+    }
+  }
+  if (report_.stretches.size() >= kMostStretches) {
+    ++report_.more_stretches;
+    return;
+  }
+  report_.stretches.push_back({light, second.first_ns, second.last_ns, 1, shown});
+}
+
+void LightJudge::close() {
+  const Second second = std::move(*second_);
+  second_.reset();
+  ++report_.seconds;
+  std::uint64_t most = 0;
+  for (const auto& [shown, pictures] : second.near) most = std::max(most, pictures);
+  const std::optional<std::uint64_t> strange = most_shown(second.strange, second.pictures);
+  const std::optional<std::uint64_t> clear = most_shown(second.clear, second.pictures);
+  if (most >= enough_of(second.pictures)) {
+    ++report_.agreeing;
+    if (clear) ++report_.beside_foreign;
+    if (auto token = ledger_.newest_token(second.entries)) {
+      report_.newest_token = std::move(token);
+      report_.newest_token_shown_ns = second.first_ns;
+    }
+    return;
+  }
+  if (strange) {
+    if (const LedgerCode* code = anywhere(*strange)) {
+      ++report_.old;
+      note(SecondLight::kOld, second, code->second);
+      return;
+    }
+  }
+  if (clear) {
+    ++report_.foreign;
+    note(SecondLight::kForeign, second, std::nullopt);
+    return;
+  }
+  ++report_.unread;
+  note(SecondLight::kUnread, second, std::nullopt);
+}
+
+LightReport LightJudge::finish() {
+  if (second_) close();
+  std::sort(report_.delays_ns.begin(), report_.delays_ns.end());
+  const auto share = [&](std::uint64_t of) {
+    return static_cast<double>(of) / static_cast<double>(report_.seconds);
+  };
+  report_.answer = report_.seconds == 0                   ? LightAnswer::kNoPictures
+                   : report_.old + report_.foreign > 0    ? LightAnswer::kDisagrees
+                   : report_.agreeing == 0                ? LightAnswer::kNotSeen
+                   : share(report_.agreeing) < kNearlyAll ? LightAnswer::kInPart
+                                                          : LightAnswer::kAgrees;
+  return std::move(report_);
+}
+
+}  // namespace kiroku::light

@@ -1,0 +1,88 @@
+// Compares what pictures of a stream show with what the ledger says a display showed. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "light/ledger_lights.h"
+#include "light/picture_finder.h"
+
+namespace kiroku::light {
+
+/// What a second of pictures shows. kAgrees: the code of this second, or of one shortly before.
+/// kOld: a code of this ledger, of another second. kForeign: a code that this ledger never had.
+/// kUnread: none that could be read.
+enum class SecondLight { kAgrees, kOld, kForeign, kUnread };
+
+/// What is to be said of a stream. kAgrees: nearly every second agrees and none disagrees. kInPart: none
+/// disagrees, and many could not be read. kDisagrees: some second shows an old or a foreign code. kNotSeen:
+/// no code was read; whether there was a display, the ledger does not say. kNoPictures: there are none.
+enum class LightAnswer { kAgrees, kInPart, kDisagrees, kNotSeen, kNoPictures };
+std::string_view answer_name(LightAnswer answer);       // "in-part"
+std::string_view second_light_name(SecondLight light);  // "foreign"
+
+/// Seconds one after the other that show the same.
+struct LightStretch {
+  SecondLight light = SecondLight::kUnread;
+  std::int64_t start_ns = 0, end_ns = 0;  // case clock: its first and its last picture
+  std::uint64_t seconds = 0;
+  std::optional<std::int64_t> shown_second;  // kOld: Unix time of the code that its first second shows
+};
+
+struct LightReport {
+  LightAnswer answer = LightAnswer::kNoPictures;
+  std::uint64_t pictures = 0;
+  std::uint64_t seconds = 0, agreeing = 0, old = 0, foreign = 0, unread = 0;  // seconds with pictures
+  /// Seconds that agree and show a foreign code, too: of another recorder's display, say.
+  std::uint64_t beside_foreign = 0;
+  std::vector<std::int64_t>
+      delays_ns;  // of each code's first picture, sorted: how long after its second began
+  std::vector<LightStretch> stretches;  // that do not agree, at most kMostStretches
+  std::uint64_t more_stretches = 0;     // left out
+  /// Of the last second that agrees: the newest time-stamp that its code is made of. The pictures are later.
+  std::optional<NamedToken> newest_token;
+  std::int64_t newest_token_shown_ns = 0;  // case clock of those pictures
+};
+
+class LightJudge {
+ public:
+  static constexpr std::size_t kMostStretches = 1'000;
+  /// A code may be seen so late, or so early where the clocks are read one after the other.
+  static constexpr std::int64_t kLateSeconds = 5, kEarlySeconds = 1;
+  /// From this share of seconds on a stream agrees.
+  static constexpr double kNearlyAll = 0.9;
+
+  /// `ledger` must outlive the object.
+  explicit LightJudge(const LedgerLights& ledger) : ledger_(ledger) {}
+  /// One picture, in the order of their times on the case clock.
+  void add(std::int64_t case_ns, std::span<const Sighting> sightings);
+  /// After the last picture.
+  [[nodiscard]] LightReport finish();
+
+ private:
+  /// Pictures of one second of UTC.
+  struct Second {
+    std::int64_t utc = 0;
+    std::int64_t first_ns = 0, last_ns = 0;
+    std::uint64_t pictures = 0;
+    std::map<std::int64_t, std::uint64_t> near;      // pictures by the second whose code they show
+    std::uint64_t entries = 0;                       // of the newest code
+    std::map<std::uint64_t, std::uint64_t> strange;  // pictures by a word that is none of those
+    std::map<std::uint64_t, std::uint64_t> clear;    // of them: so clear that they can be called foreign
+  };
+  void close();
+  void note(SecondLight light, const Second& second, std::optional<std::int64_t> shown);
+  [[nodiscard]] const LedgerCode* nearby(const Sighting& sighting, std::int64_t second) const;
+  [[nodiscard]] const LedgerCode* anywhere(std::uint64_t word) const;
+
+  const LedgerLights& ledger_;
+  std::optional<Second> second_;
+  LightReport report_;
+  std::optional<std::int64_t> latest_shown_;  // of whose code the delay is known
+};
+
+}  // namespace kiroku::light
