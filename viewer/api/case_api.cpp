@@ -146,7 +146,7 @@ Response case_subjects(ViewerContext& context, const Request& request) {
   const std::shared_ptr<SubjectShelf> shelf = subjects_for(request);
   if (!shelf)
     throw Refusal(423, "patient, procedure and staff are sealed: unlock them with an identity first");
-  const SubjectShelf::Entry found = shelf->of(context.case_folder(request));
+  const SubjectShelf::Entry found = shelf->of(context.case_place(request));
   if (found->state == ShelvedSubject::State::kProblem) throw Refusal(422, found->problem);
   ordered_json subjects = ordered_json::array();
   for (const playback::CaseSubject& each : found->subjects) subjects.push_back(subject_json(each));
@@ -198,7 +198,7 @@ Response describe_case(const archive::CaseReader& recording) {
 
 }  // namespace
 
-void add_case_routes(Router& router, ViewerContext& context) {
+void add_case_list_routes(Router& router, ViewerContext& context) {
   struct SharedCatalogue {
     std::mutex mutex;
     std::unique_ptr<archive::Catalogue> catalogue;
@@ -216,6 +216,9 @@ void add_case_routes(Router& router, ViewerContext& context) {
   router.add("POST", "api/cases/search", Right::kListCases, [rows, &context](const Request& request) {
     return list_cases(context, request, rows(), question_of_body(request), subjects_for(request));
   });
+}
+
+void add_case_routes(Router& router, ViewerContext& context) {
   router.add("GET", "api/cases/{case:case}/subject", Right::kWatch,
              [&context](const Request& request) { return case_subjects(context, request); });
   router.add("GET", "api/cases/{case:case}", Right::kReadCase,
