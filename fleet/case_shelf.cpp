@@ -80,6 +80,7 @@ struct CaseShelf::Kept {
   bool is_there = false, is_closed = false;
   Clock::Time looked{};
   std::shared_ptr<const StoredSegments> segments;
+  std::shared_ptr<const archive::CaseReader> ledger;
   std::thread fetching;
   std::mutex mutex;  // guards the three below
   Place::Proofs proofs = Place::Proofs::kComing;
@@ -124,7 +125,7 @@ std::optional<CaseShelf::Place> CaseShelf::find(const std::string& appliance, co
     if (!kept->is_there) return {};
     kept->looked = clock_.now();
   }
-  Place place{kept->folder, kept->segments, Place::Proofs::kComing, {}};
+  Place place{kept->folder, kept->segments, kept->ledger, Place::Proofs::kComing, {}};
   {
     const std::lock_guard guard(kept->mutex);
     has_changed =
@@ -137,7 +138,8 @@ std::optional<CaseShelf::Place> CaseShelf::find(const std::string& appliance, co
     kept->stop = true;
     if (kept->fetching.joinable()) kept->fetching.join();
     kept->stop = false;
-    kept->fetching = std::thread([this, &of = *kept, name] { bring_proofs(of, name); });
+    kept->fetching = std::thread(
+        [this, &of = *kept, name, ledger = kept->ledger] { bring_proofs(of, name, ledger.get()); });
   }
   return place;
 }
@@ -156,21 +158,25 @@ bool CaseShelf::bring_ledger(Kept& kept, const Name& name) {
   if (is_same) return false;
   kept.segments =
       std::make_shared<const StoredSegments>(store_, cache_, name.first + "/" + name.second + "/");
-  bring_subject(kept);
+  read_ledger(kept);
   return true;
 }
 
-void CaseShelf::bring_subject(Kept& kept) const {
-  std::optional<archive::FileReference> subject;
+void CaseShelf::read_ledger(Kept& kept) {
+  kept.ledger = nullptr;
   try {
-    const archive::CaseReader reader = archive::CaseReader::open(kept.folder);
-    kept.is_closed = reader.closing().has_value();
-    subject = reader.opening().subject;
+    kept.ledger = std::make_shared<const archive::CaseReader>(archive::CaseReader::open(kept.folder));
   } catch (const IoError&) {
     throw;
   } catch (const Error&) {
     return;  // whoever opens the case is told why its ledger cannot be read
   }
+  kept.is_closed = kept.ledger->closing().has_value();
+  bring_subject(kept);
+}
+
+void CaseShelf::bring_subject(Kept& kept) {
+  const std::optional<archive::FileReference>& subject = kept.ledger->opening().subject;
   if (!subject || subject->bytes > kLargestProof || subject->file != archive::kSubjectFile) return;
   try {
     const auto source = kept.segments->open(*subject);
@@ -186,7 +192,7 @@ void CaseShelf::bring_subject(Kept& kept) const {
   }
 }
 
-void CaseShelf::bring_proofs(Kept& kept, const Name& name) {
+void CaseShelf::bring_proofs(Kept& kept, const Name& name, const archive::CaseReader* ledger) {
   const auto is_over = [&] { return kept.stop || stopping_; };
   const auto end = [&](Place::Proofs proofs, const std::string& problem) {
     const std::lock_guard guard(kept.mutex);
@@ -216,10 +222,9 @@ void CaseShelf::bring_proofs(Kept& kept, const Name& name) {
       });
     }
     std::map<std::string, crypto::Sha256Digest> stated;
-    archive::CaseReader::open(kept.folder).for_each([&](const archive::CaseEntry& entry) {
-      if (const auto* token = std::get_if<archive::TokenEntry>(&entry.body))
-        stated[token->file] = token->sha256;
-    });
+    if (ledger != nullptr) {
+      for (const auto& each : ledger->tokens()) stated[each.entry.file] = each.entry.sha256;
+    }
     std::atomic<std::size_t> next{0};
     const auto bring = [&] {
       store_.with([&](ObjectStore& store) {

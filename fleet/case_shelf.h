@@ -14,6 +14,7 @@
 #include <string>
 #include <thread>
 
+#include "archive/reading/case_reader.h"
 #include "archive/reading/sealed_source.h"
 #include "base/clock.h"
 #include "fleet/store_connections.h"
@@ -37,6 +38,7 @@ class CaseShelf {
     /// Ends with <appliance>/<case>: a case's folder without segments.
     std::filesystem::path folder;
     std::shared_ptr<const archive::SealedSource> segments;
+    std::shared_ptr<const archive::CaseReader> ledger;  // parsed; null where that cannot be
     enum class Proofs { kComing, kThere, kMissing } proofs = Proofs::kComing;
     std::string problem;  // why they are missing
   };
@@ -51,8 +53,9 @@ class CaseShelf {
 
   std::shared_ptr<Kept> slot_of(const Name& name);
   bool bring_ledger(Kept& kept, const Name& name);
-  void bring_subject(Kept& kept) const;
-  void bring_proofs(Kept& kept, const Name& name);
+  static void read_ledger(Kept& kept);
+  static void bring_subject(Kept& kept);
+  void bring_proofs(Kept& kept, const Name& name, const archive::CaseReader* ledger);
 
   const std::filesystem::path folder_;
   StoreConnections& store_;

@@ -105,7 +105,7 @@ std::optional<viewer::StoredCases::Found> HospitalCases::find(const std::string&
   auto place = of_store([&] { return shelf_.find(parts->first, parts->second); });
   if (!place) return {};
   using Proofs = fleet::CaseShelf::Place::Proofs;
-  return Found{{std::move(place->folder), std::move(place->segments)},
+  return Found{{std::move(place->folder), std::move(place->segments), std::move(place->ledger)},
                place->proofs == Proofs::kComing,
                place->proofs == Proofs::kMissing ? place->problem : std::string()};
 }

@@ -54,8 +54,8 @@ PlaybackStore::Playback PlaybackStore::open(const std::shared_ptr<Session>& sess
                            folder.string();
   return opening_.get(name, [&] {
     if (Playback playback = find(session, identities, folder)) return playback;
-    auto playback = std::make_shared<playback::CasePlayback>(archive::CaseReader::open(folder), *identities,
-                                                             cache_, place.segments);
+    auto playback =
+        std::make_shared<playback::CasePlayback>(place.read(), *identities, cache_, place.segments);
     std::list<Watched> gone;  // ends outside the lock: what it does in the background is waited for
     const std::lock_guard guard(mutex_);
     for (auto each = watched_.begin(); each != watched_.end();) {

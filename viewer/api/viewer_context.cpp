@@ -62,7 +62,7 @@ playback::CasePlace ViewerContext::case_place(const Request& request) const {
 }
 
 archive::CaseReader ViewerContext::open_case(const Request& request) const {
-  return archive::CaseReader::open(case_folder(request));
+  return case_place(request).read();
 }
 
 Session::Identities ViewerContext::require_unlocked(const Request& request) {

@@ -30,7 +30,7 @@ ShelvedSubject read(const playback::CasePlace& place, const crypto::AgeIdentitie
   using State = ShelvedSubject::State;
   ShelvedSubject out;
   try {
-    const playback::CaseMedia media(archive::CaseReader::open(place.folder), identities, place.segments);
+    const playback::CaseMedia media(place.read(), identities, place.segments);
     add_stamps(media.recording(), stamps);
     out.subjects = playback::subjects_of(media);
     out.state = out.subjects.empty() ? State::kNone : State::kShown;

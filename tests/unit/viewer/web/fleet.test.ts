@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { hrefOf, parseRoute } from '@/base/route';
-import { kAnything, queryOf, shownCase } from '@/fleet/fleet_api';
+import { kAnything, queryOf, shownCase } from '@/fleet/question';
 
 describe('What is asked of all appliances', () => {
   it('is anything, unless somebody narrows it', () => {
