@@ -1,6 +1,7 @@
 """A person at the viewer's page or the hospital's, as far as its API goes."""
 import http.client
 import json
+import os
 import ssl
 import subprocess
 
@@ -23,6 +24,12 @@ class Server:
 
     def person(self):
         return Person(self.port)
+
+    def processor_seconds(self):
+        """Of the program and of what it started and waited for."""
+        with open(f"/proc/{self.process.pid}/stat", encoding="utf-8") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return sum(int(field) for field in fields[11:15]) / os.sysconf("SC_CLK_TCK")
 
     def end(self):
         self.process.terminate()

@@ -78,7 +78,7 @@ TEST(StoredSegments, NamesWhatTheStoreLacks) {
   EXPECT_EQ(segments.open(archive::FileReference{"segments/a", 7, {}})->size(), 7U);
   EXPECT_THAT(
       [&] {
-        (void)segments.open(archive::FileReference{"segments/a", 8, {}});
+        (void)segments.open(archive::FileReference{"segments/a", 8, crypto::sha256({})});
       },
       ThrowsMessage<Error>(HasSubstr("no version of or-1/x/segments/a with the 8 bytes")));
   EXPECT_THAT(
