@@ -136,7 +136,8 @@ def try_the_page(programs, folder, store, fleet, appliances, recorded):
         person.tell("users", {"user": "anna", "password": "a long enough password", "role": "auditor"})
         auditor = servers[0].person()
         auditor.read("session", {"user": "anna", "password": "a long enough password"})
-        require(auditor.ask(f"cases/or-1~{case}/streams/endoscope/init.mp4")[0] == 403, "an auditor watches")
+        refused = auditor.ask(f"cases/or-1~{case}/streams/endoscope/init.mp4")
+        require(refused[0] == 403, f"an auditor who would watch is answered with {refused}")
         deeds = {(each.get("case"), each.get("what")) for each in auditor.read("log")["entries"]}
         require((f"or-1~{case}", "watched endoscope") in deeds, f"the log has {deeds}")
 

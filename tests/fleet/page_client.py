@@ -52,8 +52,9 @@ class Person:
         headers = {"X-Kiroku-Request": "1", "Content-Type": "application/json", "Cookie": self.cookie}
         self.connection.request("GET" if body is None else "POST", "/api/" + path, None if body is None else json.dumps(body), headers)
         answer = self.connection.getresponse()
-        if answer.getheader("Set-Cookie"):
-            self.cookie = answer.getheader("Set-Cookie").split(";")[0]
+        given = answer.headers.get_all("Set-Cookie", [])  # of the session, and of a device that is known from then on
+        if given:
+            self.cookie = "; ".join(each.split(";")[0] for each in given)
         return answer.status, answer.read()
 
     def tell(self, path, body=None):
