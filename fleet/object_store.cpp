@@ -14,7 +14,7 @@ namespace kiroku::fleet {
 namespace {
 
 constexpr std::size_t kLargestAnswer = 1U << 20;
-constexpr long kOk = 200;
+constexpr long kOk = 200, kPartialContent = 206;
 constexpr long kBadRequest = 400, kForbidden = 403, kNotFound = 404, kTooLarge = 413, kTooManyRequests = 429,
                kServerError = 500;
 /// More folders below one name than any store of recordings has.
@@ -179,6 +179,7 @@ struct ObjectStore::State {
     std::string sha256 = crypto::to_hex(crypto::sha256({}));
     std::size_t most = kLargestAnswer;
     const std::function<void(ByteView)>* take = nullptr;
+    std::string range = {};  // "0-1023"
   };
 
   [[nodiscard]] std::string where() const { return "bucket '" + address.bucket + "' of " + address.endpoint; }
@@ -212,6 +213,7 @@ struct ObjectStore::State {
     set(CURLOPT_NOSIGNAL, 1L);
     set(CURLOPT_PROXY, "");
     set(CURLOPT_USERAGENT, "kiroku");
+    if (!what.range.empty()) set(CURLOPT_RANGE, what.range.c_str());
     if (!address.ca_file.empty()) set(CURLOPT_CAINFO, address.ca_file.c_str());
     set(CURLOPT_CONNECTTIMEOUT, static_cast<long>(terms.connecting.count()));
     set(CURLOPT_LOW_SPEED_LIMIT, 1L);
@@ -454,6 +456,25 @@ StoredObject ObjectStore::get(const std::string& key, const std::string& version
   StoredObject object = object_of(key, answer.headers);
   require_version(key, version, object);
   return object;
+}
+
+Bytes ObjectStore::get_range(const std::string& key, const std::string& version, std::uint64_t offset,
+                             std::size_t size) {
+  if (size == 0) return {};
+  const Answer answer =
+      state_->ask({.method = "GET",
+                   .key = key,
+                   .query = of_version(version),
+                   .most = std::max(size, kLargestAnswer),
+                   .range = std::to_string(offset) + "-" + std::to_string(offset + size - 1)});
+  if (answer.status >= kBadRequest) throw state_->refusal(answer, "get a part of " + key);
+  if (answer.status != kPartialContent || answer.body.size() > size) {
+    throw Error("of " + key + " the store at " + state_->address.endpoint + " sent " +
+                std::to_string(answer.body.size()) + " bytes with status " + std::to_string(answer.status) +
+                " where " + std::to_string(size) + " from byte " + std::to_string(offset) +
+                " on were asked for: it must send ranges");
+  }
+  return to_bytes(answer.body);
 }
 
 bool ObjectStore::remove(const std::string& key, const std::string& version) {

@@ -112,6 +112,9 @@ class ObjectStore {
   /// taken. Throws what `take` throws, too.
   StoredObject get(const std::string& key, const std::string& version, std::uint64_t most,
                    const std::function<void(ByteView)>& take);
+  /// `size` bytes of a version from `offset` on, as a range (RFC 9110, section 14.2); fewer only at its end.
+  /// Throws kiroku::Error where the store sends anything else.
+  Bytes get_range(const std::string& key, const std::string& version, std::uint64_t offset, std::size_t size);
   /// Asks the store to remove a version; whether it did. Throws StoreError where it did not answer.
   bool remove(const std::string& key, const std::string& version);
 

@@ -20,12 +20,14 @@ void require_sealed(const archive::ReadableFile& file, const archive::SegmentEnt
   }
 }
 
-std::shared_ptr<const crypto::HashTrail> recorded_trail(const archive::ReadableFile& file,
+std::shared_ptr<const crypto::HashTrail> recorded_trail(const crypto::ByteSource& sealed,
                                                         const archive::FileReference& stated,
                                                         const ReadProgress& progress) {
-  file.expect_sequential_reading();
+  if (const auto* const file = dynamic_cast<const archive::ReadableFile*>(&sealed)) {
+    file->expect_sequential_reading();
+  }
   auto trail =
-      std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(file, crypto::HashBegin(), progress));
+      std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(sealed, crypto::HashBegin(), progress));
   if (trail->end() != stated.bytes) {
     refuse(stated, "it became shorter while it was read");
   }
@@ -44,19 +46,32 @@ crypto::Truncation truncation_for(bool complete) {
 SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                   const crypto::AgeIdentities& identities, const ReadProgress& progress) {
   auto sealed = open_file(folder, entry);
-  auto trail = recorded_trail(sealed->file, entry.file, progress);
-  return decrypt_hashed(std::move(sealed), std::move(trail), folder, entry, identities);
+  auto trail = recorded_trail(*sealed->bytes, entry.file, progress);
+  return decrypt_hashed(std::move(sealed), std::move(trail), entry, identities);
 }
 
 SealedSegment SealedSegment::open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                                   const crypto::AgeIdentities& identities, crypto::HashTrails& checked) {
-  auto sealed = open_file(folder, entry);
+  return open_checked(open_file(folder, entry), entry, identities, checked);
+}
+
+SealedSegment SealedSegment::open(const archive::SealedSource& source, const archive::SegmentEntry& entry,
+                                  const crypto::AgeIdentities& identities, crypto::HashTrails& checked) {
+  auto sealed = std::make_unique<Sealed>();
+  sealed->bytes = source.open(entry);
+  sealed->name = "the stored segment " + entry.file.file;
+  return open_checked(std::move(sealed), entry, identities, checked);
+}
+
+SealedSegment SealedSegment::open_checked(std::unique_ptr<Sealed> sealed, const archive::SegmentEntry& entry,
+                                          const crypto::AgeIdentities& identities,
+                                          crypto::HashTrails& checked) {
   auto trail = checked.find(entry.file.sha256);
   if (!trail) {
-    trail = recorded_trail(sealed->file, entry.file, {});
+    trail = recorded_trail(*sealed->bytes, entry.file, {});
     checked.add(trail);
   }
-  return decrypt_hashed(std::move(sealed), std::move(trail), folder, entry, identities);
+  return decrypt_hashed(std::move(sealed), std::move(trail), entry, identities);
 }
 
 std::unique_ptr<SealedSegment::Sealed> SealedSegment::open_file(const archive::CaseFolder& folder,
@@ -66,18 +81,18 @@ std::unique_ptr<SealedSegment::Sealed> SealedSegment::open_file(const archive::C
     throw Error("the segment file " + entry.file.file + " of " + folder.path().string() + " " +
                 opening.explanation + "; run kiroku verify to see what else does not hold");
   }
-  auto sealed = std::make_unique<Sealed>(std::move(*opening.file));
-  require_sealed(sealed->file, entry);
+  require_sealed(*opening.file, entry);
+  auto sealed = std::make_unique<Sealed>();
+  sealed->bytes = std::make_unique<archive::ReadableFile>(std::move(*opening.file));
+  sealed->name = "the segment file " + entry.file.file + " of " + folder.path().string();
   return sealed;
 }
 
 SealedSegment SealedSegment::decrypt_hashed(std::unique_ptr<Sealed> sealed,
                                             std::shared_ptr<const crypto::HashTrail> trail,
-                                            const archive::CaseFolder& folder,
                                             const archive::SegmentEntry& entry,
                                             const crypto::AgeIdentities& identities) {
-  sealed->hashed.emplace(sealed->file, std::move(trail),
-                         "the segment file " + entry.file.file + " of " + folder.path().string());
+  sealed->hashed.emplace(*sealed->bytes, std::move(trail), sealed->name);
   try {
     crypto::AgeFile plaintext =
         crypto::AgeFile::open(*sealed->hashed, identities, truncation_for(entry.complete));

@@ -7,10 +7,12 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/ledger_entry.h"
+#include "archive/reading/sealed_source.h"
 #include "crypto/age_file.h"
 #include "crypto/hash_trails.h"
 
@@ -33,6 +35,10 @@ class SealedSegment : public crypto::ByteSource {
   static SealedSegment open(const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
                             const crypto::AgeIdentities& identities, crypto::HashTrails& checked);
 
+  /// The same of bytes that lie elsewhere than in a case's folder. Throws what `source` throws, too.
+  static SealedSegment open(const archive::SealedSource& source, const archive::SegmentEntry& entry,
+                            const crypto::AgeIdentities& identities, crypto::HashTrails& checked);
+
   /// Opens what somebody else compares with the ledger. `sealed` must outlive the object.
   static SealedSegment decrypt(const crypto::ByteSource& sealed, bool complete,
                                const crypto::AgeIdentities& identities);
@@ -46,16 +52,18 @@ class SealedSegment : public crypto::ByteSource {
  private:
   /// On the heap: the second refers to the first, and what decrypts to the second.
   struct Sealed {
-    explicit Sealed(archive::ReadableFile opened) : file(std::move(opened)) {}
-    archive::ReadableFile file;
+    std::unique_ptr<crypto::ByteSource> bytes;
+    std::string name;  // as errors say it
     std::optional<crypto::HashedSource> hashed;
   };
 
   static std::unique_ptr<Sealed> open_file(const archive::CaseFolder& folder,
                                            const archive::SegmentEntry& entry);
+  static SealedSegment open_checked(std::unique_ptr<Sealed> sealed, const archive::SegmentEntry& entry,
+                                    const crypto::AgeIdentities& identities, crypto::HashTrails& checked);
   static SealedSegment decrypt_hashed(std::unique_ptr<Sealed> sealed,
                                       std::shared_ptr<const crypto::HashTrail> trail,
-                                      const archive::CaseFolder& folder, const archive::SegmentEntry& entry,
+                                      const archive::SegmentEntry& entry,
                                       const crypto::AgeIdentities& identities);
   SealedSegment(std::unique_ptr<Sealed> sealed, std::optional<crypto::AgeFile> plaintext)
       : sealed_(std::move(sealed)), plaintext_(std::move(plaintext)) {}

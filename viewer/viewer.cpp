@@ -78,7 +78,7 @@ class Sweeper {
 /// Null for the viewer itself, which has none, and where it cannot be opened but people come otherwise.
 std::unique_ptr<InnerDoor> open_inner_door(const ViewerHome& home, bool has_address,
                                            const std::function<void(const std::string&)>& tell) {
-  if (home.serves == "cases") return nullptr;
+  if (home.serves == "cases" || home.serves == "fleet") return nullptr;
   try {
     return std::make_unique<InnerDoor>(home.serves == "planning"    ? home.planning_socket
                                        : home.serves == "breathing" ? home.breathing_socket
@@ -108,6 +108,8 @@ struct Viewer::State {
     }
     if (context.home().serves == "cases") {
       add_routes(router, context, link);
+    } else if (context.home().serves == "fleet") {
+      add_fleet_routes(router, context, link);
     } else {
       add_session_routes(router, context, link);
       add_log_routes(router, context);

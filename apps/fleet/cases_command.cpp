@@ -10,6 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
+#include "apps/fleet/page_place.h"
 #include "archive/catalogue/catalogue_json.h"
 #include "base/error.h"
 #include "base/json_or_null.h"
@@ -47,18 +48,6 @@ std::size_t limit_of(const std::string& text) {
   return limit;
 }
 
-/// Where a page ended: "2026-08-05T09:15:02.000123Z,or-1,20260805T091502Z-3f9c21ab".
-std::string place_after(const fleet::FleetCase& last) {
-  return format_utc(last.row.opened) + "," + last.appliance + "," + last.row.case_id;
-}
-fleet::CaseQuery::Place place_of(const std::string& text) {
-  const std::size_t first = text.find(','), second = text.find(',', first + 1);
-  if (first == std::string::npos || second == std::string::npos)
-    throw UsageError("--after is '" + printable(text) + "': give what the page before ended with");
-  return {time_of(text.substr(0, first), "--after"), text.substr(first + 1, second - first - 1),
-          text.substr(second + 1)};
-}
-
 fleet::CaseQuery query_of(const Request& request) {
   fleet::CaseQuery query;
   query.appliance = request.appliance;
@@ -71,7 +60,12 @@ fleet::CaseQuery query_of(const Request& request) {
   if (query.opened_from && query.opened_before && *query.opened_before <= *query.opened_from)
     throw UsageError("--to is not after --from");
   if (request.limit) query.limit = limit_of(*request.limit);
-  if (request.after) query.after = place_of(*request.after);
+  if (request.after) {
+    query.after = parse_page_place(*request.after);
+    if (!query.after)
+      throw UsageError("--after is '" + printable(*request.after) +
+                       "': give what the page before ended with");
+  }
   return query;
 }
 
@@ -128,7 +122,7 @@ int cases(const Request& request) {
   const fleet::CaseQuery query = query_of(request);
   const std::vector<fleet::FleetCase> found = catalogue.find(query);
   const std::optional<std::string> next =
-      found.size() == query.limit ? std::optional(place_after(found.back())) : std::nullopt;
+      found.size() == query.limit ? std::optional(page_place(found.back())) : std::nullopt;
   if (request.json) {
     ordered_json told = ordered_json::array();
     for (const fleet::FleetCase& each : found) {

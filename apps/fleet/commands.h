@@ -10,5 +10,6 @@ void add_fleet_index_command(Command& program);
 void add_fleet_cases_command(Command& program);
 void add_fleet_status_command(Command& program);
 void add_fleet_verify_command(Command& program);
+void add_fleet_serve_command(Command& program);
 
 }  // namespace kiroku::apps

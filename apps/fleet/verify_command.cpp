@@ -1,7 +1,6 @@
 // 'kiroku-fleet verify': stored cases are verified anew, by any number of workers.
 #include <algorithm>
 #include <iostream>
-#include <map>
 #include <memory>
 
 #include <nlohmann/json.hpp>
@@ -9,19 +8,14 @@
 #include "apps/common/json_output.h"
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
-#include "apps/fleet/scratch_folder.h"
+#include "apps/fleet/stored_judge.h"
 #include "apps/kiroku/told_to_end.h"
-#include "apps/verify/judging.h"
-#include "archive/format/case_layout.h"
 #include "base/clock.h"
 #include "base/error.h"
 #include "base/number_text.h"
-#include "fleet/fetcher.h"
 
 namespace kiroku::apps {
 namespace {
-
-namespace fs = std::filesystem;
 
 /// A lease outlives the slowest fetch of the longest case; what a dead worker held is taken up afterwards.
 constexpr std::chrono::hours kLease{12};
@@ -38,31 +32,6 @@ struct Request {
   bool follow = false, all = false, json = false;
 };
 
-/// Logs of appliances as they are in the store, each fetched anew for a case that changed after it was.
-class Logs {
- public:
-  Logs(fleet::ObjectStore& store, fs::path folder, std::chrono::minutes settles)
-      : store_(store), folder_(std::move(folder)), settles_(settles) {}
-
-  fs::path of(const std::string& appliance, UtcTime changed, UtcTime now) {
-    const fs::path into = folder_ / appliance;
-    const auto known = fetched_.find(appliance);
-    if (known != fetched_.end() && changed + settles_ < known->second) return into / "log";
-    fetched_.erase(appliance);
-    fs::remove_all(into);
-    fs::create_directories(into);
-    fleet::fetch_log(store_, appliance, into);
-    fetched_[appliance] = now;
-    return into / "log";
-  }
-
- private:
-  fleet::ObjectStore& store_;
-  const fs::path folder_;
-  const std::chrono::minutes settles_;
-  std::map<std::string, UtcTime> fetched_;
-};
-
 /// The finding that the verdict stands on, in its sentence.
 std::string gravest(const archive::VerificationReport& report) {
   const auto worst = std::ranges::max_element(report.findings, {}, &archive::Finding::severity);
@@ -74,9 +43,7 @@ class Worker {
   Worker(const FleetConfiguration& configuration, const Request& request)
       : configuration_(configuration),
         request_(request),
-        store_(configuration.open_store()),
-        scratch_(request.scratch),
-        logs_(store_, scratch_.path() / "logs", configuration.settles),
+        judge_(configuration, request.scratch),
         catalogue_(configuration.open_catalogue()) {}
 
   /// All that is due, one after the other, until it is told to end.
@@ -141,35 +108,14 @@ class Worker {
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
-    // Whoever may write the catalogue's rows names no folder here.
-    if (!archive::is_short_name(lease.appliance) || !archive::is_case_id(lease.case_id)) {
-      throw UsageError("the catalogue has '" + printable(lease.case_id) + "' of '" +
-                       printable(lease.appliance) + "', which names no case: nothing was looked at");
-    }
-    const fs::path key = configuration_.devices / (lease.appliance + ".pub");
-    std::error_code ignored;
-    if (!fs::exists(key, ignored)) {
-      throw UsageError(key.string() + " is not there: put the device.pub of " + lease.appliance +
-                       " there, from its home");
-    }
-    JudgingRequest judging;
-    judging.devices = {key.string()};
-    for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
-    for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
-    const fs::path folder = scratch_.path() / "cases";
-    fs::remove_all(folder);
-    fs::create_directories(folder);
-    const fleet::FetchedCase fetched = fleet::fetch_case(store_, lease.appliance, lease.case_id, folder);
-    judging.log = logs_.of(lease.appliance, lease.changed, time_.utc()).string();
-    const VerifyExtras none;
-    const Judged judged = Judge(judging, none).judge(fetched.folder);
-    fs::remove_all(folder);
-    const auto told = static_cast<std::size_t>(std::ranges::count_if(
-        judged.report.findings,
-        [](const archive::Finding& each) { return each.severity != archive::Severity::kNote; }));
-    const archive::Verdict verdict = judged.report.verdict;
+    const archive::VerificationReport report = judge_.judge(lease.appliance, lease.case_id, lease.changed);
+    const auto told =
+        static_cast<std::size_t>(std::ranges::count_if(report.findings, [](const archive::Finding& each) {
+          return each.severity != archive::Severity::kNote;
+        }));
+    const archive::Verdict verdict = report.verdict;
     return {std::string(archive::verdict_name(verdict)), time_.utc(), archive::exit_status(verdict) != kDone,
-            told, gravest(judged.report)};
+            told, gravest(report)};
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
@@ -188,9 +134,7 @@ class Worker {
   const FleetConfiguration& configuration_;
   const Request& request_;
   const Clock& time_ = Clock::system();
-  fleet::ObjectStore store_;
-  const ScratchFolder scratch_;
-  Logs logs_;
+  StoredJudge judge_;
   fleet::FleetCatalogue catalogue_;
   std::uint64_t done_ = 0, bad_ = 0, unchecked_ = 0;
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();

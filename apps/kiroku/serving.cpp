@@ -98,6 +98,7 @@ void serve_until_stopped(const ServingRequest& request, const Home& home, Served
       .more_routes = std::move(served.more_routes),
       .tell = std::move(served.tell)};
   options.home.serves = served.serves;
+  if (served.change_home) served.change_home(options.home);
   raise_descriptor_limit();  // a thousand connections need more than a shell gives
   std::error_code ignored;
   const bool is_demonstration = has_address && std::filesystem::exists(home.identity_file(), ignored) &&

@@ -37,6 +37,8 @@ struct Served {
   /// What is said once it serves: a line for people, and what JSON has beside address and fingerprint.
   std::function<std::string(const std::string& url)> first_line;  // `url` is "" behind the viewer alone
   std::function<void(nlohmann::ordered_json& told)> tell_more;
+  /// Changes what is served; empty: it is the home's own.
+  std::function<void(viewer::ViewerHome& of_viewer)> change_home = {};
 };
 
 /// One sentence a line on standard error. What is returned is thread-safe.

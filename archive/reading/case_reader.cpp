@@ -72,8 +72,10 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       reader.gaps_.push_back(std::move(*gap));
     } else if (auto* erased = std::get_if<ErasedEntry>(&entry.body)) {
       reader.erased_.push_back(std::move(*erased));
+    } else if (auto* token = std::get_if<TokenEntry>(&entry.body)) {
+      reader.tokens_.push_back({entry.seq, entry.at.mono_ns, std::move(*token)});
     }
-    reader.last_mono_ns_ = entry.at.mono_ns;
+    reader.entry_times_.push_back(entry.at.mono_ns);
   });
   if (first) {
     throw Error("cannot read " + (folder / kLedgerFile).string() + ": it holds no whole entry");
@@ -133,7 +135,7 @@ std::int64_t CaseReader::duration_ns() const {
   for (const SegmentEntry& segment : segments_) {
     end = std::max(end, segment.span.end_ns);
   }
-  return (segments_.empty() ? last_mono_ns_ : end) - opening_.begins_ns;
+  return (segments_.empty() ? entry_times_.back() : end) - opening_.begins_ns;
 }
 
 void CaseReader::for_each(const std::function<void(const CaseEntry&)>& visit) const {

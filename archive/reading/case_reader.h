@@ -30,6 +30,17 @@ class CaseReader {
   /// Segments of a stream whose span meets [from_ns, to_ns), in order.
   [[nodiscard]] std::vector<SegmentEntry> segments(const std::string& stream, std::int64_t from_ns,
                                                    std::int64_t to_ns) const;
+  /// Those of every stream, and all stated gaps, in the ledger's order.
+  [[nodiscard]] const std::vector<SegmentEntry>& segments() const { return segments_; }
+  [[nodiscard]] const std::vector<GapEntry>& gaps() const { return gaps_; }
+  struct StatedToken {
+    std::uint64_t seq = 0;
+    std::int64_t mono_ns = 0;  // of the entry
+    TokenEntry entry;
+  };
+  [[nodiscard]] const std::vector<StatedToken>& tokens() const { return tokens_; }
+  /// When each entry was written, on the case clock; by its number.
+  [[nodiscard]] const std::vector<std::int64_t>& entry_times() const { return entry_times_; }
   /// Stated gaps of a stream, in the ledger's order; of the sound beside its pictures alone.
   [[nodiscard]] std::vector<GapEntry> gaps(const std::string& stream) const;
   [[nodiscard]] std::vector<GapEntry> sound_gaps(const std::string& stream) const;
@@ -63,7 +74,8 @@ class CaseReader {
   std::vector<SegmentEntry> segments_;
   std::vector<GapEntry> gaps_;
   std::vector<ErasedEntry> erased_;
-  std::int64_t last_mono_ns_ = 0;
+  std::vector<StatedToken> tokens_;
+  std::vector<std::int64_t> entry_times_;
   crypto::Sha256Digest lines_root_{};
 };
 

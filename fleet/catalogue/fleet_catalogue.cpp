@@ -124,6 +124,20 @@ CatalogueRow row_of(const Postgres::Rows& rows, int at) {
   return row;
 }
 
+constexpr int kTotalsColumns = 10;
+constexpr std::string_view kTotals = R"(
+    count(*), least(coalesce(sum(segments), 0), 9223372036854775807)::bigint,
+    least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
+    count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
+    count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
+    count(*) FILTER (WHERE alarm), count(unchecked),
+    count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now()))";
+
+FleetTotals totals_of(const Postgres::Rows& rows, int row) {
+  const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(row, column)); };
+  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8), count(9)};
+}
+
 class PostgresCaseTable final : public archive::CaseTable {
  public:
   PostgresCaseTable(Postgres& database, std::string appliance)
@@ -231,6 +245,7 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
     where += (where.empty() ? " WHERE " : " AND ") + condition;
   };
   if (query.appliance) require("appliance = " + parameter(query.appliance));
+  if (query.case_id) require("case_id = " + parameter(query.case_id));
   if (query.state) require("state = " + parameter(query.state));
   if (query.verdict) require("verdict = " + parameter(query.verdict));
   if (query.never_verified) require("verified IS NULL");
@@ -257,16 +272,22 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
 }
 
 FleetTotals FleetCatalogue::totals() {
-  const Postgres::Rows rows = database_.ask(R"(
-    SELECT count(*), least(coalesce(sum(segments), 0), 9223372036854775807)::bigint,
-           least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
-           count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
-           count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
-           count(*) FILTER (WHERE alarm), count(unchecked),
-           count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now())
-    FROM kiroku.cases)");
-  const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(0, column)); };
-  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8), count(9)};
+  return totals_of(database_.ask("SELECT " + std::string(kTotals) + " FROM kiroku.cases"), 0);
+}
+
+std::vector<ApplianceTotals> FleetCatalogue::totals_by_appliance() {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT " + std::string(kTotals) +
+      ", appliance, (extract(epoch FROM max(opened)) * 1000000)::bigint, "
+      "(extract(epoch FROM max(changed_at)) * 1000000)::bigint FROM kiroku.cases GROUP BY appliance ORDER BY "
+      "appliance");
+  std::vector<ApplianceTotals> all;
+  for (int i = 0; i < rows.size(); ++i) {
+    all.push_back({rows.text(i, kTotalsColumns), totals_of(rows, i),
+                   UtcTime(std::chrono::microseconds(rows.integer(i, kTotalsColumns + 1))),
+                   UtcTime(std::chrono::microseconds(rows.integer(i, kTotalsColumns + 2)))});
+  }
+  return all;
 }
 
 std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds for_how_long) {

@@ -27,7 +27,7 @@ struct FleetCase {
 
 /// What is asked for; an empty field asks for anything. Newest first.
 struct CaseQuery {
-  std::optional<std::string> appliance = {}, state = {}, verdict = {};
+  std::optional<std::string> appliance = {}, case_id = {}, state = {}, verdict = {};
   bool never_verified = false;
   bool needs_a_person = false;  // an alarm, not checked, missing, or unreadable
   std::optional<UtcTime> opened_from = {}, opened_before = {};  // half open
@@ -63,6 +63,14 @@ struct FleetTotals {
   std::uint64_t being_verified = 0;
 };
 
+/// Of one appliance.
+struct ApplianceTotals {
+  std::string appliance;
+  FleetTotals totals;
+  UtcTime newest;  // when its newest case began, as its ledger says
+  UtcTime seen;    // when a row of it changed last, by the database's clock
+};
+
 /// Every function throws DatabaseError.
 class FleetCatalogue {
  public:
@@ -80,6 +88,8 @@ class FleetCatalogue {
   [[nodiscard]] std::unique_ptr<archive::CaseTable> table_of(const std::string& appliance);
   [[nodiscard]] std::vector<FleetCase> find(const CaseQuery& query);
   [[nodiscard]] FleetTotals totals();
+  /// In the order of their names.
+  [[nodiscard]] std::vector<ApplianceTotals> totals_by_appliance();
 
   /// Which cases are due: by when the catalogue saw them, as a ledger claims what its writer likes.
   struct Due {

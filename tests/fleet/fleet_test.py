@@ -12,7 +12,8 @@ import subprocess
 import sys
 import tempfile
 
-from ship_test import Appliance, HERE, Store, require
+from page_client import Server
+from ship_test import Appliance, HERE, Store, eventually, require
 
 
 class Fleet:
@@ -56,6 +57,104 @@ def verdicts(told):
     return {(each["appliance"], each["case"]): each["verdict"] for each in told["cases"]}
 
 
+def verified_on_page(person, case):
+    """What a verification that somebody asks for on the page says of the case."""
+    status, answer = person.ask(f"cases/{case}/verification", {})
+    while status == 202:
+        status, answer = person.ask(f"cases/{case}/verification")
+    require(status == 200, f"the page's verification is answered with {status}: {answer}")
+    return json.loads(answer)["verdict"]
+
+
+def try_the_page(programs, folder, store, fleet, appliances, recorded):
+    """The hospital's page: lists, plays and verifies out of the store, by two processes at once."""
+    homes = [folder / "page-1", folder / "page-2"]
+    for home in homes:
+        subprocess.run([str(programs / "kiroku"), "init", "--demo", "--home", str(home)], check=True, capture_output=True)
+    scratch = folder / "scratch"
+    scratch.mkdir()
+
+    def serve(home):
+        return Server([fleet.program, "serve", "--home", home, "--scratch", scratch, "--config", fleet.configuration])
+
+    def identity(name):
+        return {"identity": (appliances[name].home / "identity.txt").read_text()}
+
+    servers = [serve(home) for home in homes]
+    own = Server([programs / "kiroku", "view"], appliances["or-1"].environment)
+    try:
+        person = servers[0].person()
+        require(person.ask("fleet/cases")[0] == 401, "strangers see the list")
+        person.read("session", {"link": servers[0].link})
+        require({(row["appliance"], row["case"]) for row in person.read("fleet/cases")["cases"]} == recorded, "the list is another")
+        page = person.read("fleet/cases?limit=2")
+        rest = person.read(f"fleet/cases?limit=2&after={page['next']}")
+        require({(row["appliance"], row["case"]) for row in page["cases"] + rest["cases"]} == recorded and rest["next"] is None, "pages lack cases")
+        require([row["appliance"] for row in person.read("fleet/cases?appliance=or-2")["cases"]] == ["or-2"], "it is not found by appliance")
+        require(person.read("fleet/cases?attention=true")["cases"] == [], "something needs a person")
+        require([(one["name"], one["cases"], one["not_intact"]) for one in person.read("fleet/appliances")["appliances"]] ==
+                [("or-1", 2, 0), ("or-2", 1, 0)], "the appliances are others")
+
+        # Whoever has no key sees times and no pictures; a key opens its own appliance's.
+        case = next(name for appliance, name in sorted(recorded) if appliance == "or-1")
+        (foreign,) = [name for appliance, name in recorded if appliance == "or-2"]
+        require(person.read(f"fleet/cases/or-1~{case}")["case"] == case, "the row is another's")
+        require(person.read(f"cases/or-1~{case}")["id"] == f"or-1~{case}", "the case has another name")
+        require(person.ask(f"cases/or-1~{case}/streams/endoscope/init.mp4")[0] == 423, "it plays without a key")
+        person.tell("session/unlock", identity("or-1"))
+        require(person.tell(f"cases/or-1~{case}/streams/endoscope/init.mp4")[4:8] == b"ftyp", "nothing plays")
+        require(person.ask(f"cases/or-2~{foreign}/streams/endoscope/init.mp4")[0] == 403, "one appliance's key opens another's")
+        for missing in (f"or-2~{case}", f"or-9~{case}", case):
+            require(person.ask(f"cases/{missing}")[0] == 404, f"{missing} is there")
+
+        # The store's pictures are the archive's, also where somebody put a newer version of the same size.
+        surgeon = own.person()
+        surgeon.read("session", {"link": own.link})
+        picture = f"{case}/streams/endoscope/frame.png?at_ns=500000000"
+        archived = surgeon.tell("cases/" + picture)
+        require(person.tell("cases/or-1~" + picture) == archived, "the store's picture is another")
+        require(person.tell(f"cases/or-1~{case}/streams/endoscope/pieces/0.mp4")[4:8] == b"moof", "no piece")
+        segment = f"or-1/{case}/segments/endoscope/00000000.ts.age"
+        flipped = bytearray((appliances["or-1"].home / "archive" / segment.partition("/")[2]).read_bytes())
+        flipped[len(flipped) // 2] ^= 1
+        (folder / "flipped").write_bytes(flipped)
+        store.put("recordings", segment, folder / "flipped")
+        other = servers[1].person()
+        other.read("session", {"link": servers[1].link})
+        other.tell("session/unlock", identity("or-1"))
+        require(other.tell("cases/or-1~" + picture) == archived, "of two versions the ledger's was not taken")
+        require(list(scratch.rglob("*.age")) == [], "segments were copied")
+
+        # What proves the times comes a moment later.
+        eventually(lambda: not person.read(f"cases/or-1~{case}/timeline")["proofs_coming"], "time-stamps never came")
+        timeline, there = (who.read(f"cases/{name}/timeline") for who, name in ((person, f"or-1~{case}"), (surgeon, case)))
+        require(timeline["tokens"] == there["tokens"] and timeline["checkpoints"] == there["checkpoints"] and
+                timeline["tokens"] != [] and timeline["brackets"] == there["brackets"], "the time line is another")
+        require(verified_on_page(person, f"or-1~{case}").startswith("intact"), "it does not hold")
+
+        # Roles and the log are the viewer's.
+        person.tell("users", {"user": "anna", "password": "a long enough password", "role": "auditor"})
+        auditor = servers[0].person()
+        auditor.read("session", {"user": "anna", "password": "a long enough password"})
+        refused = auditor.ask(f"cases/or-1~{case}/streams/endoscope/init.mp4")
+        require(refused[0] == 403, f"an auditor who would watch is answered with {refused}")
+        deeds = {(each.get("case"), each.get("what")) for each in auditor.read("log")["entries"]}
+        require((f"or-1~{case}", "watched endoscope") in deeds, f"the log has {deeds}")
+
+        # Killing one loses nothing but who had signed in.
+        servers[0].kill()
+        require(other.tell("cases/or-1~" + picture) == archived, "the other does not go on")
+        servers[0] = serve(homes[0])
+        auditor = servers[0].person()
+        auditor.read("session", {"user": "anna", "password": "a long enough password"})
+        require((f"or-1~{case}", "watched endoscope") in {(each.get("case"), each.get("what")) for each in auditor.read("log")["entries"]},
+                "the log is lost")
+    finally:
+        for server in (*servers, own):
+            server.end()
+    return case
+
+
 def try_everything(programs, folder, store, connection):
     appliances = {}
     for name in ("or-1", "or-2"):
@@ -95,6 +194,10 @@ def try_everything(programs, folder, store, connection):
     require(all(row["verdict"] in ("intact", "intact-with-gaps") for row in fleet.tell("cases")["cases"]), "not intact")
     require(fleet.tell("verify")["cases"] == [], "what is not due was verified again")
     require(fleet.tell("status")["never_verified"] == 0, "something was never verified")
+
+    try_the_page(programs, folder, store, fleet, appliances, recorded)
+    fleet.tell("index")
+    fleet.tell("verify")
 
     # Whoever has an appliance's access key puts another version of a segment: the index sees it. The fetch takes the
     # version that the ledger names, so the case holds.

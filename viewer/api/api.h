@@ -13,7 +13,14 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link);
 
 /// Signing in and out, by password or once by `link`; unlocking.
 void add_session_routes(Router& router, ViewerContext& context, SignInLink& link);
-/// The list of cases, and one of them.
+/// What of it a hospital's page has: context.home().stored is there.
+void add_fleet_routes(Router& router, ViewerContext& context, SignInLink& link);
+
+/// The list of the archive's cases.
+void add_case_list_routes(Router& router, ViewerContext& context);
+/// The list of all appliances' cases in a store, and of the appliances.
+void add_stored_case_routes(Router& router, ViewerContext& context);
+/// One case.
 void add_case_routes(Router& router, ViewerContext& context);
 /// Watching a case: viewing copies, thumbnails, archived pictures, vital signs, the time line.
 void add_playback_routes(Router& router, ViewerContext& context);

@@ -146,7 +146,7 @@ Response case_subjects(ViewerContext& context, const Request& request) {
   const std::shared_ptr<SubjectShelf> shelf = subjects_for(request);
   if (!shelf)
     throw Refusal(423, "patient, procedure and staff are sealed: unlock them with an identity first");
-  const SubjectShelf::Entry found = shelf->of(context.case_folder(request));
+  const SubjectShelf::Entry found = shelf->of(context.case_place(request));
   if (found->state == ShelvedSubject::State::kProblem) throw Refusal(422, found->problem);
   ordered_json subjects = ordered_json::array();
   for (const playback::CaseSubject& each : found->subjects) subjects.push_back(subject_json(each));
@@ -159,17 +159,16 @@ Response case_subjects(ViewerContext& context, const Request& request) {
 /// Where each stream's recording begins and ends on the case clock.
 std::map<std::string, archive::Span> spans_of(const archive::CaseReader& recording) {
   std::map<std::string, archive::Span> spans;
-  recording.for_each([&](const archive::CaseEntry& entry) {
-    const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body);
-    if (segment == nullptr) return;
-    const auto [at, is_new] = spans.try_emplace(segment->stream, segment->span);
-    at->second.start_ns = std::min(at->second.start_ns, segment->span.start_ns);
-    at->second.end_ns = std::max(at->second.end_ns, segment->span.end_ns);
-  });
+  for (const archive::SegmentEntry& segment : recording.segments()) {
+    const auto [at, is_new] = spans.try_emplace(segment.stream, segment.span);
+    at->second.start_ns = std::min(at->second.start_ns, segment.span.start_ns);
+    at->second.end_ns = std::max(at->second.end_ns, segment.span.end_ns);
+  }
   return spans;
 }
 
-Response describe_case(const archive::CaseReader& recording) {
+/// `name`: as its address has it.
+Response describe_case(const std::string& name, const archive::CaseReader& recording) {
   const archive::OpenEntry& opening = recording.opening();
   const std::map<std::string, archive::Span> spans = spans_of(recording);
   ordered_json streams = ordered_json::array();
@@ -185,7 +184,7 @@ Response describe_case(const archive::CaseReader& recording) {
                        {"end_ns", recorded ? ordered_json(span->second.end_ns) : ordered_json(nullptr)}});
   }
   return Response::json(
-      {{"id", opening.case_id},
+      {{"id", name},
        {"opened", format_utc(recording.opened_at().utc)},
        {"opened_ns", recording.opened_at().mono_ns},  // what was recorded ahead lies before
        {"state", recording.closing() ? "closed" : "open"},
@@ -198,7 +197,7 @@ Response describe_case(const archive::CaseReader& recording) {
 
 }  // namespace
 
-void add_case_routes(Router& router, ViewerContext& context) {
+void add_case_list_routes(Router& router, ViewerContext& context) {
   struct SharedCatalogue {
     std::mutex mutex;
     std::unique_ptr<archive::Catalogue> catalogue;
@@ -216,10 +215,14 @@ void add_case_routes(Router& router, ViewerContext& context) {
   router.add("POST", "api/cases/search", Right::kListCases, [rows, &context](const Request& request) {
     return list_cases(context, request, rows(), question_of_body(request), subjects_for(request));
   });
+}
+
+void add_case_routes(Router& router, ViewerContext& context) {
   router.add("GET", "api/cases/{case:case}/subject", Right::kWatch,
              [&context](const Request& request) { return case_subjects(context, request); });
-  router.add("GET", "api/cases/{case:case}", Right::kReadCase,
-             [&context](const Request& request) { return describe_case(context.open_case(request)); });
+  router.add("GET", "api/cases/{case:case}", Right::kReadCase, [&context](const Request& request) {
+    return describe_case(request.parameter("case"), context.open_case(request));
+  });
 }
 
 }  // namespace kiroku::viewer

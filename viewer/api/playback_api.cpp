@@ -274,8 +274,19 @@ class PlaybackApi {
   [[nodiscard]] Response timeline(const Request& request) {
     static const timestamp::TrustStore kNoTrust;
     const timestamp::TrustStore* trust = context_.home().trust;
+    bool proofs_are_coming = false;
+    if (const auto& stored = context_.home().stored) {
+      // Asked before they are read: what comes meanwhile is asked for once more.
+      const auto found = stored->find(request.parameter("case"));
+      proofs_are_coming = found && found->proofs_are_coming;
+      if (found && !found->problem.empty()) {
+        context_.tell("checkpoints and time-stamps of " + request.parameter("case") +
+                      " could not be fetched: " + found->problem);
+      }
+    }
     ordered_json timeline = timeline_json(
         playback::timeline_of(context_.open_case(request), trust == nullptr ? kNoTrust : *trust));
+    timeline["proofs_coming"] = proofs_are_coming;
     const Session::Identities identities = request.session->identities();
     if (identities == nullptr || !may(request.session->role(), Right::kWatch)) {
       return Response::json(timeline);
@@ -305,7 +316,7 @@ class PlaybackApi {
   }
 
   PlaybackStore::Playback open(const Request& request, const Session::Identities& identities) {
-    return store_.open(request.session, identities, context_.case_folder(request));
+    return store_.open(request.session, identities, context_.case_place(request));
   }
 
   Response watch(const Request& request,

@@ -46,7 +46,8 @@ PlaybackStore::Playback PlaybackStore::find(const std::shared_ptr<Session>& sess
 
 PlaybackStore::Playback PlaybackStore::open(const std::shared_ptr<Session>& session,
                                             const Session::Identities& identities,
-                                            const std::filesystem::path& folder) {
+                                            const playback::CasePlace& place) {
+  const std::filesystem::path& folder = place.folder;
   if (Playback playback = find(session, identities, folder)) return playback;
   const std::string name = std::to_string(reinterpret_cast<std::uintptr_t>(identities.get())) + " " +
                            std::to_string(reinterpret_cast<std::uintptr_t>(session.get())) + " " +
@@ -54,7 +55,7 @@ PlaybackStore::Playback PlaybackStore::open(const std::shared_ptr<Session>& sess
   return opening_.get(name, [&] {
     if (Playback playback = find(session, identities, folder)) return playback;
     auto playback =
-        std::make_shared<playback::CasePlayback>(archive::CaseReader::open(folder), *identities, cache_);
+        std::make_shared<playback::CasePlayback>(place.read(), *identities, cache_, place.segments);
     std::list<Watched> gone;  // ends outside the lock: what it does in the background is waited for
     const std::lock_guard guard(mutex_);
     for (auto each = watched_.begin(); each != watched_.end();) {

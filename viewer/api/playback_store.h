@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "viewer/people/session.h"
+#include "viewer/playback/case_place.h"
 #include "viewer/playback/case_playback.h"
 #include "viewer/playback/encrypted_cache.h"
 #include "viewer/playback/single_flight.h"
@@ -34,10 +35,10 @@ class PlaybackStore {
   PlaybackStore(const PlaybackStore&) = delete;
   PlaybackStore& operator=(const PlaybackStore&) = delete;
 
-  /// The case of `folder`, opened with `identities`, which are the session's now. One that is still being
+  /// The case at `place`, opened with `identities`, which are the session's now. One that is still being
   /// recorded is opened anew now and then. Throws kiroku::Error if it cannot be read.
   Playback open(const std::shared_ptr<Session>& session, const Session::Identities& identities,
-                const std::filesystem::path& folder);
+                const playback::CasePlace& place);
 
  private:
   struct Watched {

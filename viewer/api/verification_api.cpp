@@ -77,10 +77,33 @@ Response describe(const std::optional<VerificationState>& state, const std::file
       {{"state", "running"}, {"done_bytes", state->done_bytes}, {"total_bytes", state->total_bytes}}, 202);
 }
 
+void add_to(Router& router, ViewerContext& context, VerificationRunner::Options options) {
+  const auto runner = std::make_shared<VerificationRunner>(std::move(options));
+  router.add("POST", "api/cases/{case:case}/verification", Right::kVerify,
+             [&context, runner](const Request& request) {
+               const std::filesystem::path folder = context.case_folder(request);
+               if (!runner->start(folder, request.session->person())) {
+                 throw Refusal(503, "many cases wait to be verified: try again later");
+               }
+               return describe(runner->state(folder), folder);
+             });
+  router.add({"GET", "api/cases/{case:case}/verification", Right::kVerify,
+              [&context, runner](const Request& request) {
+                const std::filesystem::path folder = context.case_folder(request);
+                return describe(runner->state(folder), folder);
+              },
+              false});
+}
+
 }  // namespace
 
 void add_verification_routes(Router& router, ViewerContext& context) {
   VerificationRunner::Options options;
+  if (const auto& stored = context.home().stored) {
+    options.elsewhere = [stored](const std::filesystem::path& folder) { return stored->verify(folder); };
+    add_to(router, context, std::move(options));
+    return;
+  }
   options.verify.devices = {context.home().device};
   options.verify.trust = context.home().trust;
   options.verify.log = context.home().log_folder;
@@ -99,21 +122,7 @@ void add_verification_routes(Router& router, ViewerContext& context) {
       context.tell(std::string("the list of cases does not know a verdict yet: ") + error.what());
     }
   };
-  const auto runner = std::make_shared<VerificationRunner>(std::move(options));
-  router.add("POST", "api/cases/{case:case}/verification", Right::kVerify,
-             [&context, runner](const Request& request) {
-               const std::filesystem::path folder = context.case_folder(request);
-               if (!runner->start(folder, request.session->person())) {
-                 throw Refusal(503, "many cases wait to be verified: try again later");
-               }
-               return describe(runner->state(folder), folder);
-             });
-  router.add({"GET", "api/cases/{case:case}/verification", Right::kVerify,
-              [&context, runner](const Request& request) {
-                const std::filesystem::path folder = context.case_folder(request);
-                return describe(runner->state(folder), folder);
-              },
-              false});
+  add_to(router, context, std::move(options));
 }
 
 }  // namespace kiroku::viewer

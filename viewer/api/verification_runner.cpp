@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "viewer/api/home_witnesses.h"
 #include "viewer/http/file_stamp.h"
@@ -25,8 +26,9 @@ constexpr std::size_t kMostRemembered = 256;
 /// Of all files of the case: what changes when one is written, replaced, added or removed.
 using CaseIdentity = std::map<fs::path, FileStamp>;
 
-CaseIdentity identity_of(const fs::path& folder) {
+CaseIdentity identity_of(const fs::path& folder, bool is_elsewhere) {
   CaseIdentity identity;
+  if (is_elsewhere) return {{folder / archive::kLedgerFile, file_stamp(folder / archive::kLedgerFile)}};
   std::error_code failed;
   for (fs::recursive_directory_iterator file(folder, failed), end; !failed && file != end;
        file.increment(failed)) {
@@ -105,7 +107,7 @@ struct VerificationRunner::State {
     std::optional<HomeWitnesses> witnesses;
     if (!verify.devices.empty()) witnesses.emplace(options.home, verify.devices.front()).ask_in(verify);
     try {
-      auto found = archive::verify_case(folder, verify);
+      auto found = options.elsewhere ? options.elsewhere(folder) : archive::verify_case(folder, verify);
       if (witnesses) witnesses->say(found);
       auto report = std::make_shared<const archive::VerificationReport>(std::move(found));
       if (options.verified) options.verified(folder, *report);
@@ -135,7 +137,7 @@ VerificationRunner::~VerificationRunner() = default;
 
 bool VerificationRunner::start(const fs::path& folder, const std::string& person) {
   // A folder may have very many files, and others ask meanwhile.
-  CaseIdentity identity = identity_of(folder);
+  CaseIdentity identity = identity_of(folder, state_->options.elsewhere != nullptr);
   const std::lock_guard guard(state_->mutex);
   if (state_->running == folder) return true;
   std::deque<Wish>& waiting = state_->waiting;
@@ -165,7 +167,8 @@ std::optional<VerificationState> VerificationRunner::state(const fs::path& folde
     if (found == state_->jobs.end()) return {};
     job = found->second;
   }
-  const bool is_old = job->state.is_done() && job->files != identity_of(folder);
+  const bool is_old =
+      job->state.is_done() && job->files != identity_of(folder, state_->options.elsewhere != nullptr);
   return is_old ? std::nullopt : std::optional(job->state);
 }
 

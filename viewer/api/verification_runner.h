@@ -33,6 +33,9 @@ class VerificationRunner {
         verified;
     /// Whose policy of witnesses is asked, where it has one; empty: none.
     std::filesystem::path home = {};
+    /// Verifies what lies elsewhere, and of which the ledger alone is in the folder; empty: `verify` does
+    /// what lies there.
+    std::function<archive::VerificationReport(const std::filesystem::path& folder)> elsewhere = {};
   };
   explicit VerificationRunner(Options options);
   /// Waits for the one that runs.

@@ -45,8 +45,13 @@ ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
                                        home_.device.name())) {}
 
-std::filesystem::path ViewerContext::case_folder(const Request& request) const {
+playback::CasePlace ViewerContext::case_place(const Request& request) const {
   const std::string& id = request.parameter("case");
+  if (home_.stored) {
+    std::optional<StoredCases::Found> found = home_.stored->find(id);
+    if (!found) throw Refusal(404, "the store has no case " + id);
+    return std::move(found->place);
+  }
   std::filesystem::path folder = home_.archive / id;
   std::error_code failed;
   if (!std::filesystem::is_directory(std::filesystem::symlink_status(folder, failed)) ||
@@ -57,7 +62,7 @@ std::filesystem::path ViewerContext::case_folder(const Request& request) const {
 }
 
 archive::CaseReader ViewerContext::open_case(const Request& request) const {
-  return archive::CaseReader::open(case_folder(request));
+  return case_place(request).read();
 }
 
 Session::Identities ViewerContext::require_unlocked(const Request& request) {

@@ -14,6 +14,7 @@
 #include "base/attempt_guard.h"
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
+#include "viewer/api/stored_cases.h"
 #include "viewer/http/request.h"
 #include "viewer/people/deed_pace.h"
 #include "viewer/people/invitations.h"
@@ -48,11 +49,13 @@ struct ViewerHome {
   LivePictures live = {};
   LiveRooms rooms = {};
   LiveVitals vitals = {};
-  /// What is served of it, as the page is told: "cases", or "training", "planning" or "breathing", which
-  /// leave signing in, users and the log of the API.
+  /// What is served of it, as the page is told: "cases", "fleet", which is `stored`, or "training",
+  /// "planning" or "breathing", which leave signing in, users and the log of the API.
   std::string serves = "cases";
   /// Empty: scrypt.
   PasswordHasher password_hasher = {};
+  /// Cases of many appliances, which lie in a store instead of `archive`; null: none.
+  std::shared_ptr<StoredCases> stored = nullptr;
   /// By which sessions and invitations end and are swept, and whoever failed to sign in waits.
   const Clock* clock = &Clock::system();
 };
@@ -77,8 +80,11 @@ class ViewerContext {
   /// A sentence for the server's own log.
   void tell(const std::string& sentence) const { tell_(sentence); }
 
-  /// The folder of the request's {case:case}; Refusal 404 where the archive has none.
-  [[nodiscard]] std::filesystem::path case_folder(const Request& request) const;
+  /// Where the request's {case:case} lies; Refusal 404 where the archive, or the store, has none.
+  [[nodiscard]] playback::CasePlace case_place(const Request& request) const;
+  [[nodiscard]] std::filesystem::path case_folder(const Request& request) const {
+    return case_place(request).folder;
+  }
   [[nodiscard]] archive::CaseReader open_case(const Request& request) const;
   /// What opens recordings for this session; Refusal 423 where it is locked.
   [[nodiscard]] static Session::Identities require_unlocked(const Request& request);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "archive/format/case_layout.h"
+#include "viewer/http/case_name.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -22,7 +23,7 @@ bool is_number(std::string_view text) {
 
 using IsOfKind = bool (*)(std::string_view);
 constexpr std::array<std::pair<std::string_view, IsOfKind>, 4> kKinds{
-    {{"case", archive::is_case_id},
+    {{"case", is_case_name},
      {"name", archive::is_short_name},
      {"number", is_number},
      {"text", [](std::string_view text) { return !text.empty() && text.size() <= kLongestText; }}}};

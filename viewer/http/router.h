@@ -2,7 +2,8 @@
 //
 // A pattern is a path below the root without its first slash, "api/cases/{case:case}/streams/{stream:name}/
 // pieces/{piece:number}.mp4". A part in braces is a parameter, {NAME:KIND}; a segment has at most one. Kinds:
-//   case     the identifier of a case, "20260805T091502Z-3f9c21ab"
+//   case     the identifier of a case, "20260805T091502Z-3f9c21ab", or with its appliance, as
+//            viewer/http/case_name.h has it
 //   name     [a-z0-9][a-z0-9-]{0,31}: streams, rooms, authorities
 //   number   decimal below 2^63 without needless zeros
 //   text     1 to 128 bytes of UTF-8 without control characters, slashes or backslashes

@@ -25,12 +25,12 @@ void add_stamps(const archive::CaseReader& recording, Stamps& stamps) {
   }
 }
 
-ShelvedSubject read(const std::filesystem::path& folder, const crypto::AgeIdentities& identities,
+ShelvedSubject read(const playback::CasePlace& place, const crypto::AgeIdentities& identities,
                     Stamps& stamps) {
   using State = ShelvedSubject::State;
   ShelvedSubject out;
   try {
-    const playback::CaseMedia media(archive::CaseReader::open(folder), identities);
+    const playback::CaseMedia media(place.read(), identities, place.segments);
     add_stamps(media.recording(), stamps);
     out.subjects = playback::subjects_of(media);
     out.state = out.subjects.empty() ? State::kNone : State::kShown;
@@ -73,7 +73,7 @@ SubjectShelf::Entry SubjectShelf::known(const std::filesystem::path& folder) con
   Kept kept;
   {
     const std::lock_guard guard(mutex_);
-    const auto found = kept_.find(folder.filename().string());
+    const auto found = kept_.find(folder);
     if (found == kept_.end()) return nullptr;
     kept = found->second;
   }
@@ -82,12 +82,13 @@ SubjectShelf::Entry SubjectShelf::known(const std::filesystem::path& folder) con
   return is_as_read ? kept.entry : nullptr;
 }
 
-SubjectShelf::Entry SubjectShelf::of(const std::filesystem::path& folder) {
+SubjectShelf::Entry SubjectShelf::of(const playback::CasePlace& place) {
+  const std::filesystem::path& folder = place.folder;
   if (Entry entry = known(folder)) return entry;
   Stamps stamps{{folder / archive::kLedgerFile, file_stamp(folder / archive::kLedgerFile)}};
-  auto entry = std::make_shared<const ShelvedSubject>(read(folder, *identities_, stamps));
+  auto entry = std::make_shared<const ShelvedSubject>(read(place, *identities_, stamps));
   const std::lock_guard guard(mutex_);
-  kept_[folder.filename().string()] = {std::move(stamps), entry};
+  kept_[folder] = {std::move(stamps), entry};
   return entry;
 }
 

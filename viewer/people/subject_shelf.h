@@ -14,6 +14,7 @@
 
 #include "crypto/age_recipient.h"
 #include "viewer/http/file_stamp.h"
+#include "viewer/playback/case_place.h"
 #include "viewer/playback/case_subject.h"
 
 namespace kiroku::viewer {
@@ -46,10 +47,10 @@ class SubjectShelf {
   SubjectShelf(const SubjectShelf&) = delete;
   SubjectShelf& operator=(const SubjectShelf&) = delete;
 
-  /// Of the case in this folder; read anew where a file that it was read from has changed since: the ledger,
+  /// Of the case at this place; read anew where a file that it was read from has changed since: the ledger,
   /// the subject file, segments of events (viewer/http/file_stamp.h). Two who ask
   /// at once may both read it. Throws nothing but std::bad_alloc.
-  [[nodiscard]] Entry of(const std::filesystem::path& folder);
+  [[nodiscard]] Entry of(const playback::CasePlace& place);
   /// The same where it is known already; null where it must be read first.
   [[nodiscard]] Entry known(const std::filesystem::path& folder) const;
 
@@ -60,7 +61,7 @@ class SubjectShelf {
   };
   const std::shared_ptr<const crypto::AgeIdentities> identities_;
   mutable std::mutex mutex_;
-  std::map<std::string, Kept> kept_;  // by the case's identifier
+  std::map<std::filesystem::path, Kept> kept_;  // by the case's folder
 };
 
 }  // namespace kiroku::viewer

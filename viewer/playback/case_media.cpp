@@ -67,10 +67,12 @@ bool VideoIndex::may_hold(Ticks from, Ticks to) const {
   return first < segments.size() && segments[first].start < to;
 }
 
-CaseMedia::CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities)
+CaseMedia::CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities,
+                     std::shared_ptr<const archive::SealedSource> segments)
     : recording_(std::move(recording)),
       identities_(std::move(identities)),
-      folder_(archive::CaseFolder::open(recording_.folder())) {
+      folder_(archive::CaseFolder::open(recording_.folder())),
+      segments_(std::move(segments)) {
   for (const archive::StreamInfo& stream : recording_.opening().streams) {
     if (stream.kind == "video") {
       videos_.push_back(index_of(recording_, stream));
@@ -88,7 +90,8 @@ const VideoIndex& CaseMedia::video(const std::string& stream) const {
 }
 
 media::SealedSegment CaseMedia::open(const archive::SegmentEntry& segment) const {
-  return media::SealedSegment::open(folder_, segment, identities_, checked_);
+  return segments_ ? media::SealedSegment::open(*segments_, segment, identities_, checked_)
+                   : media::SealedSegment::open(folder_, segment, identities_, checked_);
 }
 
 }  // namespace kiroku::playback

@@ -55,8 +55,10 @@ class SegmentOpener {
 
 class CaseMedia : public SegmentOpener {
  public:
-  /// Throws kiroku::UsageError, kiroku::IoError as archive::CaseFolder::open.
-  CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities);
+  /// `segments`: where they are instead of in the recording's folder; null: there. Throws kiroku::UsageError,
+  /// kiroku::IoError as archive::CaseFolder::open.
+  CaseMedia(archive::CaseReader recording, crypto::AgeIdentities identities,
+            std::shared_ptr<const archive::SealedSource> segments = nullptr);
 
   [[nodiscard]] const archive::CaseReader& recording() const { return recording_; }
   [[nodiscard]] const crypto::AgeIdentities& identities() const { return identities_; }
@@ -74,6 +76,7 @@ class CaseMedia : public SegmentOpener {
   archive::CaseReader recording_;
   crypto::AgeIdentities identities_;
   archive::CaseFolder folder_;
+  std::shared_ptr<const archive::SealedSource> segments_;
   std::vector<VideoIndex> videos_;
   mutable crypto::HashTrails checked_;
 };

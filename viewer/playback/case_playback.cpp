@@ -57,8 +57,9 @@ struct CasePlayback::Stream {
 };
 
 CasePlayback::CasePlayback(archive::CaseReader recording, crypto::AgeIdentities identities,
-                           std::shared_ptr<EncryptedCache> cache)
-    : media_(std::move(recording), std::move(identities)),
+                           std::shared_ptr<EncryptedCache> cache,
+                           std::shared_ptr<const archive::SealedSource> segments)
+    : media_(std::move(recording), std::move(identities), std::move(segments)),
       cache_(std::move(cache)),
       folder_(std::filesystem::weakly_canonical(media_.recording().folder()).string()) {}
 

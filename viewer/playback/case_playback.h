@@ -39,9 +39,11 @@ class CasePlayback {
  public:
   /// Looks at the case as `recording` knows it: of one that is still being recorded, what was entered by
   /// then. `cache` may be shared with others; it keeps nothing apart for them: what an identity may not see
-  /// is refused before the cache is asked. Throws kiroku::Error if the folder cannot be opened.
+  /// is refused before the cache is asked. `segments` as of CaseMedia. Throws kiroku::Error if the folder
+  /// cannot be opened.
   CasePlayback(archive::CaseReader recording, crypto::AgeIdentities identities,
-               std::shared_ptr<EncryptedCache> cache);
+               std::shared_ptr<EncryptedCache> cache,
+               std::shared_ptr<const archive::SealedSource> segments = nullptr);
   ~CasePlayback();
   CasePlayback(const CasePlayback&) = delete;
   CasePlayback& operator=(const CasePlayback&) = delete;

@@ -70,25 +70,22 @@ std::vector<TimelineBracket> brackets_on_clock(const std::vector<archive::Stampe
 
 Timeline timeline_of(const archive::CaseReader& recording, const timestamp::TrustStore& trust) {
   Timeline timeline;
-  std::vector<std::int64_t> entry_times;
+  const std::vector<std::int64_t>& entry_times = recording.entry_times();
   std::vector<archive::StampedToken> external, self_issued;
   const archive::CaseFolder folder = archive::CaseFolder::open(recording.folder());
-  recording.for_each([&](const archive::CaseEntry& entry) {
-    entry_times.push_back(entry.at.mono_ns);
-    if (const auto* const segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
-      timeline.segments.push_back(
-          {segment->stream, segment->index, segment->span, segment->complete, recording.is_erased(*segment)});
-    } else if (const auto* const gap = std::get_if<archive::GapEntry>(&entry.body)) {
-      timeline.gaps.push_back(*gap);
-    } else if (const auto* const token = std::get_if<archive::TokenEntry>(&entry.body)) {
-      const Kind kind = kind_of(folder, *token, trust);
-      timeline.tokens.push_back(
-          {entry.at.mono_ns, token->gen_time, token->authority, token->checkpoint, kind});
-      if (kind == Kind::kNotJudged) return;
-      (kind == Kind::kExternal ? external : self_issued)
-          .push_back({entry.seq, token->checkpoint, token->gen_time, token->accuracy_ns, token->authority});
-    }
-  });
+  for (const archive::SegmentEntry& segment : recording.segments()) {
+    timeline.segments.push_back(
+        {segment.stream, segment.index, segment.span, segment.complete, recording.is_erased(segment)});
+  }
+  timeline.gaps = recording.gaps();
+  for (const archive::CaseReader::StatedToken& stated : recording.tokens()) {
+    const archive::TokenEntry& token = stated.entry;
+    const Kind kind = kind_of(folder, token, trust);
+    timeline.tokens.push_back({stated.mono_ns, token.gen_time, token.authority, token.checkpoint, kind});
+    if (kind == Kind::kNotJudged) continue;
+    (kind == Kind::kExternal ? external : self_issued)
+        .push_back({stated.seq, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority});
+  }
   timeline.checkpoints = checkpoints_of(recording.folder(), entry_times);
   const auto& proving = external.empty() ? self_issued : external;
   if (!proving.empty()) timeline.brackets = brackets_on_clock(proving, entry_times);

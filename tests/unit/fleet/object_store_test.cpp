@@ -62,6 +62,22 @@ TEST(ObjectStore, KeysAreThoseThatEveryStoreTakes) {
     EXPECT_FALSE(is_plain_key(key)) << key;
 }
 
+TEST(ObjectStore, GetsTheBytesOfARangeAndNothingElse) {
+  test::ScriptedServer server(test::http_answer("206 Partial Content", "application/octet-stream", "range"));
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_EQ(store.get_range("or-1/a", "v1", 4096, 5), to_bytes("range"));
+  EXPECT_THAT(server.last_request(), AllOf(HasSubstr("GET /recordings/or-1/a?versionId=v1 "),
+                                           HasSubstr("Range: bytes=4096-4100\r\n")));
+  // Others would take the beginning of an object for a part of its middle.
+  const auto get = [&] { (void)store.get_range("or-1/a", "v1", 4096, 5); };
+  server.answer_with(test::http_answer("200 OK", "application/octet-stream", "whole"));
+  EXPECT_THAT(get, ThrowsMessage<Error>(HasSubstr("it must send ranges")));
+  server.answer_with(test::http_answer("206 Partial Content", "application/octet-stream", "longer"));
+  EXPECT_THAT(get, ThrowsMessage<Error>(HasSubstr("sent 6 bytes with status 206 where 5 from byte 4096")));
+  server.answer_with(refusal("404 Not Found", "NoSuchKey"));
+  EXPECT_THROW(get(), StoreError);
+}
+
 TEST(ObjectStore, SignsAndNeverTellsTheSecret) {
   const test::ScriptedServer server(test::http_answer(
       "200 OK", "application/xml", "<C><ObjectLockEnabled>Enabled</ObjectLockEnabled></C>"));

@@ -11,6 +11,7 @@ import '@/styles/page.css';
 import '@/styles/guests.css';
 import '@/styles/log.css';
 import '@/styles/live.css';
+import '@/styles/fleet.css';
 import '@/styles/subject.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';

@@ -120,6 +120,7 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   }
   EXPECT_THAT(found({}), ElementsAre("or-2/c", "or-1/b", "or-2/a", "or-1/a"));
   EXPECT_THAT(found({.appliance = "or-2"}), ElementsAre("or-2/c", "or-2/a"));
+  EXPECT_THAT(found({.appliance = "or-2", .case_id = "a"}), ElementsAre("or-2/a"));
   EXPECT_THAT(found({.state = "open"}), ElementsAre("or-1/b"));
   EXPECT_THAT(found({.verdict = "tampered"}), ElementsAre("or-2/a"));
   EXPECT_THAT(found({.state = "closed", .never_verified = true}), ElementsAre("or-1/a"));
@@ -133,6 +134,15 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   EXPECT_EQ(totals.unreadable, 1U);
   EXPECT_EQ(totals.never_verified, 3U);
   EXPECT_EQ(totals.alarms, 1U);
+  const std::vector<ApplianceTotals> each = catalogue_.totals_by_appliance();
+  ASSERT_EQ(each.size(), 2U);
+  EXPECT_EQ(each[0].appliance, "or-1");
+  EXPECT_EQ(each[0].totals.cases, 2U);
+  EXPECT_EQ(each[0].totals.alarms, 0U);
+  EXPECT_EQ(each[0].newest, day(3));
+  EXPECT_EQ(each[1].totals.alarms, 1U);
+  EXPECT_EQ(each[1].totals.unreadable, 1U);
+  EXPECT_EQ(each[1].newest, day(4));
   EXPECT_THAT(found({.needs_a_person = true}), ElementsAre("or-2/c", "or-2/a"));
 }
 

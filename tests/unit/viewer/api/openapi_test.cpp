@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Every route of a viewer, on an empty home.
+/// Every route of a viewer and of a hospital's page, on an empty home.
 class OpenApi : public testing::Test {
  protected:
   OpenApi() {
@@ -35,6 +35,7 @@ class OpenApi : public testing::Test {
                     .identities = nullptr};
     context.emplace(std::move(home), SessionLimits{}, [](const std::string& /*sentence*/) {});
     add_routes(router, *context, link);
+    add_stored_case_routes(router, *context);
   }
 
   /// "get /cases/{case}" and its right.

@@ -41,6 +41,9 @@ TEST_F(RouterTest, FindsARouteAndItsParameters) {
 TEST_F(RouterTest, KnowsNoAddressWhoseParametersAreNotOfTheirKind) {
   const std::string id = "20260805T091502Z-3f9c21ab";
   EXPECT_EQ(piece("20260805T091502Z-3F9C21AB", "endoscope", "1.mp4").route, nullptr);
+  EXPECT_NE(piece("or-1~" + id, "endoscope", "1.mp4").route, nullptr);
+  for (const char* appliance : {"~", "OR~", "..~", "or-1~or-1~", "or 1~"})
+    EXPECT_EQ(piece(appliance + id, "endoscope", "1.mp4").route, nullptr) << appliance;
   EXPECT_EQ(piece("log", "endoscope", "1.mp4").route, nullptr);
   EXPECT_EQ(piece(id, "Endoscope", "1.mp4").route, nullptr);
   EXPECT_EQ(piece(id, ".hidden", "1.mp4").route, nullptr);

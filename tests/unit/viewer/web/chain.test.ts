@@ -101,6 +101,7 @@ describe('Findings', () => {
       tokens: [],
       checkpoints: [],
       brackets: [],
+      proofs_coming: false,
     };
     expect(momentOf(finding('gap', 'gap', { time_ns: 0 }), timeline)).toBe(0);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000003.ts.age', time_ns: null }), timeline)).toBe(6e9);

@@ -1,10 +1,11 @@
-// Where the person is: #/cases, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
+// Where the person is: #/cases, #/cases?appliance=NAME, #/appliances, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
 // #/training, #/planning, #/breathing.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
 
 export type Route =
-  | { view: 'cases' }
+  | { view: 'cases'; appliance?: string }
+  | { view: 'appliances' }
   | { view: 'case'; id: string; at_ns?: number }
   | { view: 'verification'; id: string }
   | { view: 'rooms' }
@@ -17,6 +18,7 @@ export type Route =
 export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
   const [first, id, third] = path.split('/').map(decodeURIComponent);
+  if (first === 'appliances') return { view: 'appliances' };
   if (first === 'rooms') return { view: 'rooms' };
   if (first === 'log') return { view: 'log' };
   if (first === 'users') return { view: 'users' };
@@ -26,13 +28,16 @@ export function parseRoute(hash: string): Route {
     const at = new URLSearchParams(query).get('t');
     return at !== null && at !== '' && Number.isFinite(Number(at)) ? { view: 'case', id, at_ns: Math.round(Number(at) * kSecond) } : { view: 'case', id };
   }
-  return { view: 'cases' };
+  const appliance = new URLSearchParams(query).get('appliance');
+  return appliance ? { view: 'cases', appliance } : { view: 'cases' };
 }
 
 export function hrefOf(route: Route): string {
   switch (route.view) {
     case 'case':
       return `#/cases/${encodeURIComponent(route.id)}${route.at_ns === undefined ? '' : `?t=${route.at_ns / kSecond}`}`;
+    case 'cases':
+      return route.appliance === undefined ? '#/cases' : `#/cases?${new URLSearchParams({ appliance: route.appliance })}`;
     case 'verification':
       return `#/cases/${encodeURIComponent(route.id)}/verification`;
     default:

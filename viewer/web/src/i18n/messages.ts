@@ -3,6 +3,7 @@
 import { breathingEn, breathingJa } from '@/i18n/breathing_messages';
 import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
+import { fleetEn, fleetJa } from '@/i18n/fleet_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
 import { matchEn, matchJa } from '@/i18n/match_messages';
@@ -25,6 +26,7 @@ const en = {
   ...stateEn,
   ...placeEn,
   ...casesEn,
+  ...fleetEn,
   ...verificationEn,
   ...caseEn,
   ...planEn,
@@ -50,6 +52,7 @@ const ja: Record<MessageKey, string> = {
   ...stateJa,
   ...placeJa,
   ...casesJa,
+  ...fleetJa,
   ...verificationJa,
   ...caseJa,
   ...planJa,

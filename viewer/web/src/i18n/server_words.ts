@@ -48,6 +48,8 @@ export const kServerSentences: readonly SentencePair[] = [
   ['the appliance log knows no such plan: seal it here first, by kiroku plan seal', '装置ログにこの計画はありません。先に kiroku plan seal で封印してください'],
   // Cases, exports, reports, verification
   ['there is no case {id}', '症例 {id} は存在しません'],
+  ['the store has no case {id}', '保管庫に症例 {id} はありません'],
+  ['the catalogue has no case {id}', 'カタログに症例 {id} はありません'],
   ['nothing was recorded there', 'その時点の記録はありません'],
   ["stream '{stream}' has no sound", 'ストリーム「{stream}」に音声はありません'],
   ['the vital signs of this case are still being read', 'この症例のバイタルサインを読み込み中です'],

@@ -1,7 +1,9 @@
 // The frame around every view: who is signed in, where one can go, what is said aloud.
 import { useEffect } from 'preact/hooks';
 import { ApiError, kNoAnswer, session as api, whenSignedOut } from '@/api/client';
-import { hrefOf, route, signInLink } from '@/base/route';
+import { hrefOf, route, type Route, signInLink } from '@/base/route';
+import { AppliancesView } from '@/fleet/appliances_view';
+import { FleetCasesView } from '@/fleet/fleet_cases_view';
 import { invitationLink } from '@/guests/guest_api';
 import { guestIsOver, invited } from '@/guests/guest_state';
 import { GuestView } from '@/guests/guest_view';
@@ -78,7 +80,15 @@ function Switches() {
   );
 }
 
-function NavLink({ to, icon, text }: { to: 'cases' | 'rooms' | 'log' | 'users' | 'training' | 'planning' | 'breathing'; icon: IconName; text: string }) {
+function NavLink({
+  to,
+  icon,
+  text,
+}: {
+  to: 'cases' | 'appliances' | 'rooms' | 'log' | 'users' | 'training' | 'planning' | 'breathing';
+  icon: IconName;
+  text: string;
+}) {
   const view = route.value.view;
   // A server of planning, a lung or training alone shows it at every address.
   const isAlone = session.value?.serves === to && to !== 'cases';
@@ -105,7 +115,7 @@ function Header() {
   const guest = signedIn?.role === 'guest';
   return (
     <header class="top">
-      <a class="brand" href={hrefOf({ view: serves })}>
+      <a class="brand" href={hrefOf({ view: serves === 'fleet' ? 'cases' : serves })}>
         <svg class="brand-sign" viewBox="0 0 32 32" aria-hidden="true">
           <circle cx="16" cy="16" r="12" />
           <circle cx="16" cy="16" r="5" class="brand-dot" />
@@ -129,8 +139,14 @@ function Header() {
               <NavLink to="training" icon="training" text={t('nav.training')} />
             </>
           )}
+          {serves === 'fleet' && (
+            <>
+              <NavLink to="cases" icon="cases" text={t('nav.cases')} />
+              <NavLink to="appliances" icon="rooms" text={t('nav.appliances')} />
+            </>
+          )}
           {serves === 'cases' && may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="rooms" text={t('nav.rooms')} />}
-          {serves === 'cases' && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
+          {(serves === 'cases' || serves === 'fleet') && may(signedIn.role, 'read-log') && <NavLink to="log" icon="document" text={t('nav.log')} />}
           {may(signedIn.role, 'manage-users') && <NavLink to="users" icon="users" text={t('nav.users')} />}
         </nav>
       )}
@@ -187,6 +203,26 @@ function MayNot({ what }: { what: string }) {
   );
 }
 
+/** Where the person is at the hospital's page, which has no rooms and workplaces of its own. */
+function FleetPlace({ here }: { here: Route }) {
+  switch (here.view) {
+    case 'case':
+      return <CaseView key={here.id} id={here.id} />;
+    case 'verification':
+      return <VerificationView key={here.id} id={here.id} />;
+    case 'appliances':
+      return <AppliancesView />;
+    case 'log':
+      return <LogView />;
+    case 'users':
+      return <UsersView />;
+    case 'cases':
+      return <FleetCasesView key={here.appliance ?? ''} first={here.appliance} />;
+    default:
+      return <FleetCasesView />;
+  }
+}
+
 function View() {
   if (session.value === undefined) return <main id="main" class="main" aria-busy="true" />;
   if (invited.value !== undefined) return <JoinView token={invited.value} />;
@@ -203,7 +239,9 @@ function View() {
     if (here.view === 'users') return <UsersView />;
     return may(session.value.role, 'plan') ? <BreathingView /> : <MayNot what={t('breathing.mayNot')} />;
   }
+  if (session.value.serves === 'fleet') return <FleetPlace here={here} />;
   switch (here.view) {
+    case 'appliances':
     case 'cases':
       return <CasesView />;
     case 'case':

@@ -3,9 +3,11 @@ import { useSignal } from '@preact/signals';
 import type { RefObject } from 'preact';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { ApiError, cases as api, kNoAnswer } from '@/api/client';
-import type { ComparedStep, Stroke, Verdict } from '@/api/types';
+import type { ComparedStep, Stroke, Timeline, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
+import { isFleet, rowOf } from '@/fleet/fleet_api';
+import { shownCase } from '@/fleet/question';
 import { PickingStage } from '@/compare/picking_stage';
 import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
@@ -20,7 +22,7 @@ import { attempt, notifyOf, session } from '@/shell/state';
 import { VerdictChip } from '@/shell/verdict';
 import { Overview } from '@/timeline/overview';
 import { CaseSubject } from '@/subject/case_subject';
-import { Timeline } from '@/timeline/timeline';
+import { Timeline as TimelineLanes } from '@/timeline/timeline';
 import { TimelineWindow } from '@/timeline/timeline_window';
 import { ArchivedFrames } from '@/views/archived_frames';
 import { CaseActions, type OpenDialog } from '@/views/case_actions';
@@ -39,6 +41,7 @@ import { VitalsStore } from '@/vitals/vitals_store';
 
 export function CaseView({ id }: { id: string }) {
   const model = useSignal<CaseModel | undefined>(undefined);
+  const proofs = useSignal<Timeline | undefined>(undefined);
   const failed = useSignal<unknown>(undefined);
   const verdict = useSignal<Verdict | null>(null);
   const verified = useSignal<string | null>(null);
@@ -51,12 +54,13 @@ export function CaseView({ id }: { id: string }) {
       const [info, timeline] = await Promise.all([api.get(id), api.timeline(id)]);
       failed.value = undefined;
       model.value = caseModel(info, timeline);
+      proofs.value = timeline;
     } catch (error) {
       const isOfFrame = error instanceof ApiError && (error.status === kNoAnswer || error.status === 401);
       if (!isOfFrame) failed.value = error;
     }
     void attempt(async () => {
-      const row = await api.row(id);
+      const row = await rowOf(id);
       verdict.value = row?.verdict ?? null;
       verified.value = row?.verified ?? null;
     });
@@ -64,6 +68,13 @@ export function CaseView({ id }: { id: string }) {
   useEffect(() => {
     void load();
   }, [id, unlocked]);
+  // What proves the times is fetched from a store while the pictures play already.
+  const isComing = proofs.value?.proofs_coming ?? false;
+  useEffect(() => {
+    if (!isComing) return undefined;
+    const timer = setInterval(() => void attempt(async () => (proofs.value = await api.timeline(id))), kProofsEvery_ms);
+    return () => clearInterval(timer);
+  }, [id, isComing]);
   // The first load is above: a second one would put a new case, at its beginning, in the place of the first.
   const returned = returns.value;
   const known = useRef(returned);
@@ -74,8 +85,20 @@ export function CaseView({ id }: { id: string }) {
   }, [returned]);
   if (failed.value !== undefined) return <CaseUnshown id={id} error={failed.value} />;
   if (!model.value) return <main id="main" class="main" aria-busy="true" tabIndex={-1} />;
-  return <Loaded key={String(unlocked)} model={model.value} verdict={verdict.value} verified={verified.value} unlocked={unlocked} kept={kept} />;
+  return (
+    <Loaded
+      key={String(unlocked)}
+      model={model.value}
+      proofs={proofs.value}
+      verdict={verdict.value}
+      verified={verified.value}
+      unlocked={unlocked}
+      kept={kept}
+    />
+  );
 }
+
+const kProofsEvery_ms = 1000;
 
 const kNoStrokes: readonly Stroke[] = [];
 
@@ -83,12 +106,15 @@ const kNoSteps: readonly ComparedStep[] = [];
 
 function Loaded({
   model,
+  proofs,
   verdict,
   verified,
   unlocked,
   kept,
 }: {
   model: CaseModel;
+  /** The time line as it was asked for last: its time-stamps may come later than the pictures. */
+  proofs: Timeline | undefined;
   verdict: Verdict | null;
   verified: string | null;
   unlocked: boolean;
@@ -97,7 +123,8 @@ function Loaded({
   const id = model.info.id;
   const role = session.value?.role;
   const mayWatch = may(role, 'watch');
-  const mayExport = may(role, 'read-case');
+  const mayExport = may(role, 'read-case') && !isFleet();
+  const shown = useMemo(() => (proofs ? { ...model, timeline: { ...proofs, segments: model.timeline.segments } } : model), [model, proofs]);
   const asked_ns = route.value.view === 'case' ? route.value.at_ns : undefined;
 
   const playback = useMemo(
@@ -112,7 +139,7 @@ function Loaded({
   );
   const hasVitals = model.info.streams.some((one) => one.kind === 'vitals');
   const store = useMemo(() => (unlocked && hasVitals ? new VitalsStore(id, model.whole, notifyOf) : undefined), [model, unlocked]);
-  const plan = useMemo(() => (unlocked && may(role, 'compare') ? new PlanModel(id, playback, notifyOf) : undefined), [playback, unlocked]);
+  const plan = useMemo(() => (unlocked && may(role, 'compare') && !isFleet() ? new PlanModel(id, playback, notifyOf) : undefined), [playback, unlocked]);
   const pointing = useMemo(
     () => (unlocked && (model.recorded.get('pointing') ?? []).length > 0 ? new RecordedPointing(id, notifyOf) : undefined),
     [model, unlocked],
@@ -183,7 +210,7 @@ function Loaded({
           <p class="crumbs">
             <a href={hrefOf({ view: 'cases' })}>{t('nav.cases')}</a>
             <span aria-hidden="true">/</span>
-            <span class="mono">{id}</span>
+            <span class="mono">{shownCase(id)}</span>
           </p>
           <h1>{formatMoment(model.info.opened)}</h1>
         </div>
@@ -201,6 +228,11 @@ function Loaded({
         >
           <VerdictChip verdict={verdict} />
         </a>
+        {shown.timeline.proofs_coming && (
+          <span class="muted" role="status">
+            {t('fleet.proofsComing')}
+          </span>
+        )}
         {mayExport && (
           <button type="button" class="button" onClick={() => (dialog.value = 'export')}>
             <Icon name="export" />
@@ -247,7 +279,7 @@ function Loaded({
           )}
           {compared && planView === 'beside' && <PlanPane shown={compared} playback={playback} />}
         </div>
-        <CaseSide model={model} playback={playback} tab={tab} tabs={tabs} store={store} plan={plan} pause={actions.pauseHere} alarms={alarms} />
+        <CaseSide model={shown} playback={playback} tab={tab} tabs={tabs} store={store} plan={plan} pause={actions.pauseHere} alarms={alarms} />
       </div>
 
       <div class="controls">
@@ -262,8 +294,8 @@ function Loaded({
         <Transport model={model} playback={playback} withPictures={unlocked} act={act} />
         <Overview model={model} playback={playback} window={lines} selection={chosen} onSelect={select} withPictures={unlocked} />
       </div>
-      <Timeline
-        model={model}
+      <TimelineLanes
+        model={shown}
         playback={playback}
         window={lines}
         store={store}

@@ -5,6 +5,8 @@ import { cases as api } from '@/api/client';
 import type { CaseInfo, Finding, Timeline, Verification, VerificationReport, VerifiedExcerpt } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration, formatTime } from '@/base/time';
+import { isFleet } from '@/fleet/fleet_api';
+import { shownCase } from '@/fleet/question';
 import { formatMoment, language, t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
@@ -217,16 +219,18 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
           <p class="muted">{t('verify.when', { moment: formatMoment(report.verified) })}</p>
           <p class="muted">{t(`timeWhat.${report.time}`)}</p>
         </div>
-        <div class="banner-end">
-          <a class="button button-main" href={api.reportAddress(id, language.value)} target="_blank" rel="noopener">
-            <Icon name="document" />
-            {t('verify.report')}
-          </a>
-          <a class="button" href={api.receiptAddress(id, language.value)} target="_blank" rel="noopener">
-            <Icon name="document" />
-            {t('verify.receipt')}
-          </a>
-        </div>
+        {!isFleet() && (
+          <div class="banner-end">
+            <a class="button button-main" href={api.reportAddress(id, language.value)} target="_blank" rel="noopener">
+              <Icon name="document" />
+              {t('verify.report')}
+            </a>
+            <a class="button" href={api.receiptAddress(id, language.value)} target="_blank" rel="noopener">
+              <Icon name="document" />
+              {t('verify.receipt')}
+            </a>
+          </div>
+        )}
       </section>
       {report.excerpt && <Part excerpt={report.excerpt} />}
       <section aria-labelledby="chain">
@@ -324,7 +328,7 @@ export function VerificationView({ id }: { id: string }) {
             <a href={hrefOf({ view: 'cases' })}>{t('nav.cases')}</a>
             <span aria-hidden="true">/</span>
             <a class="mono" href={hrefOf({ view: 'case', id })}>
-              {id}
+              {shownCase(id)}
             </a>
           </p>
           <h1>{t('verify.title')}</h1>
@@ -351,7 +355,7 @@ export function VerificationView({ id }: { id: string }) {
         <div class="card progress-card" role="status">
           <p>{t('verify.running')}</p>
           <progress aria-label={t('verify.running')} max={Math.max(1, now.total_bytes)} value={now.total_bytes === 0 ? undefined : now.done_bytes} />
-          <p class="muted">{t('verify.progress', { done: formatBytes(now.done_bytes), total: formatBytes(now.total_bytes) })}</p>
+          {now.total_bytes > 0 && <p class="muted">{t('verify.progress', { done: formatBytes(now.done_bytes), total: formatBytes(now.total_bytes) })}</p>}
         </div>
       )}
       {now?.state === 'done' && <Report id={id} report={now} timeline={timeline.value} about={about.value} />}

@@ -1,0 +1,120 @@
+#include "apps/fleet/hospital_cases.h"
+
+#include "apps/fleet/page_place.h"
+#include "viewer/http/case_name.h"
+#include "viewer/http/request.h"
+
+namespace kiroku::apps {
+namespace {
+
+constexpr int kBadRequest = 400, kUnavailable = 503;
+constexpr std::chrono::seconds kTryAgain{10};
+
+/// What `work` gives; a store that is away is told so.
+template <typename Work>
+auto of_store(const Work& work) {
+  try {
+    return work();
+  } catch (const fleet::StoreError& error) {
+    if (!error.passes()) throw;
+    throw viewer::Refusal(kUnavailable, error.what(), kTryAgain);
+  }
+}
+
+viewer::StoredCase stored_case(fleet::FleetCase one) {
+  return {std::move(one.appliance), std::move(one.row), one.alarm, std::move(one.unchecked)};
+}
+
+fleet::CaseQuery query_of(const viewer::StoredCasesQuestion& question) {
+  fleet::CaseQuery query;
+  query.appliance = question.appliance;
+  query.state = question.state;
+  query.verdict = question.verdict;
+  query.never_verified = question.never_verified;
+  query.needs_a_person = question.needs_a_person;
+  query.opened_from = question.opened_from;
+  query.opened_before = question.opened_before;
+  query.limit = question.limit;
+  if (question.after) {
+    query.after = parse_page_place(*question.after);
+    if (!query.after) throw viewer::Refusal(kBadRequest, "'after' is not what the page before ended with");
+  }
+  return query;
+}
+
+}  // namespace
+
+HospitalCases::HospitalCases(const FleetConfiguration& configuration,
+                             const std::optional<std::string>& scratch)
+    : configuration_(configuration),
+      scratch_parent_(scratch),
+      catalogue_(configuration_.open_catalogue()),
+      scratch_(scratch),
+      store_([this] { return configuration_.open_store(); }),
+      shelf_(scratch_.path() / "shelf", store_) {}
+
+template <typename Work>
+auto HospitalCases::with_catalogue(const Work& work) {
+  const std::lock_guard guard(mutex_);
+  try {
+    if (!catalogue_) catalogue_.emplace(configuration_.open_catalogue());
+    return work(*catalogue_);
+  } catch (const fleet::DatabaseError& error) {
+    catalogue_.reset();
+    if (!error.passes()) throw;
+    throw viewer::Refusal(kUnavailable, error.what(), kTryAgain);
+  }
+}
+
+viewer::StoredCasesPage HospitalCases::list(const viewer::StoredCasesQuestion& question) {
+  const fleet::CaseQuery query = query_of(question);
+  std::vector<fleet::FleetCase> found =
+      with_catalogue([&](fleet::FleetCatalogue& catalogue) { return catalogue.find(query); });
+  viewer::StoredCasesPage page;
+  if (found.size() == query.limit) page.next = page_place(found.back());
+  for (fleet::FleetCase& each : found) page.cases.push_back(stored_case(std::move(each)));
+  return page;
+}
+
+std::vector<viewer::StoredAppliance> HospitalCases::appliances() {
+  std::vector<viewer::StoredAppliance> all;
+  for (const fleet::ApplianceTotals& each :
+       with_catalogue([](fleet::FleetCatalogue& catalogue) { return catalogue.totals_by_appliance(); })) {
+    const fleet::FleetTotals& of = each.totals;
+    all.push_back({each.appliance, of.cases, of.bytes, of.open, of.never_verified, of.alarms, of.unchecked,
+                   of.missing, of.unreadable, each.newest, each.seen});
+  }
+  return all;
+}
+
+std::optional<viewer::StoredCase> HospitalCases::row(const std::string& name) {
+  const auto parts = viewer::parse_stored_case_name(name);
+  if (!parts) return {};
+  fleet::CaseQuery query;
+  query.appliance = parts->first;
+  query.case_id = parts->second;
+  std::vector<fleet::FleetCase> found =
+      with_catalogue([&](fleet::FleetCatalogue& catalogue) { return catalogue.find(query); });
+  if (found.empty()) return {};
+  return stored_case(std::move(found.front()));
+}
+
+std::optional<viewer::StoredCases::Found> HospitalCases::find(const std::string& name) {
+  const auto parts = viewer::parse_stored_case_name(name);
+  if (!parts) return {};
+  auto place = of_store([&] { return shelf_.find(parts->first, parts->second); });
+  if (!place) return {};
+  using Proofs = fleet::CaseShelf::Place::Proofs;
+  return Found{{std::move(place->folder), std::move(place->segments), std::move(place->ledger)},
+               place->proofs == Proofs::kComing,
+               place->proofs == Proofs::kMissing ? place->problem : std::string()};
+}
+
+archive::VerificationReport HospitalCases::verify(const std::filesystem::path& folder) {
+  const std::lock_guard guard(judging_);
+  if (!judge_) judge_.emplace(configuration_, scratch_parent_);
+  // As of now: the log must be newer than all that the case may name.
+  return judge_->judge(folder.parent_path().filename().string(), folder.filename().string(), utc_now());
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,83 @@
+// 'kiroku-fleet serve': the hospital's page.
+#include <memory>
+
+#include "apps/fleet/commands.h"
+#include "apps/fleet/fleet_configuration.h"
+#include "apps/fleet/hospital_cases.h"
+#include "apps/kiroku/home.h"
+#include "apps/kiroku/serving.h"
+#include "apps/kiroku/viewer_setup.h"
+
+namespace kiroku::apps {
+namespace {
+
+struct Request {
+  ServingRequest serving{.listen = "127.0.0.1:8443"};
+  std::string configuration;
+  std::optional<std::string> scratch;
+  std::vector<std::string> identities;
+};
+
+/// Roots by which the time-stamps of all appliances are shown.
+timestamp::TrustStore trust_of(const FleetConfiguration& configuration) {
+  timestamp::TrustStore trust;
+  for (const std::filesystem::path& file : configuration.trust) trust.add_trusted_file(file);
+  for (const std::filesystem::path& file : configuration.own_authority) trust.add_own_authority_file(file);
+  return trust;
+}
+
+int run(const Request& request) {
+  const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
+  const Home home = Home::open(request.serving.home);
+  const timestamp::TrustStore trust = trust_of(configuration);
+  const auto cases = std::make_shared<HospitalCases>(configuration, request.scratch);
+  const bool has_page = page_of(request.serving).has_value();
+  serve_until_stopped(
+      request.serving, home,
+      {.serves = "fleet",
+       .identities = request.identities.empty() ? nullptr : shared_identities(request.identities, home),
+       .more_routes = {},
+       .tell = tell_on_standard_error(),
+       .first_line =
+           [has_page](const std::string& url) {
+             return "Serving all appliances' cases on " + url +
+                    (has_page ? "" : " (the API alone: no page is built)");
+           },
+       .tell_more = {},
+       .change_home =
+           [&](viewer::ViewerHome& of_page) {
+             of_page.stored = cases;
+             of_page.trust = &trust;
+           }});
+  return kDone;
+}
+
+}  // namespace
+
+void add_fleet_serve_command(Command& program) {
+  Command& command =
+      program.add_command("serve", "the hospital's page: all appliances' cases, watched out of the store");
+  const auto request = std::make_shared<Request>();
+  add_serving_options(command, request->serving);
+  command.option(
+      "-i,--identity", "FILE", request->identities,
+      "opens recordings for everybody who may watch. Without one everybody unlocks with their own, "
+      "which stays in memory");
+  command.option("--scratch", "DIR", request->scratch,
+                 "where ledgers lie while cases are looked at, and a whole case while it is verified",
+                 "the folder for temporary files");
+  add_fleet_configuration_option(command, request->configuration);
+  command.explain(
+      "The list comes from the catalogue, which 'kiroku-fleet index' keeps up to date. Pictures come from "
+      "the "
+      "store while somebody watches; no case is copied. The home has the page's users ('kiroku user add'), "
+      "and its appliance log has who saw what. Any number of these may run, each with a home of its own.");
+  command.example("kiroku-fleet serve --home /srv/kiroku-page", "the page on https://127.0.0.1:8443/");
+  command.example(
+      "kiroku-fleet serve --home /srv/kiroku-page --listen 0.0.0.0:443 --certificate fleet.pem --key "
+      "fleet.key",
+      "for the whole network, with the hospital's certificate");
+  command.on_run([request] { return run(*request); });
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,17 @@
+// The hospital's page: cases of all appliances, which lie in a store. At the address of kiroku-fleet serve alone.
+import { cases, get } from '@/api/client';
+import type { FleetAppliance, FleetCase } from '@/api/types';
+import { type FleetQuestion, queryOf } from '@/fleet/question';
+import { session } from '@/shell/state';
+
+export const fleet = {
+  list: (question: FleetQuestion, limit: number, after?: string) =>
+    get<{ cases: FleetCase[]; next: string | null }>(`fleet/cases?${queryOf(question, limit, after)}`),
+  row: (id: string) => get<FleetCase>(`fleet/cases/${encodeURIComponent(id)}`),
+  appliances: async () => (await get<{ appliances: FleetAppliance[] }>('fleet/appliances')).appliances,
+};
+
+export const isFleet = (): boolean => session.value?.serves === 'fleet';
+
+/** What the list says of one case, whichever list this address has. */
+export const rowOf = (id: string) => (isFleet() ? fleet.row(id) : cases.row(id));
