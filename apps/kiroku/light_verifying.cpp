@@ -48,7 +48,9 @@ std::string answer_text(const media::StreamLight& stream) {
   const light::LightReport& report = stream.report;
   switch (report.answer) {
     case LightAnswer::kAgrees:
-      return "light and ledger agree: the pictures were made while this ledger was written";
+      return "light and ledger agree: the pictures show the codes that this ledger had in their seconds, so "
+             "nobody "
+             "finished them before";
     case LightAnswer::kInPart:
       return "light and ledger agree as far as codes could be read; of the other seconds light says nothing";
     case LightAnswer::kDisagrees:

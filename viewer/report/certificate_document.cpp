@@ -117,13 +117,20 @@ class CertificateMaker {
          "belongs. It computed the SHA-256 hash (FIPS 180-4) of " +
          files(found_.files) + " with " + grouped(found_.bytes) +
          " bytes, and compared each with the entry that names the file. It computed the "
-         "root of the entries, and checked the device's Ed25519 signature (RFC 8032) over that root.");
+         "root of the entries, and checked the device's " +
+         signatures() + " over that root.");
     add(verdict_statement(in_));
     small("Stated by the person who signs:");
     Table table = facts_table();
     blank(table, "Who ran the program, and saw this result");
     blank(table, "Who made the copy, when, from which storage");
     add(std::move(table));
+  }
+
+  [[nodiscard]] std::string signatures() const {
+    return found_.signatures == archive::SignaturesChecked::kBoth
+               ? "signatures by Ed25519 (RFC 8032) and ML-DSA-65 (FIPS 204)"
+               : "Ed25519 signature (RFC 8032)";
   }
 
   void add_limits() {
