@@ -114,8 +114,9 @@ Check check_clock() {
 }
 
 Check check_permissions(const Home& home, const Configuration& configuration) {
-  std::vector<std::pair<std::string, fs::path>> secrets{{"device key", home.device_key_file()},
-                                                        {"ML-DSA key", home.ml_dsa_key_file()}};
+  std::vector<std::pair<std::string, fs::path>> secrets{{"device key", home.device_key_file()}};
+  std::error_code ignored;
+  if (fs::exists(home.ml_dsa_key_file(), ignored)) secrets.emplace_back("ML-DSA key", home.ml_dsa_key_file());
   if (const std::string& token = configuration.daemon.hook_token_file; !token.empty()) {
     secrets.emplace_back("hook token", home.folder() / token);
   }

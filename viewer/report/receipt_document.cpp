@@ -11,7 +11,7 @@
 namespace kiroku::report {
 
 Document make_receipt(const ReportInput& input) {
-  constexpr double kCodeSide = 145;
+  constexpr double kCodeSide = 118;
   const CaseFacts& facts = input.facts;
   if (facts.excerpt) {
     throw UsageError(

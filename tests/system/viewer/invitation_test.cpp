@@ -164,6 +164,7 @@ TEST_F(Guests, AreRefusedWhateverElseTheApiHas) {
   const json document = json::parse(read_text(source_folder() / "viewer/api/openapi.json"));
   int asked = 0;
   for (const auto& [path, methods] : document["paths"].items()) {
+    if (path.starts_with("/fleet/")) continue;  // kiroku-fleet serve alone has these
     for (const auto& [method, operation] : methods.items()) {
       std::string target = "/api" + path, upper = method;
       for (const auto& [name, value] : std::map<std::string, std::string>{{"case", case_id},

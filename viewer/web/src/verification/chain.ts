@@ -20,6 +20,7 @@ const kByCode: Record<string, LinkName> = {
   'device-not-trusted': 'checkpoints',
   'no-trusted-device': 'checkpoints',
   'device-file-differs': 'checkpoints',
+  'device-ml-dsa-differs': 'checkpoints',
   'ledger-not-covered': 'checkpoints',
   'close-not-covered': 'checkpoints',
   'end-not-covered': 'checkpoints',
