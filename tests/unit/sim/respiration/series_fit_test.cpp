@@ -114,7 +114,7 @@ TEST(SeriesFit, APatientWhoLiesAsGivenStaysThere) {
   const Chest truth_chest;
   test::ChestTruth truth = truth_of(truth_chest.scene);
   truth.pose = Eigen::Isometry3d::Identity();
-  truth.moments = 16;
+  truth.moments = 24;
   truth.motion.diaphragm.direction = Vector3(0, 0.28, -0.96);
   Chest chest, turned;
   turned.model.motion.diaphragm.direction = truth.motion.diaphragm.direction;

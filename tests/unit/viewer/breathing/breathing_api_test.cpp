@@ -111,10 +111,10 @@ TEST_F(BreathingApi, ModelsAreNotSavedWithoutEnd) {
     std::ofstream(chest.folder() / (std::to_string(i) + ".json")) << "{}";
   const auto client = routes.connect("breathing/table");
   const json motion = until_said(*client, "opened")["motion"];
-  client->send_text(message(1, "save", {{"file", "mine"}, {"motion", motion}}));
+  client->send_text(message(1, "save", {{"file", "mine"}, {"motion", motion}, {"seal", false}}));
   EXPECT_THAT(until_said(*client, "told").get<std::string>(), HasSubstr("1000 models beside this one"));
   std::filesystem::remove(chest.folder() / "1.json");
-  client->send_text(message(2, "save", {{"file", "mine"}, {"motion", motion}}));
+  client->send_text(message(2, "save", {{"file", "mine"}, {"motion", motion}, {"seal", false}}));
   EXPECT_EQ(until_said(*client, "saved")["file"], "mine.json");
 }
 
