@@ -217,6 +217,7 @@ void CaseShelf::bring_proofs(Kept& kept, const Name& name, const archive::CaseRe
             throw Error("the store has more than " + std::to_string(kMostProofs) +
                         " checkpoints and time-stamps of this case: verify it");
           std::vector<std::string>& versions = proofs[found->second].versions;
+          if (versions.size() >= kMostVersionsTried) return;
           versions.insert(each.newest ? versions.begin() : versions.end(), each.version);
         });
       });

@@ -23,8 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// So many other versions of one file are fetched to find the one that the ledger names.
-constexpr std::size_t kMostTried = 100;
 constexpr std::size_t kMostRemarks = 1'000;
 constexpr std::string_view kGrowing = "growing/";
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
@@ -200,7 +198,7 @@ class Fetching {
     if (versions.size() > 1 && case_id_ != kLog && !is_of_this_case()) {
       std::size_t tried = 0;
       for (const ListedVersion& each : versions) {
-        if (tried++ == kMostTried) break;
+        if (tried++ == kMostVersionsTried) break;
         take(ledger, each);
         if (!is_of_this_case()) continue;
         ledger_chosen_ = true;
@@ -276,9 +274,9 @@ class Fetching {
       std::size_t tried = 0;
       for (const ListedVersion& each : versions->second) {
         if (&each == &first || (bytes && each.bytes != *bytes)) continue;
-        if (tried++ == kMostTried) {
+        if (tried++ == kMostVersionsTried) {
           result_.remarks.push_back(
-              "of " + path + " " + std::to_string(kMostTried) +
+              "of " + path + " " + std::to_string(kMostVersionsTried) +
               " other versions are not what the ledger names, and the rest was not tried");
           break;
         }

@@ -52,6 +52,7 @@ struct Sending {
 struct Answer {
   long status = 0;
   std::chrono::seconds wait{};  // that the answer asks for
+  bool has_whole_header = false;
   AnswerHeaders headers;
   std::string body;
   std::size_t most = kLargestAnswer;
@@ -113,7 +114,10 @@ std::size_t receive_body(char* data, std::size_t size, std::size_t count, void* 
 }
 
 std::size_t receive_header(char* data, std::size_t size, std::size_t count, void* user) {
-  take_header({data, size * count}, static_cast<Answer*>(user)->headers);
+  Answer& answer = *static_cast<Answer*>(user);
+  const std::string_view line(data, size * count);
+  take_header(line, answer.headers);
+  answer.has_whole_header = line == "\r\n" || line == "\n";
   return size * count;
 }
 
@@ -252,6 +256,11 @@ struct ObjectStore::State {
                            (reason[0] != '\0' ? reason.data() : curl_easy_strerror(result)),
                        0, "");
     }
+    // libcurl takes a header that was cut off for one that ends there. What is missing would be taken for
+    // what the store does not say: that an object has no lock, or no hash.
+    if (!answer.has_whole_header)
+      throw StoreError("the store at " + address.endpoint + " does not answer: its answer was cut off", 0,
+                       "");
     curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &answer.status);
     curl_off_t wait = 0;
     if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &wait) == CURLE_OK && wait > 0)

@@ -127,6 +127,9 @@ class ObjectStore {
 
 /// More objects than a case of days has, in all their versions.
 inline constexpr std::size_t kMostVersions = 1'000'000;
+/// So many versions of one object are fetched, to find the one that a ledger names: anybody who may put can
+/// put more.
+inline constexpr std::size_t kMostVersionsTried = 100;
 
 /// Whether stores of every make take the key as it is.
 bool is_plain_key(std::string_view key);

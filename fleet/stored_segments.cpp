@@ -125,7 +125,7 @@ std::string StoredSegments::version_of(const archive::FileReference& file) const
     store.for_each_version(key, [&](const ListedVersion& each) {
       if (each.key != key) return;
       is_there = true;
-      if (each.bytes != file.bytes) return;
+      if (each.bytes != file.bytes || (versions.size() >= kMostVersionsTried)) return;
       versions.insert(each.newest ? versions.begin() : versions.end(), each.version);
     });
   });

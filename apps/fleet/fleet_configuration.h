@@ -17,8 +17,9 @@ namespace kiroku::apps {
 struct FleetConfiguration {
   std::filesystem::path file;
   StoreConfiguration store;
-  std::string connection;                            // of libpq, to the catalogue
-  std::filesystem::path devices;                     // folder: or-1.pub is the key of the appliance or-1
+  std::string connection;  // of libpq, to the catalogue
+  std::filesystem::path
+      devices;  // folder: or-1.pub is the key of the appliance or-1, or-1.identity both of its keys
   std::vector<std::filesystem::path> trust;          // PEM files: roots of outside authorities,
   std::vector<std::filesystem::path> own_authority;  // and of the appliances' own
   std::chrono::hours verify_every{24 * 91};

@@ -33,11 +33,13 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
     throw UsageError("the catalogue has '" + printable(case_id) + "' of '" + printable(appliance) +
                      "', which names no case: nothing was looked at");
   }
-  const fs::path key = configuration_.devices / (appliance + ".pub");
+  // Who was given both asks for both of the device's signatures.
   std::error_code ignored;
+  fs::path key = configuration_.devices / (appliance + ".identity");
+  if (!fs::exists(key, ignored)) key = configuration_.devices / (appliance + ".pub");
   if (!fs::exists(key, ignored)) {
-    throw UsageError(key.string() + " is not there: put the device.pub of " + appliance +
-                     " there, from its home");
+    throw UsageError(key.string() + " is not there: put the device.identity, or the device.pub, of " +
+                     appliance + " there, from its home");
   }
   JudgingRequest judging;
   judging.devices = {key.string()};

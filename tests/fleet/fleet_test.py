@@ -256,6 +256,11 @@ def try_everything(programs, folder, store, connection):
     kept = fleet.tell("cases", "--appliance", "or-1", "--state", "closed")["cases"]
     require(all(row["verdict"].startswith("intact") for row in kept), f"what was found before is forgotten: {kept}")
     (fleet.folder / "or-1.pub").rename(fleet.folder / "devices/or-1.pub")
+    # An identity goes before the key beside it: whoever has both is not content with one signature.
+    (fleet.folder / "devices/or-1.identity").write_text("kiroku/or-1/identity\nnonsense\n")
+    told = fleet.tell("verify", "--all", status=1)
+    require({verdict for (name, _), verdict in verdicts(told).items() if name == "or-1"} == {"could-not-check"}, f"told: {told}")
+    (fleet.folder / "devices/or-1.identity").unlink()
 
     # Lost, it is made anew from the store.
     subprocess.run([*database, "-c", "DROP SCHEMA kiroku CASCADE"], check=True)

@@ -1,6 +1,7 @@
 #include "tests/support/scripted_server.h"
 
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -45,8 +46,9 @@ struct ScriptedServer::State {
                              const std::lock_guard guard(mutex);
                              request.assign(data, size);
                              ++requests;
-                             connection->answer = answer;
-                             if (answer.empty()) {
+                             const bool of_part = request.find("\r\nRange:") != std::string::npos;
+                             connection->answer = of_part && range_answer ? *range_answer : answer;
+                             if (connection->answer.empty()) {
                                wait(connection);
                              } else {
                                asio::async_write(connection->socket, asio::buffer(connection->answer),
@@ -63,6 +65,7 @@ struct ScriptedServer::State {
 
   std::mutex mutex;
   std::string answer;
+  std::optional<std::string> range_answer;
   std::string request;
   std::size_t requests = 0;
   asio::io_context context{1};
@@ -97,6 +100,11 @@ std::size_t ScriptedServer::requests() const {
 void ScriptedServer::answer_with(std::string answer) {
   const std::lock_guard guard(state_->mutex);
   state_->answer = std::move(answer);
+}
+
+void ScriptedServer::answer_ranges_with(std::string answer) {
+  const std::lock_guard guard(state_->mutex);
+  state_->range_answer = std::move(answer);
 }
 
 std::string http_answer(const std::string& status, const std::string& content_type, const std::string& body) {

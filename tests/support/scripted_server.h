@@ -22,6 +22,9 @@ class ScriptedServer {
   [[nodiscard]] std::size_t requests() const;
   /// From the next request on.
   void answer_with(std::string answer);
+  /// The same for requests of a part (Range, RFC 9110 section 14.2); without it these are answered as others
+  /// are.
+  void answer_ranges_with(std::string answer);
 
  private:
   struct State;

@@ -134,6 +134,21 @@ TEST(ObjectStore, TellsHowLongTheStoreWantsToBeLeftAlone) {
   EXPECT_EQ(asked_wait("Retry-After: soon\r\n"), std::chrono::seconds(0));
 }
 
+// What is missing from a header that was cut off is not what the store did not say: an object would be put
+// once more.
+TEST(ObjectStore, AnAnswerThatWasCutOffIsNone) {
+  const test::ScriptedServer server(
+      "HTTP/1.1 200 OK\r\nContent-Length: 7\r\nx-amz-version-id: v1\r\nx-amz-me");
+  ObjectStore store = store_at(endpoint_of(server));
+  try {
+    (void)store.look("or-1/a");
+    FAIL();
+  } catch (const StoreError& error) {
+    EXPECT_TRUE(error.passes());
+    EXPECT_THAT(error.what(), HasSubstr("its answer was cut off"));
+  }
+}
+
 TEST(ObjectStore, KnowsWhatMayPass) {
   const auto passes = [](long status, const char* code) { return StoreError("", status, code).passes(); };
   EXPECT_TRUE(passes(0, ""));

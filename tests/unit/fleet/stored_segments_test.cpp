@@ -88,5 +88,20 @@ TEST(StoredSegments, NamesWhatTheStoreLacks) {
       ThrowsMessage<Error>(HasSubstr("which no store has of Kiroku")));
 }
 
+// Whoever has an appliance's keys can put as many versions as they like: not all of them are fetched.
+TEST(StoredSegments, FetchesSoManyVersionsAndNoMore) {
+  std::string listing = "<ListVersionsResult><IsTruncated>false</IsTruncated>";
+  for (int i = 0; i < 300; ++i) {
+    listing += "<Version><Key>or-1/x/segments/a</Key><VersionId>v" + std::to_string(i) +
+               "</VersionId><IsLatest>" + (i == 0 ? "true" : "false") + "</IsLatest><Size>6</Size></Version>";
+  }
+  OneAnswer store(test::http_answer("200 OK", "application/xml", listing + "</ListVersionsResult>"));
+  store.server().answer_ranges_with(partial("forged"));
+  RangeCache cache;
+  const StoredSegments segments(store.connections(), cache, "or-1/x/");
+  (void)segments.open(archive::FileReference{"segments/a", 6, crypto::sha256(to_bytes("sealed"))});
+  EXPECT_EQ(store.server().requests(), 1 + kMostVersionsTried);
+}
+
 }  // namespace
 }  // namespace kiroku::fleet

@@ -21,6 +21,7 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   time: 'external',
   outside_entries: 9,
   device: '',
+  signatures: 'ed25519',
   opened: null,
   closed: null,
   entries: 9,

@@ -261,6 +261,10 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
           <dd class="mono">{report.device}</dd>
         </div>
         <div>
+          <dt>{t('verify.signatures')}</dt>
+          <dd>{t(`signatures.${report.signatures}`)}</dd>
+        </div>
+        <div>
           <dt>{t('verify.opened')}</dt>
           <dd>{report.opened ? formatMoment(report.opened) : '–'}</dd>
         </div>
