@@ -159,7 +159,10 @@ export const kServerSentences: readonly SentencePair[] = [
   ['a plan is open on this connection already', 'この接続ではすでに計画が開かれています'],
   // The breathing workbench
   ["there is a file '{name}.json' already: save it under another name", 'ファイル「{name}.json」はすでにあります。別の名前で保存してください'],
-  ['there are {n} models beside this one, as many as are kept: have some removed', 'このモデルのほかに {n} 個のモデルがあり、これ以上は保存できません。不要なものを削除してもらってください'],
+  [
+    'there are {n} models beside this one, as many as are kept: have some removed',
+    'このモデルのほかに {n} 個のモデルがあり、これ以上は保存できません。不要なものを削除してもらってください',
+  ],
   [
     'as many people work here as this machine can compute for ({n}): try again when somebody has left',
     'この機械で同時に作業できる人数（{n}）に達しています。誰かが終えてから再試行してください',
