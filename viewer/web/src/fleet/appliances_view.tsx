@@ -47,7 +47,7 @@ export function AppliancesView() {
       <div class="view-head">
         <h1>{t('nav.appliances')}</h1>
       </div>
-      <p class="muted">{t('fleet.appliancesWhat')}</p>
+      <p class="muted fleet-what">{t('fleet.appliancesWhat')}</p>
       {all.value?.length === 0 && <StateCard icon="rooms" title={t('fleet.noAppliance')} what={t('fleet.noneWhat')} />}
       {all.value !== undefined && all.value.length > 0 && (
         <section class="card table-card">

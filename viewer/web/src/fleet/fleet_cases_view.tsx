@@ -140,9 +140,9 @@ function Questions({ asked, appliances, ask }: { asked: FleetQuestion; appliance
         <span>{t('fleet.to')}</span>
         <input type="date" value={asked.to} onChange={(event) => ask({ to: event.currentTarget.value })} />
       </label>
-      <label class="fleet-attention">
+      <label class="train-check">
         <input type="checkbox" checked={asked.attention} onChange={(event) => ask({ attention: event.currentTarget.checked })} />
-        {t('fleet.attention')}
+        <span>{t('fleet.attention')}</span>
       </label>
     </fieldset>
   );
