@@ -49,6 +49,8 @@ class Worker {
   /// All that is due, one after the other, until it is told to end.
   void run() {
     const UtcTime began = time_.utc();
+    // What could not be checked before may be checked by now: whoever asks for all is not told of a pause.
+    if (request_.all) catalogue_.end_pauses();
     while (!told_to_end()) {
       const UtcTime now = time_.utc();
       // With --all what this run has verified is not due again.

@@ -339,6 +339,11 @@ void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, U
   });
 }
 
+void FleetCatalogue::end_pauses() {
+  database_.ask(
+      "UPDATE kiroku.cases SET leased_until = NULL WHERE leased_by IS NULL AND leased_until IS NOT NULL", {});
+}
+
 void FleetCatalogue::keep(const Lease& lease, const Verification& found) {
   database_.ask(
       "INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail) VALUES ($1, "

@@ -108,6 +108,8 @@ class FleetCatalogue {
   /// found, as of the verdict "could-not-check", unless it is empty; what the case's row says stays. Nothing
   /// where the lease is another's by now.
   void give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when, const std::string& why);
+  /// Every case that waits after it could not be checked may be tried at once. Leases stay.
+  void end_pauses();
   /// All that was ever found of a case, oldest first.
   [[nodiscard]] std::vector<Verification> verifications(const std::string& appliance,
                                                         const std::string& case_id);

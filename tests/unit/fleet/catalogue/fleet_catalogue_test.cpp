@@ -317,6 +317,19 @@ TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
   EXPECT_EQ(catalogue_.totals().unchecked, 2U);
 }
 
+TEST_F(FleetCatalogueTest, WhoAsksForAllWaitsForNoPauseAndTakesNoLease) {
+  put("or-1", "a", day(1));
+  put("or-1", "b", day(2));
+  const std::optional<Lease> paused = catalogue_.lease(due(100), 600s), held = catalogue_.lease(due(100), 600s);
+  ASSERT_TRUE(paused && held);
+  catalogue_.give_back(*paused, 600s, day(101), "its key was missing");
+  catalogue_.end_pauses();
+  const std::optional<Lease> again = catalogue_.lease(due(100), 600s);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->case_id, paused->case_id);
+  EXPECT_FALSE(catalogue_.lease(due(100), 600s)) << "the other is leased";
+}
+
 TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   put("or-1", "a", day(1));
   FleetCatalogue reader(Postgres(connection(with_role("kiroku_reader"))));
