@@ -60,6 +60,25 @@ story('One entrance', (step) => {
     await expectFits(visitor, 'entrance');
   });
 
+  step('says why where a program gives no answer, and goes on by itself once it does', async () => {
+    for (const [name, path, heading] of [
+      ['Training', 'training', 'Push an organ aside'],
+      ['Planning', 'planning/plans', 'Plan an operation'],
+    ] as const) {
+      await nav('Cases').click();
+      await page().getByRole('heading', { name: 'Cases' }).waitFor();
+      const late = `${appliance.url}api/${path}`;
+      await page().route(late, (route) => route.fulfill({ status: 504, json: { error: 'the program behind this page does not answer in time' } }));
+      await nav(name).click();
+      await page().getByRole('heading', { name: 'The program behind this page gave no answer.' }).waitFor();
+      await page().getByText('does not answer in time').waitFor();
+      await page().unroute(late);
+      await page().getByRole('heading', { name: heading }).waitFor();
+    }
+    // That answer was this test's.
+    visitor.problems.splice(0);
+  });
+
   step('leads to each by the keyboard', async () => {
     for (const [name, heading] of [
       ['Training', 'Push an organ aside'],

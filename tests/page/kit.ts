@@ -49,6 +49,15 @@ export async function until<T>(what: string, look: () => Promise<T | undefined> 
   }
 }
 
+const looking = new Set<Page>();
+/** Where each open page is and what can be read there: without it a failure that nobody can repeat stays unexplained. */
+async function whatIsSeen(): Promise<string> {
+  const seen = [...looking].map(
+    async (page) => `seen at ${new URL(page.url()).hash}: ${(await page.locator('body').innerText({ timeout: 1_000 })).slice(0, 800)}`,
+  );
+  return (await Promise.allSettled(seen)).map((one) => (one.status === 'fulfilled' ? one.value : `a page that does not answer: ${one.reason}`)).join('\n');
+}
+
 const kStory_ms = 1_200_000;
 /**
  * A test of several steps, each of which goes on where the one before ended. They are one test, so that it does the same alone and in any order; where it
@@ -65,7 +74,7 @@ export function story(name: string, tell: (step: (what: string, action: () => Pr
         try {
           await action();
         } catch (error) {
-          if (error instanceof Error) error.message = `${what}: ${error.message}`;
+          if (error instanceof Error) error.message = `${what}: ${error.message}\n${await whatIsSeen()}`;
           throw error;
         }
         console.info(`${name}: ${what} (${Date.now() - begun_ms} ms)`);
@@ -299,6 +308,8 @@ afterAll(async () => {
 
 function listen({ page, problems, asked }: Visitor): void {
   contract.listen(page);
+  looking.add(page);
+  page.on('close', () => looking.delete(page));
   page.on('pageerror', ({ message }) => {
     // Before it makes a picture of Firefox, Playwright adds a style, which the page's content security policy refuses.
     if (!(process.env['KIROKU_PICTURES'] && /blocked an inline style \(style-src-elem\)/.test(message))) problems.push(message);

@@ -4,20 +4,12 @@ import { useEffect } from 'preact/hooks';
 import { t } from '@/i18n/i18n';
 import { type ListedPlan, planning } from '@/planning/planning_api';
 import { TableView } from '@/planning/table_view';
-import { attempt, notify } from '@/shell/state';
-import { lookForWorkplaces } from '@/shell/workplaces';
+import { notify } from '@/shell/state';
+import { useAsked, WithoutAnswer } from '@/shell/use_asked';
 
 export function PlanningView() {
-  const plans = useSignal<ListedPlan[] | undefined>(undefined);
+  const plans = useAsked<ListedPlan[]>(planning.plans);
   const open = useSignal<{ plan: string; anew: boolean } | undefined>(undefined);
-  const load = async () => {
-    const found = await attempt(planning.plans);
-    if (found) plans.value = found;
-    else await lookForWorkplaces();
-  };
-  useEffect(() => {
-    void load();
-  }, []);
   useEffect(() => {
     document.title = `${t('nav.planning')} · Kiroku`;
   });
@@ -29,13 +21,13 @@ export function PlanningView() {
         leave={(sentence) => {
           if (sentence) notify(sentence);
           open.value = undefined;
-          void load();
+          void plans.ask();
         }}
       />
     );
   }
-  const all = plans.value;
-  if (!all) return <main id="main" class="main narrow" tabIndex={-1} aria-busy="true" />;
+  const all = plans.answer.value;
+  if (!all) return <WithoutAnswer asked={plans} title={t('nav.planning')} />;
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
       <div class="view-head">

@@ -5,7 +5,7 @@ import { typed } from '@/base/form_fields';
 import { formatTime, kSecond } from '@/base/time';
 import { t, word } from '@/i18n/i18n';
 import { attempt, notify } from '@/shell/state';
-import { lookForWorkplaces } from '@/shell/workplaces';
+import { useAsked, WithoutAnswer } from '@/shell/use_asked';
 import { AttemptView } from '@/training/attempt_view';
 import { objectLabel } from '@/training/object_label';
 import { ResultView } from '@/training/result_view';
@@ -81,17 +81,9 @@ function AddTrainee({ groups, supervises, added }: { groups: string[]; supervise
 }
 
 export function TrainingView() {
-  const known = useSignal<Training | undefined>(undefined);
+  const known = useAsked<Training>(api.get);
   const choice = useSignal<Choice>(storedChoice());
   const stage = useSignal<Stage>({ at: 'choose' });
-  const load = async () => {
-    const found = await attempt(api.get);
-    if (found) known.value = found;
-    else await lookForWorkplaces();
-  };
-  useEffect(() => {
-    void load();
-  }, []);
   useEffect(() => {
     document.title = `${t('nav.training')} · Kiroku`;
   });
@@ -101,7 +93,7 @@ export function TrainingView() {
   };
   const choosing = () => {
     stage.value = { at: 'choose' };
-    void load();
+    void known.ask();
   };
 
   const now = stage.value;
@@ -122,15 +114,15 @@ export function TrainingView() {
       <ResultView
         begin={now.begin}
         {...(now.came ? { came: now.came } : {})}
-        training={known.value}
+        training={known.answer.value}
         again={(test) => (stage.value = { at: 'attempt', begin: { ...now.begin, test } })}
         other={choosing}
       />
     );
   }
 
-  const training = known.value;
-  if (!training) return <main id="main" class="main narrow" tabIndex={-1} aria-busy="true" />;
+  const training = known.answer.value;
+  if (!training) return <WithoutAnswer asked={known} title={t('nav.training')} />;
   const trainee = training.trainees.find((one) => one.name === choice.value.trainee);
   // A patient's organ that was chosen before may not be served any more.
   const object = training.objects.includes(choice.value.object) ? choice.value.object : 'a';
@@ -210,7 +202,7 @@ export function TrainingView() {
         groups={training.groups}
         supervises={training.supervises}
         added={async (name) => {
-          await load();
+          await known.ask();
           choose({ trainee: name });
         }}
       />
