@@ -320,7 +320,8 @@ TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
 TEST_F(FleetCatalogueTest, WhoAsksForAllWaitsForNoPauseAndTakesNoLease) {
   put("or-1", "a", day(1));
   put("or-1", "b", day(2));
-  const std::optional<Lease> paused = catalogue_.lease(due(100), 600s), held = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> paused = catalogue_.lease(due(100), 600s),
+                             held = catalogue_.lease(due(100), 600s);
   ASSERT_TRUE(paused && held);
   catalogue_.give_back(*paused, 600s, day(101), "its key was missing");
   catalogue_.end_pauses();
