@@ -16,6 +16,12 @@ if(KIROKU_CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
 endif()
 
+# LLVM's linker is lax about the order of libraries; the preset debug (in the nightly run) still links by GNU's.
+find_program(KIROKU_LLD_PROGRAM ld.lld)
+if(KIROKU_LLD AND KIROKU_LLD_PROGRAM)
+  add_link_options(-fuse-ld=lld)
+endif()
+
 function(kiroku_configure target)
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
