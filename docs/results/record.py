@@ -7,11 +7,14 @@ Usage: docs/results/record.py RUN --machine NAME [--load TEXT] [--benchmark FILE
   --load TEXT       what else ran; without it, the load average of this moment
   --benchmark FILE  what a Google Benchmark wrote with --benchmark_out=FILE --benchmark_out_format=json;
                     figures with a "benchmark" in the JSON are taken from it, the median where there are repetitions
+  --stages LOG      the output of .ci/run: figures with "stages" in the JSON are the minutes of these stages together
   ID=VALUE          the figure with this id; ID.peer=VALUE what its peer needed in the same run
 
 For example:
   build/release/tests/bench/sim_respire_bench --benchmark_out=out.json --benchmark_out_format=json
   docs/results/record.py sim-respire --machine epyc --benchmark out.json
+  .ci/run 2>&1 | tee ci.log
+  docs/results/record.py ci --machine epyc --stages ci.log
   docs/results/record.py unseal --machine epyc ratio=1.9 unseal=0.70 unseal.peer=1.33 nowhere=0.19 copy=0.85
 
 The figures of a run belong to one moment, so all of them are entered, or none. Date and commit are those of now.
@@ -22,6 +25,7 @@ import datetime
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -56,6 +60,21 @@ def from_benchmark(run, file):
     return found
 
 
+def from_stages(run, file):
+    """Minutes of each figure's stages, or of all of them for "all"; a log has every stage twice, with the same time."""
+    lines = re.findall(r"^   (.+): (\d+) min (\d\d) s$", pathlib.Path(file).read_text("utf-8"), re.MULTILINE)
+    took_s = {name: 60 * int(minutes) + int(seconds) for name, minutes, seconds in lines}
+    found = {}
+    for figure in run["figures"]:
+        wanted = list(took_s) if figure.get("stages") == "all" else figure.get("stages", [])
+        for name in wanted:
+            if name not in took_s:
+                give_up(f"{file} has no stage '{name}'; it has {', '.join(took_s) or 'none'}")
+        if wanted:
+            found[figure["id"]] = round(sum(took_s[name] for name in wanted) / 60, 1)
+    return found
+
+
 def main():
     parser = argparse.ArgumentParser(usage=__doc__.split("Usage: ")[1].split("\n")[0], description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -63,6 +82,7 @@ def main():
     parser.add_argument("--machine", required=True)
     parser.add_argument("--load")
     parser.add_argument("--benchmark")
+    parser.add_argument("--stages")
     parser.add_argument("values", nargs="*")
     given = parser.parse_intermixed_args()
     if given.machine not in json.loads((FOLDER / "machines.json").read_text("utf-8")):
@@ -72,6 +92,8 @@ def main():
         give_up(f"there is no docs/results/{given.run}.json; docs/results/make_tables.py says how one looks")
     run = json.loads(path.read_text("utf-8"))
     measured = from_benchmark(run, given.benchmark) if given.benchmark else {}
+    if given.stages:
+        measured |= from_stages(run, given.stages)
     for value in given.values:
         key, sign, text = value.partition("=")
         if not sign:

@@ -43,7 +43,7 @@ constexpr std::uint64_t kSealedChunk = archive::kAgeChunkBytes + archive::kAgeTa
 
 /// How many power cuts are played: KIROKU_POWER_CUTS, else a sample.
 std::size_t power_cuts() {
-  constexpr std::size_t kSample = 200;
+  constexpr std::size_t kSample = 60;
   return test::asked_number("KIROKU_POWER_CUTS", kSample);
 }
 
