@@ -20,7 +20,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, debconf (>= 0.5) | debconf-2.0")
-set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "fonts-dejavu-core, fonts-ipafont-gothic, ca-certificates, libosmesa6")
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "fonts-dejavu-core, fonts-ipafont-gothic, ca-certificates, libosmesa6, libtss2-tcti-device0t64 | libtss2-tcti-device0")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
     "${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postinst;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/prerm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postrm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/config;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/templates")

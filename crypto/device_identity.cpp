@@ -25,12 +25,18 @@ bool looks_like_device_identity(std::string_view text) {
   return line && line->starts_with("kiroku/") && line->ends_with("/identity");
 }
 
-std::string write_device_identity(const std::string& device, const SigningKey& key, std::uint64_t since) {
+std::string write_device_identity(const std::string& device, const SigningKey& key, SignsSince since) {
   const VerifierKey verifier = verifier_key_of(device, key);
-  if (!verifier.ml_dsa()) throw UsageError("the device " + device + " has no ML-DSA key to state");
-  const std::string text = first_line(device) + '\n' + verifier.to_string() + '\n' +
-                           verifier.ml_dsa()->to_string() + '\n' + std::to_string(since) + '\n';
-  return sign_note(text, device, key);
+  if (!verifier.ml_dsa() && !verifier.hardware())
+    throw UsageError("the device " + device + " has no key beside Ed25519 to state");
+  std::string text = first_line(device) + '\n' + verifier.to_string() + '\n';
+  if (verifier.ml_dsa()) text += verifier.ml_dsa()->to_string() + '\n' + std::to_string(since.ml_dsa) + '\n';
+  if (verifier.hardware())
+    text += verifier.hardware()->to_string() + '\n' + std::to_string(since.hardware) + '\n';
+  SignedNote written = sign_note_by_all(text, device, key);
+  if (!written.hardware_silent.empty())
+    throw Error("the hardware of " + device + " did not sign its identity: " + written.hardware_silent);
+  return std::move(written.note);
 }
 
 VerifierKey parse_device_identity(std::string_view note) {
@@ -39,16 +45,22 @@ VerifierKey parse_device_identity(std::string_view note) {
   std::string_view rest = unjudged.text;
   const auto origin = take_line(rest);
   const auto ed25519 = take_line(rest);
-  const auto ml_dsa = take_line(rest);
-  const auto since = take_line(rest);
-  const auto entries = since ? count_of(*since) : std::nullopt;
-  if (!origin || !ed25519 || !ml_dsa || !entries || !rest.empty())
-    throw UsageError("it has not the four lines of a device's identity");
-  const VerifierKey key =
-      VerifierKey::parse(*ed25519).with_ml_dsa(MlDsaVerifierKey::parse(*ml_dsa), *entries);
+  if (!origin || !ed25519 || rest.empty()) throw UsageError("it has not the lines of a device's identity");
+  VerifierKey key = VerifierKey::parse(*ed25519);
+  while (!rest.empty()) {
+    const auto beside = take_line(rest);
+    const auto since = take_line(rest);
+    const auto entries = since ? count_of(*since) : std::nullopt;
+    if (!beside || !entries) throw UsageError("it has not the lines of a device's identity");
+    const bool is_ml_dsa = beside->starts_with(MlDsaVerifierKey::name_of(key.name()) + "+");
+    if (key.hardware() || (is_ml_dsa && key.ml_dsa()))
+      throw UsageError("it states a key twice, or keys in another order");
+    key = is_ml_dsa ? key.with_ml_dsa(MlDsaVerifierKey::parse(*beside), *entries)
+                    : key.with_hardware(HardwareVerifierKey::parse(*beside), *entries);
+  }
   if (*origin != first_line(key.name())) throw UsageError("its first line is not that of " + key.name());
   if (const OpenedNote opened = open_note(note, {key}); opened.failure)
-    throw UsageError("its two keys did not both sign it: " + opened.explanation);
+    throw UsageError("its keys did not all sign it: " + opened.explanation);
   return key;
 }
 

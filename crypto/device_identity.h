@@ -1,11 +1,12 @@
-// The public identity of a device that signs with two keys: a C2SP signed note that either of them signs, so
-// that neither can be exchanged for another device's. Functions are pure and thread-safe.
+// The public identity of a device that signs with several keys: a C2SP signed note that each of them signs,
+// so that none can be exchanged for another device's. Functions are thread-safe.
 //
-// Its text has four lines:
+// Its text begins with two lines:
 //   kiroku/<device>/identity
 //   the Ed25519 key     <device>+<key id>+<base64>
-//   the ML-DSA-65 key   <device>/ml-dsa-65+<key id>+<base64>
-//   how many entries the appliance log had when the device began to sign with both; 0: it always did
+// Two lines follow for each key that signs beside, ML-DSA-65 first, at least one:
+//   the key             <device>/ml-dsa-65+<key id>+<base64> or <device>/ecdsa-p256+<key id>+<base64>
+//   how many entries the appliance log had when the device began to sign with it; 0: it always did
 #pragma once
 
 #include <cstdint>
@@ -19,9 +20,14 @@ namespace kiroku::crypto {
 
 /// Whether a text begins as such an identity does; not whether it is one.
 bool looks_like_device_identity(std::string_view text);
-/// `key` has both halves (kiroku::UsageError otherwise).
-std::string write_device_identity(const std::string& device, const SigningKey& key, std::uint64_t since);
-/// A key that has both halves. Throws kiroku::UsageError naming what is wrong with the identity.
+/// Since when the device signs with the keys beside Ed25519; of a key that it does not have, nothing counts.
+struct SignsSince {
+  std::uint64_t ml_dsa = 0, hardware = 0;
+};
+/// `key` has at least one key beside Ed25519 (kiroku::UsageError otherwise). kiroku::Error where the hardware
+/// does not sign.
+std::string write_device_identity(const std::string& device, const SigningKey& key, SignsSince since);
+/// A key with all that it states. Throws kiroku::UsageError naming what is wrong with the identity.
 VerifierKey parse_device_identity(std::string_view note);
 
 }  // namespace kiroku::crypto

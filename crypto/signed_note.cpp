@@ -16,6 +16,8 @@ constexpr std::byte kEd25519SignatureType{0x01};
 constexpr std::byte kUnassignedSignatureType{0xff};
 constexpr std::string_view kMlDsaTypeText = "kiroku/ml-dsa-65";
 constexpr std::string_view kMlDsaNameEnd = "/ml-dsa-65";
+constexpr std::byte kEcdsaSignatureType{0x02};
+constexpr std::string_view kHardwareNameEnd = "/ecdsa-p256";
 
 OpenedNote malformed(const std::string& why) {
   OpenedNote note;
@@ -31,6 +33,14 @@ Bytes typed_ml_dsa_key(ByteView key) {
   return typed;
 }
 
+/// Of signature type 0x02: of the DER of the key alone.
+std::uint32_t ecdsa_key_id(ByteView key) {
+  std::uint32_t id = 0;
+  const Sha256Digest digest = sha256(key);
+  for (std::size_t i = 0; i < kKeyIdSize; ++i) id = id << 8 | std::to_integer<std::uint32_t>(digest.at(i));
+  return id;
+}
+
 /// What the lines of a note say of one verifier.
 class SignatureCheck {
  public:
@@ -44,6 +54,12 @@ class SignatureCheck {
       (verify_ed25519(verifier_->key(), text, line.signature) ? ed25519_ : bad_ed25519_) = true;
       return By::kVerifier;
     }
+    const auto& hardware = verifier_->hardware();
+    if (hardware && line.name == hardware->name()) {
+      if (line.key_id != hardware->key_id()) return By::kForeignKey;
+      (verify_ecdsa_p256(hardware->key(), text, line.signature) ? hardware_ : bad_hardware_) = true;
+      return By::kVerifier;
+    }
     const auto& ml_dsa = verifier_->ml_dsa();
     if (!ml_dsa || line.name != ml_dsa->name()) return By::kOther;
     if (line.key_id != ml_dsa->key_id()) return By::kForeignKey;
@@ -54,16 +70,20 @@ class SignatureCheck {
   [[nodiscard]] bool has_signed() const { return ed25519_; }
   [[nodiscard]] bool has_ml_dsa() const { return ml_dsa_; }
   [[nodiscard]] bool lacks_ml_dsa() const { return ed25519_ && verifier_->ml_dsa() && !ml_dsa_; }
+  [[nodiscard]] bool has_hardware() const { return hardware_; }
+  [[nodiscard]] bool lacks_hardware() const { return ed25519_ && verifier_->hardware() && !hardware_; }
   [[nodiscard]] const std::string& name() const { return verifier_->name(); }
   /// The key whose signature does not hold; empty if there is none.
   [[nodiscard]] std::string bad() const {
     if (bad_ed25519_) return verifier_->name();
+    if (bad_hardware_) return verifier_->hardware()->name();
     return bad_ml_dsa_ ? verifier_->ml_dsa()->name() : std::string();
   }
 
  private:
   const VerifierKey* verifier_;
   bool ed25519_ = false, bad_ed25519_ = false, ml_dsa_ = false, bad_ml_dsa_ = false;
+  bool hardware_ = false, bad_hardware_ = false;
 };
 
 }  // namespace
@@ -101,6 +121,42 @@ MlDsaVerifierKey MlDsaVerifierKey::parse(std::string_view text) {
   return {parsed.name.substr(0, parsed.name.size() - kMlDsaNameEnd.size()), key};
 }
 
+HardwareVerifierKey::HardwareVerifierKey(const std::string& device, ByteView key)
+    : name_(name_of(device)), key_(to_bytes(key)) {
+  require_key_name(device);
+  if (!is_p256_public_key(key_))
+    throw UsageError("the key in the hardware of " + device + " is not of P-256");
+  key_id_ = ecdsa_key_id(key_);
+}
+
+std::string HardwareVerifierKey::name_of(const std::string& device) {
+  return device + std::string(kHardwareNameEnd);
+}
+
+std::string HardwareVerifierKey::device() const {
+  return name_.substr(0, name_.size() - kHardwareNameEnd.size());
+}
+
+std::string HardwareVerifierKey::to_string() const {
+  Bytes typed = {kEcdsaSignatureType};
+  append(typed, key_);
+  return name_ + "+" + to_hex(big_endian_id(key_id_)) + "+" + to_base64(typed, Base64Padding::kPadded);
+}
+
+HardwareVerifierKey HardwareVerifierKey::parse(std::string_view text) {
+  const KeyText parsed = KeyText::parse(text);
+  const auto refuse = [&](const std::string& why) -> UsageError {
+    return UsageError(quoted_key_text(text) +
+                      " is no key in the hardware of a device (<name>+<id>+<key>): " + why);
+  };
+  if (!parsed.name.ends_with(kHardwareNameEnd) || parsed.name.size() == kHardwareNameEnd.size())
+    throw refuse("its name does not end with " + std::string(kHardwareNameEnd));
+  if (parsed.algorithm != kEcdsaSignatureType) throw refuse("its algorithm is not ECDSA");
+  if (!is_p256_public_key(parsed.key)) throw refuse("its key is not of P-256");
+  if (parsed.stated_id != ecdsa_key_id(parsed.key)) throw refuse("its id does not belong to its key");
+  return {parsed.name.substr(0, parsed.name.size() - kHardwareNameEnd.size()), parsed.key};
+}
+
 VerifierKey::VerifierKey(std::string name, const Ed25519PublicKey& key) : name_(std::move(name)), key_(key) {
   require_key_name(name_);
 }
@@ -133,13 +189,28 @@ VerifierKey VerifierKey::with_ml_dsa(MlDsaVerifierKey key, std::uint64_t since) 
   return both;
 }
 
+VerifierKey VerifierKey::with_hardware(HardwareVerifierKey key, std::uint64_t since) const {
+  if (key.device() != name_)
+    throw UsageError("the key in hardware " + key.name() + " is not that of the device " + name_);
+  VerifierKey both = *this;
+  both.hardware_ = std::move(key);
+  both.hardware_since_ = since;
+  return both;
+}
+
 VerifierKey verifier_key_of(const std::string& name, const SigningKey& key) {
-  const VerifierKey ed25519(name, key.public_key());
-  if (key.ml_dsa() == nullptr) return ed25519;
-  return ed25519.with_ml_dsa({name, key.ml_dsa()->public_key()}, 0);
+  VerifierKey all(name, key.public_key());
+  if (key.ml_dsa() != nullptr) all = all.with_ml_dsa({name, key.ml_dsa()->public_key()}, 0);
+  if (key.hardware() != nullptr) all = all.with_hardware({name, key.hardware()->public_key()}, 0);
+  return all;
 }
 
 std::string sign_note(std::string_view text, const std::string& name, const SigningKey& key) {
+  return sign_note_by_all(text, name, key).note;
+}
+
+SignedNote sign_note_by_all(std::string_view text, const std::string& name, const SigningKey& key,
+                            AskHardware ask) {
   if (!text.ends_with('\n') || !is_note_text(text))
     throw UsageError(
         "a note can only be signed if it is UTF-8 text without control characters that ends in a "
@@ -149,7 +220,18 @@ std::string sign_note(std::string_view text, const std::string& name, const Sign
       std::string(text) + '\n' + signature_line(name, verifier.key_id(), key.sign(bytes_of(text)));
   if (const auto& ml_dsa = verifier.ml_dsa())
     note += signature_line(ml_dsa->name(), ml_dsa->key_id(), key.ml_dsa()->sign(bytes_of(text)));
-  return note;
+  SignedNote result{std::move(note), ""};
+  if (const auto& hardware = verifier.hardware(); hardware && ask == AskHardware::kYes) {
+    HardwareSigner::Answer answer = key.hardware()->sign(bytes_of(text));
+    // A line that does not verify would read as a forgery for ever.
+    if (!answer.signature.empty() && !verify_ecdsa_p256(hardware->key(), bytes_of(text), answer.signature))
+      answer = {{}, "its signature does not fit the key that it is known by"};
+    if (answer.signature.empty())
+      result.hardware_silent = std::move(answer.why);
+    else
+      result.note += signature_line(hardware->name(), hardware->key_id(), answer.signature);
+  }
+  return result;
 }
 
 OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& verifiers) {
@@ -180,6 +262,7 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
     if (!check.bad().empty())
       fail(NoteFailure::kBadSignature, "the signature of " + check.bad() + " does not fit the note's text");
     result.by_ml_dsa = result.by_ml_dsa || (check.has_signed() && check.has_ml_dsa());
+    result.by_hardware = result.by_hardware || (check.has_signed() && check.has_hardware());
   }
   const bool verified = std::ranges::any_of(checks, &SignatureCheck::has_signed);
   // A note by another key of the name alone is of an unknown key; beside the known one it is a forgery.
@@ -192,12 +275,18 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
   if (lacking != checks.end())
     fail(NoteFailure::kLacksMlDsa,
          "it has no signature by the ML-DSA key of " + lacking->name() + ", which signs beside Ed25519");
-  if (result.failure) result.by_ml_dsa = false;
+  const auto silent = std::ranges::find_if(checks, &SignatureCheck::lacks_hardware);
+  if (silent != checks.end())
+    fail(NoteFailure::kLacksHardware, "it has no signature by the key in the hardware of " + silent->name());
+  const bool holds_in_part =
+      result.failure == NoteFailure::kLacksMlDsa || result.failure == NoteFailure::kLacksHardware;
+  if (result.failure && !holds_in_part) result.by_ml_dsa = result.by_hardware = false;
   return result;
 }
 
 bool is_signed_for_log(const OpenedNote& opened, const VerifierKey& device, std::uint64_t size) {
-  return !opened.failure || (opened.failure == NoteFailure::kLacksMlDsa && size <= device.ml_dsa_since());
+  return !opened.failure || opened.failure == NoteFailure::kLacksHardware ||
+         (opened.failure == NoteFailure::kLacksMlDsa && size <= device.ml_dsa_since());
 }
 
 std::string Checkpoint::to_text() const {

@@ -96,6 +96,12 @@ SigningKey SigningKey::with_ml_dsa(MlDsaPrivateKey key) && {
   return both;
 }
 
+SigningKey SigningKey::with_hardware(std::shared_ptr<const HardwareSigner> signer) && {
+  SigningKey both = std::move(*this);
+  both.hardware_ = std::move(signer);
+  return both;
+}
+
 Ed25519PublicKey SigningKey::public_key() const {
   Ed25519PublicKey result;
   std::size_t size = result.size();

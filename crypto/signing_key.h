@@ -1,5 +1,5 @@
-// Ed25519 (RFC 8032) keys of a device, with the ML-DSA-65 key (FIPS 204) that signs beside. Immutable after
-// construction; safe from several threads.
+// Ed25519 (RFC 8032) keys of a device, with the ML-DSA-65 key (FIPS 204) and the key in hardware that sign
+// beside. Immutable after construction; safe from several threads.
 #pragma once
 
 #include <array>
@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "base/bytes.h"
+#include "crypto/hardware_key.h"
 #include "crypto/ml_dsa.h"
 #include "crypto/openssl_handles.h"
 #include "crypto/secret.h"
@@ -40,10 +41,16 @@ class SigningKey {
   /// Null if the device has none.
   [[nodiscard]] const MlDsaPrivateKey* ml_dsa() const { return ml_dsa_ ? &*ml_dsa_ : nullptr; }
 
+  /// The key of a device whose hardware signs, too, from now on. `signer` is not null.
+  [[nodiscard]] SigningKey with_hardware(std::shared_ptr<const HardwareSigner> signer) &&;
+  /// Null if the device has none.
+  [[nodiscard]] const HardwareSigner* hardware() const { return hardware_.get(); }
+
  private:
   explicit SigningKey(PrivateKey key);
   PrivateKey key_;
   std::optional<MlDsaPrivateKey> ml_dsa_;
+  std::shared_ptr<const HardwareSigner> hardware_;
 };
 
 }  // namespace kiroku::crypto

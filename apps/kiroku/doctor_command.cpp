@@ -138,7 +138,7 @@ Check check_signatures(const Home& home) {
   const std::string subject = "signatures";
   std::error_code ignored;
   const bool has_key = fs::exists(home.ml_dsa_key_file(), ignored);
-  const bool has_identity = fs::exists(home.device_identity_file(), ignored);
+  const bool has_identity = home.device().ml_dsa().has_value();
   if (!has_key && has_identity) {
     return {Health::kBad, subject,
             home.device_identity_file().string() + " says that this device signs with an ML-DSA key, and " +
@@ -147,13 +147,13 @@ Check check_signatures(const Home& home) {
   }
   if (!has_key) {
     return {Health::kGood, subject,
-            "checkpoints are signed by Ed25519 alone, which a quantum computer could forge; kiroku init "
+            "checkpoints are signed without ML-DSA, so that a quantum computer could forge them; kiroku init "
             "--add-ml-dsa adds a key",
             ""};
   }
   if (!has_identity) {
     return {Health::kWarning, subject,
-            "there is an ML-DSA key, and verifiers cannot know it: device.identity is not there",
+            "there is an ML-DSA key, and verifiers cannot know it: device.identity does not state it",
             "stop the recorder, then kiroku init --add-ml-dsa --home " + home.folder().string() +
                 ", and give device.identity to whoever verifies"};
   }
@@ -175,6 +175,56 @@ Check check_signatures(const Home& home) {
                    ? std::string()
                    : ", since entry " + std::to_string(device.ml_dsa_since()) + " of the appliance log"),
           ""};
+}
+
+/// Whether the key in hardware signs now. What it does not sign is unproven.
+Check check_hardware(const Home& home) {
+  const std::string subject = "key in hardware";
+  std::error_code ignored;
+  const std::optional<crypto::HardwareVerifierKey> stated = home.device().hardware();
+  if (!fs::exists(home.hardware_file(), ignored)) {
+    if (stated) {
+      return {Health::kBad, subject,
+              home.device_identity_file().string() +
+                  " says that this device signs with a key in hardware, and " +
+                  home.hardware_file().string() + " is not there: what is recorded now is unproven",
+              "put device-hardware.json back from the backup; it holds no secret"};
+    }
+    return {
+        Health::kGood, subject,
+        "there is none: whoever copies device.key can sign as this device; kiroku init --add-tpm adds one",
+        ""};
+  }
+  const recorder::HardwareDescription description = home.hardware();
+  const std::string address = description.kind == recorder::HardwareDescription::Kind::kTpm
+                                  ? "the TPM at " + description.address
+                                  : "the PKCS#11 token";
+  if (!stated || stated->key() != description.public_key) {
+    return {Health::kBad, subject,
+            home.hardware_file().string() +
+                " names a key that device.identity does not state: verifiers cannot "
+                "know it",
+            "stop the recorder, then kiroku init --add-" +
+                std::string(description.kind == recorder::HardwareDescription::Kind::kTpm ? "tpm"
+                                                                                          : "pkcs11 URI") +
+                " --home " + home.folder().string() + ", and give device.identity to whoever verifies"};
+  }
+  constexpr std::string_view kQuestion = "kiroku doctor\n";
+  const auto begin = std::chrono::steady_clock::now();
+  const auto answer = recorder::hardware_signer(description)->sign(bytes_of(kQuestion));
+  const auto took =
+      std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - begin);
+  if (answer.signature.empty() ||
+      !crypto::verify_ecdsa_p256(description.public_key, bytes_of(kQuestion), answer.signature)) {
+    return {Health::kBad, subject,
+            address + " does not sign, so that what is recorded now is unproven: " +
+                (answer.why.empty() ? "its signature is another key's" : answer.why),
+            "see whether this user may use it (a TPM: group tss) and whether it is the one of the ceremony"};
+  }
+  return {
+      Health::kGood, subject,
+      address + " signs checkpoints beside Ed25519; it answered in " + std::to_string(took.count()) + " ms",
+      ""};
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {
@@ -455,6 +505,8 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
               [&] { return check_permissions(home, configuration); });
   out.examine("signatures", "put device.pub, device.identity and the keys back from the backup",
               [&] { return check_signatures(home); });
+  out.examine("key in hardware", "put device-hardware.json and device.identity back from the backup",
+              [&] { return check_hardware(home); });
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });

@@ -134,6 +134,9 @@ crypto::SigningKey Home::signing_key(const std::optional<crypto::Secret>& passph
   const crypto::Secret* const its = passphrase ? &*passphrase : nullptr;
   crypto::SigningKey key = crypto::SigningKey::from_pem(pem.text(), its);
   std::error_code ignored;
+  if (fs::exists(hardware_file(), ignored)) {
+    key = std::move(key).with_hardware(recorder::hardware_signer(hardware()));
+  }
   if (!fs::exists(ml_dsa_key_file(), ignored)) return key;
   const crypto::Secret ml_dsa_pem = read_secret(ml_dsa_key_file(), "the device's ML-DSA key");
   const bool encrypted = crypto::SigningKey::pem_is_encrypted(ml_dsa_pem.text());
@@ -145,6 +148,15 @@ crypto::SigningKey Home::signing_key(const std::optional<crypto::Secret>& passph
                 device_key_file().string() + ": put the file back that belongs to it");
   }
   return std::move(key).with_ml_dsa(std::move(*ml_dsa));
+}
+
+recorder::HardwareDescription Home::hardware() const {
+  const Bytes text = read_small_file(hardware_file(), "the description of the key in hardware");
+  try {
+    return recorder::HardwareDescription::parse(text_of(text));
+  } catch (const Error& error) {
+    throw Error("cannot read " + hardware_file().string() + ": " + error.what() + "; put the file back");
+  }
 }
 
 std::vector<fs::path> Home::outside_root_files() const {

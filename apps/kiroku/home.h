@@ -4,7 +4,8 @@
 //   kiroku.toml      how it records            device.key   signing key, PKCS#8, mode 0600
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
 //   device-ml-dsa.key  ML-DSA-65 key that signs beside, PKCS#8, mode 0600 (homes from before have none)
-//   device.identity  both public keys, signed by both (crypto/device_identity.h)
+//   device-hardware.json  where the key in hardware is that signs beside; no secret (homes without have none)
+//   device.identity  all public keys, signed by all (crypto/device_identity.h)
 //   trust.pem        roots of outside time-stamping authorities
 //   own-authority.pem  roots of the embedded one, former ones too; authority/  that authority
 //   archive/<case>/  the recordings            archive/log/ the appliance log
@@ -27,6 +28,7 @@
 #include "crypto/age_recipient.h"
 #include "crypto/signed_note.h"
 #include "crypto/signing_key.h"
+#include "recorder/device_key/hardware_description.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::apps {
@@ -49,6 +51,7 @@ class Home {
   [[nodiscard]] std::filesystem::path device_key_file() const { return folder_ / "device.key"; }
   [[nodiscard]] std::filesystem::path device_file() const { return folder_ / "device.pub"; }
   [[nodiscard]] std::filesystem::path ml_dsa_key_file() const { return folder_ / "device-ml-dsa.key"; }
+  [[nodiscard]] std::filesystem::path hardware_file() const { return folder_ / "device-hardware.json"; }
   [[nodiscard]] std::filesystem::path device_identity_file() const { return folder_ / "device.identity"; }
   [[nodiscard]] std::filesystem::path trust_file() const { return folder_ / "trust.pem"; }
   [[nodiscard]] std::filesystem::path own_authority_file() const { return folder_ / "own-authority.pem"; }
@@ -74,15 +77,17 @@ class Home {
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;
 
   [[nodiscard]] Configuration configuration() const;
-  /// With its ML-DSA key, if the home has an identity file.
+  /// With its keys beside Ed25519, if the home has an identity file.
   [[nodiscard]] crypto::VerifierKey device() const;
-  /// Asks for the passphrase if the key has one, which is that of both keys. With the ML-DSA key, if its file
-  /// is there.
+  /// Asks for the passphrase if the key has one, which is that of both keys. With the ML-DSA key and the
+  /// one in hardware, if their files are there; the hardware is not asked.
   [[nodiscard]] crypto::SigningKey signing_key() const;
   /// The same where the passphrase was asked for already; nothing for keys without.
   [[nodiscard]] crypto::SigningKey signing_key(const std::optional<crypto::Secret>& passphrase) const;
   /// Asks for the passphrase of the device key, if it has one.
   [[nodiscard]] std::optional<crypto::Secret> key_passphrase() const;
+  /// What hardware_file() says; kiroku::Error where it is not there or says nothing of the kind.
+  [[nodiscard]] recorder::HardwareDescription hardware() const;
   /// trust.pem, where it holds any certificate: `kiroku init` writes one without.
   [[nodiscard]] std::vector<std::filesystem::path> outside_root_files() const;
   /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that

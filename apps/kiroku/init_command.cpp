@@ -24,6 +24,8 @@
 #include "crypto/age_file.h"
 #include "crypto/device_identity.h"
 #include "crypto/pkcs8.h"
+#include "recorder/device_key/hardware_description.h"
+#include "recorder/device_key/tpm_key.h"
 #include "timestamp/authority.h"
 
 namespace kiroku::apps {
@@ -42,7 +44,28 @@ struct Request {
   std::vector<std::string> recipients, recipient_files, new_identities;
   bool demo = false, no_passphrase = false, passphrase = false;
   bool ml_dsa = false, add_ml_dsa = false, json = false;
+  bool tpm = false, add_tpm = false;
+  std::optional<std::string> tcti, pkcs11, add_pkcs11;
+  [[nodiscard]] bool adds() const { return add_ml_dsa || add_tpm || add_pkcs11; }
 };
+
+constexpr fs::perms kOwnersAlone{0600}, kForAll{0644};
+
+/// Which hardware is asked for, if any; kiroku::UsageError for two.
+struct WantedHardware {
+  recorder::HardwareDescription::Kind kind;
+  std::string address;
+};
+std::optional<WantedHardware> hardware_of(const Request& request) {
+  using Kind = recorder::HardwareDescription::Kind;
+  const bool tpm = request.tpm || request.add_tpm;
+  const std::optional<std::string>& token = request.pkcs11 ? request.pkcs11 : request.add_pkcs11;
+  if (tpm && token) throw UsageError("a home has one key in hardware: give --tpm or --pkcs11, not both");
+  if (request.tcti && !tpm) throw UsageError("--tcti is about a TPM: give --tpm or --add-tpm, too");
+  if (tpm) return WantedHardware{Kind::kTpm, request.tcti.value_or(recorder::kDefaultTcti)};
+  if (token) return WantedHardware{Kind::kPkcs11, *token};
+  return std::nullopt;
+}
 
 /// What was made so far, taken away again unless all of it succeeds.
 class Undo {
@@ -190,6 +213,11 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
   if (request.ml_dsa) {
     key = std::move(key).with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
   }
+  if (const auto wanted = hardware_of(request)) {
+    const auto made = recorder::make_hardware_key(wanted->kind, wanted->address);
+    write_new_file(home.hardware_file(), bytes_of(made.to_json()), 0644, undo);
+    key = std::move(key).with_hardware(recorder::hardware_signer(made));
+  }
   const crypto::VerifierKey device = crypto::verifier_key_of(name, key);
   std::optional<crypto::Secret> passphrase;
   if (request.passphrase) passphrase = ask_new_passphrase("the device key");
@@ -197,7 +225,9 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
   write_new_file(home.device_key_file(), key.to_pem(its).bytes(), 0600, undo);
   if (request.ml_dsa) {
     write_new_file(home.ml_dsa_key_file(), crypto::ml_dsa_pem(*key.ml_dsa(), its).bytes(), 0600, undo);
-    write_new_file(home.device_identity_file(), bytes_of(crypto::write_device_identity(name, key, 0)), 0644,
+  }
+  if (device.ml_dsa() || device.hardware()) {
+    write_new_file(home.device_identity_file(), bytes_of(crypto::write_device_identity(name, key, {})), 0644,
                    undo);
   }
   write_new_file(home.device_file(), bytes_of(device.to_string() + "\n"), 0644, undo);
@@ -273,11 +303,11 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
             << "  device key   " << device.to_string() << "\n"
             << "               Give this line (or " << printable(home.device_file().string())
             << ") to whoever shall verify; it proves nothing if it comes with the recording.\n";
-  if (request.ml_dsa) {
+  if (device.ml_dsa() || device.hardware()) {
     std::cout
-        << "  both keys    " << printable(home.device_identity_file().string())
-        << "\n               Rather give this file: it holds the ML-DSA-65 key that signs beside, and only "
-           "with it are both signatures asked for.\n";
+        << "  all keys     " << printable(home.device_identity_file().string())
+        << "\n               Rather give this file: it holds the keys that sign beside, and only with it "
+           "are all signatures asked for.\n";
   }
   for (const std::string& recipient : recipients) std::cout << "  recipient    " << recipient << "\n";
   for (const std::string& identity : identities) std::cout << "  identity     " << identity << "\n";
@@ -295,72 +325,94 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
             << printable(home.own_authority_file().string()) << ", as --own-authority.\n";
 }
 
-/// Gives a home that is there the ML-DSA key with which it signs from now on, too. Whatever breaks off, the
-/// same command brings to its end: the key comes first, then the log states it, then the identity is written.
-int add_ml_dsa(const Request& request) {
-  if (request.demo || request.no_passphrase || request.passphrase || request.ml_dsa || request.device_name ||
-      !request.recipients.empty() || !request.recipient_files.empty() || !request.new_identities.empty()) {
-    throw UsageError("--add-ml-dsa is about a home that is there, and takes --home and --json alone");
+/// Writes a file in the place of the one that may be there, or leaves that as it is.
+void replace_file(archive::FileSystem& files, const fs::path& file, ByteView bytes, fs::perms perms) {
+  Undo undo;
+  const fs::path beside = file.string() + ".part";
+  std::error_code ignored;
+  fs::remove(beside, ignored);  // of an attempt that was cut off: nothing was signed with it
+  write_new_file(beside, bytes, static_cast<mode_t>(perms), undo);
+  files.rename(beside, file);
+  files.sync_folder(file.parent_path());
+  undo.keep_all();
+}
+
+/// What of a home's keys beside Ed25519 its identity does not state yet.
+bool lacks_a_key(const crypto::VerifierKey& known, const crypto::VerifierKey& all) {
+  return (all.ml_dsa() && !known.ml_dsa()) || (all.hardware() && !known.hardware());
+}
+
+/// Gives a home that is there a key with which it signs from now on, too. Whatever breaks off, the same
+/// command brings to its end: the key comes first, then the log states it, then the identity is written.
+int add_keys(const Request& request) {
+  if (request.demo || request.no_passphrase || request.passphrase || request.ml_dsa || request.tpm ||
+      request.pkcs11 || request.device_name || !request.recipients.empty() ||
+      !request.recipient_files.empty() || !request.new_identities.empty()) {
+    throw UsageError(
+        "--add-ml-dsa, --add-tpm and --add-pkcs11 are about a home that is there, and take --home, --tcti "
+        "and "
+        "--json alone");
   }
   const Home home = Home::open(request.home);
   archive::FileSystem& files = archive::real_file_system();
   const archive::RecordingLock lock = archive::RecordingLock::take(files, home.archive());
-  const std::string name = home.device().name();
+  const crypto::VerifierKey known = home.device();
+  const std::string name = known.name();
   const std::optional<crypto::Secret> passphrase = home.key_passphrase();
-  crypto::SigningKey key = home.signing_key(passphrase);
-  if (key.ml_dsa() == nullptr) {
-    Undo undo;
-    const auto ml_dsa = crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65);
-    const fs::path beside = home.ml_dsa_key_file().string() + ".part";
-    std::error_code ignored;
-    fs::remove(beside, ignored);  // of an attempt that was cut off: nothing was signed with it
-    write_new_file(beside, crypto::ml_dsa_pem(ml_dsa, passphrase ? &*passphrase : nullptr).bytes(), 0600,
-                   undo);
-    files.rename(beside, home.ml_dsa_key_file());
-    files.sync_folder(home.folder());
-    undo.keep_all();
-    key = home.signing_key(passphrase);
-  }
-  const auto log = archive::ApplianceLog::open(files, home.log_folder(), key, name);
-  const std::uint64_t since = log->state_ml_dsa_key();
   std::error_code ignored;
-  const bool is_new = !fs::exists(home.device_identity_file(), ignored);
+  if (request.add_ml_dsa && !fs::exists(home.ml_dsa_key_file(), ignored)) {
+    const auto ml_dsa = crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65);
+    replace_file(files, home.ml_dsa_key_file(),
+                 crypto::ml_dsa_pem(ml_dsa, passphrase ? &*passphrase : nullptr).bytes(), kOwnersAlone);
+  }
+  if (const auto wanted = hardware_of(request); wanted && !fs::exists(home.hardware_file(), ignored)) {
+    replace_file(files, home.hardware_file(),
+                 bytes_of(recorder::make_hardware_key(wanted->kind, wanted->address).to_json()), kForAll);
+  }
+  const crypto::SigningKey key = home.signing_key(passphrase);
+  const crypto::VerifierKey all = crypto::verifier_key_of(name, key);
+  const auto log = archive::ApplianceLog::open(files, home.log_folder(), key, name);
+  const archive::ApplianceLog::StatedKeys stated = log->state_keys();
+  const bool is_new = lacks_a_key(known, all);
   if (is_new) {
-    Undo undo;
-    const fs::path beside = home.device_identity_file().string() + ".part";
-    fs::remove(beside, ignored);
-    write_new_file(beside, bytes_of(crypto::write_device_identity(name, key, since)), 0644, undo);
-    files.rename(beside, home.device_identity_file());
-    files.sync_folder(home.folder());
-    undo.keep_all();
+    const crypto::SignsSince since{known.ml_dsa() ? known.ml_dsa_since() : stated.ml_dsa.value_or(0),
+                                   known.hardware() ? known.hardware_since() : stated.hardware.value_or(0)};
+    replace_file(files, home.device_identity_file(),
+                 bytes_of(crypto::write_device_identity(name, key, since)), kForAll);
   }
   const crypto::VerifierKey device = home.device();
-  if (!device.ml_dsa() || device.ml_dsa()->key() != key.ml_dsa()->public_key()) {
-    throw Error(home.device_identity_file().string() + " is of another ML-DSA key than " +
-                home.ml_dsa_key_file().string() + ": put the file back that belongs to it");
+  if (device.ml_dsa() != all.ml_dsa() || device.hardware() != all.hardware()) {
+    throw Error(home.device_identity_file().string() + " is of other keys than " +
+                home.ml_dsa_key_file().string() + " and " + home.hardware_file().string() +
+                ": put the files back that belong to it");
   }
+  const std::uint64_t entry = (request.add_ml_dsa ? stated.ml_dsa : stated.hardware).value_or(0);
+  const std::string what = request.add_ml_dsa ? "an ML-DSA-65 key" : "a key in hardware";
   if (request.json) {
     print_json({{"home", home.folder().string()},
                 {"device", device.to_string()},
                 {"identity", home.device_identity_file().string()},
-                {"log_entry", since},
+                {"log_entry", entry},
                 {"added", is_new}});
   } else if (!is_new) {
-    std::cout << "The home " << printable(home.folder().string())
-              << " signs with an ML-DSA-65 key already.\n";
+    std::cout << "The home " << printable(home.folder().string()) << " signs with " << what << " already.\n";
   } else {
-    std::cout << "The home " << printable(home.folder().string())
-              << " signs with an ML-DSA-65 key beside Ed25519 from now on. Its log says so in entry " << since
-              << ".\nGive " << printable(home.device_identity_file().string())
-              << " to whoever verifies: only with it are both signatures asked for. Back up "
-              << printable(home.ml_dsa_key_file().string())
-              << " as you do the device key. Start whatever runs on this home anew.\n";
+    std::cout << "The home " << printable(home.folder().string()) << " signs with " << what
+              << " beside Ed25519 from now on. Its log says so in entry " << entry << ".\nGive "
+              << printable(home.device_identity_file().string())
+              << " to whoever verifies: only with it are all signatures asked for.";
+    if (request.add_ml_dsa) {
+      std::cout << " Back up " << printable(home.ml_dsa_key_file().string()) << " as you do the device key.";
+    } else {
+      std::cout << " That key cannot be backed up: what is recorded while its hardware is away is unproven.";
+    }
+    std::cout << " Start whatever runs on this home anew.\n";
   }
   return kDone;
 }
 
 int run(const Request& request) {
-  if (request.add_ml_dsa) return add_ml_dsa(request);
+  if (request.adds()) return add_keys(request);
   const fs::path folder = request.home ? fs::path(*request.home) : Home::default_folder();
   require_free_place(folder);
   std::vector<std::string> recipients = given_recipients(request);
@@ -410,6 +462,15 @@ void add_init_command(Command& program) {
                "signs checkpoints by ML-DSA-65, too, which quantum computers are not known to forge");
   command.flag("--add-ml-dsa", request->add_ml_dsa,
                "makes no home: gives one that is there, whose recorder is stopped, such a key");
+  command.flag("--tpm", request->tpm,
+               "signs checkpoints by a key in this machine's TPM 2.0, too, which cannot be copied");
+  command.flag("--add-tpm", request->add_tpm,
+               "makes no home: gives one that is there, whose recorder is stopped, such a key");
+  command.option("--tcti", "TCTI", request->tcti, "the way to the TPM, as tpm2-tss has it",
+                 recorder::kDefaultTcti);
+  command.option("--pkcs11", "URI", request->pkcs11,
+                 "the same with a PKCS#11 token (RFC 7512, with module-path, and pin-source=file:FILE)");
+  command.option("--add-pkcs11", "URI", request->add_pkcs11, "as --add-tpm, with such a token");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "At least two recipients are needed, except with --demo. Keep identities away from the recorder: it "
@@ -425,6 +486,8 @@ void add_init_command(Command& program) {
                   "a home for known recipients");
   command.example("kiroku init --add-ml-dsa --home /srv/kiroku",
                   "a home that is there signs with two keys from now on");
+  command.example("kiroku init --add-tpm --home /srv/kiroku",
+                  "a home that is there signs by this machine's TPM, too");
   command.on_run([request] { return run(*request); });
 }
 

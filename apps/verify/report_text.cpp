@@ -297,6 +297,21 @@ std::string finding_text(const archive::Finding& finding) {
   return out + "\n      " + printable(finding.text) + "\n";
 }
 
+std::string signature_words(archive::SignaturesChecked signatures) {
+  switch (signatures) {
+    case archive::SignaturesChecked::kBoth:
+      return "Ed25519 and ML-DSA-65, both checked";
+    case archive::SignaturesChecked::kHardware:
+      return "Ed25519 and the key in the device's hardware, both checked";
+    case archive::SignaturesChecked::kAll:
+      return "Ed25519, ML-DSA-65 and the key in the device's hardware, all checked";
+    case archive::SignaturesChecked::kEd25519:
+    case archive::SignaturesChecked::kNone:
+      break;
+  }
+  return "Ed25519, the only signature that was checked";
+}
+
 }  // namespace
 
 std::string no_log_words() {
@@ -310,9 +325,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
   if (report.signatures != archive::SignaturesChecked::kNone) {
-    out += line("signed by", report.signatures == archive::SignaturesChecked::kBoth
-                                 ? "Ed25519 and ML-DSA-65, both checked"
-                                 : "Ed25519, the only signature that was checked");
+    out += line("signed by", signature_words(report.signatures));
   }
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");

@@ -13,11 +13,24 @@ namespace {
 
 constexpr std::size_t kMaximumDepth = 1;
 
-constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{
-    "boot",         "shutdown",    "config-changed",  "device-key-changed", "device-ml-dsa-added",
-    "plan-sealed",  "case-opened", "case-checkpoint", "case-closed",        "replicated",
-    "erased",       "access",      "recovered",       "pre-roll-discarded", "case-held",
-    "case-released"};
+constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{"boot",
+                                                                                 "shutdown",
+                                                                                 "config-changed",
+                                                                                 "device-key-changed",
+                                                                                 "device-ml-dsa-added",
+                                                                                 "device-hardware-added",
+                                                                                 "device-hardware-silent",
+                                                                                 "plan-sealed",
+                                                                                 "case-opened",
+                                                                                 "case-checkpoint",
+                                                                                 "case-closed",
+                                                                                 "replicated",
+                                                                                 "erased",
+                                                                                 "access",
+                                                                                 "recovered",
+                                                                                 "pre-roll-discarded",
+                                                                                 "case-held",
+                                                                                 "case-released"};
 
 // -- writing, one function an entry type
 
@@ -28,6 +41,8 @@ void write(JsonWriter& /*line*/, const ShutdownEntry& /*entry*/) {}
 void write(JsonWriter& line, const ConfigChangedEntry& entry) { line.digest("sha256", entry.sha256); }
 void write(JsonWriter& line, const DeviceKeyChangedEntry& entry) { line.text("device", entry.device); }
 void write(JsonWriter& line, const DeviceMlDsaEntry& entry) { line.text("ml_dsa", entry.ml_dsa); }
+void write(JsonWriter& line, const DeviceHardwareEntry& entry) { line.text("hardware", entry.hardware); }
+void write(JsonWriter& line, const DeviceHardwareSilentEntry& entry) { line.text("why", entry.why); }
 void write(JsonWriter& line, const PlanSealedEntry& entry) { line.digest("sha256", entry.sha256); }
 void write(JsonWriter& line, const CaseOpenedEntry& entry) {
   line.text("case", entry.case_id).digest("sha256", entry.sha256);
@@ -89,6 +104,8 @@ void read(JsonFields& /*fields*/, ShutdownEntry& /*entry*/) {}
 void read(JsonFields& fields, ConfigChangedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
 void read(JsonFields& fields, DeviceKeyChangedEntry& entry) { entry.device = fields.text("device"); }
 void read(JsonFields& fields, DeviceMlDsaEntry& entry) { entry.ml_dsa = fields.text("ml_dsa"); }
+void read(JsonFields& fields, DeviceHardwareEntry& entry) { entry.hardware = fields.text("hardware"); }
+void read(JsonFields& fields, DeviceHardwareSilentEntry& entry) { entry.why = fields.text("why"); }
 void read(JsonFields& fields, PlanSealedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
 void read(JsonFields& fields, CaseOpenedEntry& entry) {
   entry.case_id = read_case_id(fields);

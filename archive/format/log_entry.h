@@ -8,6 +8,8 @@
 //   config-changed       sha256
 //   device-key-changed   device (the new verifier key)
 //   device-ml-dsa-added  ml_dsa (the ML-DSA-65 key with which the device signs, too, from here on)
+//   device-hardware-added   hardware (the key in hardware with which the device signs, too, from here on)
+//   device-hardware-silent  why (the hardware did not sign the checkpoint before this entry)
 //   plan-sealed          sha256
 //   case-opened          case, sha256 (of the bytes of the case's first line, without LF)
 //   case-checkpoint      case, size, root
@@ -44,6 +46,13 @@ struct DeviceKeyChangedEntry {
 };
 struct DeviceMlDsaEntry {
   std::string ml_dsa;  // as crypto::MlDsaVerifierKey writes it
+};
+struct DeviceHardwareEntry {
+  std::string hardware;  // as crypto::HardwareVerifierKey writes it
+};
+/// Once for each silence: that checkpoints of log and cases lack the line by hardware, and why.
+struct DeviceHardwareSilentEntry {
+  std::string why;
 };
 struct PlanSealedEntry {
   crypto::Sha256Digest sha256{};
@@ -91,10 +100,11 @@ struct CaseReleasedEntry {
   std::string reason, who;
 };
 
-using LogEntryBody = std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry,
-                                  DeviceMlDsaEntry, PlanSealedEntry, CaseOpenedEntry, CaseCheckpointEntry,
-                                  CaseClosedEntry, ReplicatedEntry, CaseErasedEntry, AccessEntry,
-                                  LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
+using LogEntryBody =
+    std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, DeviceMlDsaEntry,
+                 DeviceHardwareEntry, DeviceHardwareSilentEntry, PlanSealedEntry, CaseOpenedEntry,
+                 CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry, AccessEntry,
+                 LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

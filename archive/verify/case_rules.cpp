@@ -208,10 +208,12 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   try {
     device_ = crypto::VerifierKey::parse(open.device);
     const crypto::VerifierKey signer = known_device(*device_, options_->devices);
-    // The log's entry that states the ML-DSA key comes behind as many as the device had signed alone.
-    const bool from_before = signer.ml_dsa_since() > 0 && open.appliance_log_size <= signer.ml_dsa_since();
+    // The log's entry that states a key comes behind as many as the device had signed without it.
+    const auto alone_until = [&](std::uint64_t since) -> std::uint64_t {
+      return since > 0 && open.appliance_log_size <= since ? UINT64_MAX : 0;
+    };
     checkpoints_->set_signer(signer, case_origin(device_->name(), open.case_id),
-                             from_before ? UINT64_MAX : 0);
+                             {alone_until(signer.ml_dsa_since()), alone_until(signer.hardware_since())});
     judge_device(*device_, *options_, *findings_);
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(0), std::string("open names no device: ") + error.what());

@@ -57,10 +57,16 @@ std::uint64_t bytes_in(const std::vector<ListedFile>& listing) {
 
 crypto::VerifierKey known_device(const crypto::VerifierKey& device,
                                  const std::vector<crypto::VerifierKey>& known) {
-  // The same key may have been given with and without its ML-DSA key: then both are asked for.
-  const auto found = std::ranges::find_if(
-      known, [&](const crypto::VerifierKey& each) { return each == device && each.ml_dsa(); });
-  return found == known.end() ? device : *found;
+  // The same key may have been given with and without those that sign beside: then all are asked for.
+  crypto::VerifierKey with_all = device;
+  for (const crypto::VerifierKey& each : known) {
+    if (each != device) continue;
+    if (each.ml_dsa() && !with_all.ml_dsa())
+      with_all = with_all.with_ml_dsa(*each.ml_dsa(), each.ml_dsa_since());
+    if (each.hardware() && !with_all.hardware())
+      with_all = with_all.with_hardware(*each.hardware(), each.hardware_since());
+  }
+  return with_all;
 }
 
 void judge_device(const crypto::VerifierKey& device, const VerifyOptions& options, FindingList& findings) {
@@ -99,7 +105,7 @@ CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& 
                                  FindingList& findings, std::vector<std::uint64_t> sizes)
     : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
 
-void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin, std::uint64_t alone_until) {
+void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin, EntriesBy alone_until) {
   // What was opened ahead was judged by another key. A log that changes its device in every line would have
   // it all opened again each time.
   one_signer_ = !device_;
@@ -191,7 +197,9 @@ std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
 
 std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,
                                                               const crypto::OpenedNote& opened) {
-  const bool may_lack = opened.failure == crypto::NoteFailure::kLacksMlDsa && size <= alone_until_;
+  const bool lacks_ml_dsa = opened.failure == crypto::NoteFailure::kLacksMlDsa;
+  const bool may_lack =
+      opened.failure == crypto::NoteFailure::kLacksHardware || (lacks_ml_dsa && size <= alone_until_.ml_dsa);
   all_signed_ = all_signed_ && (!opened.failure || may_lack);
   const Place place{note_path(size)};
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
@@ -205,26 +213,31 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
     findings_->add("checkpoint-signature-invalid", place, place.file + ": " + opened.explanation);
     return std::nullopt;
   }
-  const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa;
-  if (device_ && alone && !may_lack) {
+  if (device_ && lacks_ml_dsa && !may_lack) {
     findings_->add("checkpoint-ml-dsa-missing", place, place.file + ": " + opened.explanation);
     return std::nullopt;
   }
-  if (device_ && opened.failure && !alone) {
+  if (device_ && opened.failure && !may_lack) {
     findings_->add(
         "checkpoint-unknown-key", place,
         place.file + " is not signed by the device " + device_->name() + ": " + opened.explanation);
     return std::nullopt;
   }
   if (opened.by_ml_dsa) {
-    alone_until_ = 0;
+    alone_until_.ml_dsa = 0;
+  }
+  if (device_ && device_->hardware() && !opened.by_hardware && size > alone_until_.hardware) {
+    ++hardware_missing_;
   }
   std::vector<std::string> unchecked = opened.unchecked;
-  if (device_ && !device_->ml_dsa() &&
-      std::erase_if(unchecked, [&](const std::string& key) {
-        return key.starts_with(crypto::MlDsaVerifierKey::name_of(device_->name()) + "+");
-      }) > 0) {
-    ++ml_dsa_unchecked_;
+  const auto take_unchecked = [&](const std::string& name) -> std::uint64_t {
+    return std::erase_if(unchecked, [&](const std::string& key) { return key.starts_with(name + "+"); }) > 0;
+  };
+  if (device_ && !device_->ml_dsa()) {
+    unchecked_.ml_dsa += take_unchecked(crypto::MlDsaVerifierKey::name_of(device_->name()));
+  }
+  if (device_ && !device_->hardware()) {
+    unchecked_.hardware += take_unchecked(crypto::HardwareVerifierKey::name_of(device_->name()));
   }
   if (device_ && !unchecked.empty()) {
     findings_->add("checkpoint-cosigned", place,
@@ -265,7 +278,8 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
   }
   if (fits(checkpoint->root)) {
     covered_ = foreign ? covered_ : size;
-    covered_by_ml_dsa_ = foreign || !note->by_ml_dsa ? covered_by_ml_dsa_ : size;
+    covered_by_.ml_dsa = foreign || !note->by_ml_dsa ? covered_by_.ml_dsa : size;
+    covered_by_.hardware = foreign || !note->by_hardware ? covered_by_.hardware : size;
     return;
   }
   if (!changed_) {
@@ -296,24 +310,34 @@ void CheckpointRules::finish(std::uint64_t size) {
   }
 }
 
-void CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) {
+void CheckpointRules::judge_keys(std::uint64_t claims, EntriesBy vouched) {
   if (!device_ || covered_ == 0) {
     return;
   }
-  signatures_checked_ = all_signed_ ? SignaturesChecked::kEd25519 : SignaturesChecked::kNone;
+  const bool by_ml_dsa = judge_ml_dsa(claims, vouched.ml_dsa);
+  const bool by_hardware = judge_hardware(claims, vouched.hardware);
+  if (!all_signed_) {
+    signatures_checked_ = SignaturesChecked::kNone;
+  } else if (by_hardware) {
+    signatures_checked_ = by_ml_dsa ? SignaturesChecked::kAll : SignaturesChecked::kHardware;
+  } else {
+    signatures_checked_ = by_ml_dsa ? SignaturesChecked::kBoth : SignaturesChecked::kEd25519;
+  }
+}
+
+bool CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) {
   if (!device_->ml_dsa()) {
-    if (ml_dsa_unchecked_ > 0) {
+    if (unchecked_.ml_dsa > 0) {
       findings_->add("checkpoint-ml-dsa-unchecked", {},
-                     counted(ml_dsa_unchecked_, "checkpoint carries", "checkpoints carry") +
+                     counted(unchecked_.ml_dsa, "checkpoint carries", "checkpoints carry") +
                          " a signature in the name of the ML-DSA key of " + device_->name() +
-                         ", which was not given: only Ed25519 was checked. The device's identity file, "
+                         ", which was not given: it was not checked. The device's identity file, "
                          "device.identity, holds that key");
     }
-    return;
+    return false;
   }
-  if (std::max(covered_by_ml_dsa_, vouched) >= std::min(claims, covered_)) {
-    signatures_checked_ = all_signed_ ? SignaturesChecked::kBoth : SignaturesChecked::kNone;
-    return;
+  if (std::max(covered_by_.ml_dsa, vouched) >= std::min(claims, covered_)) {
+    return true;
   }
   findings_->add(
       "checkpoint-not-by-both", {},
@@ -322,6 +346,39 @@ void CheckpointRules::judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched) 
           std::to_string(std::min(claims, covered_) - 1) +
           ": this may be from before it had that key, or be made by whoever can forge Ed25519. The "
           "newest appliance log, or a proof from it, can tell");
+  return false;
+}
+
+bool CheckpointRules::judge_hardware(std::uint64_t claims, std::uint64_t vouched) {
+  if (!device_->hardware()) {
+    if (unchecked_.hardware > 0) {
+      findings_->add("checkpoint-hardware-unchecked", {},
+                     counted(unchecked_.hardware, "checkpoint carries", "checkpoints carry") +
+                         " a signature in the name of the key in the hardware of " + device_->name() +
+                         ", which was not given: it was not checked. The device's identity file, "
+                         "device.identity, holds that key");
+    }
+    return false;
+  }
+  if (std::max(covered_by_.hardware, vouched) < std::min(claims, covered_)) {
+    findings_->add(
+        "checkpoint-not-by-hardware", {},
+        "the device " + device_->name() +
+            " has a key that its hardware does not give away, and no signature by it that was given "
+            "covers entry " +
+            std::to_string(std::min(claims, covered_) - 1) +
+            ": the hardware did not answer, this is from before it had that key, or somebody with a "
+            "copy of the device's other keys made it. The recorder's log says when its hardware was "
+            "silent, and is worth no more than its own signatures by hardware");
+    return false;
+  }
+  if (hardware_missing_ > 0) {
+    findings_->add("checkpoint-hardware-missing", {},
+                   counted(hardware_missing_, "checkpoint has", "checkpoints have") +
+                       " no signature by the hardware of " + device_->name() +
+                       ", which did not answer then; a later signature by it covers their entries");
+  }
+  return true;
 }
 
 }  // namespace kiroku::archive

@@ -28,6 +28,11 @@ std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t siz
 /// Whether a root is that of the tree as it stands.
 using RootTest = std::function<bool(const crypto::Sha256Digest& root)>;
 
+/// Numbers of entries, from entry 0 on, one for each key with which a device may sign beside Ed25519.
+struct EntriesBy {
+  std::uint64_t ml_dsa = 0, hardware = 0;
+};
+
 /// Takes the tree's root at each size that a note has, in rising order, and checks that note.
 class CheckpointRules {
  public:
@@ -36,9 +41,10 @@ class CheckpointRules {
 
   /// Who must sign from here on, and the origin line; before the first call signatures and origins are not
   /// checked (the ledger has no usable `open`, which is a finding of its own). Of a device that is known to
-  /// sign by ML-DSA, too, notes of up to `alone_until` entries may be by Ed25519 alone, as long as none
-  /// before them is by both: a device that has both keys uses both.
-  void set_signer(crypto::VerifierKey device, std::string origin, std::uint64_t alone_until);
+  /// sign by ML-DSA, too, notes of up to `alone_until` entries may lack that signature, as long as none
+  /// before them has it: a device that has both keys uses both. Hardware may not answer, so a note without
+  /// its signature is none that was tampered with; what nothing by hardware covers is unproven (judge_keys).
+  void set_signer(crypto::VerifierKey device, std::string origin, EntriesBy alone_until);
   /// Whether a note of this size is there.
   [[nodiscard]] bool has(std::uint64_t size) const;
   /// A note that came to be after the listing.
@@ -52,13 +58,13 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
-  /// Largest size whose note fits the tree and was checked by both keys of the device; 0 if none.
-  [[nodiscard]] std::uint64_t covered_by_ml_dsa() const { return covered_by_ml_dsa_; }
-  /// After finish(): says what was signed, or checked, by Ed25519 alone. The first `vouched` entries are
-  /// known otherwise to be those of a device that signed them by ML-DSA; `claims`: how many there are to
-  /// vouch for.
-  void judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched);
-  /// By which keys of the device all that is covered was checked, once judge_ml_dsa() was called; kNone where
+  /// Largest sizes whose notes fit the tree and were checked by each key beside Ed25519; 0 if none.
+  [[nodiscard]] EntriesBy covered_by() const { return covered_by_; }
+  /// After finish(): says what was signed, or checked, by fewer keys than the device has. The first `vouched`
+  /// entries are known otherwise to be those of a device that signed them by these keys; `claims`: how many
+  /// there are to vouch for.
+  void judge_keys(std::uint64_t claims, EntriesBy vouched);
+  /// By which keys of the device all that is covered was checked, once judge_keys() was called; kNone where
   /// any note is not signed as it must be.
   [[nodiscard]] SignaturesChecked signatures_checked() const { return signatures_checked_; }
   /// Largest size that any note has by its name; 0 if none.
@@ -82,6 +88,9 @@ class CheckpointRules {
   void open_ahead(std::uint64_t size);
   /// Form, signature and size; the checkpoint if all hold. Its origin is the caller's to check.
   std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const crypto::OpenedNote& opened);
+  /// Whether signatures by the device's ML-DSA key, or by its hardware, cover what is claimed.
+  bool judge_ml_dsa(std::uint64_t claims, std::uint64_t vouched);
+  bool judge_hardware(std::uint64_t claims, std::uint64_t vouched);
 
   const CaseFolder* folder_;
   const VerifyOptions* options_;
@@ -89,9 +98,10 @@ class CheckpointRules {
   std::vector<std::uint64_t> sizes_;  // ascending
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
-  std::uint64_t alone_until_ = 0;
+  EntriesBy alone_until_;
   bool all_signed_ = true;              // each note that was looked at, by all keys that it needs
-  std::uint64_t ml_dsa_unchecked_ = 0;  // notes with a line in the name of an ML-DSA key that was not given
+  EntriesBy unchecked_;                 // how many notes have a line in the name of a key that was not given
+  std::uint64_t hardware_missing_ = 0;  // notes that hardware was to sign and did not
   SignaturesChecked signatures_checked_ = SignaturesChecked::kNone;
   std::map<std::uint64_t, ReadNote> ahead_;  // by size
   std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
@@ -99,7 +109,7 @@ class CheckpointRules {
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
   std::uint64_t covered_ = 0;
-  std::uint64_t covered_by_ml_dsa_ = 0;
+  EntriesBy covered_by_;
   std::uint64_t count_ = 0;
   bool changed_ = false;  // a root did not fit: all later ones cannot either
 };
@@ -107,7 +117,7 @@ class CheckpointRules {
 /// Sizes of all regular files together.
 std::uint64_t bytes_in(const std::vector<ListedFile>& listing);
 
-/// The device with the ML-DSA key that it is known to have; `device` itself if none is known.
+/// The device with the keys beside Ed25519 that it is known to have; `device` itself if none is known.
 crypto::VerifierKey known_device(const crypto::VerifierKey& device,
                                  const std::vector<crypto::VerifierKey>& known);
 

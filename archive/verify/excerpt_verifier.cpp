@@ -62,8 +62,7 @@ class ExcerptVerification {
     outside_.finish(document_.first_entry + lines_, false);
     log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
                            shown_root_);
-    checkpoints_.judge_ml_dsa(document_.size,
-                              std::max(vouched_by_log_, log_proof_.vouched_by_ml_dsa(rules_.device())));
+    checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
@@ -186,7 +185,7 @@ class ExcerptVerification {
     rules_.finish(document_.first_entry > 1 ? std::optional(lines_begin_ns_) : std::nullopt);
     if (comparison) {
       comparison->settle(checkpoints_.covered(), std::nullopt);
-      vouched_by_log_ = comparison->vouched_by_ml_dsa();
+      vouched_by_log_ = comparison->vouched_by();
     }
     judge_reach();
   }
@@ -434,7 +433,7 @@ class ExcerptVerification {
   VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
   OutsideNotes outside_;
   LogProof log_proof_;
-  std::uint64_t vouched_by_log_ = 0;  // entries whose root the log states under an ML-DSA signature
+  EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
   std::optional<WalkedLog> walked_log_;
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.

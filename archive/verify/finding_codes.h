@@ -97,6 +97,17 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "checkpoints carry a signature in the name of the device's ML-DSA key, which was not given: Ed25519 "
      "alone "
      "was checked"},
+    {"device-hardware-differs", Severity::kTampered,
+     "the log states another key in the device's hardware than the identity given"},
+    {"checkpoint-not-by-hardware", Severity::kUnproven,
+     "the device has a key that its hardware does not give away, by the identity given, and no signature by "
+     "it "
+     "covers what is here: the hardware did not answer, or somebody with a copy of the other keys made this"},
+    {"checkpoint-hardware-missing", Severity::kNote,
+     "the device's hardware did not sign some checkpoints; one that it signed later covers their entries"},
+    {"checkpoint-hardware-unchecked", Severity::kNote,
+     "checkpoints carry a signature in the name of the key in the device's hardware, which was not given: it "
+     "was not checked"},
     {"checkpoint-of-other-origin", Severity::kTampered, "a checkpoint is of another case or log"},
     {"checkpoint-size-differs", Severity::kTampered, "a checkpoint states another size than its file name"},
     {"checkpoint-missing", Severity::kTampered, "a token is over a checkpoint that is not there"},
@@ -289,8 +300,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"outside-notes-contradict", Severity::kTampered,
      "two notes kept outside have one origin and size and different roots: the device signed two histories"},
     {"outside-note-not-by-both", Severity::kUnproven,
-     "a note given does not fit, and lacks the signature by the ML-DSA key that the device has: whoever can "
-     "forge Ed25519 could have made it"},
+     "a note given does not fit, and lacks the signature by a key that the device has beside Ed25519: "
+     "whoever "
+     "has or can forge the other could have made it"},
     {"outside-note-invalid", Severity::kUnproven,
      "a note given is no signed checkpoint, or its signature does not verify: it was not compared"},
     {"outside-note-untrusted", Severity::kUnproven,

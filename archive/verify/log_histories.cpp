@@ -129,7 +129,8 @@ OpenedCheckpoint open_kept(const LogHistory& history, const std::vector<std::str
       return {std::nullopt, history.name + " is of no entry, and everything begins with none"};
     if (!opened.failure) return {Signer{device, *unjudged}, ""};
     if (opened.failure == crypto::NoteFailure::kBadSignature ||
-        opened.failure == crypto::NoteFailure::kLacksMlDsa)
+        opened.failure == crypto::NoteFailure::kLacksMlDsa ||
+        opened.failure == crypto::NoteFailure::kLacksHardware)
       return {std::nullopt, history.name + " does not hold: " + opened.explanation};
   }
   return {std::nullopt, history.name + " is of \"" + printable(unjudged->origin) +

@@ -114,8 +114,12 @@ bool LogProof::is_of(const std::string& case_id) {
   return false;
 }
 
-std::uint64_t LogProof::vouched_by_ml_dsa(const std::optional<crypto::VerifierKey>& device) const {
-  return proved_ && signer_ && signer_->ml_dsa() && signer_ == device ? proved_entries_ : 0;
+EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const {
+  if (!proved_ || !signer_ || signer_ != device) return known;
+  if (signer_->ml_dsa()) known.ml_dsa = std::max(known.ml_dsa, proved_entries_);
+  if (signer_->hardware() && proved_->entry < signer_->hardware_since())
+    known.hardware = std::max(known.hardware, proved_entries_);
+  return known;
 }
 
 void LogProof::hold(std::uint64_t entries, const std::string& of_what) {

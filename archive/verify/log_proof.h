@@ -51,9 +51,9 @@ class LogProof {
     std::string note;         // the same, signed and cosigned
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
-  /// How many entries of the case it proves under an ML-DSA signature of this device, which recorded the
-  /// case.
-  [[nodiscard]] std::uint64_t vouched_by_ml_dsa(const std::optional<crypto::VerifierKey>& device) const;
+  /// Of `known` and what it proves itself, under signatures by these keys of this device, which recorded the
+  /// case, the larger. As LogComparison::vouched_by.
+  [[nodiscard]] EntriesBy vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const;
 
  private:
   /// By itself.

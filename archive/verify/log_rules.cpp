@@ -126,8 +126,9 @@ LogContents LogWalk::run() {
   }
   judge_tail();
   check_names();
-  checkpoints_.judge_ml_dsa(tree_.size(), 0);
-  contents_.covered_by_ml_dsa = checkpoints_.covered_by_ml_dsa();
+  checkpoints_.judge_keys(tree_.size(), {});
+  contents_.covered_by = checkpoints_.covered_by();
+  contents_.hardware_since = device_ ? device_->hardware_since() : 0;
   contents_.signatures = checkpoints_.signatures_checked();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
@@ -279,7 +280,9 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   }
   last_mono_ns_ = entry.at.mono_ns;
   if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body) &&
-      !std::holds_alternative<DeviceMlDsaEntry>(entry.body)) {
+      !std::holds_alternative<DeviceMlDsaEntry>(entry.body) &&
+      !std::holds_alternative<DeviceHardwareEntry>(entry.body) &&
+      !std::holds_alternative<DeviceHardwareSilentEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
     since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
     to_be_followed_.push_back(number);
@@ -292,6 +295,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
       Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                  [&](const DeviceMlDsaEntry& added) { judge_ml_dsa_key(added.ml_dsa, number); },
+                 [&](const DeviceHardwareEntry& added) { judge_hardware_key(added.hardware, number); },
                  [&](const CaseOpenedEntry& opened) {
                    LoggedCase* known = logged(opened.case_id);
                    if (known != nullptr) {
@@ -353,7 +357,8 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
       kept_->first_device = *signer_;
     }
     device_ = known_device(key, options_->devices);
-    checkpoints_.set_signer(*device_, log_origin(key.name()), device_->ml_dsa_since());
+    checkpoints_.set_signer(*device_, log_origin(key.name()),
+                            {device_->ml_dsa_since(), device_->hardware_since()});
     if (outside_ != nullptr) {
       outside_->add_origin(log_origin(key.name()));
     }
@@ -376,6 +381,21 @@ void LogWalk::judge_ml_dsa_key(const std::string& key, std::uint64_t number) {
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(number),
                    at_entry(number) + " of the log states no ML-DSA key: " + error.what());
+  }
+}
+
+void LogWalk::judge_hardware_key(const std::string& key, std::uint64_t number) {
+  try {
+    const crypto::HardwareVerifierKey stated = crypto::HardwareVerifierKey::parse(key);
+    if (device_ &&
+        (stated.device() != device_->name() || (device_->hardware() && *device_->hardware() != stated))) {
+      findings_->add("device-hardware-differs", in_ledger(number),
+                     at_entry(number) + " of the log states a key in the hardware of " + stated.device() +
+                         " that is not the one of the identity given for " + device_->name());
+    }
+  } catch (const UsageError& error) {
+    findings_->add("device-invalid", in_ledger(number),
+                   at_entry(number) + " of the log states no key in hardware: " + error.what());
   }
 }
 
@@ -506,8 +526,11 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : roots_at(size)) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
     const bool is_its = fits(each.root);
-    if (is_its && log_->opened_by_case_device && each.entry < log_->covered_by_ml_dsa) {
-      vouched_by_ml_dsa_ = std::max(vouched_by_ml_dsa_, size);
+    if (is_its && log_->opened_by_case_device) {
+      const bool by_ml_dsa = each.entry < log_->covered_by.ml_dsa;
+      const bool by_hardware = each.entry < std::min(log_->covered_by.hardware, log_->hardware_since);
+      vouched_by_.ml_dsa = std::max(vouched_by_.ml_dsa, by_ml_dsa ? size : 0);
+      vouched_by_.hardware = std::max(vouched_by_.hardware, by_hardware ? size : 0);
     }
     if (!said && !is_its) {
       said = true;

@@ -67,8 +67,8 @@ struct LogContents {
   std::unordered_set<std::uint64_t> doubted;
   std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
   std::uint64_t entries = 0, checkpoints = 0;
-  std::uint64_t covered_by_ml_dsa =
-      0;  // entries that a checkpoint covers which both keys of the device signed
+  EntriesBy covered_by;              // entries that a checkpoint covers which that key of the device signed
+  std::uint64_t hardware_since = 0;  // entries that the log had when the hardware began to sign, as is known
   SignaturesChecked signatures = SignaturesChecked::kNone;
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
@@ -99,8 +99,9 @@ class LogWalk {
   /// That a checkpoint of all until now holds, for a comparison.
   void keep_signed();
   void set_device(const std::string& device, std::uint64_t number);
-  /// The ML-DSA key that the log states against the one that is known.
+  /// A key beside Ed25519 that the log states against the one that is known.
   void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
+  void judge_hardware_key(const std::string& key, std::uint64_t number);
   /// What is known of a case; nothing where it is not asked for.
   LoggedCase* logged(const std::string& case_id);
   [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
@@ -167,8 +168,9 @@ class LogComparison {
   /// knowing more of a case than is in it: a case's checkpoint is durable before the log has its line.
   void settle(std::uint64_t covered, std::optional<std::uint64_t> close);
   /// The most entries of the case whose root the log states, and it is the case's, in an entry that the
-  /// case's own device signed by ML-DSA.
-  [[nodiscard]] std::uint64_t vouched_by_ml_dsa() const { return vouched_by_ml_dsa_; }
+  /// case's own device signed by that key. Of hardware only what the log had when it began to sign counts:
+  /// whoever has a copy of the other keys, and the disk, could have put a later line before the hardware.
+  [[nodiscard]] EntriesBy vouched_by() const { return vouched_by_; }
 
  private:
   /// The roots that the log states for this size.
@@ -194,7 +196,7 @@ class LogComparison {
   FindingList* findings_;
   std::string case_id_;
   bool differs_ = false, differs_in_doubt_ = false;
-  std::uint64_t vouched_by_ml_dsa_ = 0;
+  EntriesBy vouched_by_;
   std::vector<Doubt> doubts_;
 };
 

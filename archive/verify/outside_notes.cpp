@@ -63,7 +63,8 @@ void OutsideNotes::judge(const OutsideNote& note) {
                        "\", so nothing was compared with it: anybody can write such a note");
     return;
   }
-  const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa;
+  const bool alone = opened.failure == crypto::NoteFailure::kLacksMlDsa ||
+                     opened.failure == crypto::NoteFailure::kLacksHardware;
   if (opened.failure && !alone) {
     findings_->add("outside-note-invalid", {},
                    note.name + " does not hold, so nothing was compared with it: " + opened.explanation);
@@ -82,8 +83,8 @@ void OutsideNotes::add_misfit(const Judged& note, CodeName code, const Place& pl
   if (note.alone) {
     findings_->add("outside-note-not-by-both", place,
                    text +
-                       ". The note lacks the signature by the device's ML-DSA key, so this shows nothing if "
-                       "somebody can forge Ed25519");
+                       ". The note lacks the signature by a key that the device has beside Ed25519, so this "
+                       "shows nothing if somebody has or can forge the others");
   } else {
     findings_->add(code, place, text);
   }

@@ -49,7 +49,7 @@ class OutsideNotes {
   struct Judged {
     std::string name, text;
     crypto::Checkpoint checkpoint;
-    bool alone = false;  // by Ed25519, where the device is known to sign by ML-DSA, too: it accuses nobody
+    bool alone = false;  // not by all keys that the device is known to have: it accuses nobody
     Answer answer = Answer::kNotReached;
     std::uint64_t fork_after = 0;  // where it differs: entries that are still those of an older note
   };

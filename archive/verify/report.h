@@ -153,8 +153,9 @@ std::string_view holds_name(WitnessReport::Holds holds);  // "end"
 
 /// By which keys of the device its checkpoints were checked. kNone: one is not signed as it must be, or none
 /// covers anything. kEd25519: of all that is covered by that one
-/// alone, since no ML-DSA key of the device was given, or it had none yet. kBoth: by ML-DSA-65, too.
-enum class SignaturesChecked { kNone, kEd25519, kBoth };
+/// alone, since no other key of the device was given, or it had none yet. kBoth: by ML-DSA-65, too.
+/// kHardware: by the key in the device's hardware, too. kAll: by all three.
+enum class SignaturesChecked { kNone, kEd25519, kBoth, kHardware, kAll };
 std::string_view signatures_name(SignaturesChecked signatures);  // "ed25519"
 
 struct VerificationReport {

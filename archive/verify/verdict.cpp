@@ -30,6 +30,10 @@ std::string_view signatures_name(SignaturesChecked signatures) {
       return "ed25519";
     case SignaturesChecked::kBoth:
       return "ed25519+ml-dsa-65";
+    case SignaturesChecked::kHardware:
+      return "ed25519+ecdsa-p256";
+    case SignaturesChecked::kAll:
+      return "ed25519+ml-dsa-65+ecdsa-p256";
     case SignaturesChecked::kNone:
       break;
   }

@@ -78,8 +78,7 @@ class CaseVerification {
     outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
     log_proof_.finish(rules_.opening() ? rules_.opening()->case_id : std::string(), tree_.size(),
                       opening.file.has_value() && !rules_.gave_up());
-    checkpoints_.judge_ml_dsa(rules_.claims(),
-                              std::max(vouched_by_log_, log_proof_.vouched_by_ml_dsa(rules_.device())));
+    checkpoints_.judge_keys(rules_.claims(), log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     return report();
   }
 
@@ -125,7 +124,7 @@ class CaseVerification {
     rules_.finish();
     comparison.finish(tree_.size(), rules_.close_entry().has_value(), rules_.tokens().hashes());
     comparison.settle(checkpoints_.covered(), rules_.close_entry());
-    vouched_by_log_ = comparison.vouched_by_ml_dsa();
+    vouched_by_log_ = comparison.vouched_by();
     rules_.judge_missing(files_.finish());
     judge_names();
     rules_.check_device_file();
@@ -369,7 +368,7 @@ class CaseVerification {
   OutsideNotes outside_;
   LogProof log_proof_;
   std::optional<WalkedLog> walked_log_;
-  std::uint64_t vouched_by_log_ = 0;  // entries whose root the log states under an ML-DSA signature
+  EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
   crypto::MerkleFrontier tree_;
 };
 

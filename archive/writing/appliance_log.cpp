@@ -61,6 +61,7 @@ struct ApplianceLog::State {
       newest_boot_id.clear();
       signing.clear();
       stated_ml_dsa.reset();
+      stated_hardware.reset();
     }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
@@ -81,8 +82,11 @@ struct ApplianceLog::State {
       newest_boot_id = boot->boot_id;
     } else if (const auto* added = std::get_if<DeviceMlDsaEntry>(&parsed.entry->body)) {
       stated_ml_dsa = {seq, added->ml_dsa};
+    } else if (const auto* hardware = std::get_if<DeviceHardwareEntry>(&parsed.entry->body)) {
+      stated_hardware = {seq, hardware->hardware};
     } else if (std::holds_alternative<DeviceKeyChangedEntry>(parsed.entry->body)) {
       stated_ml_dsa.reset();
+      stated_hardware.reset();
     } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
       cases.try_emplace(opened->case_id, CaseState::kOpened);
     } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
@@ -100,6 +104,12 @@ struct ApplianceLog::State {
       if (device.ml_dsa() && !stated_ml_dsa) {
         bodies.emplace_back(DeviceMlDsaEntry{device.ml_dsa()->to_string()});
       }
+      if (device.hardware() && !stated_hardware) {
+        bodies.emplace_back(DeviceHardwareEntry{device.hardware()->to_string()});
+      }
+      if (!silence.empty() && !silence_stated) {
+        bodies.emplace_back(DeviceHardwareSilentEntry{silence});
+      }
       if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
         bodies.emplace_back(LogRecoveredEntry{torn});
       }
@@ -114,6 +124,7 @@ struct ApplianceLog::State {
       }
       return lines;
     });
+    silence_stated = !silence.empty();
   }
 
   void append(const std::optional<LogEntryBody>& body) {
@@ -166,6 +177,16 @@ struct ApplianceLog::State {
                   " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
                   "back, and start whatever runs from before it was made anew");
     }
+    if (stated_hardware && device.hardware() && device.hardware()->to_string() != stated_hardware->key) {
+      throw Error(
+          "the appliance log in " + folder.string() + " states in its entry " +
+          std::to_string(stated_hardware->entry) + " another key in the hardware of " + device.name() +
+          " than device-hardware.json: put the file back that belongs to this home. After hardware was "
+          "replaced, make a new home (docs/how-to/keep-a-key-in-hardware.md)");
+    }
+    if (stated_hardware && !device.hardware()) {
+      silence = "the program that signed was given no key in hardware";
+    }
     const std::uint64_t size = ledger->size();
     if (size == 0 || size <= known_signed || signing.back() != Signing::kFollows) {
       return;
@@ -187,7 +208,12 @@ struct ApplianceLog::State {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
     if (text.size > 0 && !files.exists(file)) {
-      reserve.write_durably(file, bytes_of(crypto::sign_note(text.to_text(), device.name(), key)));
+      crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
+      reserve.write_durably(file, bytes_of(written.note));
+      if (device.hardware()) {
+        silence = std::move(written.hardware_silent);
+        silence_stated = silence_stated && !silence.empty();
+      }
     }
     known_signed = text.size;
   }
@@ -197,7 +223,8 @@ struct ApplianceLog::State {
   enum class Signing { kFollows, kKept, kNone };
   static Signing signing_of(std::string_view type) {
     if (type.starts_with("boot\"") || type.starts_with("config-changed\"") ||
-        type.starts_with("device-ml-dsa-added\"") || type.starts_with("recovered\"")) {
+        type.starts_with("device-ml-dsa-added\"") || type.starts_with("device-hardware-") ||
+        type.starts_with("recovered\"")) {
       return Signing::kNone;
     }
     return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
@@ -213,11 +240,13 @@ struct ApplianceLog::State {
   SpaceReserve reserve;
   std::string boot_id;         // of this machine, as far as known
   std::string newest_boot_id;  // that the log states
-  struct StatedMlDsa {
+  struct StatedKey {
     std::uint64_t entry = 0;
     std::string key;
   };
-  std::optional<StatedMlDsa> stated_ml_dsa;  // the device's, in the log
+  std::optional<StatedKey> stated_ml_dsa, stated_hardware;  // the device's, in the log
+  std::string silence;  // why the newest checkpoint lacks the line by hardware
+  bool silence_stated = false;
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
   std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
@@ -262,23 +291,36 @@ void ApplianceLog::device_key_changed() {
   state_->append_and_checkpoint(DeviceKeyChangedEntry{state_->device.to_string()});
 }
 
-std::uint64_t ApplianceLog::state_ml_dsa_key() {
-  const std::lock_guard guard(state_->mutex);
-  if (!state_->device.ml_dsa()) {
-    throw UsageError("the device " + state_->device.name() + " has no ML-DSA key to state in its log");
+ApplianceLog::StatedKeys ApplianceLog::state_keys() {
+  const crypto::VerifierKey& device = state_->device;
+  if (!device.ml_dsa() && !device.hardware()) {
+    throw UsageError("the device " + device.name() + " has no key beside Ed25519 to state in its log");
   }
-  const Ledger::Turn turn(*state_->ledger);
-  state_->settle_locked();
-  if (!state_->stated_ml_dsa) {
-    state_->append_locked(std::nullopt);
+  if (device.hardware()) {
+    // The log must not state a key for good that has never signed.
+    const crypto::HardwareSigner::Answer answer = state_->key.hardware()->sign(bytes_of("kiroku\n"));
+    if (answer.signature.empty()) throw Error("the hardware does not sign: " + answer.why);
   }
-  state_->checkpoint_locked();
-  return state_->stated_ml_dsa.value().entry;
+  {
+    const std::lock_guard guard(state_->mutex);
+    const Ledger::Turn turn(*state_->ledger);
+    state_->settle_locked();
+    const bool all_stated =
+        (!device.ml_dsa() || state_->stated_ml_dsa) && (!device.hardware() || state_->stated_hardware);
+    if (!all_stated) {
+      state_->append_locked(std::nullopt);
+    }
+    state_->checkpoint_locked();
+  }
+  return stated_keys();
 }
 
-std::optional<std::uint64_t> ApplianceLog::ml_dsa_entry() const {
+ApplianceLog::StatedKeys ApplianceLog::stated_keys() const {
   const std::lock_guard guard(state_->mutex);
-  return state_->stated_ml_dsa ? std::optional(state_->stated_ml_dsa->entry) : std::nullopt;
+  StatedKeys stated;
+  if (state_->stated_ml_dsa) stated.ml_dsa = state_->stated_ml_dsa->entry;
+  if (state_->stated_hardware) stated.hardware = state_->stated_hardware->entry;
+  return stated;
 }
 
 void ApplianceLog::plan_sealed(const crypto::Sha256Digest& sha256) {

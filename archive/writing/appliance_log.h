@@ -38,7 +38,8 @@ class ApplianceLog {
   /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
   /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. `files` and `key` must
   /// outlive the log. Throws kiroku::Error, also where the log states an ML-DSA key of the device that `key`
-  /// does not have: what it signs would count for nothing. So do all that append.
+  /// does not have: what it signs would count for nothing. So do all that append. A key in hardware that it
+  /// states, and `key` does not have, is silence as that of hardware which does not answer.
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name);
   ~ApplianceLog();
@@ -55,12 +56,16 @@ class ApplianceLog {
   void config_changed(const crypto::Sha256Digest& sha256);
   /// The key itself is the one given to open().
   void device_key_changed();
-  /// The number of the entry that states the ML-DSA key of the key given to open(), with a checkpoint by both
-  /// keys; it is written unless it is there. Every other entry makes sure of it by itself. kiroku::UsageError
-  /// if the key has no such half.
-  std::uint64_t state_ml_dsa_key();
-  /// That number, as this object last saw the log; nothing if the log states no such key.
-  [[nodiscard]] std::optional<std::uint64_t> ml_dsa_entry() const;
+  /// The numbers of the entries that state keys beside Ed25519; nothing for one that none states.
+  struct StatedKeys {
+    std::optional<std::uint64_t> ml_dsa, hardware;
+  };
+  /// States those of the key given to open() unless it is done, with a checkpoint by all keys. Every other
+  /// entry makes sure of it by itself. kiroku::UsageError if the key has none; kiroku::Error, and nothing is
+  /// written, if its hardware does not sign.
+  StatedKeys state_keys();
+  /// As this object last saw the log.
+  [[nodiscard]] StatedKeys stated_keys() const;
   void plan_sealed(const crypto::Sha256Digest& sha256);
   void case_opened(const std::string& case_id, const crypto::Sha256Digest& entry0);
   void case_checkpoint(const std::string& case_id, std::uint64_t size, const crypto::Sha256Digest& root);

@@ -46,20 +46,25 @@ const OpenEntry& CaseWriter::State::check_opening(const CaseEntry& entry, const 
 }
 
 void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root,
-                                         bool may_be_by_ed25519_alone) {
+                                         FromBefore from_before) {
   const fs::path file = folder / note_path(size);
   const auto note = CaseFolder::open(folder, files).read_if_there(note_path(size), kMaximumNoteBytes);
   if (!note) {
     refuse_damaged(folder, file.string() + " cannot be read");
   }
   const crypto::OpenedNote opened = crypto::open_note(*note, {crypto::verifier_key_of(device_name, *key)});
-  const bool is_signed =
-      !opened.failure || (opened.failure == crypto::NoteFailure::kLacksMlDsa && may_be_by_ed25519_alone);
+  const bool is_signed = !opened.failure || opened.failure == crypto::NoteFailure::kLacksHardware ||
+                         (opened.failure == crypto::NoteFailure::kLacksMlDsa && from_before.ml_dsa);
   const std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
   if (!is_signed || !checkpoint || checkpoint->origin != case_origin(device_name, case_id) ||
       checkpoint->size != size || checkpoint->root != root) {
     refuse_damaged(folder,
                    "its newest checkpoint, " + file.filename().string() + ", does not fit its ledger");
+  }
+  // Either the hardware was silent, or somebody with a copy of the other keys wrote what lies there. Its
+  // signature now would cover both alike, so such a case goes on to its end without it.
+  if (key->hardware() != nullptr && !opened.by_hardware && !from_before.hardware) {
+    ask_hardware = crypto::AskHardware::kNo;
   }
   last_checkpoint = StoredCheckpoint{size, root, *note, file};
 }
@@ -93,10 +98,10 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   state->case_id = folder.filename().string();
   refuse_linked_folders(files, folder);
   // Of a case from before the device had an ML-DSA key, by the log, no checkpoint needs to be signed by it.
-  const std::optional<std::uint64_t> since = log == nullptr ? std::nullopt : log->ml_dsa_entry();
+  const ApplianceLog::StatedKeys since = log == nullptr ? ApplianceLog::StatedKeys{} : log->stated_keys();
   crypto::VerifierKey verifier = crypto::verifier_key_of(device_name, key);
-  if (since && verifier.ml_dsa()) verifier = verifier.with_ml_dsa(*verifier.ml_dsa(), *since);
-  bool from_before = !since;
+  if (since.ml_dsa && verifier.ml_dsa()) verifier = verifier.with_ml_dsa(*verifier.ml_dsa(), *since.ml_dsa);
+  State::FromBefore from_before{!since.ml_dsa, false};
   const std::string device = verifier.to_string();
   const std::uint64_t newest = newest_note(folder, files);
   // What is signed here is believed everywhere. Whoever can write to the disk, and has no key, could have cut
@@ -112,7 +117,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   const auto take_first = [&](std::string_view line) {
     if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
       const OpenEntry& open = state->check_opening(*first.entry, device);
-      from_before = !since || open.appliance_log_size <= *since;
+      from_before = {!since.ml_dsa || open.appliance_log_size <= *since.ml_dsa,
+                     since.hardware && open.appliance_log_size <= *since.hardware};
     }
     if (known) {
       known->take(line);

@@ -180,7 +180,8 @@ StoredCheckpoint CaseWriter::checkpoint(Moment now, bool log_it) {
     stored.size = state.ledger->size();
     stored.root = state.ledger->root();
     const crypto::Checkpoint text{case_origin(state.device_name, state.case_id), stored.size, stored.root};
-    stored.note = crypto::sign_note(text.to_text(), state.device_name, *state.key);
+    stored.note =
+        crypto::sign_note_by_all(text.to_text(), state.device_name, *state.key, state.ask_hardware).note;
     stored.file = state.folder / note_path(stored.size);
     state.durably([&] { state.reserve.write_durably(stored.file, bytes_of(stored.note)); });
     state.last_checkpoint = std::move(stored);

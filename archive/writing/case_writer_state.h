@@ -76,7 +76,11 @@ struct CaseWriter::State {
   void account_for(const CaseEntryBody& body);
   /// Of a ledger that is there already; throw kiroku::Error where it is not this device's, or damaged.
   [[nodiscard]] const OpenEntry& check_opening(const CaseEntry& entry, const std::string& device) const;
-  void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root, bool may_be_by_ed25519_alone);
+  /// `from_before`: whether the case is from before the device had that key, by its log.
+  struct FromBefore {
+    bool ml_dsa = false, hardware = false;
+  };
+  void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root, FromBefore from_before);
 
   FileSystem& files;
   const crypto::SigningKey* key;
@@ -93,6 +97,7 @@ struct CaseWriter::State {
   std::optional<StoredCheckpoint> last_checkpoint;
   std::optional<std::int64_t> last_logged_ns;
   std::optional<crypto::Sha256Digest> final_token;
+  crypto::AskHardware ask_hardware = crypto::AskHardware::kYes;
   Stage stage = Stage::kRecording;
   std::string failure;  // once set, everything is refused with it
 };

@@ -280,8 +280,9 @@ class Entries:
         try:
             self.device = note.parse_key(entry["device"])
             self.folder.judge_device(self.device)
-            since = self.folder.known_device(self.device).since
-            self.folder.alone_until = 1 << 62 if since and entry["appliance_log"]["size"] <= since else 0
+            known, log_size = self.folder.known_device(self.device), entry["appliance_log"]["size"]
+            self.folder.alone_until = 1 << 62 if known.since and log_size <= known.since else 0
+            self.folder.hardware_alone_until = 1 << 62 if known.hardware_since and log_size <= known.hardware_since else 0
         except note.Malformed as e:
             self.report("device-invalid", str(e))
         if "subject" in entry:
@@ -621,12 +622,17 @@ class AgainstLog:
         else:
             self.report(code, text)
 
-    def vouched_by_ml_dsa(self, ledger):
-        """The most lines whose root the case's own device states in its log under an ML-DSA signature."""
+    def vouched(self, ledger):
+        """The most lines whose root the case's own device states in its log under a signature by its ML-DSA key, and by its hardware."""
         if not self.known or self.known.device != self.entries.opening["device"]:
-            return 0
-        signed = [r for r in self.known.roots if r.entry < self.log.folder.covered_by_ml_dsa and ledger.first < r.size <= len(ledger)]
-        return max((r.size for r in signed if (ledger.root(r.size) or b"").hex() == r.root), default=0)
+            return 0, 0
+        folder = self.log.folder
+        until_hardware = min(folder.covered_by_hardware, folder.known_device(self.log.device).hardware_since if self.log.device else 0)
+
+        def most(covered):
+            signed = [r for r in self.known.roots if r.entry < covered and ledger.first < r.size <= len(ledger)]
+            return max((r.size for r in signed if (ledger.root(r.size) or b"").hex() == r.root), default=0)
+        return most(folder.covered_by_ml_dsa), most(until_hardware)
 
     def settle(self, first_line, ledger, covered, whole):
         if not self.log or not self.entries.opening:
@@ -713,7 +719,7 @@ def verify_case(path, trust):
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
     vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger, entries.device)
-    folder.judge_ml_dsa(entries.device, entries.claims, max(vouched, comparison.vouched_by_ml_dsa(ledger)))
+    folder.judge_keys(entries.device, entries.claims, tuple(map(max, vouched, comparison.vouched(ledger))))
     return Judgement(folder.findings)
 
 
@@ -881,8 +887,8 @@ def verify_excerpt(path, trust):
     origins = [entries.origin] if entries.device and entries.opening else []
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, lines, False)
     vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, lines, entries.device, size)
-    by_log = lines.comparison.vouched_by_ml_dsa(lines) if lines is not None and lines.comparison else 0
-    folder.judge_ml_dsa(entries.device, size, max(vouched, by_log))
+    by_log = lines.comparison.vouched(lines) if lines is not None and lines.comparison else (0, 0)
+    folder.judge_keys(entries.device, size, tuple(map(max, vouched, by_log)))
     entries.check_files(lambda file: file + ".header" in present)
 
     def judge(file):

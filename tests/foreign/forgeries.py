@@ -2074,3 +2074,184 @@ def an_excerpt_from_before_the_ml_dsa_key(world):
 def an_excerpt_signed_by_both(world):
     world = both(world)
     return by_both(world, excerpt(world))
+
+
+# -- a device whose hardware signs, too
+
+
+def hard(world, since=0):
+    """The world of a device with a key in hardware, since its log had so many entries."""
+    return dataclasses.replace(world, device=dataclasses.replace(world.device, hardware_seed=bytes([7] * 32), hardware_since=since))
+
+
+def copied(world):
+    """The same device in the hand of somebody who copied the keys that are files, or while its hardware is silent."""
+    return dataclasses.replace(world, device=dataclasses.replace(world.device, hardware_seed=None))
+
+
+def without_hardware(data):
+    return b"".join(line for line in data.splitlines(True) if b"/ecdsa-p256 " not in line)
+
+
+@reaches()
+def signed_by_hardware(world):
+    world = hard(world)
+    return by_both(world, world.given(world.sound().write(world.folder).folder))
+
+
+@reaches()
+def signed_by_hardware_and_ml_dsa_beside_its_log(world):
+    world = hard(both(world))
+    return by_both(world, with_log(world))
+
+
+@reaches("checkpoint-hardware-unchecked")
+def signed_by_hardware_to_one_who_knows_one_key(world):
+    written = hard(world).sound().write(world.folder)
+    return world.given(written.folder, devices=[copied(world).device.key])
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_by_a_copied_key(world):
+    written = copied(world).sound().write(world.folder)
+    return by_both(hard(world), world.given(written.folder))
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_by_copied_keys_both(world):
+    world = both(world)
+    written = copied(world).sound().write(world.folder)
+    return by_both(hard(world), world.given(written.folder))
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_that_a_copied_key_carries_on(world):
+    world = hard(world)
+    case = world.sound()
+    for step in case.of(Checkpoint)[2:]:
+        step.signer = copied(world).device
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-hardware-missing")
+def hardware_that_was_silent_for_a_while(world):
+    world = hard(world)
+    case = world.sound()
+    case.of(Checkpoint)[1].change = without_hardware
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-signature-invalid")
+def a_signature_by_other_hardware(world):
+    world = hard(world)
+    case = world.sound()
+    case.of(Checkpoint)[1].signer = dataclasses.replace(world.device, hardware_seed=bytes([8] * 32))
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-signature-invalid")
+def a_signature_by_hardware_of_another_text(world):
+    world = hard(world)
+    case = world.sound()
+
+    def change(data):
+        return without_hardware(data) + world.device.line(b"another text\n").splitlines(True)[1]
+    case.of(Checkpoint)[1].change = change
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-ml-dsa-missing")
+def hardware_does_not_stand_for_ml_dsa(world):
+    world = hard(both(world))
+    case = world.sound()
+    case.of(Checkpoint)[1].change = without_ml_dsa
+    return by_both(world, world.given(case.write(world.folder).folder))
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_from_before_the_hardware(world):
+    written = copied(world).sound(log_state=(5, "0" * 64)).write(world.folder)
+    return by_both(hard(world, 7), world.given(written.folder))
+
+
+def with_hardware_added(world, change=lambda log, written: None, signer=None):
+    """A case from before the device had its key in hardware, and the log that states that key behind it."""
+    new = hard(world, 4)
+
+    def add(log, written):
+        log.signed("device-hardware-added", 90 * SECOND, hardware=new.device.key.hardware_text)
+        log.of(Checkpoint)[-1].signer = signer or new.device
+        change(log, written)
+    return by_both(new, with_log(copied(world), add))
+
+
+@reaches()
+def a_case_from_before_the_hardware_by_the_log_that_goes_on(world):
+    return with_hardware_added(world)
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_from_before_the_hardware_by_a_log_that_a_copied_key_carries_on(world):
+    return with_hardware_added(world, signer=copied(world).device)
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_by_a_copied_key_that_the_log_ends(world):
+    """The hardware signs what the log had when it began to; a line behind that speaks for no case."""
+    return by_both(hard(world, 1), with_log(copied(world), lambda log, written: _sign_last(log, hard(world).device)))
+
+
+def _sign_last(log, signer):
+    log.of(Checkpoint)[-1].signer = signer
+
+
+@reaches("device-hardware-differs")
+def a_log_that_states_other_hardware(world):
+    other = dataclasses.replace(hard(world).device, hardware_seed=bytes([8] * 32))
+
+    def change(log, written):
+        log.find("device-hardware-added").fields["hardware"] = other.key.hardware_text
+    given = with_hardware_added(world, change)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("device-invalid")
+def a_log_that_states_no_hardware(world):
+    def change(log, written):
+        log.find("device-hardware-added").fields["hardware"] = "or3/ecdsa-p256+00000000+Ag=="
+    given = with_hardware_added(world, change)
+    return dataclasses.replace(given, path=given.log, log=None, as_log=True)
+
+
+@reaches("outside-note-not-by-both")
+def a_note_by_a_copied_key_of_other_entries(world):
+    world = hard(world)
+    written = world.sound().write(world.folder)
+    forged = copied(world).device.checkpoint(written.case.origin, max(written.notes), bytes(32))
+    return by_both(world, world.given(written.folder, against=kept(world, forged)))
+
+
+@reaches("log-proof-holds")
+def a_proof_by_hardware(world):
+    world = hard(world)
+    return by_both(world, by_proof(world, with_log(world)))
+
+
+@reaches("log-proof-not-used")
+def a_proof_by_a_copied_key(world):
+    world = hard(world)
+
+    def change(parts):
+        parts["signed"] = without_hardware(parts["signed"])
+    return by_both(world, by_proof(world, with_log(world), change))
+
+
+@reaches()
+def an_excerpt_signed_by_hardware(world):
+    world = hard(world)
+    return by_both(world, excerpt(world))
+
+
+@reaches("checkpoint-not-by-hardware")
+def an_excerpt_by_a_copied_key(world):
+    return by_both(hard(world), excerpt(copied(world)))

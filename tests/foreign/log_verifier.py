@@ -7,7 +7,7 @@ import re
 import note
 from verifier import Folder, Judgement, Ledger, outside_notes, size_of_note
 
-FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added")  # entries that no checkpoint need follow at once
+FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
 MOST_WITHOUT_THEIR_OWN = 3
 
 
@@ -65,10 +65,13 @@ class LogRead:
                         origins.append(origin)
                         folder.judge_device(device)
                         folder.alone_until = folder.known_device(device).since
+                        folder.hardware_alone_until = folder.known_device(device).hardware_since
                     except note.Malformed as e:
                         report("device-invalid", str(e))
                 if kind == "device-ml-dsa-added":
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
+                if kind == "device-hardware-added":
+                    self._judge_hardware_key(entry["hardware"], device, report)
                 told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
             if size in folder.note_sizes:
@@ -100,7 +103,7 @@ class LogRead:
         if self.ledger.readable:
             self._judge_tail(to_be_followed)
             folder.judge_names(_judge_name)
-            folder.judge_ml_dsa(device, len(self.ledger), 0)
+            folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
 
@@ -112,6 +115,15 @@ class LogRead:
         known = self.folder.known_device(device) if device else None
         if known and (name != known.name or known.ml_dsa not in (None, public)):
             report("device-ml-dsa-differs", name)
+
+    def _judge_hardware_key(self, text, device, report):
+        try:
+            name, public = note.parse_hardware_key(text)
+        except note.Malformed as e:
+            return report("device-invalid", str(e))
+        known = self.folder.known_device(device) if device else None
+        if known and (name != known.name or known.hardware not in (None, public)):
+            report("device-hardware-differs", name)
 
     def _take(self, number, entry, kind, device):
         """The case that the entry tells of, one that it erases as a whole, its end."""
@@ -161,7 +173,7 @@ def _held(notes, trust):
         except note.Malformed:
             continue
         signatures = [(key, s[2]) for key in trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
-        if any(note.holds(key.public, checkpoint.text, signature) and (not key.ml_dsa or key.by_ml_dsa(checkpoint)) for key, signature in signatures):
+        if any(note.holds(key.public, checkpoint.text, signature) and key.by_all(checkpoint) for key, signature in signatures):
             kept.append(checkpoint)
     return kept
 

@@ -29,7 +29,7 @@ CASE = [
     _entry("erased", stream="a", first_index=0, last_index=0, policy="p")]
 LOG = [
     _entry("boot", boot_id="b", device="d"), _entry("shutdown"), _entry("config-changed", sha256=_HASH), _entry("device-key-changed", device="d"),
-    _entry("device-ml-dsa-added", ml_dsa="d"), _entry("plan-sealed", sha256=_HASH), _entry("case-opened", **_CASE, sha256=_HASH), _entry("case-checkpoint", **_CASE, size=1, root=_HASH),
+    _entry("device-ml-dsa-added", ml_dsa="d"), _entry("device-hardware-added", hardware="d"), _entry("device-hardware-silent", why="w"), _entry("plan-sealed", sha256=_HASH), _entry("case-opened", **_CASE, sha256=_HASH), _entry("case-checkpoint", **_CASE, size=1, root=_HASH),
     _entry("case-closed", **_CASE, size=1, root=_HASH, final_token=_HASH), _entry("replicated", **_CASE, target="t"),
     _entry("erased", **_CASE, stream="s", policy="p"), _entry("access", case="*", what="w", who="w"), _entry("recovered", truncated=1),
     _entry("pre-roll-discarded", segments=1, duration_ns=2),

@@ -1,4 +1,4 @@
-"""C2SP signed notes and tlog-checkpoints with Ed25519, which `openssl` signs and verifies, and ML-DSA-65 beside it."""
+"""C2SP signed notes and tlog-checkpoints with Ed25519 and ECDSA, which `openssl` signs and verifies, and ML-DSA-65 beside them."""
 import base64
 import binascii
 import dataclasses
@@ -14,6 +14,8 @@ _PUBLIC = bytes.fromhex("302a300506032b6570032100")           # SubjectPublicKey
 _PRIVATE = bytes.fromhex("302e020100300506032b657004220420")  # PKCS #8 of Ed25519 before the 32 bytes
 MOST_BYTES, MOST_SIGNATURES = 131072, 100
 ML_DSA_TYPE = b"\xffkiroku/ml-dsa-65"
+_P256_PUBLIC = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d03010703420004")                     # SubjectPublicKeyInfo before both coordinates
+_P256_PRIVATE = bytes.fromhex("3041020100301306072a8648ce3d020106082a8648ce3d030107042730250201010420")  # PKCS #8 before the 32 bytes
 
 
 class Malformed(ValueError):
@@ -37,6 +39,8 @@ class Key:
     public: bytes
     ml_dsa: bytes | None = dataclasses.field(default=None, compare=False)    # the ML-DSA-65 key that signs beside
     since: int = dataclasses.field(default=0, compare=False)                 # entries that the log had before it did
+    hardware: bytes | None = dataclasses.field(default=None, compare=False)  # the key in hardware that signs beside, as DER
+    hardware_since: int = dataclasses.field(default=0, compare=False)
     identity: str | None = dataclasses.field(default=None, compare=False)    # the file that says so
 
     @property
@@ -54,6 +58,31 @@ class Key:
     @property
     def ml_dsa_text(self):
         return f"{self.ml_dsa_name}+{self.ml_dsa_id.hex()}+{base64.b64encode(ML_DSA_TYPE + self.ml_dsa).decode()}"
+
+    @property
+    def hardware_name(self):
+        return f"{self.name}/ecdsa-p256"
+
+    @property
+    def hardware_id(self):
+        return hashlib.sha256(self.hardware).digest()[:4]
+
+    @property
+    def hardware_text(self):
+        return f"{self.hardware_name}+{self.hardware_id.hex()}+{base64.b64encode(bytes([2]) + self.hardware).decode()}"
+
+    def by_hardware(self, checkpoint):
+        """As by_ml_dsa, of the key in hardware."""
+        theirs = [s for s in checkpoint.signatures if s[0] == self.hardware_name]
+        if not theirs:
+            return None
+        return all(key == self.hardware_id and holds_ecdsa(self.hardware, checkpoint.text, signature) for _, key, signature in theirs)
+
+    def by_all(self, checkpoint):
+        """Whether every key beside Ed25519 signed it; None where a line is not there, False where one does not hold."""
+        answers = [self.by_ml_dsa(checkpoint)] if self.ml_dsa else []
+        answers += [self.by_hardware(checkpoint)] if self.hardware else []
+        return False if False in answers else None if None in answers else True
 
     def by_ml_dsa(self, checkpoint):
         """Whether the ML-DSA key signed it: None where there is no such line, False where it does not hold."""
@@ -91,20 +120,50 @@ def parse_ml_dsa_key(text):
     return key.name, key.ml_dsa
 
 
+def parse_hardware_key(text):
+    """The device's name and the public key."""
+    name, key_id, data = (text.split("+", 2) + ["", ""])[:3]
+    data, device = from_base64(data), name.removesuffix("/ecdsa-p256")
+    point = data[1 + len(_P256_PUBLIC):]
+    if device == name or not device or data[:1] != b"\2" or data[1:1 + len(_P256_PUBLIC)] != _P256_PUBLIC or len(point) != 64 or not _on_p256(point):
+        raise Malformed("no key in the hardware of a device")
+    key = Key(device, b"", hardware=data[1:])
+    if key_id != key.hardware_id.hex():
+        raise Malformed("the key's hash is another")
+    return key.name, key.hardware
+
+
+def _on_p256(point):
+    """Whether two coordinates are a point of the curve (FIPS 186-5, SP 800-186)."""
+    prime = 2**256 - 2**224 + 2**192 + 2**96 - 1
+    x, y = int.from_bytes(point[:32]), int.from_bytes(point[32:])
+    b = 0x5ac635d8aa3a93e7b3ebbd55769886bc651d06b0cc53b0f63bce3c3e27d2604b
+    return x < prime and y < prime and (y * y - x * x * x + 3 * x - b) % prime == 0
+
+
 def parse_device(text):
-    """The key in a device's file: a verifier key, or an identity of two keys that both sign it."""
+    """The key in a device's file: a verifier key, or an identity of several keys that all sign it."""
     if not text.startswith("kiroku/"):
         return parse_key(text.strip())
     signed, signatures = _parts(text)
     lines = signed.split("\n")
-    if len(lines) != 5 or not re.fullmatch("0|[1-9][0-9]*", lines[3]):
-        raise Malformed("no identity of four lines")
-    key, (name, public) = parse_key(lines[1]), parse_ml_dsa_key(lines[2])
-    key = dataclasses.replace(key, ml_dsa=public, since=int(lines[3]), identity=text)
+    if len(lines) not in (5, 7) or not all(re.fullmatch("0|[1-9][0-9]*", line) for line in lines[3::2]):
+        raise Malformed("no identity of one or two keys beside Ed25519")
+    key, names = dataclasses.replace(parse_key(lines[1]), identity=text), set()
+    for beside, since in zip(lines[2:-1:2], lines[3::2]):
+        if key.hardware or (key.ml_dsa and beside.startswith(key.ml_dsa_name + "+")):
+            raise Malformed("a key twice, or keys in another order")
+        if beside.startswith(key.ml_dsa_name + "+"):
+            name, public = parse_ml_dsa_key(beside)
+            key = dataclasses.replace(key, ml_dsa=public, since=int(since))
+        else:
+            name, public = parse_hardware_key(beside)
+            key = dataclasses.replace(key, hardware=public, hardware_since=int(since))
+        names.add(name)
     note = Checkpoint(lines[0], 0, b"", signed.encode(), signatures)
     ours = [s for s in signatures if s[:2] == (key.name, key.id)]
-    if name != key.name or lines[0] != f"kiroku/{name}/identity" or not ours or not holds(key.public, note.text, ours[0][2]) or not key.by_ml_dsa(note):
-        raise Malformed("not signed by both keys of one device")
+    if names != {key.name} or lines[0] != f"kiroku/{key.name}/identity" or not ours or not holds(key.public, note.text, ours[0][2]) or not key.by_all(note):
+        raise Malformed("not signed by all keys of one device")
     return key
 
 
@@ -165,30 +224,52 @@ def holds(public, text, signature):
 
 
 @functools.lru_cache(maxsize=None)
+def holds_ecdsa(public, text, signature):
+    """Whether an ECDSA signature (DER) over SHA-256 of `text` verifies."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, data in (("key", public), ("signature", signature)):
+            with open(f"{folder}/{name}", "wb") as out:
+                out.write(data)
+        done = subprocess.run(["openssl", "dgst", "-sha256", "-keyform", "DER", "-verify", f"{folder}/key", "-signature", f"{folder}/signature"],
+                              input=text, capture_output=True)
+    return done.returncode == 0
+
+
+@functools.lru_cache(maxsize=None)
 def _private(seed):
     return ml_dsa.PrivateKey(ml_dsa.ML_DSA_65, seed)
 
 
 @dataclasses.dataclass(frozen=True)
 class Signer:
-    """A device: its name, the 32 bytes of its Ed25519 private key, and the seed of its ML-DSA-65 key if it has one."""
+    """A device: its name, the 32 bytes of its Ed25519 private key, the seed of its ML-DSA-65 key and the 32 bytes of the key in its hardware, if any."""
     name: str
     seed: bytes
     ml_dsa_seed: bytes | None = None
     since: int = 0
+    hardware_seed: bytes | None = None
+    hardware_since: int = 0
 
     @functools.cached_property
     def key(self):
         done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_PRIVATE + self.seed, capture_output=True, check=True)
         key = Key(self.name, done.stdout[-32:])
-        if self.ml_dsa_seed is None:
-            return key
-        return dataclasses.replace(key, ml_dsa=_private(self.ml_dsa_seed).public, since=self.since)
+        if self.ml_dsa_seed is not None:
+            key = dataclasses.replace(key, ml_dsa=_private(self.ml_dsa_seed).public, since=self.since)
+        if self.hardware_seed is not None:
+            done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_P256_PRIVATE + self.hardware_seed,
+                                  capture_output=True, check=True)
+            key = dataclasses.replace(key, hardware=done.stdout, hardware_since=self.hardware_since)
+        return key
 
     @property
     def identity(self):
         """The key with its file, as a verifier gets it."""
-        text = f"kiroku/{self.name}/identity\n{self.key}\n{self.key.ml_dsa_text}\n{self.since}\n"
+        text = f"kiroku/{self.name}/identity\n{self.key}\n"
+        if self.ml_dsa_seed is not None:
+            text += f"{self.key.ml_dsa_text}\n{self.since}\n"
+        if self.hardware_seed is not None:
+            text += f"{self.key.hardware_text}\n{self.hardware_since}\n"
         return dataclasses.replace(self.key, identity=f"{text}\n{self.line(text.encode()).decode()}")
 
     @functools.lru_cache(maxsize=None)  # Ed25519 signs a text in one way
@@ -205,7 +286,16 @@ class Signer:
         if self.ml_dsa_seed is not None:
             signature = _private(self.ml_dsa_seed).sign(text)
             line += f"\u2014 {self.key.ml_dsa_name} {base64.b64encode(self.key.ml_dsa_id + signature).decode()}\n"
+        if self.hardware_seed is not None:
+            line += f"\u2014 {self.key.hardware_name} {base64.b64encode(self.key.hardware_id + self.sign_by_hardware(text)).decode()}\n"
         return line.encode()
+
+    @functools.lru_cache(maxsize=None)
+    def sign_by_hardware(self, text):
+        with tempfile.TemporaryDirectory() as folder:
+            with open(f"{folder}/key", "wb") as out:
+                out.write(_P256_PRIVATE + self.hardware_seed)
+            return subprocess.run(["openssl", "dgst", "-sha256", "-keyform", "DER", "-sign", f"{folder}/key"], input=text, capture_output=True, check=True).stdout
 
     def checkpoint(self, origin, size, root):
         """The bytes of a signed checkpoint."""

@@ -189,6 +189,7 @@ class Folder:
         self.changed = False
         self.alone_until = 0    # lines up to which a checkpoint may be by Ed25519 alone, of a device that has an ML-DSA key
         self.covered_by_ml_dsa = self.ml_dsa_unchecked = 0
+        self.hardware_alone_until = self.covered_by_hardware = self.hardware_unchecked = self.hardware_missing = 0
         self.notes = {}         # size: bytes
 
     def report(self, code, text):
@@ -235,22 +236,38 @@ class Folder:
             self.report("device-not-trusted", str(device))
 
     def known_device(self, device):
-        """The device with the ML-DSA key that it is known to have."""
-        return next((known for known in self.trust.devices if known == device and known.ml_dsa), device)
+        """The device with the keys beside Ed25519 that it is known to have."""
+        for known in self.trust.devices:
+            if known == device and known.ml_dsa and not device.ml_dsa:
+                device = dataclasses.replace(device, ml_dsa=known.ml_dsa, since=known.since)
+            if known == device and known.hardware and not device.hardware:
+                device = dataclasses.replace(device, hardware=known.hardware, hardware_since=known.hardware_since)
+        return device
 
-    def judge_ml_dsa(self, device, claims, vouched):
-        """What of the first `claims` lines was signed, or checked, by Ed25519 alone. The first `vouched` are known otherwise to be the device's."""
+    def judge_keys(self, device, claims, vouched):
+        """What of the first `claims` lines was signed, or checked, by fewer keys than the device has.
+
+        `vouched`: how many are known otherwise to be the device's, by its ML-DSA key and by its hardware.
+        """
         if device is None or self.covered == 0:
             return
-        if self.known_device(device).ml_dsa is None:
+        known, needed = self.known_device(device), min(claims, self.covered)
+        if known.ml_dsa is None:
             if self.ml_dsa_unchecked:
                 self.report("checkpoint-ml-dsa-unchecked", f"{self.ml_dsa_unchecked} checkpoints")
-        elif max(self.covered_by_ml_dsa, vouched) < min(claims, self.covered):
+        elif max(self.covered_by_ml_dsa, vouched[0]) < needed:
             self.report("checkpoint-not-by-both", f"of {claims} lines")
+        if known.hardware is None:
+            if self.hardware_unchecked:
+                self.report("checkpoint-hardware-unchecked", f"{self.hardware_unchecked} checkpoints")
+        elif max(self.covered_by_hardware, vouched[1]) < needed:
+            self.report("checkpoint-not-by-hardware", f"of {claims} lines")
+        elif self.hardware_missing:
+            self.report("checkpoint-hardware-missing", f"{self.hardware_missing} checkpoints")
 
     def judge_note(self, size, root, device, origin, is_known=True):
         """A checkpoint against the root of the lines (None: there are too few), where that is known. True where it covers them."""
-        name, by_ml_dsa = f"checkpoints/{size:08d}.note", None
+        name, by_ml_dsa, by_hardware = f"checkpoints/{size:08d}.note", None, None
         data = self.read(name, LARGEST_NOTE)
         if data is None:
             return False
@@ -268,9 +285,15 @@ class Folder:
             if not note.holds(device.public, checkpoint.text, ours[0][2]):
                 self.report("checkpoint-signature-invalid", name)
                 return False
-            known, others = self.known_device(device), [s for s in checkpoint.signatures if s[0] not in (device.name, device.ml_dsa_name)]
+            known, names = self.known_device(device), [s[0] for s in checkpoint.signatures]
+            others = [each for each in names if each not in (device.name, device.ml_dsa_name, device.hardware_name)]
+            if known.hardware is not None:
+                by_hardware = known.by_hardware(checkpoint)
+                if by_hardware is False:
+                    self.report("checkpoint-signature-invalid", name)
+                    return False
             if known.ml_dsa is None:
-                self.ml_dsa_unchecked += len(ours) + len(others) < len(checkpoint.signatures)
+                self.ml_dsa_unchecked += device.ml_dsa_name in names
             else:
                 by_ml_dsa = known.by_ml_dsa(checkpoint)
                 if by_ml_dsa is False:
@@ -280,6 +303,10 @@ class Folder:
                     self.report("checkpoint-ml-dsa-missing", name)
                     return False
                 self.alone_until = 0 if by_ml_dsa else self.alone_until
+            if known.hardware is None:
+                self.hardware_unchecked += device.hardware_name in names
+            elif by_hardware is None:
+                self.hardware_missing += size > self.hardware_alone_until
             if others:
                 self.report("checkpoint-cosigned", name)
         if checkpoint.size != size:
@@ -302,6 +329,7 @@ class Folder:
         if not foreign:
             self.covered = size
             self.covered_by_ml_dsa = size if by_ml_dsa else self.covered_by_ml_dsa
+            self.covered_by_hardware = size if by_hardware else self.covered_by_hardware
         return not foreign
 
     def judge_names(self, judge):
@@ -339,7 +367,7 @@ class Folder:
             if checkpoint.size == 0:
                 self.report("outside-note-unchecked", name)
                 continue
-            both = [k.by_ml_dsa(checkpoint) for k, _ in signed if k.ml_dsa]
+            both = [k.by_all(checkpoint) for k, _ in signed]
             if False in both:
                 self.report("outside-note-invalid", name)
                 continue
@@ -369,10 +397,10 @@ class Folder:
     def judge_proof(self, case_id, ledger, device=None, part=None):
         """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead.
 
-        How many lines it proves under an ML-DSA signature of `device`.
+        How many lines it proves under signatures of `device` by its ML-DSA key and by its hardware.
         """
         if self.trust.proof is None:
-            return 0
+            return 0, 0
         try:
             line, consistency, index, path, checkpoint = tlog_proof.parse(self.trust.proof.read_bytes())
             entry = parse_entry(line, "appliance-log", 1)
@@ -380,19 +408,19 @@ class Folder:
             return self._answer("log-proof-not-used", str(e))
         keys = [k for k in self.trust.devices if checkpoint.origin == f"kiroku/{k.name}/log"]
         signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
-        if not signed or not all(note.holds(k.public, checkpoint.text, s[2]) and (not k.ml_dsa or k.by_ml_dsa(checkpoint)) for k, s in signed):
+        if not signed or not all(note.holds(k.public, checkpoint.text, s[2]) and k.by_all(checkpoint) for k, s in signed):
             return self._answer("log-proof-not-used", "not signed by a trusted device for its own log")
         if merkle.root_by_inclusion(merkle.leaf(line), index, checkpoint.size, path) != checkpoint.root:
             return self._answer("log-proof-not-used", "the audit path does not lead to the root")
         if entry["type"] != "case-closed" or entry["seq"] != index or entry["case"] != case_id:
             return self._answer("log-proof-not-used", "no end of this case")
         size, root = entry["size"], bytes.fromhex(entry["root"])
-        by_ml_dsa = any(k.ml_dsa and k == device for k, _ in signed)
+        by = (any(k.ml_dsa and k == device for k, _ in signed), any(k.hardware and k == device and index < k.hardware_since for k, _ in signed))
         if part is None:
             known = 0 if ledger is None else min(len(ledger), ledger.known)
             if 0 < size <= known:
                 holds = ledger.root(size) == root
-                return self._answer("log-proof-holds" if holds else "log-proof-differs", "the root of the case's end", size if holds and by_ml_dsa else 0)
+                return self._answer("log-proof-holds" if holds else "log-proof-differs", "the root of the case's end", size if holds else 0, by)
             whole = ledger is not None and ledger.readable and size > len(ledger)
             return self._answer("log-proof-differs" if whole else "log-proof-not-used", "the case's end is not here")
         shown = ledger.root(part) if ledger is not None and len(ledger) == part else None
@@ -401,11 +429,11 @@ class Folder:
         if part == size and shown != root:
             return self._answer("log-proof-differs", "the excerpt is of another case")
         leads = merkle.consistent(part, shown, size, root, consistency) if part <= size else merkle.consistent(size, root, part, shown, consistency)
-        return self._answer("log-proof-holds" if leads else "log-proof-not-used", "from the excerpt to the case's end", min(part, size) if leads and by_ml_dsa else 0)
+        return self._answer("log-proof-holds" if leads else "log-proof-not-used", "from the excerpt to the case's end", min(part, size) if leads else 0, by)
 
-    def _answer(self, code, text, vouched=0):
+    def _answer(self, code, text, vouched=0, by=(False, False)):
         self.report(code, text)
-        return vouched
+        return tuple(vouched if each else 0 for each in by)
 
 
 def outside_notes(trust, of_logs):

@@ -128,9 +128,22 @@ class CertificateMaker {
   }
 
   [[nodiscard]] std::string signatures() const {
-    return found_.signatures == archive::SignaturesChecked::kBoth
-               ? "signatures by Ed25519 (RFC 8032) and ML-DSA-65 (FIPS 204)"
-               : "Ed25519 signature (RFC 8032)";
+    switch (found_.signatures) {
+      case archive::SignaturesChecked::kBoth:
+        return "signatures by Ed25519 (RFC 8032) and ML-DSA-65 (FIPS 204)";
+      case archive::SignaturesChecked::kHardware:
+        return "signatures by Ed25519 (RFC 8032) and by a key in the recorder's hardware (ECDSA on P-256, "
+               "FIPS "
+               "186-5)";
+      case archive::SignaturesChecked::kAll:
+        return "signatures by Ed25519 (RFC 8032), ML-DSA-65 (FIPS 204) and a key in the recorder's hardware "
+               "(ECDSA "
+               "on P-256, FIPS 186-5)";
+      case archive::SignaturesChecked::kEd25519:
+      case archive::SignaturesChecked::kNone:
+        break;
+    }
+    return "Ed25519 signature (RFC 8032)";
   }
 
   void add_limits() {

@@ -214,6 +214,10 @@ std::string signature_words(const ReportInput& input) {
   switch (input.verification.signatures) {
     case archive::SignaturesChecked::kBoth:
       return say(input.language, "device.signatures.both");
+    case archive::SignaturesChecked::kHardware:
+      return say(input.language, "device.signatures.hardware");
+    case archive::SignaturesChecked::kAll:
+      return say(input.language, "device.signatures.all");
     case archive::SignaturesChecked::kEd25519:
       return say(input.language, "device.signatures.ed25519");
     case archive::SignaturesChecked::kNone:

@@ -78,6 +78,18 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"checkpoint-ml-dsa-unchecked", Check::kDevice,
      "チェックポイントに装置の ML-DSA 鍵の名による署名があるが、その鍵が与えられていない。検証は Ed25519 "
      "のみ。"},
+    {"device-hardware-differs", Check::kLog,
+     "ログに記載された装置のハードウェア内の鍵が、与えられた識別情報と異なる。"},
+    {"checkpoint-not-by-hardware", Check::kDevice,
+     "装置はハードウェア内の複製できない鍵でも署名するが、ここにあるものを覆うその署名がない。ハードウェアが"
+     "応"
+     "答しなかったか、他の鍵の複製を持つ者によるものかは分からない。"},
+    {"checkpoint-hardware-missing", Check::kDevice,
+     "いくつかのチェックポイントに装置のハードウェアの署名がない。後の署名がそれらの項目を覆っている。"},
+    {"checkpoint-hardware-unchecked", Check::kDevice,
+     "チェックポイントに装置のハードウェア内の鍵の名による署名があるが、その鍵が与えられていない。その署名は"
+     "検証"
+     "されていない。"},
     {"checkpoint-of-other-origin", Check::kLedger, "チェックポイントが別の症例またはログのものである。"},
     {"checkpoint-size-differs", Check::kLedger, "チェックポイントの項目数がファイル名と異なる。"},
     {"checkpoint-missing", Check::kLedger, "タイムスタンプの対象であるチェックポイントが存在しない。"},

@@ -109,36 +109,36 @@ TEST_F(TwoKeys, ANoteFromBeforeIsTakenOfALogThatWasNoLonger) {
 }
 
 TEST_F(TwoKeys, TheIdentityStatesBothAndSinceWhen) {
-  const std::string identity = write_device_identity("or3", key_, 42);
+  const std::string identity = write_device_identity("or3", key_, {.ml_dsa = 42});
   EXPECT_TRUE(looks_like_device_identity(identity));
   EXPECT_FALSE(looks_like_device_identity(both_.to_string()));
   const VerifierKey read = parse_device_identity(identity);
   EXPECT_EQ(read, known_before_);
   EXPECT_EQ(read.ml_dsa(), both_.ml_dsa());
   EXPECT_EQ(read.ml_dsa_since(), 42U);
-  EXPECT_THROW(write_device_identity("or3", ed25519_alone(), 0), UsageError);
+  EXPECT_THROW(write_device_identity("or3", ed25519_alone(), {}), UsageError);
 }
 
 TEST_F(TwoKeys, AnIdentityThatDoesNotHoldIsRefused) {
-  const std::string identity = write_device_identity("or3", key_, 0);
+  const std::string identity = write_device_identity("or3", key_, {});
   const auto refused = [](const std::string& text, const char* why) {
     EXPECT_THAT([&] { parse_device_identity(text); }, ThrowsMessage<UsageError>(HasSubstr(why))) << text;
   };
   refused("", "no blank line");
-  refused(without_line(identity, "\u2014 or3 "), "did not both sign");
-  refused(without_line(identity, "\u2014 or3/ml-dsa-65 "), "did not both sign");
+  refused(without_line(identity, "\u2014 or3 "), "did not all sign");
+  refused(without_line(identity, "\u2014 or3/ml-dsa-65 "), "did not all sign");
   std::string later = identity;
   later.replace(later.find("\n0\n"), 3, "\n9\n");  // a downgrade: checkpoints of before would be taken
-  refused(later, "did not both sign");
+  refused(later, "did not all sign");
   std::string named = identity;
   named.replace(0, std::string("kiroku/or3").size(), "kiroku/or4");
   refused(named, "not that of or3");
   // The keys of two devices, signed by whoever has one of each.
   const SigningKey mixed = ed25519_alone().with_ml_dsa(ml_dsa_of(2));
-  std::string exchanged = write_device_identity("or3", mixed, 0);
+  std::string exchanged = write_device_identity("or3", mixed, {});
   exchanged.replace(exchanged.find(verifier_key_of("or3", mixed).ml_dsa()->to_string()),
                     both_.ml_dsa()->to_string().size(), both_.ml_dsa()->to_string());
-  refused(exchanged, "did not both sign");
+  refused(exchanged, "did not all sign");
 }
 
 TEST_F(TwoKeys, AKeyIsReadAsItIsWritten) {

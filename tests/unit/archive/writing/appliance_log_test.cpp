@@ -133,13 +133,13 @@ TEST_F(ApplianceLogTest, StatesTheMlDsaKeyBeforeAnythingIsSignedWithIt) {
                                          .with_ml_dsa(*crypto::verifier_key_of("theatre-1", key).ml_dsa(), 2);
   {
     const auto log = ApplianceLog::open(files_, folder_ / "log", key, "theatre-1");
-    EXPECT_EQ(log->ml_dsa_entry(), std::nullopt);
-    EXPECT_EQ(log->state_ml_dsa_key(), 2U);
-    EXPECT_EQ(log->state_ml_dsa_key(), 2U) << "stated once";
+    EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
+    EXPECT_EQ(log->state_keys().ml_dsa, 2U);
+    EXPECT_EQ(log->state_keys().ml_dsa, 2U) << "stated once";
     log->access("*", "what", "who");
   }
   EXPECT_THAT(types(), ElementsAre("boot", "shutdown", "device-ml-dsa-added", "access"));
-  EXPECT_EQ(ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->ml_dsa_entry(), 2U);
+  EXPECT_EQ(ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->stated_keys().ml_dsa, 2U);
   for (const std::uint64_t seq : {1U, 2U, 3U})
     EXPECT_TRUE(is_signed_entry(folder_ / "log", device, seq, root_of_first(seq + 1))) << seq;
   EXPECT_FALSE(
@@ -152,7 +152,7 @@ TEST_F(ApplianceLogTest, AKeyWithoutTheStatedHalfSignsNothing) {
   before->shutdown();
   const crypto::SigningKey key = crypto::SigningKey::from_pem(key_.to_pem(nullptr).text(), nullptr)
                                      .with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
-  ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->state_ml_dsa_key();
+  ApplianceLog::open(files_, folder_ / "log", key, "theatre-1")->state_keys();
   EXPECT_THAT([&] { before->shutdown(); }, testing::ThrowsMessage<Error>(HasSubstr("device-ml-dsa.key")));
   EXPECT_THAT([&] { open(); }, testing::ThrowsMessage<Error>(HasSubstr("states in its entry 2")));
   EXPECT_THAT(types(), ElementsAre("boot", "shutdown", "device-ml-dsa-added"));

@@ -18,6 +18,8 @@ export const kLogTypes = [
   'config-changed',
   'device-key-changed',
   'device-ml-dsa-added',
+  'device-hardware-added',
+  'device-hardware-silent',
   'pre-roll-discarded',
   'recovered',
 ] as const;

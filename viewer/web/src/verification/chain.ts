@@ -21,6 +21,7 @@ const kByCode: Record<string, LinkName> = {
   'no-trusted-device': 'checkpoints',
   'device-file-differs': 'checkpoints',
   'device-ml-dsa-differs': 'checkpoints',
+  'device-hardware-differs': 'checkpoints',
   'ledger-not-covered': 'checkpoints',
   'close-not-covered': 'checkpoints',
   'end-not-covered': 'checkpoints',

@@ -1,0 +1,35 @@
+// A key on P-256 in a TPM 2.0 (TCG TPM 2.0 Library, part 3), by tpm2-tss. It is a primary key of the owner's
+// hierarchy: the TPM derives it anew from its own seed and the 32 bytes `unique`, which are no secret. So
+// nothing of the private key is ever outside the TPM, not even wrapped. Clearing the TPM destroys it.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "crypto/hardware_key.h"
+
+namespace kiroku::recorder {
+
+inline constexpr const char* kDefaultTcti = "device:/dev/tpmrm0";
+
+/// Not thread-safe. Connects when it is first asked, and again after an error.
+class TpmKey {
+ public:
+  /// `tcti` as tpm2-tss has it: "device:/dev/tpmrm0", "swtpm:host=127.0.0.1,port=2321".
+  TpmKey(std::string tcti, Bytes unique);
+  ~TpmKey();
+  TpmKey(TpmKey&&) noexcept;
+  /// Both throw kiroku::Error saying what the TPM, or the way to it, answered.
+  crypto::P256PublicKey public_key();
+  /// DER.
+  Bytes sign(ByteView message);
+
+ private:
+  struct Connection;
+  Connection& connection();
+  std::string tcti_;
+  Bytes unique_;
+  std::unique_ptr<Connection> connection_;
+};
+
+}  // namespace kiroku::recorder

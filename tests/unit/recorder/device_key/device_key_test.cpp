@@ -1,0 +1,222 @@
+#include <fstream>
+#include <future>
+#include <latch>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "crypto/device_identity.h"
+#include "crypto/signed_note.h"
+#include "recorder/device_key/bounded_signer.h"
+#include "recorder/device_key/hardware_description.h"
+#include "recorder/device_key/pkcs11_key.h"
+#include "recorder/device_key/tpm_key.h"
+#include "tests/support/software_hardware_key.h"
+#include "tests/support/software_token.h"
+#include "tests/support/software_tpm.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+using Kind = HardwareDescription::Kind;
+
+const ByteView kMessage = bytes_of("kiroku/or3/log\n1\nAAAA\n");
+
+TEST(BoundedSigner, WaitsForHangingHardwareOnceAndGoesOnWhenItIsBack) {
+  const test::SoftwareHardwareKey key;
+  std::latch back(1);
+  std::atomic<bool> hangs = true;
+  std::promise<void> answered;
+  const BoundedSigner signer(
+      key.public_key(),
+      [&](ByteView message) {
+        if (!hangs) return key.sign(message).signature;
+        back.wait();
+        hangs = false;
+        answered.set_value();
+        return key.sign(message).signature;
+      },
+      std::chrono::milliseconds(1));
+  EXPECT_THAT(signer.sign(kMessage).why, HasSubstr("did not answer within 1 ms"));
+  EXPECT_THAT(signer.sign(kMessage).why, HasSubstr("an earlier request")) << "it does not wait again";
+  back.count_down();
+  answered.get_future().wait();
+  crypto::HardwareSigner::Answer answer;
+  while ((answer = signer.sign(kMessage)).signature.empty()) {
+  }
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(key.public_key(), kMessage, answer.signature));
+}
+
+TEST(BoundedSigner, ItsAnswerIsNeverThatToAnEarlierRequest) {
+  const test::SoftwareHardwareKey key;
+  std::latch back(1);
+  std::atomic<int> asked = 0;
+  const BoundedSigner signer(
+      key.public_key(),
+      [&](ByteView message) {
+        if (asked++ == 0) back.wait();
+        return key.sign(message).signature;
+      },
+      std::chrono::milliseconds(1));
+  EXPECT_NE(signer.sign(bytes_of("an earlier text\n")).why, "");
+  back.count_down();
+  crypto::HardwareSigner::Answer answer;
+  while ((answer = signer.sign(kMessage)).signature.empty()) {
+  }
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(key.public_key(), kMessage, answer.signature));
+}
+
+TEST(BoundedSigner, EndsWhileItsHardwareHangs) {
+  const auto key = std::make_shared<test::SoftwareHardwareKey>();
+  const auto back = std::make_shared<std::latch>(1);
+  const auto ended = std::make_shared<std::promise<void>>();
+  {
+    const BoundedSigner signer(
+        key->public_key(),
+        [key, back, ended](ByteView /*message*/) {
+          back->wait();
+          ended->set_value();
+          return Bytes();
+        },
+        std::chrono::milliseconds(1));
+    EXPECT_NE(signer.sign(kMessage).why, "");
+  }
+  back->count_down();
+  ended->get_future().wait();
+}
+
+TEST(BoundedSigner, SaysWhatTheHardwareSays) {
+  const test::SoftwareHardwareKey key;
+  const BoundedSigner signer(key.public_key(), [](ByteView /*message*/) -> Bytes { throw Error("no TPM"); });
+  EXPECT_EQ(signer.sign(kMessage).why, "no TPM");
+}
+
+TEST(HardwareDescription, IsReadAsItIsWritten) {
+  const HardwareDescription written{Kind::kPkcs11, "pkcs11:token=a", Bytes(32, std::byte{7}),
+                                    test::SoftwareHardwareKey().public_key()};
+  const HardwareDescription read = HardwareDescription::parse(written.to_json());
+  EXPECT_EQ(read.kind, written.kind);
+  EXPECT_EQ(read.address, written.address);
+  EXPECT_EQ(read.key, written.key);
+  EXPECT_EQ(read.public_key, written.public_key);
+  for (const char* bad : {"", "[]", "{}", R"({"kind":"usb"})", R"({"kind":"tpm","address":"a","key":"00"})"})
+    EXPECT_THROW(HardwareDescription::parse(bad), Error) << bad;
+  std::string other_curve = written.to_json();
+  other_curve.replace(other_curve.find("MFkw"), 4, "MFkx");
+  EXPECT_THAT([&] { HardwareDescription::parse(other_curve); }, ThrowsMessage<Error>(HasSubstr("P-256")));
+}
+
+TEST(HardwareNote, IsSignedByBothOrSaysWhyNot) {
+  const auto hardware = std::make_shared<test::SoftwareHardwareKey>();
+  const crypto::SigningKey key = crypto::SigningKey::generate().with_hardware(hardware);
+  const crypto::VerifierKey all = crypto::verifier_key_of("or3", key);
+  const crypto::SignedNote by_both = crypto::sign_note_by_all(text_of(kMessage), "or3", key);
+  EXPECT_EQ(by_both.hardware_silent, "");
+  const crypto::OpenedNote opened = crypto::open_note(by_both.note, {all});
+  EXPECT_FALSE(opened.failure) << opened.explanation;
+  EXPECT_TRUE(opened.by_hardware);
+  hardware->fall_silent();
+  const crypto::SignedNote alone = crypto::sign_note_by_all(text_of(kMessage), "or3", key);
+  EXPECT_EQ(alone.hardware_silent, "the test keeps it silent");
+  EXPECT_EQ(crypto::open_note(alone.note, {all}).failure, crypto::NoteFailure::kLacksHardware);
+  EXPECT_FALSE(crypto::open_note(alone.note, {all}).by_hardware);
+  EXPECT_THROW(crypto::write_device_identity("or3", key, {}), Error) << "no identity without its signature";
+}
+
+class TpmKeyTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::SoftwareTpm::is_installed()) GTEST_SKIP() << test::SoftwareTpm::kWhySkipped;
+    tpm_.emplace(folder_.path() / "t");
+  }
+  test::TemporaryFolder folder_;
+  std::optional<test::SoftwareTpm> tpm_;
+};
+
+TEST_F(TpmKeyTest, SignsAndIsTheSameKeyAfterPowerWasOff) {
+  const HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  const auto signer = hardware_signer(made);
+  const auto answer = signer->sign(kMessage);
+  EXPECT_EQ(answer.why, "");
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage, answer.signature));
+  EXPECT_FALSE(crypto::verify_ecdsa_p256(made.public_key, bytes_of("another\n"), answer.signature));
+
+  tpm_->take_away();
+  EXPECT_NE(signer->sign(kMessage).why, "") << "it says so and goes on";
+  tpm_->start();
+  const auto again = signer->sign(kMessage);
+  EXPECT_EQ(again.why, "") << "it connects anew by itself";
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage, again.signature));
+}
+
+TEST_F(TpmKeyTest, AnotherTpmHasAnotherKey) {
+  const HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  test::SoftwareTpm other(folder_.path() / "o");
+  EXPECT_NE(TpmKey(other.tcti(), made.key).public_key(), made.public_key)
+      << "what lies on the disk is the same, and the key is not in it";
+  HardwareDescription moved = made;
+  moved.address = other.tcti();
+  const crypto::SigningKey key = crypto::SigningKey::generate().with_hardware(hardware_signer(moved));
+  const crypto::SignedNote note = crypto::sign_note_by_all(text_of(kMessage), "or3", key);
+  EXPECT_THAT(note.hardware_silent, HasSubstr("does not fit the key"))
+      << "a line that does not verify would read as a forgery";
+  EXPECT_FALSE(crypto::open_note(note.note, {crypto::verifier_key_of("or3", key)}).by_hardware);
+}
+
+TEST_F(TpmKeyTest, OneThatHangsDoesNotHoldUpWhoeverSigns) {
+  const HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  const auto key = std::make_shared<TpmKey>(made.address, made.key);
+  const BoundedSigner signer(
+      made.public_key, [key](ByteView message) { return key->sign(message); }, std::chrono::milliseconds(1));
+  tpm_->hang();
+  EXPECT_THAT(signer.sign(kMessage).why, HasSubstr("did not answer"));
+  tpm_->hang(false);
+  while (signer.sign(kMessage).signature.empty()) {
+  }
+}
+
+TEST(TpmKeyWithoutTpm, NamesTheWayThatLeadsNowhere) {
+  EXPECT_THAT([] { make_hardware_key(Kind::kTpm, "swtpm:path=/nowhere"); },
+              ThrowsMessage<Error>(HasSubstr("swtpm:path=/nowhere")));
+}
+
+class Pkcs11KeyTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::SoftwareToken::is_installed()) GTEST_SKIP() << test::SoftwareToken::kWhySkipped;
+    token_.emplace(folder_.path() / "token");
+    ASSERT_EQ(token_->made().status, 0) << token_->made().err;
+  }
+  test::TemporaryFolder folder_;
+  std::optional<test::SoftwareToken> token_;
+};
+
+TEST_F(Pkcs11KeyTest, SignsByAKeyThatTheTokenKeeps) {
+  const HardwareDescription made = make_hardware_key(Kind::kPkcs11, token_->uri());
+  const auto answer = hardware_signer(made)->sign(kMessage);
+  EXPECT_EQ(answer.why, "");
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage, answer.signature));
+  HardwareDescription other = made;
+  other.key.front() ^= std::byte{1};
+  EXPECT_THAT(hardware_signer(other)->sign(kMessage).why, HasSubstr("does not hold the device's key"));
+}
+
+TEST_F(Pkcs11KeyTest, SaysWhatIsWrongWithTheWayToIt) {
+  const auto refusal = [](const std::string& uri, const char* why) {
+    EXPECT_THAT([&] { make_hardware_key(Kind::kPkcs11, uri); }, ThrowsMessage<Error>(HasSubstr(why))) << uri;
+  };
+  const std::string library = std::string("?module-path=") + test::SoftwareToken::kLibrary;
+  refusal("token", "no PKCS#11 URI");
+  refusal("pkcs11:token=kiroku", "module-path");
+  refusal("pkcs11:token=kiroku?module-path=/nowhere.so", "/nowhere.so");
+  refusal("pkcs11:token=other" + library + "&pin-value=12345678", "no token that is plugged in");
+  refusal("pkcs11:token=kiroku" + library + "&pin-value=00000000", "be unlocked");
+  refusal("pkcs11:token=kiroku" + library + "&pin-source=file:/nowhere", "/nowhere");
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
