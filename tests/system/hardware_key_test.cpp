@@ -63,6 +63,10 @@ TEST_F(HardwareKey, OfATpmSignsWhatIsRecordedAndNothingReadsAsSignedWhenItIsAway
 
   tpm.start();
   EXPECT_EQ(verify(record(), identity()).status, 0) << "and it is back by itself";
+
+  std::filesystem::remove(home() / "device-hardware.json");
+  EXPECT_REFUSED(kiroku({"init", "--add-tpm", "--tcti", tpm.tcti()}), "put it back from the backup");
+  EXPECT_EQ(verify(record(), identity()).status, 3) << "what was refused took nothing away from recording";
 }
 
 TEST_F(HardwareKey, ANewHomeMayHaveAllThreeKeys) {
