@@ -24,6 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMostRemarks = 1'000;
+/// Of a ledger that is read for a list or a page, where it takes nine times as much memory. Ten hours of four
+/// streams have 3 MB.
+constexpr std::uint64_t kLargestLedger = std::uint64_t{32} << 20;
 constexpr std::string_view kGrowing = "growing/";
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
@@ -106,8 +109,17 @@ class Fetching {
     list_parts();
     make_folders(folder_);
     if (versions_.contains(ledger)) {
-      take_ledger(versions_.at(ledger));
+      std::vector<ListedVersion>& versions = versions_.at(ledger);
+      const std::uint64_t bytes = versions.front().bytes;
+      std::erase_if(versions, [](const ListedVersion& each) { return each.bytes > kLargestLedger; });
+      if (versions.empty()) throw_too_long(bytes);
+      take_ledger(versions);
     } else if (!parts_.empty()) {
+      std::uint64_t bytes = 0;
+      for (const auto& each : parts_) {
+        bytes += std::min(each.second.bytes, kLargestLedger + 1);
+        if (bytes > kLargestLedger) throw_too_long(bytes);
+      }
       join_parts();
     } else {
       return false;
@@ -165,6 +177,13 @@ class Fetching {
       // From the newest to the oldest.
       if (part.key.empty() || which_ == WhichVersions::kOldest) part = each;
     });
+  }
+
+  [[noreturn]] void throw_too_long(std::uint64_t bytes) const {
+    throw Error("the store's ledger of case " + case_id_ + " has " + std::to_string(bytes) +
+                " bytes or more, and no recording of a hundred hours has more than " +
+                std::to_string(kLargestLedger) +
+                ": it was not read; 'kiroku fetch' gets the case and verifies it");
   }
 
   void count() {

@@ -38,7 +38,8 @@ FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const s
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);
 /// The ledger of a case alone, in `folder`, which is made where it is not there: the newest one, or as far as
-/// it had grown. False where the store has none. Throws StoreError, kiroku::IoError.
+/// it had grown; of versions that are longer than any recording's the next older one. False where the store
+/// has none. Throws StoreError, kiroku::IoError; kiroku::Error where all that there are are so long.
 bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                   const std::filesystem::path& folder);
 

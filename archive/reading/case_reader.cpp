@@ -6,6 +6,7 @@
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/folder_name.h"
 #include "archive/format/line_reader.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
@@ -47,6 +48,17 @@ void read_entries(const std::filesystem::path& path,
   }
 }
 
+/// Whoever asked for the case of the folder's name would be shown another one: its patient, its film.
+void require_case_of_name(const std::filesystem::path& folder, const std::string& case_id) {
+  const std::string name = folder_name(folder);
+  if (name == case_id || !is_case_id(name)) {
+    return;
+  }
+  throw Error("the folder is called by the identifier of case " + name + ", and what lies in it is case " +
+              case_id + ": nothing here is of " + name + "; call the folder " + case_id +
+              " to read it as that case");
+}
+
 }  // namespace
 
 CaseReader CaseReader::open(const std::filesystem::path& folder) {
@@ -63,6 +75,7 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       }
       reader.opening_ = std::move(*opening);
       reader.opened_at_ = entry.at;
+      require_case_of_name(folder, reader.opening_.case_id);
       first = false;
     } else if (auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
       reader.segments_.push_back(std::move(*segment));

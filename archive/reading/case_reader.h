@@ -16,7 +16,8 @@ namespace kiroku::archive {
 /// The ledger of a case, parsed (not verified: see verifier.h).
 class CaseReader {
  public:
-  /// Throws kiroku::Error naming the folder if it is no case, or the line that cannot be read.
+  /// Throws kiroku::Error naming the folder if it is no case or is called by another case's identifier, or
+  /// the line that cannot be read.
   static CaseReader open(const std::filesystem::path& folder);
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const OpenEntry& opening() const { return opening_; }

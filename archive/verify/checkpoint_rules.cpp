@@ -1,7 +1,6 @@
 #include "archive/verify/checkpoint_rules.h"
 
 #include <algorithm>
-#include <future>
 #include <thread>
 #include <utility>
 
@@ -108,8 +107,8 @@ CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& 
 void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin, EntriesBy alone_until) {
   // What was opened ahead was judged by another key. A log that changes its device in every line would have
   // it all opened again each time.
-  one_signer_ = !device_;
-  ahead_.clear();
+  may_open_ahead_ = !device_;
+  ahead_.reset();
   device_ = std::move(device);
   origin_ = std::move(origin);
   alone_until_ = alone_until;
@@ -136,7 +135,7 @@ std::optional<crypto::Sha256Digest> CheckpointRules::hash_at(std::uint64_t size)
   return found == hashes_.end() ? std::nullopt : std::optional(found->second);
 }
 
-CheckpointRules::ReadNote CheckpointRules::open(const std::string& note) const {
+ReadNote CheckpointRules::open(const std::string& note) const {
   std::vector<crypto::VerifierKey> signers;
   if (device_) {
     signers.push_back(*device_);
@@ -145,54 +144,36 @@ CheckpointRules::ReadNote CheckpointRules::open(const std::string& note) const {
 }
 
 void CheckpointRules::open_ahead(std::uint64_t size) {
-  constexpr std::size_t kOfThread = 32;
-  constexpr std::size_t kMost = 256;  // notes may be large
+  constexpr std::ptrdiff_t kFew = 64;
+  may_open_ahead_ = false;
   const std::size_t threads =
       options_->threads > 0 ? options_->threads : std::max(1U, std::thread::hardware_concurrency());
   const auto first = std::lower_bound(sizes_.begin(), sizes_.end(), size);
-  const auto left = static_cast<std::size_t>(sizes_.end() - first);
-  const std::size_t count = std::min({left, threads * kOfThread, kMost});
-  if (threads < 2 || count < 2 * kOfThread) {
+  if (threads < 2 || sizes_.end() - first < kFew) {
     return;
   }
-  ahead_.clear();
-  ahead_until_ = *(first + static_cast<std::ptrdiff_t>(count) - 1);
-  std::vector<std::future<std::map<std::uint64_t, ReadNote>>> parts;
-  for (std::size_t begin = 0; begin < count; begin += kOfThread) {
-    const std::vector<std::uint64_t> part(
-        first + static_cast<std::ptrdiff_t>(begin),
-        first + static_cast<std::ptrdiff_t>(std::min(count, begin + kOfThread)));
-    parts.push_back(std::async(std::launch::async, [this, part] {
-      std::map<std::uint64_t, ReadNote> all;
-      for (const std::uint64_t each : part) {
-        FindingList said_later;
-        if (const auto note = read_note(*folder_, each, std::nullopt, said_later)) {
-          all.emplace(each, open(*note));
-        }
-      }
-      return all;
-    }));
-  }
-  for (auto& part : parts) {
-    ahead_.merge(part.get());
-  }
+  ahead_.emplace(std::vector(first, sizes_.end()), threads,
+                 [this](std::uint64_t each) -> std::optional<ReadNote> {
+                   FindingList said_later;
+                   const auto note = read_note(*folder_, each, std::nullopt, said_later);
+                   return note ? std::optional(open(*note)) : std::nullopt;
+                 });
 }
 
 std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
-  if (device_ && one_signer_ && size > ahead_until_) {
+  if (device_ && may_open_ahead_) {
     open_ahead(size);
   }
-  if (auto known = ahead_.extract(size)) {
-    hashes_.emplace(size, known.mapped().hash);
-    return std::move(known.mapped().opened);
+  std::optional<ReadNote> read = ahead_ ? ahead_->take(size) : std::nullopt;
+  if (!read) {
+    const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
+    if (!note) {
+      return std::nullopt;
+    }
+    read = open(*note);
   }
-  const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
-  if (!note) {
-    return std::nullopt;
-  }
-  ReadNote read = open(*note);
-  hashes_.emplace(size, read.hash);
-  return std::move(read.opened);
+  hashes_.emplace(size, read->hash);
+  return std::move(read->opened);
 }
 
 std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size,

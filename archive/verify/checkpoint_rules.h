@@ -11,6 +11,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/limits.h"
 #include "archive/verify/finding_list.h"
+#include "archive/verify/notes_ahead.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
 #include "crypto/signed_note.h"
@@ -77,14 +78,10 @@ class CheckpointRules {
   [[nodiscard]] std::optional<std::int64_t> mono_at(std::uint64_t size) const;
 
  private:
-  struct ReadNote {
-    crypto::OpenedNote opened;
-    crypto::Sha256Digest hash;
-  };
   [[nodiscard]] ReadNote open(const std::string& note) const;
   /// Reads the note of this size, adding a finding where it cannot be had.
   std::optional<crypto::OpenedNote> opened(std::uint64_t size);
-  /// Opens the notes from this size on in several threads: a signature takes longer than all else about it.
+  /// From now on opens the notes from this size on in several threads, if they are many.
   void open_ahead(std::uint64_t size);
   /// Form, signature and size; the checkpoint if all hold. Its origin is the caller's to check.
   std::optional<crypto::Checkpoint> check_note(std::uint64_t size, const crypto::OpenedNote& opened);
@@ -103,15 +100,14 @@ class CheckpointRules {
   EntriesBy unchecked_;                 // how many notes have a line in the name of a key that was not given
   std::uint64_t hardware_missing_ = 0;  // notes that hardware was to sign and did not
   SignaturesChecked signatures_checked_ = SignaturesChecked::kNone;
-  std::map<std::uint64_t, ReadNote> ahead_;  // by size
-  std::uint64_t ahead_until_ = 0;            // size of the last note that was looked at
-  bool one_signer_ = true;
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
   std::uint64_t covered_ = 0;
   EntriesBy covered_by_;
   std::uint64_t count_ = 0;
   bool changed_ = false;  // a root did not fit: all later ones cannot either
+  bool may_open_ahead_ = true;
+  std::optional<NotesAhead> ahead_;  // last: reads the rest
 };
 
 /// Sizes of all regular files together.

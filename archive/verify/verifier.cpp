@@ -8,6 +8,7 @@
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/folder_name.h"
 #include "archive/format/line_reader.h"
 #include "archive/verify/authority_files.h"
 #include "archive/verify/carried_on.h"
@@ -317,8 +318,7 @@ class CaseVerification {
       }
     }
     if (!rules_.opening()) return;
-    const std::filesystem::path whole = std::filesystem::absolute(folder_.path()).lexically_normal();
-    const std::string name = (whole.has_filename() ? whole : whole.parent_path()).filename().string();
+    const std::string name = folder_name(folder_.path());
     const std::string& case_id = rules_.opening()->case_id;
     if (name == case_id) return;
     if (is_case_id(name)) {

@@ -138,6 +138,36 @@ INSTANTIATE_TEST_SUITE_P(Trees, Proofs,
                            return name;
                          });
 
+// Signatures are checked by several threads; what is found must not depend on which of them was first.
+TEST(Bounds, AnyNumberOfThreadsFindsTheSameOfManyNotesInTheSameOrder) {
+  constexpr std::uint64_t kNotes = 400;
+  const TemporaryFolder folder(quick_parent());
+  HostileCase of(folder.path(), 1);
+  for (std::uint64_t i = 0; i < kNotes; ++i) {
+    of.add(archive::MarkEntry{});
+    of.note();
+  }
+  of.finish();
+  for (std::uint64_t size = 20; size < kNotes; size += 20) {
+    const fs::path note = of.folder() / archive::note_path(size);
+    if (size % 100 == 0) {
+      fs::remove(note);
+    } else if (size % 60 == 0) {
+      fs::copy_file(of.folder() / archive::note_path(size + 1), note, fs::copy_options::overwrite_existing);
+    } else {
+      std::string text = read_file(note);
+      text[text.size() - 20] = static_cast<char>(text[text.size() - 20] ^ 1);
+      write_file(note, text);
+    }
+  }
+  const std::string alone = details(verify_hostile(folder.path(), 1));
+  EXPECT_THAT(alone, ::testing::HasSubstr("checkpoint-signature-invalid"));
+  EXPECT_THAT(alone, ::testing::HasSubstr("checkpoint-size-differs"));
+  for (const unsigned threads : {2U, 3U, 16U}) {
+    EXPECT_EQ(details(verify_hostile(folder.path(), threads)), alone) << threads << " threads";
+  }
+}
+
 TEST(Bounds, AFileIsReadOnceHoweverManyEntriesNameIt) {
   const Work work = work_of(form("one file of 64 MiB over and over"), kMegabyte);
   EXPECT_GT(work.report.entries, 2'000U);

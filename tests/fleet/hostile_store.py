@@ -320,6 +320,10 @@ def unconfirmed(attack):
     attack.anew()
 
 
+def segments_listed(fleet, case):
+    return next(each["segments"] for each in fleet.tell("cases")["cases"] if each["case"] == case)
+
+
 def catalogue(attack):
     """What kiroku-fleet makes of such a store, where PostgreSQL is installed."""
     started = subprocess.run([str(HERE / "postgres.sh"), "up", str(attack.folder / "postgres")], capture_output=True, text=True)
@@ -348,6 +352,18 @@ def catalogue(attack):
         told = fleet.tell("verify", "--all", status=1)["cases"]
         found = {each["case"]: each["verdict"] for each in told if each["appliance"] == "or-1"}
         require(found[attack.other] == "intact" and found[attack.case] not in ("intact", "intact-with-gaps"), f"another case: {told}")
+        # A ledger that is read whole where somebody watches: none is as long, and an older one that is not is taken.
+        ledger = f"or-1/{attack.other}/ledger.jsonl"
+        recorded = attack.store.objects[ledger][0].body
+        lines = recorded.splitlines(keepends=True)
+        segment = next(line for line in lines if b'"type":"segment"' in line)
+        attack.store.put(ledger, lines[0] + segment * (2**25 // len(segment) + 1))
+        told = fleet.tell("index", "--anew", status=1)["appliances"]
+        require(not any(each["problems"] for each in told), f"an older ledger was not taken: {told}")
+        require(segments_listed(fleet, attack.other) == recorded.count(b'"type":"segment"'), "the long ledger was listed")
+        attack.store.objects[ledger][1:] = []
+        told = fleet.tell("index", "--anew", status=1)["appliances"]
+        require(any("no recording of a hundred hours" in problem for each in told for problem in each["problems"]), f"a long ledger: {told}")
     finally:
         subprocess.run([str(HERE / "postgres.sh"), "down", str(attack.folder / "postgres")], check=False)
 

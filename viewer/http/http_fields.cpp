@@ -35,7 +35,8 @@ std::optional<std::string> percent_decoded(std::string_view text, bool plus_is_s
       out += plus_is_space && text[i] == '+' ? ' ' : text[i];
     }
   }
-  if (!crypto::is_utf8(out)) return {};
+  // Databases and the operating system end a text at its first zero byte: they would be asked something else.
+  if (!crypto::is_utf8(out) || out.find('\0') != std::string::npos) return {};
   return out;
 }
 

@@ -39,6 +39,25 @@ TEST_F(CaseReading, StatesTheRootThatVerificationDoes) {
   EXPECT_EQ(before.lines_root(), verify_case(folder_, archive_.options()).lines_root);
 }
 
+// Whoever asks for a case by its identifier would be shown another patient.
+TEST_F(CaseReading, RefusesACaseInThePlaceOfAnother) {
+  const std::string its_own = folder_.filename().string();
+  const std::filesystem::path place = folder_.parent_path() / "20260101T000000Z-00000000";
+  std::filesystem::copy(folder_, place, std::filesystem::copy_options::recursive);
+  for (const std::filesystem::path& given : {place, place / "", place / "segments" / ".."}) {
+    try {
+      static_cast<void>(CaseReader::open(given));
+      FAIL() << given << " was read";
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("called by the identifier of case 20260101T000000Z-0"));
+      EXPECT_THAT(error.what(), ::testing::HasSubstr("what lies in it is case " + its_own));
+    }
+  }
+  const std::filesystem::path copy = folder_.parent_path() / "copy of it";
+  std::filesystem::rename(place, copy);
+  EXPECT_EQ(CaseReader::open(copy).opening().case_id, its_own);
+}
+
 TEST_F(CaseReading, NamesTheStreamsThereAre) {
   const CaseReader reader = CaseReader::open(folder_);
   EXPECT_EQ(reader.stream("vitals").extension, "jsonl");

@@ -27,7 +27,8 @@ INSTANTIATE_TEST_SUITE_P(Forms, RefusedTarget,
                                          "/a/../b", "/a/./b", "//etc", "/a//b", "/a/", "/%2e%2e/x",
                                          "/%2E%2E/x", "/a%2fb", "/a%5cb", "/a\\b", "/a%00b", "/a%0d%0ab",
                                          "/a%7f", "/%", "/%4", "/%zz", "/%c0%ae%c0%ae", "/%ff", "/a?x=%",
-                                         "/a?%ff=1", "/1/2/3/4/5/6/7/8/9/10/11/12/13/14/15/16/17"));
+                                         "/a?%ff=1", "/a?x=%00", "/a?x=or-1%00y", "/a?%00=1",
+                                         "/1/2/3/4/5/6/7/8/9/10/11/12/13/14/15/16/17"));
 
 TEST(Target, TakesALimitedNumberOfFields) {
   std::string many = "/a?";
