@@ -109,7 +109,7 @@ void LightJudge::add(std::int64_t case_ns, std::span<const Sighting> sightings) 
   const std::int64_t utc = floor_second(*utc_ns);
   if (second_ && second_->utc != utc) close();
   if (!second_) {
-    second_.emplace();
+    second_ = Second();
     second_->utc = utc;
     second_->first_ns = case_ns;
   }

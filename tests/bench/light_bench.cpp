@@ -2,9 +2,9 @@
 // the code, after MPEG-2 of 4 Mbit/s by the recorder's own encoder; and false readings in films that show
 // none.
 //   light_bench [SECONDS=40] [HEIGHT] [CONDITION]   what is read, of so many seconds for each condition
-//   light_bench --false PICTURES FILM...            false readings in pictures of films, each cut out in
-//                                                   another way, with a place where a display was thought to
-//                                                   be
+//   light_bench --false PICTURES SEED FILM...       false readings in pictures of films, each cut out in
+//                                                   another way by the seed, with a place where a display was
+//                                                   thought to be; tests/bench/light.sh runs it on all cores
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -229,14 +229,36 @@ light::LightReport run(const Condition& condition, double height, int seconds,
   format.pixel_format = AV_PIX_FMT_YUV420P;
   recorder::VideoEncoder encoder(format, {kRate, 1}, profile);
   Decoder decoder(*encoder.muxed_stream().encoder);
-  light::PictureFinder finder;
   const media::Frame decoded = media::make_frame();
+  // As the program does: segments of two seconds, and the whole picture searched each 0.4 s.
+  constexpr std::size_t kSegment = 2 * kRate;
+  std::vector<std::vector<std::uint8_t>> segment;
+  std::vector<light::Place> places;
   int count = 0;
+  const auto look_at_segment = [&] {
+    std::vector<std::vector<light::Sighting>> read;
+    places = light::read_with_all_places(places, [&](const std::vector<light::Place>& known) {
+      light::PictureFinder finder(known);
+      read.clear();
+      for (std::size_t i = 0; i < segment.size(); ++i) {
+        const light::GreyView view{segment[i].data(), kWidth, kHeight, kWidth};
+        if (i % 10 == 0) finder.search(view);
+        read.push_back(finder.read(view));
+      }
+      return finder.places();
+    });
+    for (const std::vector<light::Sighting>& sightings : read)
+      judge.add(count++ * kSecond / kRate, sightings);
+    segment.clear();
+  };
   const auto look = [&] {
-    const light::GreyView view{decoded->data[0], decoded->width, decoded->height, decoded->linesize[0]};
-    if (count % 10 == 0) finder.search(view);
-    judge.add(count * kSecond / kRate, finder.read(view));
-    ++count;
+    std::vector<std::uint8_t>& luma = segment.emplace_back();
+    luma.reserve(static_cast<std::size_t>(kWidth) * kHeight);
+    for (int y = 0; y < kHeight; ++y) {
+      const std::uint8_t* const row = decoded->data[0] + y * decoded->linesize[0];
+      luma.insert(luma.end(), row, row + kWidth);
+    }
+    if (segment.size() == kSegment) look_at_segment();
   };
   for (int i = 0; i < seconds * kRate; ++i) {
     media::Frame frame(av_frame_clone(room[static_cast<std::size_t>(i) % room.size()].get()));
@@ -256,6 +278,7 @@ light::LightReport run(const Condition& condition, double height, int seconds,
     if (decoder.decode(packet.get(), *decoded)) look();
   }
   if (decoder.decode(nullptr, *decoded)) look();
+  look_at_segment();
   return judge.finish();
 }
 
@@ -290,10 +313,10 @@ int read_rates(int seconds, double only_height, const std::string& only) {
   return 0;
 }
 
-int false_readings(int pictures, const std::vector<std::string>& films) {
+int false_readings(int pictures, unsigned seed, const std::vector<std::string>& films) {
   const light::LedgerLights ledger = ledger_of(pictures / kRate + 1);
   light::LightJudge judge(ledger);
-  std::mt19937 random(11);
+  std::mt19937 random(seed);
   recorder::CaseClock clock;
   std::uint64_t places = 0;
   for (int count = 0; count < pictures;) {
@@ -342,8 +365,8 @@ int false_readings(int pictures, const std::vector<std::string>& films) {
 int main(int argc, char** argv) {
   try {
     media::silence_libav();
-    if (argc > 3 && argv[1] == std::string("--false"))
-      return false_readings(std::stoi(argv[2]), {argv + 3, argv + argc});
+    if (argc > 4 && argv[1] == std::string("--false"))
+      return false_readings(std::stoi(argv[2]), static_cast<unsigned>(std::stoul(argv[3])), {argv + 4, argv + argc});
     return read_rates(argc > 1 ? std::stoi(argv[1]) : 40, argc > 2 ? std::stod(argv[2]) : 0,
                       argc > 3 ? argv[3] : "");
   } catch (const std::exception& error) {
