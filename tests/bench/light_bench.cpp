@@ -366,7 +366,8 @@ int main(int argc, char** argv) {
   try {
     media::silence_libav();
     if (argc > 4 && argv[1] == std::string("--false"))
-      return false_readings(std::stoi(argv[2]), static_cast<unsigned>(std::stoul(argv[3])), {argv + 4, argv + argc});
+      return false_readings(std::stoi(argv[2]), static_cast<unsigned>(std::stoul(argv[3])),
+                            {argv + 4, argv + argc});
     return read_rates(argc > 1 ? std::stoi(argv[1]) : 40, argc > 2 ? std::stod(argv[2]) : 0,
                       argc > 3 ? argv[3] : "");
   } catch (const std::exception& error) {
