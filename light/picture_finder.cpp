@@ -520,19 +520,6 @@ void PictureFinder::search(const GreyView& picture) {
   }
 }
 
-std::vector<Place> read_with_all_places(
-    std::vector<Place> known, const std::function<std::vector<Place>(const std::vector<Place>&)>& read) {
-  const auto is_known = [&](const Place& place) {
-    return std::any_of(known.begin(), known.end(), [&](const Place& other) {
-      return std::equal(place.begin(), place.end(), other.begin(),
-                        [](const Point& a, const Point& b) { return a.x == b.x && a.y == b.y; });
-    });
-  };
-  std::vector<Place> found = read(known);
-  if (std::all_of(found.begin(), found.end(), is_known)) return found;
-  return read(found);
-}
-
 std::vector<Sighting> PictureFinder::read(const GreyView& picture) const {
   std::vector<Sighting> sightings;
   for (std::size_t i = 0; i < places_.size(); ++i) {

@@ -6,7 +6,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <vector>
 
@@ -61,11 +60,5 @@ class PictureFinder {
  private:
   std::vector<Place> places_;
 };
-
-/// Reads a stretch of pictures with the places that are known; `read` tells those that it knows at its end. A
-/// display that was found only there was there before, too: then the stretch is read once more, with it, and
-/// what was read first is to be forgotten. The places at the end.
-std::vector<Place> read_with_all_places(
-    std::vector<Place> known, const std::function<std::vector<Place>(const std::vector<Place>&)>& read);
 
 }  // namespace kiroku::light

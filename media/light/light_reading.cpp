@@ -109,20 +109,16 @@ class StreamReading {
       throw Error("no entry says when the pictures of " + segment.file.file + " are from");
     const SealedSegment plain = SealedSegment::open(folder_, segment, identities_);
     Bytes said;
-    places_ = light::read_with_all_places(places_, [&](const std::vector<light::Place>& known) {
-      said.clear();
-      const json asked{{"media", media},
-                       {"name", segment.file.file},
-                       {"complete", segment.complete},
-                       {"places", json_of(known)}};
-      const json answer = boxes_.with([&](BoxedJobs& box) {
-        return box.ask(kReadLight, asked,
-                       [&](std::uint64_t) { return std::make_unique<BorrowedSource>(plain); },
-                       segment.file.file, &said, {.whole = kLongestReading, .bytes = kMostBytes});
-      });
-      const auto places = answer.find("places");
-      return places != answer.end() ? places_of(*places) : known;
+    const json asked{{"media", media},
+                     {"name", segment.file.file},
+                     {"complete", segment.complete},
+                     {"places", json_of(places_)}};
+    const json answer = boxes_.with([&](BoxedJobs& box) {
+      return box.ask(kReadLight, asked,
+                     [&](std::uint64_t) { return std::make_unique<BorrowedSource>(plain); },
+                     segment.file.file, &said, {.whole = kLongestReading, .bytes = kMostBytes});
     });
+    if (const auto places = answer.find("places"); places != answer.end()) places_ = places_of(*places);
     const bool wraps = media == "video/mp2t";
     std::string_view text = text_of(said);
     for (std::size_t end = text.find('\n'); end != std::string_view::npos; end = text.find('\n')) {

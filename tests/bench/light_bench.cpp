@@ -229,36 +229,14 @@ light::LightReport run(const Condition& condition, double height, int seconds,
   format.pixel_format = AV_PIX_FMT_YUV420P;
   recorder::VideoEncoder encoder(format, {kRate, 1}, profile);
   Decoder decoder(*encoder.muxed_stream().encoder);
+  light::PictureFinder finder;
   const media::Frame decoded = media::make_frame();
-  // As the program does: segments of two seconds, and the whole picture searched each 0.4 s.
-  constexpr std::size_t kSegment = 2 * kRate;
-  std::vector<std::vector<std::uint8_t>> segment;
-  std::vector<light::Place> places;
   int count = 0;
-  const auto look_at_segment = [&] {
-    std::vector<std::vector<light::Sighting>> read;
-    places = light::read_with_all_places(places, [&](const std::vector<light::Place>& known) {
-      light::PictureFinder finder(known);
-      read.clear();
-      for (std::size_t i = 0; i < segment.size(); ++i) {
-        const light::GreyView view{segment[i].data(), kWidth, kHeight, kWidth};
-        if (i % 10 == 0) finder.search(view);
-        read.push_back(finder.read(view));
-      }
-      return finder.places();
-    });
-    for (const std::vector<light::Sighting>& sightings : read)
-      judge.add(count++ * kSecond / kRate, sightings);
-    segment.clear();
-  };
   const auto look = [&] {
-    std::vector<std::uint8_t>& luma = segment.emplace_back();
-    luma.reserve(static_cast<std::size_t>(kWidth) * kHeight);
-    for (int y = 0; y < kHeight; ++y) {
-      const std::uint8_t* const row = decoded->data[0] + y * decoded->linesize[0];
-      luma.insert(luma.end(), row, row + kWidth);
-    }
-    if (segment.size() == kSegment) look_at_segment();
+    const light::GreyView view{decoded->data[0], decoded->width, decoded->height, decoded->linesize[0]};
+    if (count % 10 == 0) finder.search(view);
+    judge.add(count * kSecond / kRate, finder.read(view));
+    ++count;
   };
   for (int i = 0; i < seconds * kRate; ++i) {
     media::Frame frame(av_frame_clone(room[static_cast<std::size_t>(i) % room.size()].get()));
@@ -278,7 +256,6 @@ light::LightReport run(const Condition& condition, double height, int seconds,
     if (decoder.decode(packet.get(), *decoded)) look();
   }
   if (decoder.decode(nullptr, *decoded)) look();
-  look_at_segment();
   return judge.finish();
 }
 

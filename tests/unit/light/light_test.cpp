@@ -141,30 +141,6 @@ TEST(PictureFinderTest, ReadsACodeWhoseHalfIsCoveredWhereItWasSeenBefore) {
   EXPECT_LE(least, 4);
 }
 
-// A blurred display is found when the coder has had some pictures, and hangs there from the first one on.
-TEST(PictureFinderTest, ADisplayThatIsFoundLateIsReadFromTheBeginning) {
-  Room room;
-  const std::uint64_t code = light_code(1, crypto::Sha256Digest{}, kBegin);
-  room.show(code);
-  std::size_t rounds = 0, read = 0;
-  const auto stretch = [&](const std::vector<Place>& known) {
-    ++rounds;
-    read = 0;
-    PictureFinder finder(known);
-    for (int picture = 0; picture < 10; ++picture) {
-      if (picture == 7) finder.search(room.view());
-      for (const Sighting& sighting : finder.read(room.view())) read += sighting.words[0] == code ? 1U : 0U;
-    }
-    return finder.places();
-  };
-  const std::vector<Place> places = read_with_all_places({}, stretch);
-  EXPECT_EQ(read, 10U);
-  EXPECT_EQ(rounds, 2U);
-  EXPECT_EQ(places.size(), 1U);
-  EXPECT_EQ(read_with_all_places(places, stretch).size(), 1U);
-  EXPECT_EQ(rounds, 3U) << "what is known is read once";
-}
-
 TEST(PictureFinderTest, FindsNothingInAnEmptyRoomAndInPicturesOfNoSize) {
   Room room;
   room.show(std::nullopt);
