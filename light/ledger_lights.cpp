@@ -1,7 +1,7 @@
 #include "light/ledger_lights.h"
 
 #include <algorithm>
-#include <variant>
+#include <string>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
@@ -15,6 +15,8 @@ namespace {
 
 /// Of ten days with four streams there are half as many.
 constexpr std::size_t kMostEntries = 4'000'000, kMostCodes = 32'000'000;
+/// The year 2223, either way: what a ledger states beyond it does not fit into nanoseconds.
+constexpr std::int64_t kFurthestUs = 8'000'000'000'000'000;
 
 std::int64_t second_of(std::int64_t utc_us) {
   constexpr std::int64_t kSecond = 1'000'000;
@@ -51,10 +53,10 @@ void LedgerLights::add_line(std::string_view line) {
   archive::EntryParse parse = archive::parse_case_entry(line);
   if (!parse.entry)
     throw Error(where + " cannot be read: " + parse.problem + "; see what 'kiroku verify' says of the case");
-  if (const auto* token = std::get_if<archive::TokenEntry>(&parse.entry->body))
-    tokens_.push_back({written_.size(), token->authority, token->gen_time});
   tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));
-  written_.push_back({parse.entry->at.utc.time_since_epoch().count(), parse.entry->at.mono_ns});
+  written_.push_back(
+      {std::clamp<std::int64_t>(parse.entry->at.utc.time_since_epoch().count(), -kFurthestUs, kFurthestUs),
+       parse.entry->at.mono_ns});
 }
 
 void LedgerLights::finish() {
@@ -94,14 +96,6 @@ std::optional<std::int64_t> LedgerLights::utc_ns_at(std::int64_t case_ns) const 
                                 [](std::int64_t ns, const Written& entry) { return ns < entry.mono_ns; });
   const Written& entry = after == written_.begin() ? *after : *(after - 1);
   return entry.utc_us * 1'000 + (case_ns - entry.mono_ns);
-}
-
-std::optional<NamedToken> LedgerLights::newest_token(std::uint64_t entries) const {
-  const auto after =
-      std::lower_bound(tokens_.begin(), tokens_.end(), entries,
-                       [](const NamedToken& token, std::uint64_t count) { return token.entry < count; });
-  if (after == tokens_.begin()) return std::nullopt;
-  return *(after - 1);
 }
 
 }  // namespace kiroku::light

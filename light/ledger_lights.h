@@ -6,11 +6,9 @@
 #include <filesystem>
 #include <optional>
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 
-#include "base/utc_time.h"
 #include "crypto/merkle_tree.h"
 
 namespace kiroku::light {
@@ -20,13 +18,6 @@ struct LedgerCode {
   std::uint64_t code = 0;
   std::int64_t second = 0;  // Unix time
   std::uint64_t entries = 0;
-};
-
-/// A time-stamp that a ledger names.
-struct NamedToken {
-  std::uint64_t entry = 0;
-  std::string authority;
-  UtcTime gen_time;
 };
 
 class LedgerLights {
@@ -51,17 +42,14 @@ class LedgerLights {
   /// Those of the seconds [first, last].
   [[nodiscard]] std::span<const LedgerCode> codes_of(std::int64_t first, std::int64_t last) const;
   /// UTC in nanoseconds of a moment of the case clock, by the recorder's wall clock: of the last entry that
-  /// was written before it. Nothing without an entry.
+  /// was written before it. Nothing without an entry. `case_ns` within 25 years of 0.
   [[nodiscard]] std::optional<std::int64_t> utc_ns_at(std::int64_t case_ns) const;
-  /// The newest token among the first `entries` lines.
-  [[nodiscard]] std::optional<NamedToken> newest_token(std::uint64_t entries) const;
 
  private:
   struct Written {
     std::int64_t utc_us = 0, mono_ns = 0;
   };
   std::vector<Written> written_;
-  std::vector<NamedToken> tokens_;
   crypto::MerkleTree tree_;
   std::vector<LedgerCode> codes_;
 };

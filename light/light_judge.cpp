@@ -12,6 +12,8 @@ namespace {
 // differ from one of the some 100 codes of seven seconds by so few once in 10^5 (of all cells, at a place
 // that showed a code before) and in 10^6 (of eight halves).
 constexpr int kMostOfAll = 6, kMostOfHalf = 4;
+// So near to one code is one of a random sighting's nine words once in 6 * 10^11.
+constexpr int kMostOfExact = 1;
 // Of the some million codes of a day no random word is so near, and opposite in so many pairs.
 constexpr int kMostOfOld = 3, kOppositeOfOld = 40;
 // Nobody is to be accused by what is hard to read.
@@ -79,14 +81,14 @@ std::string_view second_light_name(SecondLight light) {
   return "unread";
 }
 
-const LedgerCode* LightJudge::nearby(const Sighting& sighting, std::int64_t second) const {
-  const LedgerCode* best = nullptr;
+LightJudge::Match LightJudge::nearest(const Sighting& sighting, std::span<const LedgerCode> around) {
+  Match best;
   int least = kCodeBits;
-  for (const LedgerCode& code : ledger_.codes_of(second - kLateSeconds, second + kEarlySeconds)) {
+  for (const LedgerCode& code : around) {
     for (std::size_t view = 0; view < sighting.words.size(); ++view) {
       const int differ = distance(sighting.words[view], code.code);
       if (differ > (view == 0 ? kMostOfAll : kMostOfHalf) || differ >= least) continue;
-      best = &code;
+      best = {&code, differ <= kMostOfExact};
       least = differ;
     }
   }
@@ -106,14 +108,22 @@ void LightJudge::add(std::int64_t case_ns, std::span<const Sighting> sightings) 
   if (!utc_ns) return;
   const std::int64_t utc = floor_second(*utc_ns);
   if (second_ && second_->utc != utc) close();
-  if (!second_) second_ = Second{utc, case_ns, case_ns, 0, {}, 0, {}, {}};
+  if (!second_) {
+    second_ = Second();
+    second_->utc = utc;
+    second_->first_ns = case_ns;
+  }
   Second& now = *second_;
   now.last_ns = case_ns;
   ++now.pictures;
+  const auto around = ledger_.codes_of(utc - kLateSeconds, utc + kEarlySeconds);
+  now.is_crowded = around.size() > kMostNearby;
+  if (now.is_crowded) return;
   for (const Sighting& sighting : sightings) {
-    if (const LedgerCode* code = nearby(sighting, utc)) {
+    const Match match = nearest(sighting, around);
+    if (const LedgerCode* code = match.code) {
       ++now.near[code->second];
-      now.entries = std::max(now.entries, code->entries);
+      if (match.is_exact) ++now.exact[code->entries];
       if (!latest_shown_ || code->second > *latest_shown_) {
         latest_shown_ = code->second;
         report_.delays_ns.push_back(*utc_ns - code->second * 1'000'000'000);
@@ -122,7 +132,6 @@ void LightJudge::add(std::int64_t case_ns, std::span<const Sighting> sightings) 
     }
     if (sighting.opposite < kOppositeOfOld) continue;
     count(now.strange, sighting.words[0]);
-    const auto around = ledger_.codes_of(utc - kLateSeconds, utc + kEarlySeconds);
     if (sighting.opposite >= kOppositeOfForeign && sighting.clarity >= kClarityOfForeign &&
         std::none_of(around.begin(), around.end(), [&](const LedgerCode& code) {
           return distance(sighting.words[0], code.code) < kLeastOfForeign;
@@ -160,9 +169,13 @@ void LightJudge::close() {
   if (most >= enough_of(second.pictures)) {
     ++report_.agreeing;
     if (clear) ++report_.beside_foreign;
-    if (auto token = ledger_.newest_token(second.entries)) {
-      report_.newest_token = std::move(token);
-      report_.newest_token_shown_ns = second.first_ns;
+    std::uint64_t entries = 0;
+    for (const auto& [made_of, pictures] : second.exact)
+      if (pictures >= enough_of(second.pictures)) entries = made_of;
+    if (entries > 0) {
+      ++report_.exact;
+      report_.exact_entries = entries;
+      report_.exact_shown_ns = second.first_ns;
     }
     return;
   }
@@ -179,6 +192,7 @@ void LightJudge::close() {
     return;
   }
   ++report_.unread;
+  if (second.is_crowded) ++report_.crowded;
   note(SecondLight::kUnread, second, std::nullopt);
 }
 

@@ -43,9 +43,15 @@ struct LightReport {
       delays_ns;  // of each code's first picture, sorted: how long after its second began
   std::vector<LightStretch> stretches;  // that do not agree, at most kMostStretches
   std::uint64_t more_stretches = 0;     // left out
-  /// Of the last second that agrees: the newest time-stamp that its code is made of. The pictures are later.
-  std::optional<NamedToken> newest_token;
-  std::int64_t newest_token_shown_ns = 0;  // case clock of those pictures
+  /// Seconds among `unread` that were not compared: the ledger has so many codes then that noise would fit.
+  std::uint64_t crowded = 0;
+  /// Seconds that agree whose code was read nearly to the bit. A code that was corrected in six bits is one
+  /// of 10^7: whoever chooses what stands in a ledger finds lines that fit a film from before.
+  std::uint64_t exact = 0;
+  /// Of the last such second: how many lines its code is made of, and the case clock of its first picture.
+  /// The pictures were finished after those lines were.
+  std::uint64_t exact_entries = 0;
+  std::int64_t exact_shown_ns = 0;
 };
 
 class LightJudge {
@@ -55,6 +61,8 @@ class LightJudge {
   static constexpr std::int64_t kLateSeconds = 5, kEarlySeconds = 1;
   /// From this share of seconds on a stream agrees.
   static constexpr double kNearlyAll = 0.9;
+  /// A second with more codes to compare with is not compared. A recorder with eight streams makes some 300.
+  static constexpr std::size_t kMostNearby = 1'000;
 
   /// `ledger` must outlive the object.
   explicit LightJudge(const LedgerLights& ledger) : ledger_(ledger) {}
@@ -69,14 +77,19 @@ class LightJudge {
     std::int64_t utc = 0;
     std::int64_t first_ns = 0, last_ns = 0;
     std::uint64_t pictures = 0;
-    std::map<std::int64_t, std::uint64_t> near;      // pictures by the second whose code they show
-    std::uint64_t entries = 0;                       // of the newest code
+    std::map<std::int64_t, std::uint64_t> near;    // pictures by the second whose code they show
+    std::map<std::uint64_t, std::uint64_t> exact;  // pictures by the entries of what they show to the bit
+    bool is_crowded = false;
     std::map<std::uint64_t, std::uint64_t> strange;  // pictures by a word that is none of those
     std::map<std::uint64_t, std::uint64_t> clear;    // of them: so clear that they can be called foreign
   };
   void close();
   void note(SecondLight light, const Second& second, std::optional<std::int64_t> shown);
-  [[nodiscard]] const LedgerCode* nearby(const Sighting& sighting, std::int64_t second) const;
+  struct Match {
+    const LedgerCode* code = nullptr;
+    bool is_exact = false;
+  };
+  [[nodiscard]] static Match nearest(const Sighting& sighting, std::span<const LedgerCode> around);
   [[nodiscard]] const LedgerCode* anywhere(std::uint64_t word) const;
 
   const LedgerLights& ledger_;

@@ -10,6 +10,7 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/home.h"
 #include "archive/reading/case_reader.h"
+#include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "light/ledger_lights.h"
 #include "light/light_judge.h"
@@ -49,8 +50,7 @@ std::string answer_text(const media::StreamLight& stream) {
   switch (report.answer) {
     case LightAnswer::kAgrees:
       return "light and ledger agree: the pictures show the codes that this ledger had in their seconds, so "
-             "nobody "
-             "finished them before";
+             "they were finished after its lines of then were written";
     case LightAnswer::kInPart:
       return "light and ledger agree as far as codes could be read; of the other seconds light says nothing";
     case LightAnswer::kDisagrees:
@@ -73,38 +73,69 @@ std::string stretch_text(const light::LightStretch& stretch, std::int64_t begins
     case SecondLight::kOld:
       return when + "pictures repeat the code of another second of this case, first that of " +
              format_utc_for_people(utc_of_second(*stretch.shown_second)) +
-             ": they were taken then, or the display stood still";
+             ": they were taken then, repeated, or the display stood still";
     case SecondLight::kForeign:
       return when +
-             "pictures show a code that this ledger never had: they were taken beside another ledger, of "
-             "another day or recorder";
+             "pictures show a code that this ledger never had: the display followed another case, or they "
+             "are of another day or recorder";
     default:
       return when +
              "no code could be read: covered, out of the picture, or pictures that were made without it";
   }
 }
 
-std::string text_of_stream(const std::string& name, const media::StreamLight& stream,
-                           std::int64_t begins_ns) {
+/// What no line of the first `entries` can be older than; nothing where no token that holds tells.
+const archive::Bracket* bracket_of(const LightQuestion& question, std::uint64_t entries) {
+  for (const archive::Bracket& bracket : question.brackets) {
+    if (bracket.first_entry < entries && entries <= bracket.last_entry + 1)
+      return bracket.not_before ? &bracket : nullptr;
+  }
+  return nullptr;
+}
+
+/// Since when the pictures cannot have been finished, and who says so.
+std::string since_text(const LightQuestion& question, const light::LightReport& report,
+                       std::int64_t begins_ns) {
+  if (report.agreeing == 0 || question.is_tampered) return {};
+  if (report.exact == 0)
+    return "  no code was read well enough to say since when: each agrees as far as codes could be "
+           "corrected\n";
+  const archive::Bracket* bracket = bracket_of(question, report.exact_entries);
+  if (bracket == nullptr)
+    return "  no time-stamp that holds is among the lines whose codes were read: nobody but the recorder "
+           "says when that was\n";
+  const std::string when = "  the pictures at " + format_duration(report.exact_shown_ns - begins_ns) +
+                           " were finished after " + format_utc_for_people(*bracket->not_before);
+  return question.by_outside_clocks
+             ? when + ": by the time-stamp of an outside authority (" + bracket->authority_before +
+                   ") that their code is made of\n"
+             : when + " by the recorder's own authority (" + bracket->authority_before +
+                   "): its clock is the recorder's, and nobody outside says when that was\n";
+}
+
+std::string text_of_stream(const LightQuestion& question, const std::string& name,
+                           const media::StreamLight& stream, std::int64_t begins_ns) {
   const light::LightReport& report = stream.report;
   std::string text = "Light in stream " + name + ": " + answer_text(stream) + ".\n";
+  if (question.is_tampered)
+    text += "  THE CASE READS AS TAMPERED: what agrees with its ledger proves nothing\n";
   if (report.seconds > 0) {
     text += "  agrees in " + std::to_string(report.agreeing) + " of " + std::to_string(report.seconds) +
-            " seconds (" + share_text(report.agreeing, report.seconds) + "); another second's code in " +
-            std::to_string(report.old) + ", another ledger's in " + std::to_string(report.foreign) +
-            ", none read in " + std::to_string(report.unread) + "\n";
+            " seconds (" + share_text(report.agreeing, report.seconds) + "), nearly to the bit in " +
+            std::to_string(report.exact) + "; another second's code in " + std::to_string(report.old) +
+            ", another ledger's in " + std::to_string(report.foreign) + ", none read in " +
+            std::to_string(report.unread) + "\n";
   }
+  if (report.crowded > 0)
+    text += "  " + std::to_string(report.crowded) +
+            " seconds were not compared: the ledger has so many lines then that any picture would fit; no "
+            "recorder writes so many\n";
   if (!report.delays_ns.empty()) {
     text += "  a code is seen " + delay_text(delay_at(report, 0.5)) +
             " after its second began (half of them), " + delay_text(delay_at(report, 0.95)) +
             " (95 % of them), " + delay_text(report.delays_ns.back()) + " at most\n";
   }
-  if (report.newest_token) {
-    text += "  the pictures at " + format_duration(report.newest_token_shown_ns - begins_ns) +
-            " are later than the time-stamp of entry " + std::to_string(report.newest_token->entry) + " (" +
-            format_utc_for_people(report.newest_token->gen_time) + ", " + report.newest_token->authority +
-            ")\n";
-  }
+  text += since_text(question, report, begins_ns);
   if (report.beside_foreign > 0) {
     text += "  " + std::to_string(report.beside_foreign) +
             " seconds that agree show another ledger's code beside it, of a second display perhaps\n";
@@ -129,7 +160,8 @@ std::string text_of_stream(const std::string& name, const media::StreamLight& st
   return text;
 }
 
-ordered_json json_of_stream(const std::string& name, const media::StreamLight& stream) {
+ordered_json json_of_stream(const LightQuestion& question, const std::string& name,
+                            const media::StreamLight& stream) {
   const light::LightReport& report = stream.report;
   ordered_json json{{"stream", name},
                     {"answer", light::answer_name(report.answer)},
@@ -140,12 +172,14 @@ ordered_json json_of_stream(const std::string& name, const media::StreamLight& s
                     {"old", report.old},
                     {"foreign", report.foreign},
                     {"unread", report.unread},
+                    {"exact", report.exact},
+                    {"crowded", report.crowded},
                     {"beside_foreign", report.beside_foreign},
                     {"segments", stream.segments},
                     {"unread_segments", stream.unread_segments},
                     {"erased_segments", stream.erased},
                     {"delay_ns", nullptr},
-                    {"newest_token", nullptr},
+                    {"finished_after", nullptr},
                     {"stretches", ordered_json::array()},
                     {"more_stretches", report.more_stretches}};
   if (stream.unread_segments > 0) json["why_unread"] = stream.why_unread;
@@ -155,11 +189,13 @@ ordered_json json_of_stream(const std::string& name, const media::StreamLight& s
                         {"p95", delay_at(report, 0.95)},
                         {"most", report.delays_ns.back()}};
   }
-  if (report.newest_token) {
-    json["newest_token"] = {{"entry", report.newest_token->entry},
-                            {"authority", report.newest_token->authority},
-                            {"gen_time", format_utc(report.newest_token->gen_time)},
-                            {"shown_ns", report.newest_token_shown_ns}};
+  const archive::Bracket* bracket = report.exact > 0 ? bracket_of(question, report.exact_entries) : nullptr;
+  if (bracket != nullptr) {
+    json["finished_after"] = {{"utc", format_utc(*bracket->not_before)},
+                              {"authority", bracket->authority_before},
+                              {"outside", question.by_outside_clocks},
+                              {"entries", report.exact_entries},
+                              {"shown_ns", report.exact_shown_ns}};
   }
   for (const light::LightStretch& stretch : report.stretches) {
     ordered_json one{{"light", light::second_light_name(stretch.light)},
@@ -177,7 +213,16 @@ int status_of(const media::StreamLight& stream) {
   return stream.report.answer == LightAnswer::kAgrees && stream.unread_segments == 0 ? kDone : kNoAnswer;
 }
 
+/// An excerpt has no tree of the whole ledger before it, from which codes are made.
+LightOutcome of_excerpt() {
+  const std::string why =
+      "could not check: codes are made of a whole ledger, and an excerpt has a part of it";
+  return {kNoAnswer, "Light: " + why + "; compare the whole case.\n",
+          ordered_json{{"streams", ordered_json::array()}, {"could_not_check", why}}.dump()};
+}
+
 LightOutcome read(const std::optional<Home>& home, const LightQuestion& question) {
+  if (archive::is_excerpt(question.folder)) return of_excerpt();
   const archive::CaseReader recording = archive::CaseReader::open(question.folder);
   if (question.lines_root != recording.lines_root()) {
     throw Error(
@@ -207,8 +252,8 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
         media::read_light(recording, ledger, name, identities,
                           [&](std::uint64_t done, std::uint64_t total) { progress.update(done, total); });
     progress.clear();
-    outcome.text += text_of_stream(name, stream, recording.opening().begins_ns);
-    streams.push_back(json_of_stream(name, stream));
+    outcome.text += text_of_stream(question, name, stream, recording.opening().begins_ns);
+    streams.push_back(json_of_stream(question, name, stream));
     const bool shows = stream.report.agreeing + stream.report.old + stream.report.foreign > 0;
     if (!shows && question.streams.empty()) continue;
     is_seen = true;
@@ -218,8 +263,8 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
   }
   if (names.empty()) outcome.text = "Light: could not check: the case has no stream of pictures.\n";
   outcome.status = is_seen ? seen_status : kNoAnswer;
-  outcome.json = ordered_json{{"streams", std::move(streams)}}.dump(-1, ' ', false,
-                                                                    ordered_json::error_handler_t::replace);
+  outcome.json = ordered_json{{"proves_nothing", question.is_tampered}, {"streams", std::move(streams)}}.dump(
+      -1, ' ', false, ordered_json::error_handler_t::replace);
   log_access(home, question.folder, "read the light of a display in the pictures");
   return outcome;
 }

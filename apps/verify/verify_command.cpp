@@ -39,6 +39,21 @@ int worse(int a, int b) {
   return rank(a) >= rank(b) ? a : b;
 }
 
+/// What the verification proves, for the comparison with light.
+LightQuestion light_question(const std::filesystem::path& folder, const archive::VerificationReport& report,
+                             const Request& request) {
+  LightQuestion question;
+  question.folder = folder;
+  question.lines_root = report.lines_root;
+  question.identities = request.judging.identities;
+  question.streams = request.light_streams;
+  question.is_tampered = report.verdict == archive::Verdict::kTampered;
+  if (!question.is_tampered && report.time != archive::TimeProof::kNone) question.brackets = report.brackets;
+  question.by_outside_clocks =
+      report.time == archive::TimeProof::kExternal || report.time == archive::TimeProof::kExternalInPart;
+  return question;
+}
+
 /// As the policy of witnesses asks, where one was given.
 bool is_witnessed(const Judged& judged) {
   if (judged.log_witnesses) return judged.log_witnesses->witnessed.quorum;
@@ -71,8 +86,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       if (!is_witnessed(judged)) status = worse(status, kNoAnswer);
       LightOutcome light;
       if (request.light) {
-        light = extras.read_light(
-            {folder, judged.report.lines_root, request.judging.identities, request.light_streams});
+        light = extras.read_light(light_question(folder, judged.report, request));
         status = worse(status, light.status);
       }
       if (request.json) {
@@ -174,9 +188,8 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
         "--light opens the pictures, so it takes an identity. It changes no verdict. Exit status 0 or 4 "
         "becomes "
         "1 where pictures show a code that the ledger did not have then, and 3 where codes were not read in "
-        "nine of ten seconds, or in none. It cannot tell a film that somebody put together within seconds, "
-        "with "
-        "the recorder's ledger at hand.");
+        "nine of ten seconds, or in none. Of a case that reads as tampered it proves nothing. It cannot tell "
+        "a film that somebody put together within seconds, with the recorder's ledger at hand.");
   }
   command.explain(
       "Exit status: 0 intact (also with stated gaps), 1 tampered, 2 wrong usage or unreadable, 3 incomplete "

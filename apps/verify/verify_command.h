@@ -33,7 +33,13 @@ struct HowVerified {
 struct LightQuestion {
   std::filesystem::path folder;
   std::optional<crypto::Sha256Digest> lines_root;  // of the lines that were judged
-  std::vector<std::string> identities, streams;    // files; names, none: every stream of pictures
+  /// The case reads as tampered: its ledger does not hold, and what agrees with it proves nothing.
+  bool is_tampered = false;
+  /// Before which moment no line can have been written, by tokens that hold; of an outside authority, or of
+  /// the recorder's own. None of a case that reads as tampered.
+  std::vector<archive::Bracket> brackets;
+  bool by_outside_clocks = false;
+  std::vector<std::string> identities, streams;  // files; names, none: every stream of pictures
 };
 struct LightOutcome {
   int status = 0;          // kDone, kAnswerIsNo, kNoAnswer

@@ -1,9 +1,6 @@
 #include "media/light/light_reading.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
-#include <cmath>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -21,9 +18,9 @@ extern "C" {
 #include "archive/format/case_folder.h"
 #include "archive/format/segment_media.h"
 #include "base/error.h"
-#include "light/light_code.h"
 #include "media/borrowed_source.h"
 #include "media/box/boxed_jobs.h"
+#include "media/light/box_answers.h"
 #include "media/picture_decoder.h"
 #include "media/sealed_segment.h"
 #include "media/segment_input.h"
@@ -34,40 +31,9 @@ namespace {
 
 using nlohmann::json;
 
-// What a box says of a picture is numbers between spaces, and a line feed behind them: its pts in 1/90000 s;
-// then for each place that was looked at `opposite`, `clarity` in thousandths and kViews words.
-constexpr std::size_t kNumbersOfSighting = 2 + light::kViews;
-constexpr std::int64_t kThousand = 1'000;
 /// Of one segment: ten seconds of a thousand pictures each, with every place in them.
 constexpr std::size_t kMostBytes = std::size_t{64} << 20;
 constexpr std::chrono::hours kLongestReading{1};
-
-json json_of(const std::vector<light::Place>& places) {
-  json all = json::array();
-  for (const light::Place& place : places) {
-    json one = json::array();
-    for (const light::Point& corner : place) one.insert(one.end(), {corner.x, corner.y});
-    all.push_back(std::move(one));
-  }
-  return all;
-}
-
-/// What is no place is left out: a box that was taken over says what it likes.
-std::vector<light::Place> places_of(const json& all) {
-  std::vector<light::Place> places;
-  if (!all.is_array()) return places;
-  for (const json& one : all) {
-    light::Place place;
-    if (!one.is_array() || one.size() != 2 * place.size()) continue;
-    if (!std::all_of(one.begin(), one.end(), [](const json& number) { return number.is_number(); })) continue;
-    for (std::size_t i = 0; i < place.size(); ++i)
-      place[i] = {std::clamp(one[2 * i].get<double>(), -1e5, 1e5),
-                  std::clamp(one[2 * i + 1].get<double>(), -1e5, 1e5)};
-    places.push_back(place);
-    if (places.size() == light::PictureFinder::kMostPlaces) break;
-  }
-  return places;
-}
 
 /// A decoded picture's luma with eight bits.
 class Luma {
@@ -99,39 +65,6 @@ class Luma {
   Scaler scaler_;
   Frame grey_;
 };
-
-/// One picture, as the box said.
-struct ReadPicture {
-  Ticks stamp = 0;
-  std::vector<light::Sighting> sightings;
-};
-
-std::optional<ReadPicture> picture_of(std::string_view line) {
-  std::vector<std::int64_t> numbers;
-  while (!line.empty()) {
-    std::int64_t number = 0;
-    const auto [end, failed] = std::from_chars(line.data(), line.data() + line.size(), number);
-    if (failed != std::errc()) return std::nullopt;
-    numbers.push_back(number);
-    line.remove_prefix(static_cast<std::size_t>(end - line.data()));
-    if (line.empty()) break;
-    if (line.front() != ' ') return std::nullopt;
-    line.remove_prefix(1);
-  }
-  if (numbers.size() % kNumbersOfSighting != 1) return std::nullopt;
-  constexpr std::int64_t kFurthest = std::int64_t{1} << 50;  // ticks: 400 years
-  ReadPicture picture{std::clamp(numbers[0], -kFurthest, kFurthest), {}};
-  for (std::size_t at = 1; at < numbers.size(); at += kNumbersOfSighting) {
-    light::Sighting sighting;
-    sighting.opposite = static_cast<int>(std::clamp<std::int64_t>(numbers[at], 0, light::kCodeBits));
-    sighting.clarity =
-        static_cast<double>(std::clamp<std::int64_t>(numbers[at + 1], 0, kThousand)) / kThousand;
-    for (std::size_t view = 0; view < light::kViews; ++view)
-      sighting.words[view] = static_cast<std::uint64_t>(numbers[at + 2 + view]) & light::kCodeMask;
-    picture.sightings.push_back(sighting);
-  }
-  return picture;
-}
 
 /// Reads the segments of one stream in their order.
 class StreamReading {
@@ -195,7 +128,9 @@ class StreamReading {
                          " cannot be decoded: the decoder says what it may not");
       text.remove_prefix(end + 1);
       const Ticks ledger_time = ticks_of_ns(segment.span.start_ns);
-      const Ticks since = picture->stamp - offset->second - ledger_time;
+      // What a ledger states of its first picture may be anything.
+      const Ticks since =
+          std::clamp(picture->stamp - offset->second - ledger_time, -kFurthestStamp, kFurthestStamp);
       judge_.add(ns_of_ticks(ledger_time + (wraps ? unwrapped(since) : since)), picture->sightings);
     }
   }
@@ -240,13 +175,7 @@ json read_light_in_box(const json& with, JobSegments& segments) {
         finder.search(view);
         looked = stamp;
       }
-      std::string line = std::to_string(stamp);
-      for (const light::Sighting& sighting : finder.read(view)) {
-        line += " " + std::to_string(sighting.opposite) + " " +
-                std::to_string(std::lround(sighting.clarity * kThousand));
-        for (const std::uint64_t word : sighting.words) line += " " + std::to_string(word);
-      }
-      line += "\n";
+      const std::string line = line_of({stamp, finder.read(view)});
       segments.give(bytes_of(line));
     }
   } catch (const MediaError&) {  // cut off, perhaps before its first picture

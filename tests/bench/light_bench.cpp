@@ -2,9 +2,9 @@
 // the code, after MPEG-2 of 4 Mbit/s by the recorder's own encoder; and false readings in films that show
 // none.
 //   light_bench [SECONDS=40] [HEIGHT] [CONDITION]   what is read, of so many seconds for each condition
-//   light_bench --false PICTURES FILM...            false readings in pictures of films, each cut out in
-//                                                   another way, with a place where a display was thought to
-//                                                   be
+//   light_bench --false PICTURES SEED FILM...       false readings in pictures of films, each cut out in
+//                                                   another way by the seed, with a place where a display was
+//                                                   thought to be; tests/bench/light.sh runs it on all cores
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -290,10 +290,10 @@ int read_rates(int seconds, double only_height, const std::string& only) {
   return 0;
 }
 
-int false_readings(int pictures, const std::vector<std::string>& films) {
+int false_readings(int pictures, unsigned seed, const std::vector<std::string>& films) {
   const light::LedgerLights ledger = ledger_of(pictures / kRate + 1);
   light::LightJudge judge(ledger);
-  std::mt19937 random(11);
+  std::mt19937 random(seed);
   recorder::CaseClock clock;
   std::uint64_t places = 0;
   for (int count = 0; count < pictures;) {
@@ -342,8 +342,9 @@ int false_readings(int pictures, const std::vector<std::string>& films) {
 int main(int argc, char** argv) {
   try {
     media::silence_libav();
-    if (argc > 3 && argv[1] == std::string("--false"))
-      return false_readings(std::stoi(argv[2]), {argv + 3, argv + argc});
+    if (argc > 4 && argv[1] == std::string("--false"))
+      return false_readings(std::stoi(argv[2]), static_cast<unsigned>(std::stoul(argv[3])),
+                            {argv + 4, argv + argc});
     return read_rates(argc > 1 ? std::stoi(argv[1]) : 40, argc > 2 ? std::stod(argv[2]) : 0,
                       argc > 3 ? argv[3] : "");
   } catch (const std::exception& error) {

@@ -34,6 +34,43 @@ TEST_F(LightRealTime, PicturesOfADisplayAgreeWithTheLedger) {
   EXPECT_EQ(light["old"], 0) << light;
   EXPECT_EQ(light["foreign"], 0) << light;
   EXPECT_GE(light["agreeing"].get<int>(), 6) << light;
+  // The home stamps with its own authority, which is nobody outside.
+  ASSERT_TRUE(light["finished_after"].is_object()) << light;
+  EXPECT_EQ(light["finished_after"]["outside"], false);
+  EXPECT_THAT(kiroku({"verify", recorded, "--light"}).out,
+              HasSubstr("by the recorder's own authority (embedded): its clock is the recorder's"));
+
+  // Whoever trusts none of its roots is told no time: a ledger's words about its tokens are not repeated.
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
+  const ProcessResult rootless = kiroku({"verify", recorded, "--light", "--json", "--home", path("other"),
+                                         "-i", (home() / "identity.txt").string()});
+  EXPECT_EQ(rootless.status, 3);
+  const auto of_rootless = nlohmann::json::parse(rootless.out)["light"];
+  EXPECT_EQ(of_rootless["streams"][0]["agreeing"], light["agreeing"]);
+  EXPECT_EQ(of_rootless["proves_nothing"], false);
+  EXPECT_TRUE(of_rootless["streams"][0]["finished_after"].is_null()) << of_rootless;
+
+  // The token's bytes are changed, so the ledger's words about it hold no more.
+  const std::string changed = path("changed");
+  std::filesystem::copy(recorded, changed, std::filesystem::copy_options::recursive);
+  for (const auto& file : files_below(changed)) {
+    if (file.starts_with("tokens/")) flip_byte(std::filesystem::path(changed) / file, 300);
+  }
+  const ProcessResult tampered = kiroku({"verify", changed, "--light", "--json"});
+  EXPECT_EQ(tampered.status, 1);
+  const auto of_tampered = nlohmann::json::parse(tampered.out)["light"];
+  EXPECT_EQ(of_tampered["proves_nothing"], true);
+  EXPECT_EQ(of_tampered["streams"][0]["agreeing"], light["agreeing"]);
+  EXPECT_TRUE(of_tampered["streams"][0]["finished_after"].is_null()) << of_tampered;
+  EXPECT_THAT(kiroku({"verify", changed, "--light"}).out,
+              testing::AllOf(HasSubstr("what agrees with its ledger proves nothing"),
+                             testing::Not(HasSubstr("were finished after 20"))));
+
+  ASSERT_EQ(
+      kiroku({"excerpt", recorded, "--from", "00:00:02", "--to", "00:00:04", "-o", path("part")}).status, 0);
+  const ProcessResult part = kiroku({"verify", path("part"), "--light"});
+  EXPECT_EQ(part.status, 3) << part.out << part.err;
+  EXPECT_THAT(part.out, HasSubstr("could not check: codes are made of a whole ledger"));
 }
 
 TEST_F(LightRealTime, WithoutADisplayNothingCouldBeChecked) {

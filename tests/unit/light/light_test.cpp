@@ -172,6 +172,62 @@ TEST(LightJudgeTest, APicturedSecondAgreesWithItsLedger) {
   ASSERT_EQ(report.delays_ns.size(), 10U);
   EXPECT_EQ(report.delays_ns.front(), kSecond / 20);
   EXPECT_EQ(report.delays_ns.back(), kSecond / 20);
+  EXPECT_EQ(report.exact, 10U);
+  EXPECT_EQ(report.exact_entries, 10U);
+  EXPECT_EQ(report.exact_shown_ns / kSecond, 9);
+}
+
+/// Of a display whose cells say `word`, in whichever half.
+Sighting sighting_of(std::uint64_t word) {
+  Sighting sighting;
+  sighting.words.fill(word);
+  sighting.opposite = kCodeBits;
+  sighting.clarity = 1;
+  return sighting;
+}
+
+LightReport judged_words(const LedgerLights& ledger, int seconds,
+                         const std::function<std::uint64_t(std::int64_t second)>& word) {
+  LightJudge judge(ledger);
+  for (int i = 0; i < seconds * 10; ++i)
+    judge.add(i * kSecond / 10 + kSecond / 20, std::vector{sighting_of(word(i / 10))});
+  return judge.finish();
+}
+
+// Whoever writes a ledger finds lines whose codes are so near to what a film from before shows.
+TEST(LightJudgeTest, ACodeThatWasCorrectedAgreesAndSaysNothingOfWhen) {
+  const LedgerLights ledger = lights_of(lines_of(20, 1));
+  const LightReport corrected = judged_words(
+      ledger, 10, [&](std::int64_t second) { return shown_in(ledger, kBegin + second) ^ 0b10100U; });
+  EXPECT_EQ(corrected.agreeing, 10U);
+  EXPECT_EQ(corrected.exact, 0U);
+  EXPECT_EQ(corrected.exact_entries, 0U);
+  const LightReport later = judged_words(ledger, 10, [&](std::int64_t second) {
+    return shown_in(ledger, kBegin + second) ^ (second < 7 ? 1U : 0b10100U);
+  });
+  EXPECT_EQ(later.exact, 7U);
+  EXPECT_EQ(later.exact_entries, 7U) << "the last code that was read well, not the last that agrees";
+  EXPECT_EQ(later.exact_shown_ns / kSecond, 6);
+}
+
+// With millions of lines in a second, noise is near to the code of one of them.
+TEST(LightJudgeTest, ALedgerInWhichAnyPictureFitsIsNotCompared) {
+  std::vector<std::string> lines;
+  for (int i = 0; i < 4'000; ++i) {
+    archive::CaseEntry entry;
+    entry.seq = static_cast<std::uint64_t>(i);
+    entry.at = {UtcTime(std::chrono::milliseconds(kBegin * 1'000 + i * 2)), i * kSecond / 500};
+    entry.body = archive::ClockEntry{true, i, 0, 0, 0};
+    lines.push_back(archive::to_line(entry));
+  }
+  const LedgerLights ledger = lights_of(lines);
+  const LightReport report = judged_words(ledger, 8, [&](std::int64_t second) {
+    return ledger.codes_of(kBegin + second, kBegin + second).front().code;
+  });
+  EXPECT_EQ(report.agreeing, 0U);
+  EXPECT_EQ(report.old + report.foreign, 0U) << "and accuses nobody";
+  EXPECT_EQ(report.crowded, 8U);
+  EXPECT_EQ(report.answer, LightAnswer::kNotSeen);
 }
 
 TEST(LightJudgeTest, OfAFilmWithoutADisplayNothingCouldBeChecked) {
@@ -238,6 +294,9 @@ TEST(LedgerLightsTest, CodesOfAHostileLedgerAreBounded) {
   }
   lights.finish();
   EXPECT_LT(lights.codes().size(), 10U * 610);
+  // Nanoseconds of the year 9892 do not fit into 64 bits.
+  EXPECT_LT(lights.utc_ns_at(1), std::int64_t{8'500'000'000} * kSecond);
+  EXPECT_GT(lights.utc_ns_at(1), std::int64_t{7'500'000'000} * kSecond);
   EXPECT_THROW(lights.add_line("{}"), Error);
 }
 
