@@ -157,7 +157,7 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
 
   step('seals it, and what is sealed holds and breathes as the patient does', async () => {
     const { page } = visitor;
-    await page.getByRole('button', { name: 'Save the model as…' }).click();
+    await page.getByRole('button', { name: 'Save as…' }).click();
     await page.getByLabel('File, without .json').fill('fitted');
     await page.getByLabel('Seal it as a plan').check();
     await page.getByRole('button', { name: 'Save', exact: true }).click();
