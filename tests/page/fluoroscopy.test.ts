@@ -151,6 +151,9 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
     await page.evaluate(() => scrollTo(0, 0));
     await page.getByRole('slider', { name: 'Time' }).fill('5');
     await expect.poll(() => page.locator('.lung-field canvas').getAttribute('data-rows')).toBe('256');
+    // All ways and switches are in sight, though there is one more of them than without a workbench.
+    const out = page.getByRole('button', { name: 'Sign out' });
+    expect(await out.evaluate((one) => one.getBoundingClientRect().right - innerWidth)).toBeLessThanOrEqual(0);
     await keepPicture(page, 'breathing');
     await expectFits(visitor, 'fluoroscopy');
   });
