@@ -78,7 +78,9 @@ const caption = async (at: number) => (await visitor.page.locator('.lung-plot fi
 story('A person who comes from a case’s fluoroscopy', (step) => {
   step('is told what is missing before anything is served', async () => {
     const refused = (...parameters: string[]) => expect(run(kiroku, ['respire', 'serve', ...parameters, '--home', appliance.home])).rejects;
-    await refused(...serve()).toThrow(/nothing says how the fluoroscope of 'fluoroscopy' saw the patient: give --geometry, or put .*fluoroscopy\.geometry\.json there/);
+    await refused(...serve()).toThrow(
+      /nothing says how the fluoroscope of 'fluoroscopy' saw the patient: give --geometry, or put .*fluoroscopy\.geometry\.json there/,
+    );
     copyFileSync(chest('c-arm.json'), join(appliance.home, 'fluoroscopy.geometry.json'));
     await refused(...serve('--stream', 'events')).toThrow(/stream 'events' has no pictures/);
     await refused(...serve('--radiographs', 'film.mkv')).toThrow(/--radiographs and --case are two series/);
@@ -150,6 +152,7 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
     await page.setViewportSize({ width: 1280, height: 900 });
     await page.evaluate(() => scrollTo(0, 0));
     await page.getByRole('slider', { name: 'Time' }).fill('5');
+    await expect.poll(() => page.locator('.lung-clock').textContent()).toMatch(/^5\.00 s/);
     await expect.poll(() => page.locator('.lung-field canvas').getAttribute('data-rows')).toBe('256');
     // All ways and switches are in sight, though there is one more of them than without a workbench.
     const out = page.getByRole('button', { name: 'Sign out' });
@@ -168,7 +171,9 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
       .getByText(/Saved as fitted\.json, sealed in fitted\.seal\.json\. Time-stamps: [1-9]/)
       .first()
       .waitFor();
-    const { checks } = JSON.parse(await appliance.kiroku('plan', 'verify', chest('fitted.seal.json'), '--json')) as { checks: { about: string; answer: string }[] };
+    const { checks } = JSON.parse(await appliance.kiroku('plan', 'verify', chest('fitted.seal.json'), '--json')) as {
+      checks: { about: string; answer: string }[];
+    };
     expect(checks.filter(({ answer }) => answer !== 'holds')).toEqual([]);
     await run(kiroku, ['sim', 'respire', chest('fitted.json'), '-o', chest('again')]);
     const head = 3;
@@ -187,7 +192,7 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
     await page.locator('[data-stream=fluoroscopy]').getByRole('link', { name: 'Fit the breathing' }).click();
     await page.getByRole('heading', { name: 'The workbench has other radiographs open.' }).waitFor();
     await page.getByText(`kiroku respire serve CT LUNG.json --case ${second} --stream fluoroscopy`).waitFor();
-    expect(await page.locator('.lung-field').count()).toBe(0);
+    await expect.poll(() => page.locator('.lung-field').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);
     await page.getByRole('link', { name: 'To what is open' }).click();
     await page.locator('.lung-field[aria-busy=false]').waitFor();

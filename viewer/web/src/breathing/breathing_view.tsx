@@ -83,7 +83,8 @@ export function BreathingView() {
   useEffect(() => {
     document.title = `${t('nav.breathing')} · Kiroku`;
   });
-  if (wanted && other.value && !isOf(other.value.recording, wanted)) return <OtherLung wanted={wanted} opened={other.value} again={() => (other.value = undefined)} />;
+  if (wanted && other.value && !isOf(other.value.recording, wanted))
+    return <OtherLung wanted={wanted} opened={other.value} again={() => (other.value = undefined)} />;
   if (lost.value !== undefined) {
     return (
       <main id="main" class="main narrow" tabIndex={-1}>
