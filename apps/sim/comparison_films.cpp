@@ -193,7 +193,7 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
   const auto& first = comparison.map->pieces().front().knots;
   const std::int64_t middle_ns = (first.front().case_ns + first.back().case_ns) / 2;
   const fs::path file = *request.geometry;
-  return {compare::fluoroscopy_of(recording, request.fluoroscopy),
+  return {compare::fluoroscopy_of(recording, request.fluoroscopy, "--fluoroscopy"),
           (sim::is_dicom_file(file) ? sim::read_dicom_geometry(file) : sim::read_geometry(file)).geometry,
           request.polarity == "bone-white" ? sim::Polarity::kBoneWhite : sim::Polarity::kBoneBlack,
           request.align_at ? recording.parse_time(*request.align_at, "--align-at") : middle_ns,

@@ -9,10 +9,12 @@
 
 #include "apps/common/format.h"
 #include "apps/common/step_line.h"
+#include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/serving.h"
+#include "apps/sim/case_fluoroscopy.h"
 #include "apps/sim/number_option.h"
 #include "apps/sim/plan_sealing.h"
 #include "apps/sim/radiograph_series.h"
@@ -32,36 +34,68 @@ namespace fs = std::filesystem;
 
 struct RespireServeRequest {
   ServingRequest serving{.listen = "", .own_port = "8447"};
-  std::string volume, model, geometry;
-  std::optional<std::string> series, radiographs, polarity, rate, start, at_once;
+  std::string volume, model;
+  std::optional<std::string> geometry, series, radiographs, named, stream, from, to, polarity, rate, start,
+      at_once;
+  std::vector<std::string> identities;
   bool resample = false;
 };
 
 void check(const RespireServeRequest& request) {
   if (!request.serving.listen.empty() && !page_of(request.serving))
     throw UsageError("there is no page to work on: it was not built; name its folder with --web");
-  if (!request.radiographs && (request.rate || request.polarity || request.start))
-    throw UsageError("--rate, --polarity and --start say something of --radiographs: give these too");
+  if (request.radiographs && request.named)
+    throw UsageError("--radiographs and --case are two series: give one of them");
+  if (!request.radiographs && !request.named && (request.rate || request.polarity || request.start))
+    throw UsageError(
+        "--rate, --polarity and --start say something of --radiographs or --case: give one of these too");
+  if (!request.named && (request.stream || request.from || request.to || !request.identities.empty()))
+    throw UsageError("--stream, --from, --to and --identity say something of --case: give that too");
+  if (!request.named && !request.geometry)
+    throw UsageError("without --case nothing says how the patient is seen: give --geometry");
 }
 
-std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& request) {
+std::optional<double> rate_of(const RespireServeRequest& request) {
+  if (!request.rate) return std::nullopt;
+  return parse_number(*request.rate, "--rate", 0.01, 240);
+}
+
+CaseFluoroscopy fluoroscopy_for(const RespireServeRequest& request, const Home& home) {
+  CaseFluoroscopyRequest asked{.named = *request.named,
+                               .stream = request.stream,
+                               .from = request.from,
+                               .to = request.to,
+                               .polarity = request.polarity,
+                               .identities = request.identities};
+  if (const std::optional<double> rate = rate_of(request)) asked.most_a_second = *rate;
+  return read_case_fluoroscopy(home, asked);
+}
+
+sim::ProjectionGeometry geometry_from(const fs::path& file) {
+  return (sim::is_dicom_file(file) ? sim::read_dicom_geometry(file) : sim::read_geometry(file)).geometry;
+}
+
+/// `of_case` is moved from.
+std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& request, const Home& home,
+                                                 std::optional<CaseFluoroscopy>& of_case) {
   StepLine line;
   line.show("reading " + request.model);
   viewer::BenchInputs inputs{
       .file = request.model,
       .model = sim::read_breathing_model(request.model),
       .volume = {},
-      .geometry = (sim::is_dicom_file(request.geometry) ? sim::read_dicom_geometry(request.geometry)
-                                                        : sim::read_geometry(request.geometry))
-                      .geometry,
+      .geometry = geometry_from(request.geometry ? fs::path(*request.geometry)
+                                                 : geometry_beside(home, of_case->recording.stream)),
       .radiographs = {}};
   static_cast<void>(inputs.model.needed_tumour());  // before what takes long
   if (request.start) inputs.start_s = parse_number(*request.start, "--start");
+  if (of_case) {
+    inputs.recording = of_case->recording;
+    inputs.radiographs = std::move(of_case->radiographs);
+  }
   if (request.radiographs) {
-    const std::optional<double> rate =
-        request.rate ? std::optional<double>(parse_number(*request.rate, "--rate", 0.01, 240)) : std::nullopt;
     line.show("reading " + *request.radiographs);
-    const auto series = open_radiographs(*request.radiographs, request.polarity, rate);
+    const auto series = open_radiographs(*request.radiographs, request.polarity, rate_of(request));
     std::size_t bytes = 0;
     while (std::optional<TimedRadiograph> next = series->next()) {
       bytes += next->image.values.size() * sizeof(float);
@@ -94,13 +128,25 @@ viewer::ModelSealer sealer_of(const Home& home) {
   };
 }
 
+constexpr const char* kNotVerified =
+    "\nIts segments have the hashes that the ledger states; whether the case holds was not verified: 'kiroku "
+    "verify' "
+    "does that.";
+
+std::string of_case_text(const CaseFluoroscopy& read) {
+  return " (of " + counted(read.pictures, "picture", "pictures") + " of " + read.recording.stream +
+         " in case " + read.recording.case_id + ")";
+}
+
 int run(const RespireServeRequest& request) {
   constexpr std::size_t kMostAtOnce = 64;
   check(request);
   const Home home = Home::open(request.serving.home);
   const std::size_t at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                               : std::max(1U, std::thread::hardware_concurrency() / 2);
-  const std::unique_ptr<viewer::BreathingBench> bench = bench_of(request);
+  std::optional<CaseFluoroscopy> of_case;
+  if (request.named) of_case = fluoroscopy_for(request, home);
+  const std::unique_ptr<viewer::BreathingBench> bench = bench_of(request, home, of_case);
   const auto tell = tell_on_standard_error();
   viewer::BreathingRoom room(*bench, at_once, tell, sealer_of(home));
   const std::size_t count = bench->radiographs().size();
@@ -117,12 +163,22 @@ int run(const RespireServeRequest& request) {
                              return "The lung of " + request.model + (url.empty() ? "" : " at " + url) +
                                     (count == 0 ? ", without radiographs"
                                                 : ", with " + counted(count, "radiograph", "radiographs")) +
-                                    ", " + counted(at_once, "person", "persons") + " at a time";
+                                    (of_case ? of_case_text(*of_case) : "") + ", " +
+                                    counted(at_once, "person", "persons") + " at a time" +
+                                    (of_case ? std::string(kNotVerified) : "");
                            },
                        .tell_more =
                            [&](nlohmann::ordered_json& told) {
                              told["model"] = request.model;
                              told["radiographs"] = count;
+                             told["recording"] = nullptr;
+                             if (of_case) {
+                               told["recording"] = {{"case", of_case->recording.case_id},
+                                                    {"stream", of_case->recording.stream},
+                                                    {"first_s", of_case->recording.first_s},
+                                                    {"pictures", of_case->pictures},
+                                                    {"verified", false}};
+                             }
                              told["at_once"] = at_once;
                              told["warnings"] = bench->model().warnings;
                            }});
@@ -138,13 +194,23 @@ void add_respire_command(Command& program) {
   const auto request = std::make_shared<RespireServeRequest>();
   command.argument("VOLUME", request->volume, "the CT: a DICOM folder, .nii, .nrrd or .mha");
   command.argument("BREATHING", request->model, "the breathing lung (.json), as for sim respire");
-  command.required_option("-g,--geometry", "FILE", request->geometry,
-                          "source and detector (.json), or an RT Image (.dcm)");
+  command.option("-g,--geometry", "FILE", request->geometry,
+                 "source and detector (.json), or an RT Image (.dcm)",
+                 "with --case: STREAM.geometry.json in the home");
   command.option("--radiographs", "PATH", request->radiographs,
                  "a folder of DICOM, .png or .mha files, a DICOM file of several pictures, or a film");
+  command.option("--case", "CASE", request->named,
+                 "the fluoroscopy of this case instead: its folder, or its identifier in the home's archive");
+  command.option("--stream", "STREAM", request->stream, "of the case",
+                 "the only one whose purpose is fluoroscopy");
+  command.option("--from", "T", request->from, "of the case: " + kTimeHelp, "the start");
+  command.option("--to", "T", request->to, "likewise", "the end");
+  command.option("-i,--identity", "FILE", request->identities,
+                 "a recipient's identity; in a --demo home its own");
   command.choice("--polarity", {"bone-white", "bone-black"}, request->polarity, "of the radiographs",
-                 "a DICOM file's own, else bone-white");
-  command.option("--rate", "N", request->rate, "pictures a second", "their own; 10 of a folder");
+                 "a DICOM file's own, else bone-white; of a case bone-black");
+  command.option("--rate", "N", request->rate, "pictures a second; of a case as many are taken at most",
+                 "their own; 10 of a folder, 5 of a case");
   command.option("--start", "S", request->start, "the waveform's moment at the first picture", "0");
   command.option("--series", "UID", request->series, "of a DICOM folder of several series: the one to read");
   command.flag("--resample", request->resample, "reads a CT whose slices are not evenly spaced, resampled");
@@ -166,6 +232,9 @@ void add_respire_command(Command& program) {
       "fit-series --aligned-geometry' finds how they lay.");
   command.example("kiroku respire serve ct/ lung.json -g front.json --radiographs fluoroscopy.dcm",
                   "behind the home's viewer");
+  command.example(
+      "kiroku respire serve ct/ lung.json --case 20260805T091502Z-3f9c21ab --from 10:00 --to 10:30",
+      "half a minute of a case's fluoroscopy; its pane in the viewer leads there");
   command.example("kiroku respire serve ct/ lung.json -g front.json --listen 127.0.0.1:8447",
                   "with an address of its own, without radiographs");
   command.on_run([request] { return run(*request); });

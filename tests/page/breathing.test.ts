@@ -175,7 +175,7 @@ story('A person who fits a breathing lung', (step) => {
     await slider('Diaphragm: Amplitude').fill('9');
     await expect.poll(picture).not.toBe(shown);
     await expect.poll(allMeasured).toBeGreaterThan(Math.max(before + 0.005, 0.995));
-    await keepPicture(page, 'breathing');
+    await keepPicture(page, 'breathing-by-hand');
   });
 
   step('undoes it and does it again, by keys and by buttons', async () => {

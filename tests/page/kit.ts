@@ -170,12 +170,15 @@ export class Appliance {
     this.signIn = answer.sign_in;
   }
 
-  /** `kiroku plan serve` and `kiroku train serve` without an address of their own: `kiroku view` leads to them. */
+  /** `kiroku plan serve`, `kiroku train serve` and `kiroku respire serve` without an address of their own: `kiroku view` leads to them. */
   async servePlanning(): Promise<void> {
     await this.behind('plan', 'serve', '--gpu', 'off');
   }
   async serveTraining(): Promise<void> {
     await this.behind('train', 'serve', '--vertices', '900', '--practice', '0');
+  }
+  async serveBreathing(...parameters: string[]): Promise<void> {
+    await this.behind('respire', 'serve', ...parameters);
   }
   private async behind(...parameters: string[]): Promise<void> {
     const child = this.spawn(kiroku, [...parameters, '--home', this.home, '--json']);

@@ -20,6 +20,13 @@ instead = {
     "deploy/demo": ":",  # the programs are built
     "export PATH=$PWD/build/release/apps:$PATH": ":",
     "kiroku view": "timeout -s INT 3 kiroku view || true",  # a person presses Ctrl-C
+    # In the first terminal, until a person ends it; what the page shows is what it says at first.
+    "kiroku respire serve chest/ct.nrrd chest/lung.json --case $FLUOROSCOPY":
+        "kiroku respire serve chest/ct.nrrd chest/lung.json --case $FLUOROSCOPY >served 2>&1 & server=$!; "
+        "until grep -q 'Ctrl-C ends it' served || ! kill -0 $server; do sleep 0.1; done; kill $server; wait $server; cat served",
+    # In the browser the model is fitted before it is saved and sealed; tests/page/fluoroscopy.test.ts does that.
+    "kiroku plan verify chest/fitted.seal.json":
+        "cp chest/lung.json chest/fitted.json; kiroku plan seal chest/fitted.json; kiroku plan verify chest/fitted.seal.json",
     "kirokud": "kirokud & daemon=$!; until kiroku status >/dev/null 2>&1; do sleep 0.1; done",  # in the second terminal
     "kill -9 $(pidof kirokud)": "kill -9 $daemon",  # others may run beside this test
 }

@@ -16,9 +16,11 @@ void add_breathing_routes(Router& router, BreathingRoom& room, ViewerContext& co
   table.socket = [&room, &context](const Request& request, std::shared_ptr<SocketOutput> output) {
     const BreathingBench& bench = room.bench();
     // Before anything of it is shown.
-    context.enter_access(ViewerContext::kEveryCase,
+    const std::optional<BenchRecording>& recording = bench.recording();
+    context.enter_access(recording ? recording->case_id : ViewerContext::kEveryCase,
                          "opened lung " + bench.file().filename().string() + " with its CT and " +
-                             std::to_string(bench.radiographs().size()) + " radiographs",
+                             std::to_string(bench.radiographs().size()) + " radiographs" +
+                             (recording ? " of its " + recording->stream : ""),
                          request.session->user(), request.peer);
     return std::make_unique<BreathingSocket>(room, request.session->person(), std::move(output));
   };

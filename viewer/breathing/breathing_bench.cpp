@@ -44,7 +44,8 @@ BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(cons
     : file_(std::move(inputs.file)),
       model_(std::move(inputs.model)),
       radiographs_(std::move(inputs.radiographs)),
-      start_s_(inputs.start_s) {
+      start_s_(inputs.start_s),
+      recording_(std::move(inputs.recording)) {
   const auto tell = [&](const char* what) {
     if (step) step(what);
   };

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,14 +25,21 @@ struct BenchRadiograph {
   std::string name;  // for people
 };
 
+/// Of which case's fluoroscopy radiographs are.
+struct BenchRecording {
+  std::string case_id, stream;
+  double first_s = 0;  // when the first was taken, since the case began
+};
+
 /// What a bench is made of.
 struct BenchInputs {
   std::filesystem::path file;  // the model's
   sim::BreathingModel model;
   sim::Volume volume;
   sim::ProjectionGeometry geometry;
-  std::vector<BenchRadiograph> radiographs;  // by their times; may be none
-  double start_s = 0;                        // the waveform's moment at the first radiograph
+  std::vector<BenchRadiograph> radiographs;      // by their times; may be none
+  double start_s = 0;                            // the waveform's moment at the first radiograph
+  std::optional<BenchRecording> recording = {};  // nothing: they are of no case
 };
 
 class BreathingBench {
@@ -50,6 +58,7 @@ class BreathingBench {
   [[nodiscard]] const sim::BreathingModel& model() const { return model_; }
   [[nodiscard]] const sim::MotionResponses& responses() const { return *responses_; }
   [[nodiscard]] const std::vector<BenchRadiograph>& radiographs() const { return radiographs_; }
+  [[nodiscard]] const std::optional<BenchRecording>& recording() const { return recording_; }
   [[nodiscard]] bool has_radiographs() const { return !radiographs_.empty(); }
   [[nodiscard]] std::size_t nodes() const { return model_.mesh.nodes.size(); }
 
@@ -107,6 +116,7 @@ class BreathingBench {
   sim::BreathingModel model_;
   std::vector<BenchRadiograph> radiographs_;
   double start_s_;
+  std::optional<BenchRecording> recording_;
   std::unique_ptr<sim::MotionResponses> responses_;
   std::shared_ptr<const sim::CtProjector> ct_;
   std::shared_ptr<const sim::MeshProjector> mesh_;

@@ -77,6 +77,11 @@ ordered_json group_json(const sim::GroupMotion& group) {
           {"drift_mm_per_min", kMmPerM * kSecondsPerMinute * group.drift_m_per_s}};
 }
 
+ordered_json recording_json(const std::optional<BenchRecording>& recording) {
+  if (!recording) return nullptr;
+  return {{"case", recording->case_id}, {"stream", recording->stream}, {"first_s", recording->first_s}};
+}
+
 /// What a group's numbers may be off by, and what of the motion they explain.
 ordered_json errors_json(const sim::WaveFit& wave) {
   return {{"amplitude_mm", kMmPerM * wave.amplitude_error_m},
@@ -133,6 +138,7 @@ ordered_json opened_json(const BreathingBench& bench, bool may_seal) {
             {"columns", bench.geometry(1).columns()},
             {"rows", bench.geometry(1).rows()},
             {"radiographs", bench.radiographs().size()},
+            {"recording", recording_json(bench.recording())},
             {"can_fit", bench.can_fit()},
             {"may_seal", may_seal},
             {"warnings", bench.model().warnings},

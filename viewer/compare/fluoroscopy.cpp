@@ -32,7 +32,8 @@ std::span<const sim::Vector3> nodes_of(const sim::PlanFrame& frame, std::vector<
 
 }  // namespace
 
-std::string fluoroscopy_of(const archive::CaseReader& recording, const std::optional<std::string>& asked) {
+std::string fluoroscopy_of(const archive::CaseReader& recording, const std::optional<std::string>& asked,
+                           const std::string& option) {
   if (asked) {
     if (recording.stream(*asked).kind != "video")
       throw UsageError("stream '" + *asked + "' has no pictures; choose a video stream");
@@ -43,10 +44,10 @@ std::string fluoroscopy_of(const archive::CaseReader& recording, const std::opti
     if (stream.kind == "video" && stream.purpose == kFluoroscopyPurpose) names.push_back(stream.name);
   }
   if (names.empty())
-    throw UsageError(
-        "no stream of the case has the purpose 'fluoroscopy': say with --fluoroscopy which one is");
+    throw UsageError("no stream of the case has the purpose 'fluoroscopy': say with " + option +
+                     " which one is");
   if (names.size() > 1)
-    throw UsageError("the case has several streams of fluoroscopy: say with --fluoroscopy which one");
+    throw UsageError("the case has several streams of fluoroscopy: say with " + option + " which one");
   return names.front();
 }
 

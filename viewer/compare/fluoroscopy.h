@@ -25,8 +25,9 @@ namespace kiroku::compare {
 /// What a stream's `purpose` says where its pictures are a fluoroscope's.
 inline constexpr const char* kFluoroscopyPurpose = "fluoroscopy";
 /// The stream asked for; without, the only one with that purpose. kiroku::UsageError where there is none, it
-/// has no pictures, or it must be said which.
-std::string fluoroscopy_of(const archive::CaseReader& recording, const std::optional<std::string>& asked);
+/// has no pictures, or it must be said which, by `option`.
+std::string fluoroscopy_of(const archive::CaseReader& recording, const std::optional<std::string>& asked,
+                           const std::string& option);
 
 /// The plan's radiographs at any of its moments. Tissue that the plan cuts away is gone from them; what lies
 /// outside of the mesh stays.

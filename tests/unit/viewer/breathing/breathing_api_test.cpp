@@ -66,11 +66,30 @@ TEST_F(BreathingApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
   test::expect_to_be(router, kBreathingRoutes);
 }
 
+// Whoever came from a case's page must see whether its pictures are open; whoever audits, of which case.
+TEST_F(BreathingApi, SaysOfWhichCaseTheRadiographsAre) {
+  BenchInputs inputs = chest.inputs_with_radiographs();
+  inputs.recording = BenchRecording{"20261127T092621Z-6cd8605e", "fluoroscopy", 4.5};
+  const BreathingBench recorded{std::move(inputs)};
+  BreathingRoom of_case{recorded, 1, [](const std::string& /*sentence*/) {}};
+  test::ServedRoutes served{[&](Router& router) { add_breathing_routes(router, of_case, context); }, "anna",
+                            Role::kSurgeon};
+  const json of = until_said(*served.connect("breathing/table"), "opened")["recording"];
+  EXPECT_EQ(of["case"], "20261127T092621Z-6cd8605e");
+  EXPECT_EQ(of["stream"], "fluoroscopy");
+  EXPECT_EQ(of["first_s"], 4.5);
+  std::ifstream log(folder / "log/ledger.jsonl");
+  const std::string entered((std::istreambuf_iterator<char>(log)), {});
+  EXPECT_THAT(entered, HasSubstr("with its CT and 6 radiographs of its fluoroscopy"));
+  EXPECT_THAT(entered, HasSubstr("20261127T092621Z-6cd8605e"));
+}
+
 TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   const auto client = routes.connect("breathing/table");
   const json opened = until_said(*client, "opened");
   EXPECT_EQ(opened["file"], "lung.json");
   EXPECT_EQ(opened["radiographs"], 6);
+  EXPECT_EQ(opened["recording"], nullptr);
   EXPECT_EQ(opened["columns"], 128);
   EXPECT_GT(opened["groups"]["diaphragm"], 10);
   EXPECT_EQ(opened["motion"]["cycle_s"], 3.6);

@@ -192,8 +192,8 @@ TEST_F(FluoroscopyOfAPlan, SaysWhatCannotBeCompared) {
   EXPECT_THAT(with(geometry_.binned(2), 0),
               ThrowsMessage<UsageError>(HasSubstr("have 160 x 160 pixels, the geometry 80 x 80")));
   EXPECT_THAT(with(geometry_, 9 * kSecond), ThrowsMessage<UsageError>(HasSubstr("no picture at that time")));
-  EXPECT_EQ(fluoroscopy_of(recording, {}), "fluoroscopy") << "by its purpose";
-  EXPECT_THAT([&] { (void)fluoroscopy_of(recording, "none"); }, testing::Throws<UsageError>());
+  EXPECT_EQ(fluoroscopy_of(recording, {}, "--stream"), "fluoroscopy") << "by its purpose";
+  EXPECT_THAT([&] { (void)fluoroscopy_of(recording, "none", "--stream"); }, testing::Throws<UsageError>());
 }
 
 }  // namespace

@@ -33,6 +33,8 @@ describe('Addresses', () => {
     { view: 'log' },
     { view: 'users' },
     { view: 'training' },
+    { view: 'breathing' },
+    { view: 'breathing', recording: { id: '20260805T091502Z-3f9c21ab', stream: 'fluoroscopy' } },
     { view: 'case', id: '20260805T091502Z-3f9c21ab' },
     { view: 'case', id: '20260805T091502Z-3f9c21ab', at_ns: 12.5e9 },
     { view: 'verification', id: '20260805T091502Z-3f9c21ab' },
@@ -45,6 +47,7 @@ describe('Addresses', () => {
     expect(signInLink('#sign-in=')).toBeUndefined();
   });
   it('that lead nowhere lead to the list', () => {
+    expect(parseRoute('#/breathing?case=x')).toEqual({ view: 'breathing' });
     for (const hash of ['', '#', '#/nothing', '#/cases/']) expect(parseRoute(hash)).toEqual({ view: 'cases' });
     expect(parseRoute('#/cases/x?t=soon')).toEqual({ view: 'case', id: 'x' });
   });

@@ -1,5 +1,5 @@
 // Where the person is: #/cases, #/cases?appliance=NAME, #/appliances, #/cases/ID?t=SECONDS, #/cases/ID/verification, #/rooms, #/log, #/users,
-// #/training, #/planning, #/breathing.
+// #/training, #/planning, #/breathing, #/breathing?case=ID&stream=NAME.
 import { signal } from '@preact/signals';
 import { kSecond } from '@/base/time';
 
@@ -13,7 +13,8 @@ export type Route =
   | { view: 'users' }
   | { view: 'training' }
   | { view: 'planning' }
-  | { view: 'breathing' };
+  /** With a recording: for its fluoroscopy, whatever lung is open there. */
+  | { view: 'breathing'; recording?: { id: string; stream: string } };
 
 export function parseRoute(hash: string): Route {
   const [path = '', query = ''] = hash.replace(/^#\/?/, '').split('?');
@@ -22,7 +23,13 @@ export function parseRoute(hash: string): Route {
   if (first === 'rooms') return { view: 'rooms' };
   if (first === 'log') return { view: 'log' };
   if (first === 'users') return { view: 'users' };
-  if (first === 'training' || first === 'planning' || first === 'breathing') return { view: first };
+  if (first === 'training' || first === 'planning') return { view: first };
+  if (first === 'breathing') {
+    const asked = new URLSearchParams(query);
+    const of = asked.get('case');
+    const stream = asked.get('stream');
+    return of && stream ? { view: 'breathing', recording: { id: of, stream } } : { view: 'breathing' };
+  }
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
     const at = new URLSearchParams(query).get('t');
@@ -38,6 +45,8 @@ export function hrefOf(route: Route): string {
       return `#/cases/${encodeURIComponent(route.id)}${route.at_ns === undefined ? '' : `?t=${route.at_ns / kSecond}`}`;
     case 'cases':
       return route.appliance === undefined ? '#/cases' : `#/cases?${new URLSearchParams({ appliance: route.appliance })}`;
+    case 'breathing':
+      return route.recording === undefined ? '#/breathing' : `#/breathing?${new URLSearchParams({ case: route.recording.id, stream: route.recording.stream })}`;
     case 'verification':
       return `#/cases/${encodeURIComponent(route.id)}/verification`;
     default:

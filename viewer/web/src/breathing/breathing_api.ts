@@ -2,6 +2,12 @@
 import type { Group, Motion, NumberOfGroup, Vector } from '@/breathing/motion';
 import { PictureSocket } from '@/media/picture_socket';
 
+/** Of which case's fluoroscopy the radiographs are; the first was taken so long after the case began. */
+export interface FluoroscopyOfCase {
+  case: string;
+  stream: string;
+  first_s: number;
+}
 export interface OpenedLung {
   file: string;
   vertices: number;
@@ -10,6 +16,8 @@ export interface OpenedLung {
   rows: number;
   /** So many; 0: the lung is seen alone. */
   radiographs: number;
+  /** null: they are of no case. */
+  recording: FluoroscopyOfCase | null;
   /** Whether there are enough of them for a fit. */
   can_fit: boolean;
   /** Whether models can be sealed here as plans. */

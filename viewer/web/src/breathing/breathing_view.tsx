@@ -2,19 +2,20 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { typed } from '@/base/form_fields';
-import { askBeforeLeaving } from '@/base/route';
-import { kModes, type Mode } from '@/breathing/breathing_api';
+import { askBeforeLeaving, hrefOf, route } from '@/base/route';
+import { formatTime, kSecond } from '@/base/time';
+import { type FluoroscopyOfCase, kModes, type Mode, type OpenedLung } from '@/breathing/breathing_api';
 import { FitCard } from '@/breathing/fit_card';
 import { LungController } from '@/breathing/lung_controller';
 import { kGroups } from '@/breathing/motion';
 import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
 import { beginOf, distances, meanOf, momentAt } from '@/breathing/time_line';
 import { TimePlot } from '@/breathing/time_plot';
-import { t } from '@/i18n/i18n';
+import { t, word } from '@/i18n/i18n';
 import { inOwnWords } from '@/i18n/server_words';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
-import { announce, notify } from '@/shell/state';
+import { announce, notify, session } from '@/shell/state';
 import { StateCard } from '@/shell/state_card';
 import { lookForWorkplaces } from '@/shell/workplaces';
 
@@ -30,12 +31,60 @@ function alongPicture(canvas: HTMLCanvasElement, event: PointerEvent): number {
 }
 const within = (value: number) => Math.min(1, Math.max(0, value));
 
+interface Wanted {
+  id: string;
+  stream: string;
+}
+const isOf = (recording: FluoroscopyOfCase | null, wanted: Wanted) => recording?.case === wanted.id && recording.stream === wanted.stream;
+
+/** Somebody came for a case's fluoroscopy, and the workbench has other radiographs. */
+function OtherLung({ wanted, opened, again }: { wanted: Wanted; opened: OpenedLung; again: () => void }) {
+  return (
+    <main id="main" class="main narrow" tabIndex={-1}>
+      <div class="view-head">
+        <h1>{t('nav.breathing')}</h1>
+      </div>
+      <StateCard
+        icon="lung"
+        title={t('breathing.other')}
+        what={t(opened.recording ? 'breathing.otherCase' : 'breathing.otherAlone', {
+          file: opened.file,
+          case: opened.recording?.case ?? '',
+          stream: opened.recording?.stream ?? '',
+        })}
+      >
+        <p>{t('breathing.otherDo')}</p>
+        <p class="mono">
+          kiroku respire serve CT LUNG.json --case {wanted.id} --stream {wanted.stream}
+        </p>
+        <button type="button" class="button button-main" onClick={again}>
+          {t('state.again')}
+        </button>
+        <a class="button" href={hrefOf({ view: 'breathing' })}>
+          {t('breathing.otherOpen')}
+        </a>
+        <a class="button" href={hrefOf({ view: 'case', id: wanted.id })}>
+          {t('breathing.backToCase')}
+        </a>
+      </StateCard>
+    </main>
+  );
+}
+
 export function BreathingView() {
   const lost = useSignal<string | undefined>(undefined);
   const visit = useSignal(0);
+  const other = useSignal<OpenedLung | undefined>(undefined);
+  const wanted = route.value.view === 'breathing' ? route.value.recording : undefined;
+  // What was open when somebody came for another case says nothing later.
+  useEffect(() => {
+    other.value = undefined;
+  }, [wanted?.id, wanted?.stream]);
   useEffect(() => {
     document.title = `${t('nav.breathing')} · Kiroku`;
   });
+  if (wanted && other.value && !isOf(other.value.recording, wanted))
+    return <OtherLung wanted={wanted} opened={other.value} again={() => (other.value = undefined)} />;
   if (lost.value !== undefined) {
     return (
       <main id="main" class="main narrow" tabIndex={-1}>
@@ -59,12 +108,33 @@ export function BreathingView() {
   }
   return (
     <LungView
-      key={visit.value}
+      key={`${visit.value} ${wanted?.id} ${wanted?.stream}`}
+      wanted={wanted}
+      isOther={(opened) => (other.value = opened)}
       leave={(sentence) => {
         lost.value = sentence;
         void lookForWorkplaces();
       }}
     />
+  );
+}
+
+/** The way back to the case, at the moment of the first picture. */
+function CaseCrumbs({ recording }: { recording: FluoroscopyOfCase }) {
+  const { case: id, stream, first_s } = recording;
+  const isHere = session.value?.serves === 'cases';
+  return (
+    <p class="crumbs">
+      {isHere ? (
+        <a class="mono" href={hrefOf({ view: 'case', id, at_ns: Math.round(first_s * kSecond) })}>
+          {id}
+        </a>
+      ) : (
+        <span class="mono">{id}</span>
+      )}
+      <span aria-hidden="true">/</span>
+      <span>{t('breathing.ofCase', { stream: word('stream', stream), at: formatTime(Math.round(first_s * kSecond)) })}</span>
+    </p>
   );
 }
 
@@ -99,7 +169,12 @@ function SaveDialog({ file, maySeal, save, close }: { file: string; maySeal: boo
   );
 }
 
-function LungView({ leave }: { leave: (sentence: string) => void }) {
+interface LungProps {
+  wanted: Wanted | undefined;
+  isOther: (opened: OpenedLung) => void;
+  leave: (sentence: string) => void;
+}
+function LungView({ wanted, isOther, leave }: LungProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const field = useRef<HTMLDivElement>(null);
   const saving = useSignal(false);
@@ -107,6 +182,7 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
   const lung = useMemo(() => {
     const made: LungController = new LungController({
       opened: (opened) => {
+        if (wanted && !isOf(opened.recording, wanted)) return isOther(opened);
         for (const warning of opened.warnings) notify(warning);
         announce(t('planning.opened', { name: opened.file }));
         field.current?.focus();
@@ -199,9 +275,12 @@ function LungView({ leave }: { leave: (sentence: string) => void }) {
   return (
     <main id="main" class="main pad breathing" tabIndex={-1}>
       <div class="view-head">
-        <h1>
-          {t('breathing.title')} {opened && <small class="muted">{opened.file}</small>}
-        </h1>
+        <div>
+          {opened?.recording && <CaseCrumbs recording={opened.recording} />}
+          <h1>
+            {t('breathing.title')} {opened && <small class="muted">{opened.file}</small>}
+          </h1>
+        </div>
         <div class="attempt-do">
           <button type="button" class="button" disabled={!undo} onClick={() => lung.undo()} title="Ctrl+Z">
             <Icon name="undo" />

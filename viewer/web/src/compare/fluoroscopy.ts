@@ -1,4 +1,9 @@
-// What a person says of the fluoroscopy that the plan's radiographs shall be compared with. Pure.
+// A case's fluoroscopy, and what a person says of it where the plan's radiographs shall be compared with it. Pure.
+import type { CaseModel } from '@/views/case_model';
+
+/** As a stream's `purpose` says it (viewer/compare/fluoroscopy.h). */
+const kFluoroscopy = 'fluoroscopy';
+export const fluoroscopies = (model: Pick<CaseModel, 'videos'>) => model.videos.filter((one) => one.purpose === kFluoroscopy);
 
 export type Polarity = 'bone-black' | 'bone-white';
 

@@ -1,7 +1,7 @@
 // What was picked, as lists: points with how well they register the camera, clicks on each tool, and the fluoroscopy that is compared with.
 import { useSignal } from '@preact/signals';
 import { formatTime } from '@/base/time';
-import { type Polarity, readGeometry } from '@/compare/fluoroscopy';
+import { fluoroscopies, type Polarity, readGeometry } from '@/compare/fluoroscopy';
 import type { MatchingModel } from '@/compare/matching_model';
 import { kWorks, type PickingModel } from '@/compare/picking_model';
 import { completePairs, leastPairs } from '@/compare/picks';
@@ -9,10 +9,6 @@ import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
 import { Icon } from '@/shell/icon';
 import type { CaseModel } from '@/views/case_model';
-
-/** As a stream's `purpose` says it (viewer/compare/fluoroscopy.h). */
-const kFluoroscopy = 'fluoroscopy';
-const fluoroscopies = (model: CaseModel) => model.videos.filter((one) => one.purpose === kFluoroscopy);
 
 interface Props {
   matching: MatchingModel;

@@ -44,6 +44,8 @@ export const kDeeds: readonly SentencePair[] = [
   ['watched vital signs of {room} live', '{room} のバイタルサインをライブ閲覧'],
   ['removes user {name}', '利用者 {name} を削除'],
   ['opened plan {plan} with its volume', '計画 {plan} を CT とともに開封'],
+  ['opened {stream} to fit a breathing lung', '呼吸する肺をあてはめるため {stream} を開封'],
+  ['opened lung {file} with its CT and {n} radiographs of its {stream}', '肺モデル {file} を CT およびこの症例の {stream} の X 線画像 {n} 枚とともに開封'],
   ['opened lung {file} with its CT and {n} radiographs', '肺モデル {file} を CT および X 線画像 {n} 枚とともに開封'],
   ['invites guest {guest} to {room} until {time} (invitation {id})', 'ゲスト {guest} を {room} に {time} まで招待（招待 {id}）'],
   ['revokes invitation {id} of guest {guest} to {room}', 'ゲスト {guest} の {room} への招待 {id} を取り消し'],

@@ -9,7 +9,7 @@ export const placeEn = {
   'place.not-running.planning':
     'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-planning”, or “kiroku plan serve” where Kiroku was not installed as a package.',
   'place.not-running.breathing':
-    'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it for one lung: “kiroku respire serve”, with its CT, model and radiographs.',
+    'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it for one lung: “kiroku respire serve”, with its CT, model and radiographs, or with --case for a case’s fluoroscopy.',
   'place.not-running.training':
     'This page goes on by itself as soon as it runs. Whoever looks after this recorder starts it: “systemctl enable --now kiroku-training”, or “kiroku train serve” where Kiroku was not installed as a package.',
   'place.not-installed': '{place} is not installed on this machine.',
@@ -26,7 +26,7 @@ export const placeJa: Record<keyof typeof placeEn, string> = {
   'place.not-running.planning':
     '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-planning」。パッケージで導入していない場合は「kiroku plan serve」。',
   'place.not-running.breathing':
-    '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が、CT、モデル、X 線画像を指定して「kiroku respire serve」を起動してください。',
+    '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が、CT、モデル、X 線画像（症例の透視には --case）を指定して「kiroku respire serve」を起動してください。',
   'place.not-running.training':
     '動き始めると、このページは自動的に切り替わります。記録装置の管理担当者が起動してください：「systemctl enable --now kiroku-training」。パッケージで導入していない場合は「kiroku train serve」。',
   'place.not-installed': '「{place}」はこの機械に導入されていません。',

@@ -6,6 +6,7 @@ import { ApiError, cases as api, kNoAnswer } from '@/api/client';
 import type { ComparedStep, Stroke, Timeline, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
+import { fluoroscopies } from '@/compare/fluoroscopy';
 import { isFleet, rowOf } from '@/fleet/fleet_api';
 import { shownCase } from '@/fleet/question';
 import { PickingStage } from '@/compare/picking_stage';
@@ -123,6 +124,8 @@ function Loaded({
   const id = model.info.id;
   const role = session.value?.role;
   const mayWatch = may(role, 'watch');
+  const mayFit = may(role, 'plan') && !isFleet();
+  const isFluoroscopy = (stream: string) => fluoroscopies(model).some((one) => one.name === stream);
   const mayExport = may(role, 'read-case') && !isFleet();
   const shown = useMemo(() => (proofs ? { ...model, timeline: { ...proofs, segments: model.timeline.segments } } : model), [model, proofs]);
   const asked_ns = route.value.view === 'case' ? route.value.at_ns : undefined;
@@ -262,6 +265,7 @@ function Loaded({
                 original={frames.shown.value.get(player.stream)}
                 onEnlarge={at === large.value ? undefined : () => (large.value = at)}
                 onOriginal={() => act('original')}
+                fitHref={mayFit && isFluoroscopy(player.stream) ? hrefOf({ view: 'breathing', recording: { id, stream: player.stream } }) : undefined}
               >
                 {plan && compared && planView !== undefined && planView !== 'beside' && planView !== 'none' && player.stream === streamOf(compared) && (
                   <PlanOver plan={plan} shown={compared} />

@@ -36,11 +36,13 @@ interface Props {
   original: ArchivedFrame | undefined;
   onEnlarge: (() => void) | undefined;
   onOriginal: () => void;
+  /** Where the breathing of a lung is fitted to these pictures, if they are a fluoroscope's. */
+  fitHref?: string | undefined;
   /** Over the picture. */
   children?: ComponentChildren;
 }
 
-export function Pane({ model, player, playback, large, original, onEnlarge, onOriginal, children }: Props) {
+export function Pane({ model, player, playback, large, original, onEnlarge, onOriginal, fitHref, children }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const waits = useSignal(false);
   useEffect(() => {
@@ -106,6 +108,12 @@ export function Pane({ model, player, playback, large, original, onEnlarge, onOr
               ? t('pane.copyWithSound')
               : t('pane.copy')}
         </button>
+        {fitHref !== undefined && (
+          <a class="button button-quiet" href={fitHref}>
+            <Icon name="lung" />
+            {t('breathing.fitCase')}
+          </a>
+        )}
         {hasSound && <SoundControl name={name} player={player} playback={playback} />}
         {onEnlarge && (
           <button
