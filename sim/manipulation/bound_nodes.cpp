@@ -5,10 +5,18 @@
 #include <set>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
+
 #include "base/error.h"
 #include "sim/mesh/degrees_of_freedom.h"
 
 namespace kiroku::sim {
+namespace {
+
+constexpr Eigen::Index kRigid = 6;
+
+}  // namespace
+
 BoundNodes::BoundNodes(const ContactBody& body) : body_(&body), bound_(body.body().mesh().nodes.size()) {
   const TetMesh& mesh = body.body().mesh();
   if (body.body().constraints().turned())
@@ -91,10 +99,84 @@ void BoundNodes::append_rows(std::size_t first) {
   }
 }
 
-Eigen::MatrixXd BoundNodes::holding_n(const Eigen::MatrixXd& displacement_m) const {
+Eigen::MatrixXd BoundNodes::fixing_n(const Eigen::MatrixXd& displacement_m) const {
   Eigen::MatrixXd force_n = Eigen::MatrixXd::Zero(displacement_m.rows(), displacement_m.cols());
   force_n(free_, Eigen::all) = compliance_.solve(displacement_m(free_, Eigen::all));
   return force_n;
+}
+
+Eigen::MatrixXd BoundNodes::holding_n(const Eigen::MatrixXd& displacement_m) const {
+  Eigen::MatrixXd force_n = fixing_n(displacement_m);
+  if (rigid_.cols() > 0) {
+    const Eigen::MatrixXd unbalanced = rigid_.transpose() * force_n;
+    force_n -= rigid_n_ * floating_.solve(unbalanced);
+  }
+  return force_n;
+}
+
+Eigen::MatrixXd BoundNodes::rigid_motions(const Hold& hold) const {
+  Eigen::MatrixXd motions(first_row(hold.nodes.size()), kRigid);
+  for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
+    const Vector3 arm_m =
+        body_->body().mesh().nodes[hold.nodes[i]] + hold.displacements_m[i] - hold.pose.position_m;
+    auto of_node = motions.middleRows<3>(first_row(i));
+    of_node.leftCols<3>().setIdentity();
+    for (Eigen::Index axis = 0; axis < 3; ++axis) of_node.col(3 + axis) = Vector3::Unit(axis).cross(arm_m);
+  }
+  return motions;
+}
+
+void BoundNodes::prepare_floating() {
+  const auto floating = std::ranges::count_if(held_, [](const Held& held) { return held.hold.floats; });
+  rigid_ = Eigen::MatrixXd::Zero(first_row(nodes_.size()), kRigid * floating);
+  Eigen::Index column = 0;
+  for (const Held& held : held_) {
+    if (!held.hold.floats) continue;
+    rigid_.block(first_row(held.first), column, first_row(held.hold.nodes.size()), kRigid) =
+        rigid_motions(held.hold);
+    column += kRigid;
+  }
+  if (column == 0) return;
+  rigid_n_ = fixing_n(rigid_);
+  floating_.compute(rigid_.transpose() * rigid_n_);
+  if (floating_.info() != Eigen::Success)
+    throw Error("what a clip holds cannot turn freely: too many of its nodes are fixed");
+}
+
+bool BoundNodes::floats(std::uint32_t tool) const {
+  return std::ranges::any_of(held_,
+                             [&](const Held& held) { return held.hold.tool == tool && held.hold.floats; });
+}
+
+Pose BoundNodes::floating_pose(std::uint32_t tool, const Eigen::VectorXd& displacement_m) const {
+  const auto held = std::ranges::find(held_, tool, [](const Held& one) { return one.hold.tool; });
+  const Hold& hold = held->hold;
+  Eigen::VectorXd moved_m(first_row(hold.nodes.size()));
+  for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
+    moved_m.segment<3>(first_row(i)) =
+        displacement_m.segment<3>(first_row(nodes_[held->first + i].row)) - hold.displacements_m[i];
+  }
+  const Eigen::MatrixXd motions = rigid_motions(hold);
+  const Eigen::Matrix<double, kRigid, 1> motion =
+      (motions.transpose() * motions).ldlt().solve(motions.transpose() * moved_m);
+  const Vector3 turn = motion.tail<3>();
+  Pose pose{hold.pose.position_m + motion.head<3>(), hold.pose.orientation};
+  if (turn.norm() > 0) {
+    pose.orientation =
+        (Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * hold.pose.orientation)
+            .normalized();
+  }
+  return pose;
+}
+
+bool BoundNodes::span_a_plane(std::span<const Vector3> places_m) {
+  Vector3 middle_m = Vector3::Zero();
+  for (const Vector3& place_m : places_m) middle_m += place_m / static_cast<double>(places_m.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const Vector3& place_m : places_m) spread += (place_m - middle_m) * (place_m - middle_m).transpose();
+  constexpr double kSquaredThousandth = 1e-6;
+  const Vector3 squares = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvalues();
+  return squares[1] > kSquaredThousandth * squares[2];
 }
 
 void BoundNodes::add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const {
@@ -106,6 +188,7 @@ void BoundNodes::add_displacements(const Eigen::MatrixXd& force_n, Eigen::Matrix
 /// What a motion of each tool does, when it has been told what is bound.
 void BoundNodes::prepare() {
   pressed_.clear();
+  prepare_floating();
   const Eigen::Index bound = first_row(nodes_.size());
   Eigen::MatrixXd pulled_m(bound, 1);
   for (const Held& held : held_) {
@@ -122,6 +205,7 @@ void BoundNodes::prepare() {
   grasped_m_ = grasped_m;
 
   for (Held& held : held_) {
+    if (held.hold.floats) continue;
     Eigen::MatrixXd moved_m = Eigen::MatrixXd::Zero(bound, kMotion);
     for (std::size_t i = 0; i < held.hold.nodes.size(); ++i) {
       const Vector3 from_tool_m = body_->body().mesh().nodes[held.hold.nodes[i]] +
@@ -148,7 +232,9 @@ BoundNodes::Motion BoundNodes::motion(const Hold& hold, std::span<const Optional
 
 void BoundNodes::displacement_m(std::span<const OptionalPose> poses, Eigen::VectorXd& displacement_m) const {
   displacement_m = grasped_m_;
-  for (const Held& held : held_) displacement_m.noalias() += held.displacement_m * motion(held.hold, poses);
+  for (const Held& held : held_) {
+    if (!held.hold.floats) displacement_m.noalias() += held.displacement_m * motion(held.hold, poses);
+  }
 }
 
 Eigen::MatrixXd BoundNodes::pushed_m(std::uint32_t node) const {
@@ -188,7 +274,9 @@ void BoundNodes::add_contacts(std::span<const Contact> contacts, Eigen::VectorXd
 std::vector<BoundNode> BoundNodes::forces(std::span<const OptionalPose> poses,
                                           std::span<const Contact> contacts) const {
   Eigen::VectorXd force_n = grasped_n_;
-  for (const Held& held : held_) force_n.noalias() += held.force_n * motion(held.hold, poses);
+  for (const Held& held : held_) {
+    if (!held.hold.floats) force_n.noalias() += held.force_n * motion(held.hold, poses);
+  }
   if (!contacts.empty() && !nodes_.empty()) {
     Eigen::VectorXd pushed = Eigen::VectorXd::Zero(force_n.size());
     for (const Contact& contact : contacts) pushed += pushed_m(contact.node) * contact.force_n;
@@ -215,6 +303,11 @@ std::shared_ptr<ContactNeighbourhood> BoundNodes::neighbourhood(std::span<const 
     }
   }
   across = compliance_.solve_lower(std::move(across));
+  if (rigid_.cols() > 0) {
+    const Eigen::MatrixXd rigid = compliance_.solve_lower(rigid_(free_, Eigen::all));
+    const Eigen::MatrixXd along = rigid.transpose() * across;
+    across -= rigid * floating_.solve(along);
+  }
   held->compliance.selfadjointView<Eigen::Lower>().rankUpdate(across.transpose(), -1);
   held->compliance.triangularView<Eigen::StrictlyUpper>() = held->compliance.transpose();
   return held;

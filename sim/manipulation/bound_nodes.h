@@ -10,6 +10,14 @@
 // A tool moves what it holds as a rigid body, so that u_b is affine in the twelve numbers of the motion, its
 // rotation matrix and translation. How these displace the whole body, and what they ask of the forces, is
 // computed at the grasp: a step costs twelve columns a tool, however many nodes it holds.
+//
+// A hold may float: no hand moves it, as a clip that its applier has left. Its nodes then follow a small
+// rigid motion M m that is an unknown, too, and what holds them is in balance, M^T f_b = 0. With d what f_b
+// has to bring about, f_b = C_bb^-1 (d + M m), so that
+//
+//   f_b = H d,  H = C_bb^-1 - C_bb^-1 M (M^T C_bb^-1 M)^-1 M^T C_bb^-1
+//
+// H stands in for C_bb^-1 in all of the above.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +25,8 @@
 #include <memory>
 #include <span>
 #include <vector>
+
+#include <Eigen/Cholesky>
 
 #include "sim/contact/contact_body.h"
 #include "sim/manipulation/growing_cholesky.h"
@@ -43,6 +53,7 @@ class BoundNodes {
     Pose pose;                             // at the grasp; the quaternion's length is 1
     std::vector<std::uint32_t> nodes;      // of the mesh
     std::vector<Vector3> displacements_m;  // of these, at the grasp
+    bool floats = false;                   // its nodes must span_a_plane()
   };
 
   /// A tool that holds nothing yet, and nodes of ContactBody::surface() that are not bound. kiroku::Error if
@@ -53,6 +64,13 @@ class BoundNodes {
 
   [[nodiscard]] bool bound(std::uint32_t node) const { return bound_[node] != 0; }
   [[nodiscard]] std::size_t held_by(std::uint32_t tool) const;
+  /// Of a tool that holds something or nothing: whether its hold floats.
+  [[nodiscard]] bool floats(std::uint32_t tool) const;
+  /// Where a hold that floats is while the body lies so; (3 |rows|).
+  [[nodiscard]] Pose floating_pose(std::uint32_t tool, const Eigen::VectorXd& displacement_m) const;
+  /// Whether the places are not all on one line, to a thousandth of their extent: how they lie tells how they
+  /// are turned.
+  [[nodiscard]] static bool span_a_plane(std::span<const Vector3> places_m);
   /// In the order of the grasps.
   [[nodiscard]] std::vector<Hold> holds() const;
 
@@ -96,7 +114,13 @@ class BoundNodes {
   void learn_columns(std::span<const Contact> contacts);
   void append_rows(std::size_t first);
   void prepare();
-  /// What holds the bound nodes at `displacement_m` less what is there without; (3 |bound| x m) both.
+  void prepare_floating();
+  /// How the nodes of a hold move with a small motion of it, translation and rotation vector; (3 |nodes| x
+  /// 6).
+  [[nodiscard]] Eigen::MatrixXd rigid_motions(const Hold& hold) const;
+  /// What holds the bound nodes at `displacement_m` less what is there without, where no hold floats.
+  [[nodiscard]] Eigen::MatrixXd fixing_n(const Eigen::MatrixXd& displacement_m) const;
+  /// The same with those that float in balance: H; (3 |bound| x m) both.
   [[nodiscard]] Eigen::MatrixXd holding_n(const Eigen::MatrixXd& displacement_m) const;
   /// Adds what forces on bound nodes do, (3 |bound| x m), to (3 |rows| x m).
   void add_displacements(const Eigen::MatrixXd& force_n, Eigen::MatrixXd& displacement_m) const;
@@ -110,9 +134,12 @@ class BoundNodes {
   std::vector<Node> nodes_;         // (|bound|), by hold
   std::vector<Eigen::Index> free_;  // which of the 3 |bound| components are not prescribed: rows of C_bb
   GrowingCholesky compliance_;      // C_bb
-  Eigen::VectorXd unheld_m_;        // (3 |rows|), u_0
-  Eigen::VectorXd grasped_m_;       // (3 |rows|), with all tools where they grasped
-  Eigen::VectorXd grasped_n_;       // (3 |bound|), what holds it there
+  Eigen::MatrixXd rigid_;           // (3 |bound| x 6 |floating|), M; no column where nothing floats
+  Eigen::MatrixXd rigid_n_;         // C_bb^-1 M
+  Eigen::LLT<Eigen::MatrixXd> floating_;              // of M^T C_bb^-1 M
+  Eigen::VectorXd unheld_m_;                          // (3 |rows|), u_0
+  Eigen::VectorXd grasped_m_;                         // (3 |rows|), with all tools where they grasped
+  Eigen::VectorXd grasped_n_;                         // (3 |bound|), what holds it there
   std::map<std::uint32_t, Eigen::MatrixXd> pressed_;  // (3 |rows| x 3), of nodes: C_:c - C_:b C_bb^-1 C_bc
 };
 

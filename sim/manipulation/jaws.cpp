@@ -37,6 +37,31 @@ Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contact
   return grip;
 }
 
+Grip grip_of_left(std::span<const BoundNode> held, std::span<const Vector3> places_m, const Pose& clip,
+                  const std::array<Pose, kJaws>& jaws, double friction) {
+  Grip grip;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const std::size_t which = clip.to_tool(places_m[i]).z() > 0 ? 0 : 1;
+    ToolForce& jaw = grip.jaws[which];
+    jaw.force_n -= held[i].force_n;
+    jaw.torque_nm -= (places_m[i] - jaws[which].position_m).cross(held[i].force_n);
+    ++jaw.nodes;
+  }
+  const Vector3 closing = clip.orientation * Vector3::UnitZ();
+  double normal_n = 0;
+  for (std::size_t which = 0; which < kJaws; ++which) {
+    ToolForce& jaw = grip.jaws[which];
+    const Vector3 outwards = which == 0 ? closing : Vector3(-closing);
+    jaw.normal_n = jaw.force_n.dot(outwards);
+    jaw.tangential_n = (jaw.force_n - jaw.normal_n * outwards).norm();
+    normal_n += jaw.normal_n;
+    grip.pull_n += jaw.tangential_n;
+  }
+  grip.squeeze_n = normal_n / kJaws;
+  grip.most_pull_n = friction * normal_n;
+  return grip;
+}
+
 bool slips(const Grip& grip) {
   constexpr double kUsedUp = 0.99;
   return grip.squeeze_n > 0 && grip.pull_n >= kUsedUp * grip.most_pull_n;

@@ -16,6 +16,7 @@
 #include <string>
 
 #include "sim/contact/contact_solver.h"
+#include "sim/manipulation/bound_nodes.h"
 #include "sim/manipulation/tool.h"
 
 namespace kiroku::sim {
@@ -48,6 +49,14 @@ bool slips(const Grip& grip);
 /// Of the contacts, those of tools `first` and `first` + 1 are the jaws'.
 Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
              double friction);
+
+/// The same of a clip that was left, of which `held` is what it holds (Manipulation::leave()), now at these
+/// places. Forces on it balance, so that what acts along one jaw is taken back at the other: pull_n is the
+/// sum of both, and slips() is true where either jaw's force leaves the cone of friction. A force that is in
+/// the cone may still be the sum of some that are not: what is told to slip does; what is not may slide in
+/// parts.
+Grip grip_of_left(std::span<const BoundNode> held, std::span<const Vector3> places_m, const Pose& clip,
+                  const std::array<Pose, kJaws>& jaws, double friction);
 
 /// What the whole tool feels: the sum of both jaws, with the torque about the tool's origin; normal_n and
 /// tangential_n are squeeze and pull.

@@ -48,13 +48,14 @@ Manipulation::Manipulation(const ContactBody& body, const Manipulation& previous
     pressed_.displacement_m.segment<3>(row_of(node)) = displacement_m.segment<3>(first_row(node));
   }
   for (const BoundNodes::Hold& hold : previous.bound_.holds()) {
-    BoundNodes::Hold kept{hold.tool, hold.pose, {}, {}};
+    BoundNodes::Hold kept{hold.tool, hold.pose, {}, {}, hold.floats};
     for (std::size_t i = 0; i < hold.nodes.size(); ++i) {
       if (bindable[hold.nodes[i]] == 0) continue;
       kept.nodes.push_back(hold.nodes[i]);
       kept.displacements_m.push_back(hold.displacements_m[i]);
     }
-    if (!kept.nodes.empty()) bound_.bind(std::move(kept));
+    if (!kept.nodes.empty() && (!kept.floats || BoundNodes::span_a_plane(places_of(kept))))
+      bound_.bind(std::move(kept));
   }
   bound_changed_ = true;
   if (previous.pressed_.solver) {
@@ -96,7 +97,7 @@ std::size_t Manipulation::grasp(std::size_t tool, const Pose& pose) {
   const Tool& grasping = known_tool(tools_, tool);
   check_grasp(grasping, held_by(tool));
   const Pose there = sound_pose(pose, grasping.name);
-  BoundNodes::Hold hold{static_cast<std::uint32_t>(tool), there, {}, {}};
+  BoundNodes::Hold hold{static_cast<std::uint32_t>(tool), there, {}, {}, false};
   for (const std::uint32_t node : body_.surface()) {
     const Vector3 here_m = position_m(node, pressed_.displacement_m);
     if (bound_.bound(node) || distance_to(grasping.shape, there.to_tool(here_m)).distance_m > 0) continue;
@@ -127,6 +128,52 @@ void Manipulation::refuse_grasp(const Tool& tool, const Pose& pose) const {
   throw Error(grasp_refusal(tool, pose, candidates));
 }
 
+std::vector<Vector3> Manipulation::places_of(const BoundNodes::Hold& hold) const {
+  std::vector<Vector3> places_m;
+  for (std::size_t i = 0; i < hold.nodes.size(); ++i)
+    places_m.push_back(body_.body().mesh().nodes[hold.nodes[i]] + hold.displacements_m[i]);
+  return places_m;
+}
+
+std::size_t Manipulation::leave(std::size_t jaw, std::size_t other_jaw) {
+  BoundNodes::Hold hold;
+  hold.tool = static_cast<std::uint32_t>(jaw);
+  hold.floats = true;
+  hold.pose.position_m.setZero();
+  for (const std::size_t tool : {jaw, other_jaw}) {
+    const Tool& one = known_tool(tools_, tool);
+    if (one.action != ToolAction::kSticks)
+      throw UsageError(one.name + " is no jaw of a clip: it does not stick");
+    const std::size_t before = hold.nodes.size();
+    for (const Contact& contact : result_.contacts) {
+      if (contact.tool != tool) continue;
+      hold.nodes.push_back(contact.node);
+      hold.displacements_m.emplace_back(pressed_.displacement_m.segment<3>(row_of(contact.node)));
+    }
+    if (hold.nodes.size() == before) throw Error(one.name + " presses no tissue that it could hold");
+    hold.pose.position_m += poses_[tool]->position_m / 2;
+    hold.pose.orientation = poses_[tool]->orientation;
+  }
+  if (!BoundNodes::span_a_plane(places_of(hold))) {
+    throw Error("the " + nodes_text(hold.nodes.size()) + " between " + tools_[jaw].name + " and " +
+                tools_[other_jaw].name + " are on one line: take a finer mesh, or wider jaws");
+  }
+  const std::size_t count = hold.nodes.size();
+  BoundNodes with = bound_;
+  with.bind(std::move(hold));
+  bound_ = std::move(with);
+  bound_changed_ = true;
+  poses_[jaw].reset();
+  poses_[other_jaw].reset();
+  return count;
+}
+
+Pose Manipulation::floating_pose(std::size_t tool) const {
+  const auto number = static_cast<std::uint32_t>(tool);
+  if (!bound_.floats(number)) throw UsageError(known_tool(tools_, tool).name + " was not left as a clip");
+  return bound_.floating_pose(number, pressed_.displacement_m);
+}
+
 void Manipulation::release(std::size_t tool) {
   if (held_by(tool) == 0) throw Error(known_tool(tools_, tool).name + " holds nothing that it could release");
   BoundNodes without = bound_;
@@ -137,7 +184,12 @@ void Manipulation::release(std::size_t tool) {
 
 std::vector<OptionalPose> Manipulation::checked(std::span<const OptionalPose> poses) const {
   std::vector<std::size_t> held(tools_.size());
-  for (std::size_t tool = 0; tool < held.size(); ++tool) held[tool] = held_by(tool);
+  for (std::size_t tool = 0; tool < held.size(); ++tool) {
+    const bool left = bound_.floats(static_cast<std::uint32_t>(tool));
+    if (left && tool < poses.size() && poses[tool])
+      throw UsageError(tools_[tool].name + " was left as a clip: nothing moves it but the body");
+    held[tool] = left ? 0 : held_by(tool);
+  }
   return sound_poses(tools_, poses, held);
 }
 
@@ -255,9 +307,17 @@ ManipulationResult Manipulation::report(std::span<const OptionalPose> poses, con
     result.largest_gap_m = contact.largest_gap_m;
   }
   result.bound = bound_.forces(poses, result.contacts);
+  std::vector<Vector3> origins_m(tools_.size(), Vector3::Zero());
+  for (std::uint32_t tool = 0; tool < tools_.size(); ++tool) {
+    if (bound_.floats(tool)) {
+      origins_m[tool] = bound_.floating_pose(tool, pressed.displacement_m).position_m;
+    } else if (poses[tool]) {
+      origins_m[tool] = poses[tool]->position_m;
+    }
+  }
   for (const BoundNode& held : result.bound) {
     ToolForce& tool = result.tools[held.tool];
-    const Vector3 from_tool_m = position_m(held.node, pressed.displacement_m) - poses[held.tool]->position_m;
+    const Vector3 from_tool_m = position_m(held.node, pressed.displacement_m) - origins_m[held.tool];
     ++tool.nodes;
     tool.force_n -= held.force_n;
     tool.torque_nm -= from_tool_m.cross(held.force_n);

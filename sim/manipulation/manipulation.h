@@ -73,11 +73,23 @@ class Manipulation {
   /// a tool that holds nothing.
   void release(std::size_t tool);
 
+  /// Leaves a clip: what these two tools that stick, its jaws, press as of the last step is held together as
+  /// one rigid body that floats. No hand moves it: forces and torques on it balance, with
+  /// the arms that these have as it is left. The tools are away from
+  /// then on, and what is held is the first one's, until released. How many nodes are held. kiroku::Error if
+  /// one of the tools presses nothing, or all nodes are on one line; kiroku::UsageError for tools that do not
+  /// stick.
+  std::size_t leave(std::size_t jaw, std::size_t other_jaw);
+  /// Where a clip that was left is, as of the last step: how its nodes moved since, small rotations as of
+  /// linear elements, added to the middle between its jaws as they were. kiroku::UsageError for another tool.
+  [[nodiscard]] Pose floating_pose(std::size_t tool) const;
+
   /// How many nodes the tool holds.
   [[nodiscard]] std::size_t held_by(std::size_t tool) const;
 
   /// Moves all tools there at once, one optional pose a tool, and finds the balance. Valid until the next
-  /// call. kiroku::UsageError for another number of poses; kiroku::Error for poses that are none, for a tool
+  /// call. kiroku::UsageError for another number of poses, and for the pose of a clip that was left;
+  /// kiroku::Error for poses that are none, for a tool
   /// that holds something and has no pose, for solids that leave a node no place because they overlap, for
   /// what is not finite, and what Compliance throws.
   const ManipulationResult& step(std::span<const OptionalPose> poses);
@@ -103,6 +115,7 @@ class Manipulation {
 
   [[nodiscard]] std::vector<OptionalPose> checked(std::span<const OptionalPose> poses) const;
   [[noreturn]] void refuse_grasp(const Tool& tool, const Pose& pose) const;
+  [[nodiscard]] std::vector<Vector3> places_of(const BoundNodes::Hold& hold) const;
   Pressed press(std::span<const OptionalPose> poses, Eigen::VectorXd untouched_m);
   void look_at_surface(const Eigen::VectorXd& displacement_m);
   [[nodiscard]] std::vector<std::uint32_t> places_near() const;

@@ -18,9 +18,10 @@ namespace {
 constexpr double kLongestStepS = 600, kShortestTimeStepS = 0.001;
 constexpr double kLeastFriction = 0.01, kMostFriction = 10;
 
-constexpr std::array<std::pair<const char*, ToolKind>, 7> kKinds{{{"forceps", ToolKind::kForceps},
+constexpr std::array<std::pair<const char*, ToolKind>, 8> kKinds{{{"forceps", ToolKind::kForceps},
                                                                   {"pin", ToolKind::kPin},
                                                                   {"grasper", ToolKind::kGrasper},
+                                                                  {"clip", ToolKind::kClip},
                                                                   {"retractor", ToolKind::kRetractor},
                                                                   {"hook", ToolKind::kHook},
                                                                   {"finger", ToolKind::kFinger},
@@ -112,7 +113,8 @@ class PlanReader {
   struct ToolState {
     std::optional<Pose> pose;  // absent: not at the organ
     std::string since;         // the step that brought it there
-    double opening_m = 0;      // of a grasper
+    double opening_m = 0;      // of one that closes
+    std::string left;          // the step that left a clip at the organ
   };
 
   /// One error does not hide the next.
@@ -166,6 +168,13 @@ class PlanReader {
         tool.expect_object({"kind", "radius"});
         into.tool = pin(name, metres(tool.member("radius")));
         break;
+      case ToolKind::kClip:
+        if (plan_.corotational) {
+          tool.member("kind").fail(
+              "is 'clip': a clip that was left holds tissue of linear elements alone; leave out "
+              "'corotational', or take a grasper");
+        }
+        [[fallthrough]];
       case ToolKind::kGrasper:
         tool.expect_object({"kind", "jaw", "opening", "friction"});
         into.opening_m = metres(tool.member("opening"));
@@ -234,11 +243,20 @@ class PlanReader {
 
   [[nodiscard]] std::size_t tool_of(const JsonField& field) const {
     const auto found = tool_named_.find(field.text());
-    if (found != tool_named_.end()) return found->second;
+    if (found != tool_named_.end()) {
+      refuse_left(field, found->first, found->second);
+      return found->second;
+    }
     std::string all;
     for (const PlanTool& tool : plan_.tools) all += (all.empty() ? "" : ", ") + tool.tool.name;
     field.fail("is '" + field.text() + "', which 'tools' does not have" +
                (all.empty() ? "" : "; it has " + all));
+  }
+
+  void refuse_left(const JsonField& field, const std::string& name, std::size_t tool) const {
+    if (state_[tool].left.empty()) return;
+    field.fail("is '" + name + "', a clip that was left at the organ in " + state_[tool].left +
+               ": a clip is used once; give the plan another");
   }
 
   /// "position" and "rotation"; what is absent stays as it was.
@@ -294,6 +312,7 @@ class PlanReader {
       for (const auto& [name, path] : step.member("tools").members()) {
         const auto found = tool_named_.find(name);
         if (found == tool_named_.end()) path.fail("is for a tool that 'tools' does not have");
+        refuse_left(path, name, found->second);
         motions.push_back({found->second, path_of(path, state_[found->second].pose)});
       }
       if (motions.empty()) step.member("tools").fail("names no tool");
@@ -339,6 +358,7 @@ class PlanReader {
         if (!state_[tool].pose) named.fail("is '" + named.text() + "', which is not at the organ");
         step.released.push_back(tool);
         state_[tool] = {};
+        if (stays(plan_.tools[tool].kind)) state_[tool].left = step.where;
         break;
       }
     }
@@ -371,7 +391,8 @@ class PlanReader {
     const PlanTool& tool = plan_.tools[number];
     ToolState& state = state_[number];
     if (!closes(tool.kind))
-      named.fail("is '" + named.text() + "', a " + name_of(tool.kind) + ": only a grasper closes its jaws");
+      named.fail("is '" + named.text() + "', a " + name_of(tool.kind) +
+                 ": only graspers and clips have jaws to close");
     const auto at = field.optional_member("at");
     if (state.pose && at) {
       at->fail("places '" + named.text() + "', which is at the organ since " + state.since +
@@ -467,7 +488,8 @@ class PlanReader {
 const char* name_of(ToolKind kind) { return word_for(kind, kKinds); }
 const char* name_of(PlanAction action) { return word_for(action, kActions); }
 bool binds(ToolKind kind) { return kind == ToolKind::kForceps || kind == ToolKind::kPin; }
-bool closes(ToolKind kind) { return kind == ToolKind::kGrasper; }
+bool closes(ToolKind kind) { return kind == ToolKind::kGrasper || stays(kind); }
+bool stays(ToolKind kind) { return kind == ToolKind::kClip; }
 bool touches(ToolKind kind) { return !binds(kind) && !closes(kind) && kind != ToolKind::kScalpel; }
 
 Pose pose_of_blade(const BladePose& blade) {

@@ -32,19 +32,22 @@ enum class ToolKind {
   kHook,       // a rod that pushes
   kFinger,     // a fingertip that pushes
   kScalpel,    // cuts along its edge
+  kClip,       // closes as a grasper does, and stays on the tissue when its applier leaves
 };
 const char* name_of(ToolKind kind);
 /// Whether it binds what it grasps, closes its jaws, or touches, and pushes where it does; a scalpel does
 /// none.
 bool binds(ToolKind kind);
 bool closes(ToolKind kind);
+/// Of those that close: whether what it holds stays held when it is released.
+bool stays(ToolKind kind);
 bool touches(ToolKind kind);
 
 struct PlanTool {
   ToolKind kind = ToolKind::kFinger;
-  Tool tool;             // of a scalpel only the name; of a grasper its name, and shape and friction of a jaw
+  Tool tool;  // of a scalpel only the name; of a grasper or a clip its name, and shape and friction of a jaw
   double edge_m = 0;     // of a scalpel: from its origin along its z axis
-  double opening_m = 0;  // of a grasper: between the faces of its jaws when they come
+  double opening_m = 0;  // of one that closes: between the faces of its jaws when they come
 
   /// Of one that closes.
   [[nodiscard]] const Vector3& jaw_half_extent_m() const { return std::get<Box>(tool.shape).half_extent_m; }

@@ -1,7 +1,9 @@
 #include "sim/plan/plan_body.h"
 
+#include <type_traits>
 #include <utility>
 
+#include "base/error.h"
 #include "sim/manipulation/corotational_manipulation.h"
 
 namespace kiroku::sim {
@@ -13,6 +15,20 @@ class HandledBody : public PlanBody {
  public:
   void grasp(std::size_t tool, const Pose& pose) override { hands_.grasp(tool, pose); }
   void release(std::size_t tool) override { hands_.release(tool); }
+  void leave(std::size_t first_jaw) override {
+    if constexpr (kFloats) {
+      hands_.leave(first_jaw, first_jaw + 1);
+    } else {
+      throw UsageError("a body of elements that turn holds no clip that was left");
+    }
+  }
+  [[nodiscard]] Pose floating_pose(std::size_t first_jaw) const override {
+    if constexpr (kFloats) {
+      return hands_.floating_pose(first_jaw);
+    } else {
+      throw UsageError("a body of elements that turn holds no clip that was left");
+    }
+  }
   const ManipulationResult& step(std::span<const OptionalPose> poses) override { return hands_.step(poses); }
   [[nodiscard]] const ManipulationResult& result() const override { return hands_.result(); }
   [[nodiscard]] Eigen::VectorXd displacement_m() const override { return hands_.displacement_m(); }
@@ -27,6 +43,7 @@ class HandledBody : public PlanBody {
   [[nodiscard]] const Hands& hands() const { return hands_; }
 
  private:
+  static constexpr bool kFloats = std::is_same_v<Hands, Manipulation>;
   std::shared_ptr<const Body> body_;
   Hands hands_;  // on body_
 };

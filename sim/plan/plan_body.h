@@ -24,6 +24,9 @@ class PlanBody {
   /// As Manipulation has them.
   virtual void grasp(std::size_t tool, const Pose& pose) = 0;
   virtual void release(std::size_t tool) = 0;
+  /// The clip whose jaws are this tool and the next; of linear bodies alone.
+  virtual void leave(std::size_t first_jaw) = 0;
+  [[nodiscard]] virtual Pose floating_pose(std::size_t first_jaw) const = 0;
   virtual const ManipulationResult& step(std::span<const OptionalPose> poses) = 0;
   [[nodiscard]] virtual const ManipulationResult& result() const = 0;
   [[nodiscard]] virtual Eigen::VectorXd displacement_m() const = 0;

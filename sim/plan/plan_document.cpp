@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t kForceps = 2, kGraspers = 2, kFingers = 5;
+constexpr std::size_t kForceps = 2, kGraspers = 2, kClips = 4, kFingers = 5;
 /// A tool meets tissue at its nodes, so that none is finer than the mesh; a fingertip is no finer than a
 /// person's.
 constexpr double kJawsInEdges = 2, kOpeningInEdges = 6, kFingerInEdges = 1.2, kFingertipM = 0.008;
@@ -160,6 +160,12 @@ ordered_json with_tools(ordered_json document, const Plan& plan) {
         {"jaw", {jaws, jaws, thickness}},
         {"opening", tool_length(kOpeningInEdges * edge_m, unit)},
         {"friction", kJawFriction}};
+  }
+  for (std::size_t i = 1; i <= kClips && !plan.corotational; ++i) {
+    tools[free_name(tools, numbered("clip", i))] = {{"kind", "clip"},
+                                                    {"jaw", {jaws, thickness, thickness}},
+                                                    {"opening", tool_length(kOpeningInEdges * edge_m, unit)},
+                                                    {"friction", kJawFriction}};
   }
   for (std::size_t i = 1; i <= kFingers; ++i)
     tools[free_name(tools, numbered("finger", i))] = {{"kind", "finger"}, {"radius", radius}};

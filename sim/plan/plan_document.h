@@ -11,7 +11,8 @@
 namespace kiroku::sim {
 
 /// The document, of which `plan` is the plan, with what a person plans with beside its own tools: two
-/// forceps, five fingers and a scalpel, each as large as suits the mesh and under a name that is free.
+/// forceps, two graspers, four clips on a body of linear elements, five fingers and a scalpel, each as large
+/// as suits the mesh and under a name that is free.
 nlohmann::ordered_json with_tools(nlohmann::ordered_json document, const Plan& plan);
 
 /// What read_plan() reads as the plan of the session, to the bit. The session began with the plan of

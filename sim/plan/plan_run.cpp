@@ -155,6 +155,10 @@ void PlanRun::begin_step() {
     if (step.action == PlanAction::kGrasp) body_->grasp(place_of_[motion.tool], *frame_.poses[motion.tool]);
   }
   for (const std::size_t tool : step.released) {
+    if (stays(plan_.tools[tool].kind)) {
+      leave(tool);
+      continue;
+    }
     if (binds(plan_.tools[tool].kind)) body_->release(place_of_[tool]);
     frame_.poses[tool].reset();
     frame_.grips[tool] = {};
@@ -177,6 +181,18 @@ void PlanRun::expect_room_for_jaws(std::size_t tool) const {
                   " mm deep in it; place it elsewhere, or let it open wider");
     }
   }
+}
+
+/// The applier leaves a clip, which stays.
+void PlanRun::leave(std::size_t tool) {
+  PlanGrip& grip = frame_.grips[tool];
+  if (std::ranges::any_of(grip.grip.jaws, [](const ToolForce& jaw) { return jaw.nodes == 0; })) {
+    throw Error("'" + plan_.tools[tool].tool.name +
+                "' would be left with nothing between its jaws: close it further, or place it elsewhere");
+  }
+  body_->leave(place_of_[tool]);
+  grip.left = true;
+  on_jaws_m_[tool].clear();
 }
 
 void PlanRun::advance(double local_s) {
@@ -260,7 +276,7 @@ void PlanRun::balance() {
   std::vector<OptionalPose> poses(places_);
   for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
     const PlanTool& one = plan_.tools[tool];
-    if (one.kind == ToolKind::kScalpel || !frame_.poses[tool]) continue;
+    if (one.kind == ToolKind::kScalpel || !frame_.poses[tool] || frame_.grips[tool].left) continue;
     if (closes(one.kind)) {
       const auto jaws = jaw_poses(*frame_.poses[tool], one.jaw_half_extent_m(), frame_.grips[tool].opening_m);
       std::ranges::copy(jaws, poses.begin() + static_cast<std::ptrdiff_t>(place_of_[tool]));
@@ -268,14 +284,23 @@ void PlanRun::balance() {
       poses[place_of_[tool]] = frame_.poses[tool];
     }
   }
-  const ManipulationResult& result = body_->step(poses);
+  body_->step(poses);
   frame_.displacement_m = body_->displacement_m();
+  while (let_go_of_clips(body_->result())) {
+    body_->step(poses);
+    frame_.displacement_m = body_->displacement_m();
+  }
+  const ManipulationResult& result = body_->result();
   for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
     const ToolKind kind = plan_.tools[tool].kind;
     if (kind == ToolKind::kScalpel) continue;
     frame_.tools[tool] = {};
     if (closes(kind)) {
-      if (frame_.poses[tool]) grip(tool, result);
+      if (frame_.poses[tool] && !frame_.grips[tool].left) grip(tool, result);
+      if (frame_.grips[tool].left)
+        frame_.tools[tool] = felt_by(frame_.grips[tool].grip, *frame_.poses[tool],
+                                     jaw_poses(*frame_.poses[tool], plan_.tools[tool].jaw_half_extent_m(),
+                                               frame_.grips[tool].opening_m));
     } else {
       frame_.tools[tool] = result.tools[place_of_[tool]];
     }
@@ -287,6 +312,53 @@ void PlanRun::balance() {
   for (std::size_t t = 0; t < bears_.size(); ++t) {
     if (bears_[t] != 0) frame_.stress_pa[t] = bearing_pa[next++];
   }
+}
+
+/// Where a clip that was left is now, and how it holds.
+void PlanRun::grip_left(std::size_t tool, const ManipulationResult& result) {
+  const PlanTool& clip = plan_.tools[tool];
+  PlanGrip& now = frame_.grips[tool];
+  const Pose pose = body_->floating_pose(place_of_[tool]);
+  frame_.poses[tool] = pose;
+  std::vector<BoundNode> held;
+  std::vector<Vector3> places_m;
+  for (const BoundNode& bound : result.bound) {
+    if (bound.tool != place_of_[tool]) continue;
+    held.push_back(bound);
+    places_m.push_back(mesh_.nodes[bound.node] + frame_.displacement_m.segment<3>(
+                                                     static_cast<Eigen::Index>(3 * std::size_t{bound.node})));
+  }
+  now.grip = grip_of_left(held, places_m, pose, jaw_poses(pose, clip.jaw_half_extent_m(), now.opening_m),
+                          clip.tool.friction);
+}
+
+/// Clips that were left come off where friction cannot hold what pulls along their jaws, or nothing presses
+/// against these any more. True where one has.
+bool PlanRun::let_go_of_clips(const ManipulationResult& result) {
+  bool gone = false;
+  for (std::size_t tool = 0; tool < plan_.tools.size(); ++tool) {
+    if (!frame_.grips[tool].left) continue;
+    const std::string named = "'" + plan_.tools[tool].tool.name + "'";
+    const std::string at = "at " + number_text(frame_.time_s, 4) + " s ";
+    const bool holds =
+        std::ranges::any_of(result.bound, [&](const BoundNode& one) { return one.tool == place_of_[tool]; });
+    if (holds) {
+      grip_left(tool, result);
+      const Grip& grip = frame_.grips[tool].grip;
+      if (grip.squeeze_n > 0 && !slips(grip)) continue;
+      figures_.back().remarks.push_back(
+          at + named + " comes off and lets the tissue go: " + number_text(grip.pull_n, 3) +
+          " N pull along its jaws, which press with " + number_text(grip.squeeze_n, 3) + " N each and hold " +
+          number_text(grip.most_pull_n, 3) + " N at most");
+      body_->release(place_of_[tool]);
+    } else {
+      figures_.back().remarks.push_back(at + named + " comes off: a cut has left too little of what it held");
+    }
+    frame_.poses[tool].reset();
+    frame_.grips[tool] = {};
+    gone = true;
+  }
+  return gone;
 }
 
 /// What a grasper's jaws do now, and how far the tissue has slipped along them since the last frame: the mean
@@ -327,7 +399,9 @@ void PlanRun::tell_slips() {
     const PlanTool& grasper = plan_.tools[tool];
     const bool own =
         std::ranges::any_of(step.motions, [&](const PlanMotion& one) { return one.tool == tool; });
-    if (!closes(grasper.kind) || !frame_.poses[tool] || (step.action == PlanAction::kClose && own)) continue;
+    if (!closes(grasper.kind) || !frame_.poses[tool] || frame_.grips[tool].left ||
+        (step.action == PlanAction::kClose && own))
+      continue;
     const std::string at = "at " + number_text(frame_.time_s, 4) + " s ";
     const Grip& grip = frame_.grips[tool].grip;
     const double slipped_m = figures.slipped_m[tool];

@@ -12,13 +12,15 @@
 
 namespace kiroku::sim {
 
-/// How a grasper has the tissue.
+/// How a grasper or a clip has the tissue.
 struct PlanGrip {
   double opening_m = 0;  // between the faces of its jaws
   Grip grip;
   double slipped_m = 0;  // how far the tissue has moved along its jaws since these came
   bool slips =
       false;  // friction cannot hold it, or it has slipped by a tenth of the jaws' length in this step
+  bool left =
+      false;  // a clip whose applier has left: it holds (grip_of_left()) and goes where the tissue does
 };
 
 /// How the organ lies at a moment. All numbers are finite.
@@ -29,8 +31,8 @@ struct PlanFrame {
   std::vector<SymmetricTensor> stress_pa;  // (|T|) of mesh(); zero in what has fallen off
   std::vector<OptionalPose> poses;         // of the plan's tools
   std::vector<ToolForce> tools;            // what they feel; zero for scalpels
-  std::vector<PlanGrip> grips;   // of the plan's tools; zero for those that are no grasper at the organ
-  Eigen::VectorXd tool_force_n;  // (3 |V|), what all tools do to the nodes
+  std::vector<PlanGrip> grips;             // of the plan's tools; zero for those without jaws at the organ
+  Eigen::VectorXd tool_force_n;            // (3 |V|), what all tools do to the nodes
 };
 
 /// What a step came to.
@@ -45,7 +47,8 @@ struct StepFigures {
   std::size_t tetrahedra_removed = 0;
   double volume_lost_m3 = 0;
   double deepest_penetration_m = 0;
-  std::vector<std::string> remarks;  // parts that fell off; tissue that slips; balances out of tolerance
+  /// Parts that fell off; tissue that slips; clips that come off; balances out of tolerance.
+  std::vector<std::string> remarks;
 };
 
 /// Not thread-safe. The plan must outlive it; steps may be added at its end meanwhile, and its last step may
@@ -83,6 +86,9 @@ class PlanRun {
   void advance(double local_s);
   void finish_step();
   void expect_room_for_jaws(std::size_t tool) const;
+  void leave(std::size_t tool);
+  [[nodiscard]] bool let_go_of_clips(const ManipulationResult& result);
+  void grip_left(std::size_t tool, const ManipulationResult& result);
   void grip(std::size_t tool, const ManipulationResult& result);
   void tell_slips();
   void cut(const PlanMotion& motion, double from_s, double to_s);
@@ -95,7 +101,7 @@ class PlanRun {
 
   const Plan& plan_;
   std::vector<std::size_t>
-      place_of_;  // of the plan's tools among those of the manipulation; a grasper's first jaw
+      place_of_;  // of the plan's tools among those of the manipulation; of one with jaws the first
   std::size_t places_ = 0;
   std::optional<CutShape> shape_;  // once something was cut
   std::unique_ptr<PlanBody> body_;

@@ -99,7 +99,9 @@ void PlanSession::grasp(const PlacedTool& forceps) {
 void PlanSession::close(const PlacedTool& grasper, double opening_m) {
   end_motion();
   const PlanTool& tool = plan_.tools.at(grasper.tool);
-  if (!closes(tool.kind)) throw Error("'" + tool.tool.name + "' closes nothing: only a grasper has jaws");
+  if (!closes(tool.kind))
+    throw Error("'" + tool.tool.name + "' closes nothing: only graspers and clips have jaws");
+  refuse_used_up(grasper.tool);
   const OptionalPose& now = frame().poses[grasper.tool];
   const double from_m = now ? frame().grips[grasper.tool].opening_m : tool.opening_m;
   PlanStep step;
@@ -121,8 +123,22 @@ void PlanSession::close(const PlacedTool& grasper, double opening_m) {
   add(std::move(step));
 }
 
+bool PlanSession::used_up(std::size_t tool) const {
+  return stays(plan_.tools.at(tool).kind) && std::ranges::any_of(plan_.steps, [&](const PlanStep& step) {
+           return std::ranges::count(step.released, tool) > 0;
+         });
+}
+
+void PlanSession::refuse_used_up(std::size_t tool) const {
+  if (used_up(tool)) {
+    throw Error("'" + plan_.tools[tool].tool.name +
+                "' was left at the organ: a clip is used once; take another, or undo that");
+  }
+}
+
 void PlanSession::release(std::size_t tool) {
   end_motion();
+  refuse_used_up(tool);
   if (!frame().poses.at(tool)) throw Error("'" + plan_.tools[tool].tool.name + "' is not at the organ");
   PlanStep step;
   step.action = PlanAction::kRelease;
@@ -223,6 +239,7 @@ void PlanSession::begin_motion(std::vector<PlacedTool> tools) {
   for (const PlacedTool& placed : tools) {
     const PlanTool& tool = plan_.tools.at(placed.tool);
     const OptionalPose& now = frame().poses[placed.tool];
+    refuse_used_up(placed.tool);
     if (tool.kind == ToolKind::kScalpel) throw Error("'" + tool.tool.name + "' is moved by cutting");
     if (binds(tool.kind) || closes(tool.kind)) {
       if (!now) throw Error("'" + tool.tool.name + "' holds nothing that it could move");

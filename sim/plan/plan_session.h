@@ -41,9 +41,10 @@ class PlanSession {
   [[nodiscard]] std::size_t given_steps() const { return given_; }
 
   void grasp(const PlacedTool& forceps);
-  /// A grasper, which comes there open where it is not at the organ yet and stays where it is if it is:
-  /// closes its jaws, or opens them, until their faces are so far apart, as fast as a jaw may.
+  /// A grasper or a clip, which comes there open where it is not at the organ yet and stays where it is if it
+  /// is: closes its jaws, or opens them, until their faces are so far apart, as fast as a jaw may.
   void close(const PlacedTool& grasper, double opening_m);
+  /// A clip stays at the organ, holds what is between its jaws, and is used up.
   void release(std::size_t tool);
   void hold(double duration_s);
   /// Along these poses, at least two, one time step from each to the next.
@@ -63,6 +64,8 @@ class PlanSession {
   /// step. Names those.
   std::vector<std::string> end_motion();
   [[nodiscard]] bool moving() const { return moving_; }
+  /// A clip that was left at the organ: no deed takes it again.
+  [[nodiscard]] bool used_up(std::size_t tool) const;
 
   /// The last deed, a step or a change of one, which redo() does again. False where there is none.
   bool undo();
@@ -92,6 +95,7 @@ class PlanSession {
   void go_back();
   PlanStep take_last();
   void grow(std::span<const Pose> poses);
+  void refuse_used_up(std::size_t tool) const;
   [[nodiscard]] bool touched(std::size_t tool) const;
   [[nodiscard]] bool there_before_last_step(std::size_t tool) const;
 

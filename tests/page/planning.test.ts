@@ -164,6 +164,34 @@ story('A person who plans', (step) => {
     await page.keyboard.press('Home');
   });
 
+  step('clips it, and leaves the clip on', async () => {
+    const { page } = visitor;
+    await field().focus();
+    for (let i = 0; i < 18; ++i) await page.keyboard.press('ArrowDown');
+    await page.keyboard.press('l');
+    for (const x of [0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8]) {
+      for (const y of [0.5, 0.4, 0.6, 0.3, 0.7]) {
+        if ((await steps()).length > 0) continue;
+        const { x: left, y: top } = await onPicture(x, y);
+        await page.mouse.move(left, top);
+        await page.mouse.down();
+        await expect.poll(() => field().getAttribute('data-waits')).toBe('false');
+        await page.mouse.up();
+      }
+    }
+    await expect.poll(async () => (await steps()).join()).toMatch(/Close clip 1/);
+    await field().focus();
+    await page.keyboard.press('Enter');
+    await expect.poll(async () => (await steps()).join()).toMatch(/Close clip 1.*Release clip 1/);
+    await expect.poll(() => page.locator('.planning-jaws').textContent()).toMatch(/Stays on, [0-9.]+ mm apart/);
+    expect(await page.getByRole('button', { name: /clip 1/ }).count()).toBe(0);
+    const done = (await steps()).length;
+    for (let i = 0; i < done; ++i) await page.keyboard.press('Control+z');
+    await expect.poll(steps).toEqual([]);
+    await page.keyboard.press('o');
+    await page.keyboard.press('Home');
+  });
+
   step('grasps it, pulls it, and sees what it moves and feels', async () => {
     const { page } = visitor;
     await page.keyboard.press('g');

@@ -35,6 +35,7 @@ struct CalculixCase {
   Materials materials;
   Constraints constraints{0};
   Eigen::VectorXd force_n;
+  std::vector<std::vector<std::uint32_t>> rigid = {};  // nodes that move together as a rigid body
 };
 
 inline std::string calculix_input(const CalculixCase& input, const Eigen::VectorXd& force_n) {
@@ -59,6 +60,15 @@ inline std::string calculix_input(const CalculixCase& input, const Eigen::Vector
     out << "*MATERIAL, NAME=M" << region << "\n*ELASTIC\n"
         << calculix_number(material.young_modulus_pa) << ", " << calculix_number(material.poisson_ratio)
         << "\n*SOLID SECTION, ELSET=R" << region << ", MATERIAL=M" << region << "\n";
+  }
+  for (std::size_t i = 0; i < input.rigid.size(); ++i) {
+    const std::size_t reference = input.mesh.nodes.size() + 2 * i + 1;
+    out << "*NODE\n"
+        << reference << ", 0, 0, 0\n"
+        << reference + 1 << ", 0, 0, 0\n*NSET, NSET=RIGID" << i << "\n";
+    for (const std::uint32_t node : input.rigid[i]) out << node + 1 << ",\n";
+    out << "*RIGID BODY, NSET=RIGID" << i << ", REF NODE=" << reference << ", ROT NODE=" << reference + 1
+        << "\n";
   }
   out << "*STEP\n*STATIC, SOLVER=SPOOLES\n*BOUNDARY\n";
   for (std::size_t number = 0; number < 3 * input.mesh.nodes.size(); ++number) {

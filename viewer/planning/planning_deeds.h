@@ -33,7 +33,7 @@ struct HoldDeed {
 struct ReleaseDeed {
   std::string tool;
 };
-/// Of a grasper at the organ: its jaws' distance becomes this share of what it is.
+/// Of a grasper or a clip at the organ: its jaws' distance becomes this share of what it is.
 struct CloseDeed {
   std::string tool;
   double share = 1;

@@ -25,8 +25,10 @@ constexpr std::size_t kMostPlaces = 1000;
 constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
 constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
 
-constexpr std::array<std::pair<const char*, PointerUse>, 3> kUses{
-    {{"grasp", PointerUse::kGrasp}, {"pinch", PointerUse::kPinch}, {"press", PointerUse::kPress}}};
+constexpr std::array<std::pair<const char*, PointerUse>, 4> kUses{{{"grasp", PointerUse::kGrasp},
+                                                                   {"pinch", PointerUse::kPinch},
+                                                                   {"clip", PointerUse::kClip},
+                                                                   {"press", PointerUse::kPress}}};
 /// Of what jaws are apart: a message closes or opens them by no more.
 constexpr double kLeastShare = 0.5, kMostShare = 2;
 
@@ -46,7 +48,7 @@ PointDeed pointers_of(const json& object) {
     throw Refusal(400, "'pointers' must be a list of at most 5");
   const std::string use = message_text(object, "use");
   const auto* const known = std::ranges::find(kUses, use, &std::pair<const char*, PointerUse>::first);
-  if (known == kUses.end()) throw Refusal(400, "'use' must be 'grasp', 'pinch' or 'press'");
+  if (known == kUses.end()) throw Refusal(400, "'use' must be 'grasp', 'pinch', 'clip' or 'press'");
   PointDeed deed{known->second, {}};
   for (const json& pointer : pointers) {
     const std::uint64_t id = message_count(pointer, "id");
@@ -112,9 +114,13 @@ ordered_json tools_json(const PlanningTable& table) {
                      {"y", at.y()}});
     if (!sim::closes(tool.kind)) continue;
     const sim::PlanGrip& grip = frame.grips[i];
-    tools.back()["jaws"] = {{"opening_m", grip.opening_m}, {"squeeze_n", grip.grip.squeeze_n},
-                            {"pull_n", grip.grip.pull_n},  {"most_pull_n", grip.grip.most_pull_n},
-                            {"slipped_m", grip.slipped_m}, {"slips", grip.slips}};
+    tools.back()["jaws"] = {{"opening_m", grip.opening_m},
+                            {"squeeze_n", grip.grip.squeeze_n},
+                            {"pull_n", grip.grip.pull_n},
+                            {"most_pull_n", grip.grip.most_pull_n},
+                            {"slipped_m", grip.slipped_m},
+                            {"slips", grip.slips},
+                            {"left", grip.left}};
   }
   return tools;
 }

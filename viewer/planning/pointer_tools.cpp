@@ -30,7 +30,7 @@ constexpr double kReach = 1.5;
 /// Jaws come in so many directions across the line of sight, from which the tissue's thinnest is taken; so
 /// much of their length goes in, and to so much of its thickness they close.
 constexpr int kJawDirections = 16;
-constexpr double kJawGoesIn = 0.75, kFirstPinch = 0.75;
+constexpr double kJawGoesIn = 0.75, kFirstPinch = 0.75, kFirstClip = 0.5;
 
 /// Where jaws may come beside the place that was pointed at: deeper, and along their width.
 constexpr std::array<std::pair<double, double>, 5> kWays{{{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
@@ -110,6 +110,7 @@ std::optional<std::size_t> PointerTools::holder_at(const Vector3& place_m) const
   for (std::size_t tool = 0; tool < poses.size(); ++tool) {
     const PlanTool& holder = session_.plan().tools[tool];
     if (!poses[tool] || !(sim::binds(holder.kind) || sim::closes(holder.kind))) continue;
+    if (session_.frame().grips[tool].left) continue;
     if (std::ranges::find(held_, tool, &Held::tool) != held_.end()) continue;
     const double distance_m = (poses[tool]->position_m - place_m).norm();
     if (distance_m > kReach * radius_m(holder) || (nearest && distance_m >= nearest_m)) continue;
@@ -123,11 +124,14 @@ std::vector<std::size_t> PointerTools::free_tools(sim::ToolKind kind, const char
   const auto& poses = session_.frame().poses;
   std::vector<std::size_t> tools;
   for (std::size_t tool = 0; tool < poses.size(); ++tool) {
-    if (session_.plan().tools[tool].kind == kind && !poses[tool] &&
+    if (session_.plan().tools[tool].kind == kind && !poses[tool] && !session_.used_up(tool) &&
         std::ranges::find(held_, tool, &Held::tool) == held_.end())
       tools.push_back(tool);
   }
-  if (tools.empty()) throw Error(std::string("all ") + what + " are at the organ already: release one first");
+  if (tools.empty()) {
+    if (sim::stays(kind)) throw Error(std::string("all ") + what + " of the plan are used: undo one first");
+    throw Error(std::string("all ") + what + " are at the organ already: release one first");
+  }
   return tools;
 }
 
@@ -150,9 +154,10 @@ std::size_t PointerTools::grasp(const Vector3& place_m) {
 /// With the jaws on both sides of the tissue in front of the eye, where it is thinnest across the line of
 /// sight. Jaws meet nodes of the surface, and a coarse mesh may have none of these before both jaws there:
 /// then the nearest place beside it is taken.
-std::size_t PointerTools::pinch(const Vector3& place_m) {
+std::size_t PointerTools::pinch(const Vector3& place_m, sim::ToolKind kind) {
   end_motion();
-  const std::size_t tool = free_tools(sim::ToolKind::kGrasper, "graspers").front();
+  const bool clips = sim::stays(kind);
+  const std::size_t tool = free_tools(kind, clips ? "clips" : "graspers").front();
   const PlanTool& grasper = session_.plan().tools[tool];
   const Vector3& half_m = grasper.jaw_half_extent_m();
   const std::string named = "'" + grasper.tool.name + "'";
@@ -183,7 +188,7 @@ std::size_t PointerTools::pinch(const Vector3& place_m) {
                 number_text(grasper.opening_m * sim::kMmPerM, 2) +
                 " mm: take an edge of the organ, or look at it from another side");
   }
-  session_.close({tool, best->pose}, kFirstPinch * best->thickness_m);
+  session_.close({tool, best->pose}, (clips ? kFirstClip : kFirstPinch) * best->thickness_m);
   const auto& jaws = session_.frame().grips[tool].grip.jaws;
   if (std::ranges::any_of(jaws, [](const auto& jaw) { return jaw.nodes == 0; })) {
     session_.undo();
@@ -192,14 +197,14 @@ std::size_t PointerTools::pinch(const Vector3& place_m) {
   return tool;
 }
 
-void PointerTools::close(std::size_t grasper, double share) {
+void PointerTools::close(std::size_t jaws, double share) {
   end_motion();
-  const PlanTool& tool = session_.plan().tools.at(grasper);
-  if (!session_.frame().poses[grasper]) throw Error("'" + tool.tool.name + "' is not at the organ");
-  const double now_m = session_.frame().grips[grasper].opening_m;
+  const PlanTool& tool = session_.plan().tools.at(jaws);
+  if (!session_.frame().poses[jaws]) throw Error("'" + tool.tool.name + "' is not at the organ");
+  const double now_m = session_.frame().grips[jaws].opening_m;
   if (share > 1 && now_m == tool.opening_m)
     throw Error("the jaws of '" + tool.tool.name + "' open no further");
-  session_.close({grasper, {}}, std::min(share * now_m, tool.opening_m));
+  session_.close({jaws, {}}, std::min(share * now_m, tool.opening_m));
 }
 
 void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
@@ -227,7 +232,16 @@ void PointerTools::come_down(PointerUse use, const PlanPointer& pointer) {
   if (holding) {
     held.tool = *holding;
   } else {
-    held.tool = use == PointerUse::kPinch ? pinch(*place_m) : grasp(*place_m);
+    switch (use) {
+      case PointerUse::kPinch:
+        held.tool = pinch(*place_m, sim::ToolKind::kGrasper);
+        break;
+      case PointerUse::kClip:
+        held.tool = pinch(*place_m, sim::ToolKind::kClip);
+        break;
+      default:
+        held.tool = grasp(*place_m);
+    }
   }
   held.pose = *session_.frame().poses[held.tool];
   take(held);

@@ -1,7 +1,8 @@
 // The tools of a plan moved by pointers on its picture: a mouse, keys, up to five touch points.
 //
-// A pointer that comes down on forceps or a grasper that hold takes these, elsewhere on the organ it grasps
-// with free forceps, pinches with the jaws of a free grasper, or puts a free finger there. While it is down
+// A pointer that comes down on forceps, a grasper or a clip that hold takes these, elsewhere on the organ it
+// grasps with free forceps, pinches with the jaws of a free grasper, clips with a clip that was not used yet,
+// or puts a free finger there. While it is down
 // its tool follows it in the plane of the picture, as deep as it is pushed, and turns about the line of sight
 // as it is turned. Fingers leave when their pointer goes up; the others stay.
 #pragma once
@@ -17,7 +18,7 @@
 
 namespace kiroku::viewer {
 
-enum class PointerUse { kGrasp, kPinch, kPress };
+enum class PointerUse { kGrasp, kPinch, kClip, kPress };
 
 struct PlanPointer {
   std::uint32_t id = 0;  // as long as it is down
@@ -37,9 +38,9 @@ class PointerTools {
   /// All pointers that are down now. kiroku::Error where one grasps what cannot be grasped, or no tool is
   /// free for it; the others go on.
   void point(PointerUse use, const std::vector<PlanPointer>& pointers);
-  /// A grasper's jaws closer together, or further apart, by this share of what they are; pointers keep what
-  /// they have. What PlanSession::close() throws.
-  void close(std::size_t grasper, double share);
+  /// The jaws of a grasper or a clip closer together, or further apart, by this share of what they are;
+  /// pointers keep what they have. What PlanSession::close() throws.
+  void close(std::size_t jaws, double share);
   /// Ends what moves, and forgets all pointers until they come down anew: before another deed.
   void release();
   /// One time step of the plan, where a tool is not yet where its pointer is; false where none moved. What
@@ -76,7 +77,7 @@ class PointerTools {
   /// At least one.
   [[nodiscard]] std::vector<std::size_t> free_tools(sim::ToolKind kind, const char* what) const;
   std::size_t grasp(const sim::Vector3& place_m);
-  std::size_t pinch(const sim::Vector3& place_m);
+  std::size_t pinch(const sim::Vector3& place_m, sim::ToolKind kind);
   [[nodiscard]] sim::Vector3 goal_m(const Held& held) const;
   /// What turns a tool as its pointer is turned.
   [[nodiscard]] Eigen::Quaterniond turn_of(const Held& held) const;

@@ -248,6 +248,33 @@ TEST_F(PlanningTableTest, JawsCloseOnTheTissueHoldItAndLoseItWhenPulledTooHard) 
   EXPECT_THAT(refusal(*planned, CloseDeed{name, 0.9}), HasSubstr("'grasper 1' is not at the organ"));
 }
 
+TEST_F(PlanningTableTest, AClipIsPutOnLeftUndoneAndSaved) {
+  const auto planned = table();
+  planned->apply(ViewDeed{0, 0, 1.2, 0, 0});
+  planned->apply(PointDeed{PointerUse::kClip, {{1, 0.62, 0.5, 0}}});
+  planned->apply(PointDeed{PointerUse::kClip, {}});
+  ASSERT_THAT(actions(*planned), ElementsAre("close"));
+  const auto& session = planned->session();
+  const auto& tools = session.plan().tools;
+  const auto number = static_cast<std::size_t>(
+      std::ranges::find(tools, "clip 1", [](const sim::PlanTool& one) { return one.tool.name; }) -
+      tools.begin());
+  ASSERT_TRUE(session.frame().poses[number]);
+  planned->apply(CloseDeed{"clip 1", 0.9});
+  planned->apply(ReleaseDeed{"clip 1"});
+  EXPECT_THAT(actions(*planned), ElementsAre("close", "close", "release"));
+  EXPECT_TRUE(session.frame().grips[number].left);
+  EXPECT_GT(session.frame().grips[number].grip.squeeze_n, 0.01);
+  // Another pointer there neither takes it nor moves it, and no deed uses it again.
+  EXPECT_THAT(refusal(*planned, ReleaseDeed{"clip 1"}), HasSubstr("a clip is used once"));
+  EXPECT_THAT(refusal(*planned, CloseDeed{"clip 1", 0.9}), HasSubstr("a clip is used once"));
+  expect_saved_plan_ends_here(*planned, "clipped");
+  planned->apply(UndoDeed{});
+  EXPECT_FALSE(session.frame().grips[number].left);
+  planned->apply(RedoDeed{});
+  EXPECT_TRUE(session.frame().grips[number].left);
+}
+
 TEST_F(PlanningTableTest, GoesOnWithAPlanAndUndoesItsStepsToo) {
   const auto planned = table(false);
   EXPECT_THAT(actions(*planned), ElementsAre("grasp", "retract"));

@@ -40,8 +40,8 @@ export interface ToolState {
   nodes: number;
   x: number;
   y: number;
-  /** Of a grasper: how far apart its jaws are, how hard each presses, what pulls along them, what friction can hold, how far the tissue has slipped. */
-  jaws?: { opening_m: number; squeeze_n: number; pull_n: number; most_pull_n: number; slipped_m: number; slips: boolean };
+  /** Of a grasper or a clip: how far apart its jaws are, how hard each presses, what pulls along them, what friction can hold, how far the tissue has slipped; whether the clip's applier has left it. */
+  jaws?: { opening_m: number; squeeze_n: number; pull_n: number; most_pull_n: number; slipped_m: number; slips: boolean; left: boolean };
 }
 
 /** What goes with a picture. */
@@ -59,7 +59,7 @@ export interface PlanMoment {
 
 export type Deed =
   | { view: View }
-  | { use: 'grasp' | 'pinch' | 'press'; pointers: readonly PlanPointer[] }
+  | { use: 'grasp' | 'pinch' | 'clip' | 'press'; pointers: readonly PlanPointer[] }
   | { cut: { line: readonly Place[]; depth_m: number } }
   | { hold: { duration_s: number } }
   | { release: { tool: string } }

@@ -5,9 +5,9 @@ import { kFirstView, OrbitDrag, type View, viewByKey, zoomedByWheel } from '@/pl
 import { DrawnLine, type Pen, type Place, PlanPointers } from '@/planning/plan_pointers';
 import { type Deed, PlanConnection, type PlanListener } from '@/planning/planning_api';
 
-export const kTools = ['orbit', 'grasp', 'pinch', 'cut', 'press'] as const;
+export const kTools = ['orbit', 'grasp', 'pinch', 'clip', 'cut', 'press'] as const;
 export type Tool = (typeof kTools)[number];
-export const kKeyOfTool: Record<Tool, string> = { orbit: 'o', grasp: 'g', pinch: 'j', cut: 'c', press: 'p' };
+export const kKeyOfTool: Record<Tool, string> = { orbit: 'o', grasp: 'g', pinch: 'j', clip: 'l', cut: 'c', press: 'p' };
 
 export interface OnPicture extends Place {
   id: number;
@@ -44,14 +44,14 @@ export class TableController {
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
   /** Those at the organ. */
-  private graspers: string[] = [];
+  private jaws: { name: string; clips: boolean }[] = [];
 
   constructor(open: { plan: string; anew: boolean }, listener: PlanListener) {
     this.connection = new PlanConnection(open, {
       ...listener,
       moment: (moment, picture) => {
         listener.moment(moment, picture);
-        this.graspers = moment.tools.filter((tool) => tool.jaws).map((tool) => tool.name);
+        this.jaws = moment.tools.filter((tool) => tool.jaws && !tool.jaws.left).map((tool) => ({ name: tool.name, clips: tool.kind === 'clip' }));
         this.shown(moment.input);
       },
     });
@@ -83,7 +83,7 @@ export class TableController {
   }
   private sendPointers(at_ms: number): void {
     const tool = this.tool.value;
-    this.send({ use: tool === 'press' || tool === 'pinch' ? tool : 'grasp', pointers: this.pointers.pointers }, at_ms);
+    this.send({ use: tool === 'press' || tool === 'pinch' || tool === 'clip' ? tool : 'grasp', pointers: this.pointers.pointers }, at_ms);
   }
   private look(view: View | undefined, at_ms: number): void {
     if (!view) return;
@@ -180,8 +180,14 @@ export class TableController {
       return view !== undefined;
     }
     if (this.tool.value === 'cut') return this.keyOfLine(key, shift, at_ms);
-    if (this.tool.value === 'pinch' && (key === '-' || key === '+')) {
-      for (const grasper of this.graspers) this.close(grasper, key === '+', at_ms);
+    if ((this.tool.value === 'pinch' || this.tool.value === 'clip') && (key === '-' || key === '+')) {
+      const clips = this.tool.value === 'clip';
+      for (const tool of this.jaws) if (tool.clips === clips) this.close(tool.name, key === '+', at_ms);
+      return true;
+    }
+    if (this.tool.value === 'clip' && key === 'Enter') {
+      this.letGo();
+      for (const tool of this.jaws) if (tool.clips) this.send({ release: { tool: tool.name } }, at_ms);
       return true;
     }
     if (!this.pointers.key(key, shift)) return false;

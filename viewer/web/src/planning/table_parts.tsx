@@ -10,7 +10,15 @@ const kMostForce_n = 10;
 
 function Jaws({ tool, close }: { tool: ToolState; close: (tool: string, opens: boolean) => void }) {
   if (!tool.jaws) return null;
-  const { opening_m, squeeze_n, pull_n, most_pull_n, slipped_m, slips } = tool.jaws;
+  const { opening_m, squeeze_n, pull_n, most_pull_n, slipped_m, slips, left } = tool.jaws;
+  const numbers = { apart: (1000 * opening_m).toFixed(1), squeeze: squeeze_n.toFixed(2), pull: pull_n.toFixed(2), most: most_pull_n.toFixed(2) };
+  if (left) {
+    return (
+      <div class="planning-jaws">
+        <span class="muted">{t('planning.clipLeft', numbers)}</span>
+      </div>
+    );
+  }
   return (
     <div class="planning-jaws">
       <button type="button" class="button button-quiet" onClick={() => close(tool.name, false)} aria-label={t('planning.closeOf', { tool: tool.name })}>
@@ -19,9 +27,7 @@ function Jaws({ tool, close }: { tool: ToolState; close: (tool: string, opens: b
       <button type="button" class="button button-quiet" onClick={() => close(tool.name, true)} aria-label={t('planning.openJawsOf', { tool: tool.name })}>
         {t('planning.jawsOpen')} <kbd>+</kbd>
       </button>
-      <span class="muted">
-        {t('planning.jaws', { apart: (1000 * opening_m).toFixed(1), squeeze: squeeze_n.toFixed(2), pull: pull_n.toFixed(2), most: most_pull_n.toFixed(2) })}
-      </span>
+      <span class="muted">{t('planning.jaws', numbers)}</span>
       {slips && (
         <strong class="planning-slips" role="status">
           {t('planning.slips', { by: (1000 * slipped_m).toFixed(1) })}
@@ -47,9 +53,16 @@ export function ForceList({ tools, release, close }: Forces) {
           <span>{tool.name}</span>
           <progress class="force-bar" max={kMostForce_n} value={Math.min(tool.force_n, kMostForce_n)} aria-label={tool.name} />
           <span class="mono">{tool.force_n.toFixed(2)}</span>
-          <button type="button" class="button button-quiet" onClick={() => release(tool.name)} aria-label={t('planning.releaseOf', { tool: tool.name })}>
-            {t('planning.release')}
-          </button>
+          {!tool.jaws?.left && (
+            <button
+              type="button"
+              class="button button-quiet"
+              onClick={() => release(tool.name)}
+              aria-label={t(tool.kind === 'clip' ? 'planning.leaveClipOf' : 'planning.releaseOf', { tool: tool.name })}
+            >
+              {t(tool.kind === 'clip' ? 'planning.leaveClip' : 'planning.release')}
+            </button>
+          )}
           <Jaws tool={tool} close={close} />
         </div>
       ))}
