@@ -174,7 +174,7 @@ def try_reporting(servers, appliance, psql):
     row = only(servers[1].rooms()["rooms"], "or-1", None)
     require(row["concerns"] == ["no-recorder"], f"without a recorder it is {row}")
     appliance.switch_on()
-    appliance.kiroku("case", "start", "or-1", "--json")
+    appliance.kiroku("case", "start", "--room", "or-1", "--json")
     follower = subprocess.Popen(appliance.command("fleet", "report", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL,
                                 stderr=subprocess.PIPE, text=True)
 
