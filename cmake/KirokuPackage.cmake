@@ -1,6 +1,6 @@
 # `cmake --build build/release --target package` makes kiroku_<version>_<architecture>.deb.
 include(GNUInstallDirs)
-install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer deploy/systemd/kiroku-evidence.service deploy/systemd/kiroku-evidence.timer deploy/systemd/kiroku-witness.service deploy/systemd/kiroku-witness.timer deploy/systemd/kiroku-ship.service deploy/systemd/kiroku-fleet-index.service deploy/systemd/kiroku-fleet-index.timer deploy/systemd/kiroku-fleet-verify.service deploy/systemd/kiroku-planning.service
+install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer deploy/systemd/kiroku-evidence.service deploy/systemd/kiroku-evidence.timer deploy/systemd/kiroku-witness.service deploy/systemd/kiroku-witness.timer deploy/systemd/kiroku-ship.service deploy/systemd/kiroku-fleet-index.service deploy/systemd/kiroku-fleet-index.timer deploy/systemd/kiroku-fleet-verify.service deploy/systemd/kiroku-fleet-serve.service deploy/systemd/kiroku-report.service deploy/systemd/kiroku-planning.service
         deploy/systemd/kiroku-training.service deploy/systemd/kiroku-awake.service DESTINATION lib/systemd/system)
 install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES sim/haptics/haptic_plugin.h DESTINATION include/kiroku)

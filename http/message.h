@@ -49,6 +49,9 @@ struct Request {
   Fields fields;
   std::string body;
   std::string holder;  // who asks, as connections are counted (base/network_address.h)
+  /// DER of the certificate by which the client showed who it is, judged by the server's authority for
+  /// clients; empty without one.
+  Bytes certificate = {};
 
   /// The first field of that name, in whatever case; "" without one.
   [[nodiscard]] std::string_view field(std::string_view name) const;

@@ -1,5 +1,5 @@
-// A small HTTP/1.1 server (RFC 9112) without TLS, for programs of the same host or of the hospital's network
-// that ask little and seldom. What it answers is its owner's.
+// A small HTTP/1.1 server (RFC 9112) for programs of the same host or of the hospital's network that ask
+// little and seldom, in the clear or over TLS. What it answers is its owner's.
 #pragma once
 
 #include <chrono>
@@ -7,13 +7,22 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/connection_places.h"
 #include "base/listen_address.h"
+#include "crypto/secret.h"
 #include "http/message.h"
 
 namespace kiroku::http {
+
+/// Over TLS 1.2 or 1.3, with clients that may show a certificate.
+struct ServerTls {
+  std::string certificate_pem;  // the server's, then those up to its authority
+  crypto::Secret key_pem;
+  std::string client_authority_pem;  // whose certificates of clients count
+};
 
 struct ServerOptions {
   ListenAddress listen;  // port 0: any free one
@@ -30,12 +39,13 @@ struct ServerOptions {
   std::chrono::milliseconds patience{30'000};
   /// Where there are too many, the idlest makes room (base/connection_places.h).
   ConnectionPlaces::Limits connections{.all = 64, .of_holder = 32};
+  std::optional<ServerTls> tls = {};  // none: in the clear
 };
 
 /// Listens from construction to destruction on threads of its own.
 class Server {
  public:
-  /// Throws kiroku::Error if it cannot listen there.
+  /// Throws kiroku::Error if it cannot listen there, kiroku::UsageError for TLS that cannot be used.
   explicit Server(ServerOptions options);
   /// Waits for answers being made; connections are cut.
   ~Server();

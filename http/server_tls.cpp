@@ -30,4 +30,16 @@ asio::ssl::context server_tls(const std::string& certificate_pem, ByteView key_p
   return tls;
 }
 
+asio::ssl::context server_tls(const std::string& certificate_pem, ByteView key_pem,
+                              const std::string& client_authority_pem) {
+  asio::ssl::context tls = server_tls(certificate_pem, key_pem);
+  try {
+    tls.add_certificate_authority(asio::buffer(client_authority_pem));
+    tls.set_verify_mode(asio::ssl::verify_peer);
+  } catch (const boost::system::system_error& error) {
+    throw UsageError("cannot use the authority of clients' certificates: " + error.code().message());
+  }
+  return tls;
+}
+
 }  // namespace kiroku::http

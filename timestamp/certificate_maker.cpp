@@ -50,14 +50,13 @@ void set_random_serial(X509* certificate) {
           "the serial number");
 }
 
-}  // namespace
-
-Credential issue_certificate(const CertificateProfile& profile, const Credential* issuer) {
-  Credential made{crypto::PrivateKey(EVP_EC_gen("P-256")), Certificate(X509_new())};
-  require(made.key && made.certificate, "a new key");
-  X509* certificate = made.certificate.get();
+/// `issuer` null: by the key itself, which is a private one then.
+Certificate certificate_for(EVP_PKEY* key, const CertificateProfile& profile, const Credential* issuer) {
+  Certificate made(X509_new());
+  require(key != nullptr && made, "a new key");
+  X509* certificate = made.get();
   X509* signer = issuer != nullptr ? issuer->certificate.get() : certificate;
-  EVP_PKEY* signing_key = issuer != nullptr ? issuer->key.get() : made.key.get();
+  EVP_PKEY* signing_key = issuer != nullptr ? issuer->key.get() : key;
 
   require(X509_set_version(certificate, X509_VERSION_3) == 1, "the version");
   set_random_serial(certificate);
@@ -67,7 +66,7 @@ Credential issue_certificate(const CertificateProfile& profile, const Credential
   add_name(name, "O", profile.organisation);
   add_name(name, "CN", profile.common_name);
   require(X509_set_issuer_name(certificate, X509_get_subject_name(signer)) == 1, "the issuer");
-  require(X509_set_pubkey(certificate, made.key.get()) == 1, "the public key");
+  require(X509_set_pubkey(certificate, key) == 1, "the public key");
 
   const bool authority = profile.role == CertificateRole::kAuthority;
   add_extension(certificate, signer, NID_basic_constraints,
@@ -84,6 +83,19 @@ Credential issue_certificate(const CertificateProfile& profile, const Credential
   }
   require(X509_sign(certificate, signing_key, EVP_sha256()) > 0, "signing");
   return made;
+}
+
+}  // namespace
+
+Credential issue_certificate(const CertificateProfile& profile, const Credential* issuer) {
+  crypto::PrivateKey key(EVP_EC_gen("P-256"));
+  Certificate certificate = certificate_for(key.get(), profile, issuer);
+  return {std::move(key), std::move(certificate)};
+}
+
+Certificate issue_certificate_for(EVP_PKEY* key, const CertificateProfile& profile,
+                                  const Credential& issuer) {
+  return certificate_for(key, profile, &issuer);
 }
 
 }  // namespace kiroku::timestamp

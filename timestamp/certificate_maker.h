@@ -33,5 +33,7 @@ struct CertificateProfile {
 /// A new key and its certificate with a random serial number, signed by `issuer` (null: by itself). Throws
 /// kiroku::UsageError for names that do not fit, kiroku::Error if OpenSSL fails.
 Credential issue_certificate(const CertificateProfile& profile, const Credential* issuer);
+/// The same for a key that is somebody else's, as a request for a certificate has it.
+Certificate issue_certificate_for(EVP_PKEY* key, const CertificateProfile& profile, const Credential& issuer);
 
 }  // namespace kiroku::timestamp

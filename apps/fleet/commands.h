@@ -11,5 +11,8 @@ void add_fleet_cases_command(Command& program);
 void add_fleet_status_command(Command& program);
 void add_fleet_verify_command(Command& program);
 void add_fleet_serve_command(Command& program);
+void add_fleet_enrol_command(Command& program);
+void add_fleet_revoke_command(Command& program);
+void add_fleet_rooms_command(Command& program);
 
 }  // namespace kiroku::apps

@@ -8,6 +8,7 @@
 #include "apps/configuration/retention_configuration.h"
 #include "apps/configuration/table_reader.h"
 #include "base/error.h"
+#include "base/listen_address.h"
 #include "fleet/store_credentials.h"
 
 namespace kiroku::apps {
@@ -44,6 +45,22 @@ void read_verification(TableReader& top, FleetConfiguration& into) {
   reader.refuse_unknown_keys();
 }
 
+void read_reports(TableReader& top, FleetConfiguration& into) {
+  const toml::table* table = top.table("reports");
+  if (table == nullptr) return;
+  TableReader reader(*table, "[reports]", top.file());
+  constexpr std::uint16_t kExamplePort = 8444;
+  reader.text("listen", [&](const std::string& text) {
+    parse_listen_address(text, kExamplePort);
+    into.reports_listen = text;
+  });
+  reader.text("authority", [&](const std::string& text) { into.authority = into.file.parent_path() / text; });
+  reader.text("certificates_last", [&](const std::string& text) {
+    into.certificates_last = hours_of(text, "'certificates_last'");
+  });
+  reader.refuse_unknown_keys();
+}
+
 }  // namespace
 
 FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::path& file) {
@@ -73,6 +90,8 @@ FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::pa
     reader.refuse(catalogue->source(),
                   "[catalogue] needs 'connection', such as \"host=db.example dbname=kiroku\"");
   read_verification(top, configuration);
+  configuration.authority = file.parent_path() / "authority";
+  read_reports(top, configuration);
   top.refuse_unknown_keys();
   return configuration;
 }
@@ -90,6 +109,10 @@ fleet::ObjectStore FleetConfiguration::open_store() const {
 
 fleet::FleetCatalogue FleetConfiguration::open_catalogue() const {
   return fleet::FleetCatalogue(fleet::Postgres(connection));
+}
+
+fleet::FleetReports FleetConfiguration::open_reports() const {
+  return fleet::FleetReports(fleet::Postgres(connection));
 }
 
 void add_fleet_configuration_option(Command& command, std::string& into) {

@@ -10,6 +10,7 @@
 #include "apps/common/command_line.h"
 #include "apps/configuration/store_configuration.h"
 #include "fleet/catalogue/fleet_catalogue.h"
+#include "fleet/catalogue/fleet_reports.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::apps {
@@ -24,6 +25,11 @@ struct FleetConfiguration {
   std::vector<std::filesystem::path> own_authority;  // and of the appliances' own
   std::chrono::hours verify_every{24 * 91};
   std::chrono::minutes settles{60};  // after its end a case is left alone for so long
+  /// [reports]: where appliances report ("" for nowhere on this server), the folder of the authority that
+  /// issues their certificates, and for how long.
+  std::string reports_listen;
+  std::filesystem::path authority;
+  std::chrono::hours certificates_last{24 * 90};
 
   /// Throws kiroku::UsageError with line and column, kiroku::Error where the file cannot be read.
   static FleetConfiguration read(const std::filesystem::path& file);
@@ -31,6 +37,7 @@ struct FleetConfiguration {
 
   [[nodiscard]] fleet::ObjectStore open_store() const;
   [[nodiscard]] fleet::FleetCatalogue open_catalogue() const;
+  [[nodiscard]] fleet::FleetReports open_reports() const;
 };
 
 /// --config, with its default.

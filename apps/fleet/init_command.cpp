@@ -18,11 +18,13 @@ int run(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::Postgres database(configuration.connection + " " + request.as.value_or(""));
   fleet::FleetCatalogue::prepare(database);
-  std::cout << "The catalogue is ready. Give each user of the database the role for their work:\n"
-               "  GRANT kiroku_reader TO ...;    lists and searches\n"
-               "  GRANT kiroku_indexer TO ...;   'kiroku-fleet index'\n"
-               "  GRANT kiroku_verifier TO ...;  'kiroku-fleet verify'\n"
-               "Next: 'kiroku-fleet index' fills it from the store.\n";
+  std::cout
+      << "The catalogue is ready. Give each user of the database the role for their work:\n"
+         "  GRANT kiroku_reader TO ...;    lists and searches\n"
+         "  GRANT kiroku_indexer TO ...;   'kiroku-fleet index'\n"
+         "  GRANT kiroku_verifier TO ...;  'kiroku-fleet verify'\n"
+         "  GRANT kiroku_reporter TO ...;  'kiroku-fleet serve' that takes reports, 'enrol' and 'revoke'\n"
+         "Next: 'kiroku-fleet index' fills it from the store.\n";
   return kDone;
 }
 

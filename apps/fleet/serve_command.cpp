@@ -1,12 +1,17 @@
 // 'kiroku-fleet serve': the hospital's page.
 #include <memory>
 
+#include <nlohmann/json.hpp>
+
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/hospital_cases.h"
+#include "apps/fleet/hospital_rooms.h"
+#include "apps/fleet/report_desk.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/serving.h"
 #include "apps/kiroku/viewer_setup.h"
+#include "base/json_or_null.h"
 
 namespace kiroku::apps {
 namespace {
@@ -14,7 +19,7 @@ namespace {
 struct Request {
   ServingRequest serving{.listen = "127.0.0.1:8443"};
   std::string configuration;
-  std::optional<std::string> scratch;
+  std::optional<std::string> scratch, reports;
   std::vector<std::string> identities;
 };
 
@@ -31,6 +36,10 @@ int run(const Request& request) {
   const Home home = Home::open(request.serving.home);
   const timestamp::TrustStore trust = trust_of(configuration);
   const auto cases = std::make_shared<HospitalCases>(configuration, request.scratch);
+  const auto rooms = std::make_shared<HospitalRooms>(configuration);
+  const std::string listen = request.reports.value_or(configuration.reports_listen);
+  std::optional<ReportDesk> desk;
+  if (!listen.empty()) desk.emplace(configuration, listen);
   const bool has_page = page_of(request.serving).has_value();
   serve_until_stopped(
       request.serving, home,
@@ -39,14 +48,19 @@ int run(const Request& request) {
        .more_routes = {},
        .tell = tell_on_standard_error(),
        .first_line =
-           [has_page](const std::string& url) {
+           [has_page, &desk](const std::string& url) {
              return "Serving all appliances' cases on " + url +
-                    (has_page ? "" : " (the API alone: no page is built)");
+                    (has_page ? "" : " (the API alone: no page is built)") +
+                    (desk ? "\nAppliances report to " + desk->url() : "");
            },
-       .tell_more = {},
+       .tell_more =
+           [&desk](nlohmann::ordered_json& told) {
+             told["reports"] = or_null(desk ? desk->url() : std::string());
+           },
        .change_home =
            [&](viewer::ViewerHome& of_page) {
              of_page.stored = cases;
+             of_page.fleet_rooms = rooms;
              of_page.trust = &trust;
            }});
   return kDone;
@@ -66,6 +80,8 @@ void add_fleet_serve_command(Command& program) {
   command.option("--scratch", "DIR", request->scratch,
                  "where ledgers lie while cases are looked at, and a whole case while it is verified",
                  "the folder for temporary files");
+  command.option("--reports", "ADDRESS", request->reports, "where appliances report, such as 0.0.0.0:8444",
+                 "[reports] of the configuration");
   add_fleet_configuration_option(command, request->configuration);
   command.explain(
       "The list comes from the catalogue, which 'kiroku-fleet index' keeps up to date. Pictures come from "

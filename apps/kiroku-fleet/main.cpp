@@ -17,5 +17,8 @@ int main(int argc, char** argv) {
   add_fleet_status_command(program.root());
   add_fleet_verify_command(program.root());
   add_fleet_serve_command(program.root());
+  add_fleet_rooms_command(program.root());
+  add_fleet_enrol_command(program.root());
+  add_fleet_revoke_command(program.root());
   return program.run(argc, argv);
 }

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "fleet/catalogue/catalogue_version.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -13,7 +14,7 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 1;
+constexpr std::int64_t kVersion = 2;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -70,17 +71,48 @@ constexpr const char* kTables[] = {
     "CREATE INDEX verifications_of_case ON kiroku.verifications (appliance, case_id, number)",
 };
 
+// What version 2 has more: who may report, and what each said last. Reports change their row every few
+// seconds, so that pages have room for its next version beside it.
+constexpr const char* kReportTables[] = {
+    R"(CREATE TABLE kiroku.appliances (
+         name              text COLLATE "C" PRIMARY KEY,
+         enrolled          timestamptz NOT NULL DEFAULT now(),
+         enrolled_by       text NOT NULL,
+         certificate       text NOT NULL,         -- SHA-256 of the one with which it may report,
+         certificate_until timestamptz NOT NULL,
+         next_certificate  text,                  -- and of the one that follows once it was used
+         next_until        timestamptz,
+         revoked           timestamptz,
+         heard             timestamptz,           -- when its newest report came, by this server's clock
+         report            text,
+         run               text,                  -- of the process that reports, and the one before it
+         earlier_run       text,
+         doubled           timestamptz) WITH (fillfactor = 50))",
+    R"(CREATE TABLE kiroku.enrolments (
+         id          text PRIMARY KEY,
+         appliance   text COLLATE "C" NOT NULL,
+         request     text NOT NULL,
+         nonce       text NOT NULL,
+         asked       timestamptz NOT NULL DEFAULT now(),
+         asked_from  text NOT NULL,
+         certificate text))",
+    R"(CREATE TABLE kiroku.wrong_codes (
+         failures bigint NOT NULL, last timestamptz NOT NULL, open_again timestamptz NOT NULL))",
+    "INSERT INTO kiroku.wrong_codes VALUES (0, now(), now())",
+};
+
 // Roles belong to the whole server, and may be there from another database of it.
 constexpr const char* kRoles[] = {
     R"(DO $$ DECLARE role text; BEGIN
-         FOREACH role IN ARRAY ARRAY['kiroku_reader', 'kiroku_indexer', 'kiroku_verifier'] LOOP
+         FOREACH role IN ARRAY ARRAY['kiroku_reader', 'kiroku_indexer', 'kiroku_verifier', 'kiroku_reporter'] LOOP
            IF NOT EXISTS (SELECT FROM pg_roles WHERE rolname = role) THEN
              EXECUTE format('CREATE ROLE %I NOLOGIN', role);
            END IF;
          END LOOP;
        END $$)",
-    "GRANT USAGE ON SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
-    "GRANT SELECT ON ALL TABLES IN SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier",
+    "GRANT USAGE ON SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier, kiroku_reporter",
+    R"(GRANT SELECT ON ALL TABLES IN SCHEMA kiroku TO kiroku_reader, kiroku_indexer, kiroku_verifier,
+                                                    kiroku_reporter)",
     R"(GRANT INSERT (appliance, case_id, opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes,
                      changed) ON kiroku.cases TO kiroku_indexer)",
     R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)
@@ -88,6 +120,9 @@ constexpr const char* kRoles[] = {
     R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
+    "GRANT INSERT, UPDATE ON kiroku.appliances TO kiroku_reporter",
+    "GRANT INSERT, UPDATE (certificate), DELETE ON kiroku.enrolments TO kiroku_reporter",
+    "GRANT UPDATE ON kiroku.wrong_codes TO kiroku_reporter",
 };
 
 #define KIROKU_US(column) "(extract(epoch FROM " column ") * 1000000)::bigint"
@@ -210,17 +245,25 @@ void FleetCatalogue::prepare(Postgres& database) {
       for (const char* statement : kTables) database.ask(statement);
       database.ask("INSERT INTO kiroku.version VALUES ($1)", {number(kVersion)});
     }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kReportTables) database.ask(statement);
+      database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
+    }
     for (const char* statement : kRoles) database.ask(statement);
   });
 }
 
-FleetCatalogue::FleetCatalogue(Postgres database) : database_(std::move(database)) {
-  const std::optional<std::int64_t> there = version_of(database_);
+void require_catalogue_version(Postgres& database) {
+  const std::optional<std::int64_t> there = version_of(database);
   if (there == kVersion) return;
   throw UsageError(
       there ? "the catalogue is of version " + std::to_string(*there) + ", and this program needs " +
                   std::to_string(kVersion) + ": run 'kiroku-fleet init' of the newest program"
             : "this database holds no catalogue of Kiroku: run 'kiroku-fleet init' as its administrator");
+}
+
+FleetCatalogue::FleetCatalogue(Postgres database) : database_(std::move(database)) {
+  require_catalogue_version(database_);
 }
 
 std::vector<std::string> FleetCatalogue::appliances() {

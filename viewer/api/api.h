@@ -20,6 +20,8 @@ void add_fleet_routes(Router& router, ViewerContext& context, SignInLink& link);
 void add_case_list_routes(Router& router, ViewerContext& context);
 /// The list of all appliances' cases in a store, and of the appliances.
 void add_stored_case_routes(Router& router, ViewerContext& context);
+/// All rooms of all appliances that report, and which may: context.home().fleet_rooms is there.
+void add_fleet_room_routes(Router& router, ViewerContext& context);
 /// One case.
 void add_case_routes(Router& router, ViewerContext& context);
 /// Watching a case: viewing copies, thumbnails, archived pictures, vital signs, the time line.

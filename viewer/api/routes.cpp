@@ -18,6 +18,7 @@ void add_fleet_routes(Router& router, ViewerContext& context, SignInLink& link) 
   add_openapi_route(router);
   add_session_routes(router, context, link);
   add_stored_case_routes(router, context);
+  add_fleet_room_routes(router, context);
   add_case_routes(router, context);
   add_playback_routes(router, context);
   add_verification_routes(router, context);

@@ -14,6 +14,7 @@
 #include "base/attempt_guard.h"
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
+#include "viewer/api/fleet_rooms.h"
 #include "viewer/api/stored_cases.h"
 #include "viewer/http/request.h"
 #include "viewer/people/deed_pace.h"
@@ -56,6 +57,8 @@ struct ViewerHome {
   PasswordHasher password_hasher = {};
   /// Cases of many appliances, which lie in a store instead of `archive`; null: none.
   std::shared_ptr<StoredCases> stored = nullptr;
+  /// Rooms of many appliances; never null beside `stored`.
+  std::shared_ptr<FleetRooms> fleet_rooms = nullptr;
   /// By which sessions and invitations end and are swept, and whoever failed to sign in waits.
   const Clock* clock = &Clock::system();
 };

@@ -3,10 +3,13 @@
 
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
 #include <future>
 #include <set>
 
+#include "fleet/catalogue/fleet_reports.h"
 #include "tests/support/case_table_suite.h"
+#include "tests/support/temporary_folder.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -15,6 +18,7 @@ using archive::CatalogueRow;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::ThrowsMessage;
 using namespace std::chrono_literals;
 
 std::string administrator() {
@@ -377,6 +381,140 @@ TEST_F(FleetCatalogueTest, ADatabaseWithoutOneOfAnotherVersionOrAwayIsToldOf) {
     EXPECT_TRUE(error.passes());
     EXPECT_THAT(error.what(), HasSubstr("cannot reach PostgreSQL"));
   }
+}
+
+// Who may report, and what each said last.
+class FleetReportsTest : public OfItsOwn {
+ protected:
+  FleetReports reports(const std::string& user = "administrator") {
+    return FleetReports(Postgres(connection(user)));
+  }
+  PendingEnrolment asked(const std::string& name) {
+    PendingEnrolment one;
+    one.id = std::to_string(++asked_);
+    one.appliance = name;
+    one.request_pem = make_certificate_request(name).request_pem;
+    return one;
+  }
+  std::string issued(const PendingEnrolment& one) {
+    return authority_.issue(one.request_pem, utc_now(), 1000h);
+  }
+  static std::string print_of(const std::string& pem) { return facts_of_certificate_pem(pem).fingerprint; }
+  /// The fingerprint with which it may report.
+  std::string enrol(FleetReports& all, const std::string& name) {
+    const PendingEnrolment one = asked(name);
+    all.ask(one, "192.0.2.1");
+    const std::string pem = issued(one);
+    all.admit(one, pem, "anna");
+    return print_of(pem);
+  }
+  static ApplianceReport said(char run = 'a') {
+    ApplianceReport report;
+    report.program = "0.1.0";
+    report.run = std::string(32, run);
+    report.now = utc_now();
+    return report;
+  }
+
+ private:
+  test::TemporaryFolder folder_;
+  int asked_ = 0;
+  const FleetAuthority authority_ = FleetAuthority::open_or_make(folder_.path() / "authority", utc_now());
+};
+
+TEST_F(FleetReportsTest, AReportIsARowThatAnotherServerSees) {
+  const std::string reporter = with_role("kiroku_reporter"), reader = with_role("kiroku_reader");
+  FleetReports one = reports(reporter);
+  const std::string print = enrol(one, "or-1");
+  EXPECT_FALSE(one.take("or-1", print, said()));
+  const std::vector<EnrolledAppliance> seen = reports(reader).appliances();
+  ASSERT_EQ(seen.size(), 1U);
+  EXPECT_TRUE(seen[0].heard);
+  EXPECT_EQ(seen[0].enrolled_by, "anna");
+  EXPECT_THAT([&] { reports(reader).take("or-1", print, said()); },
+              ThrowsMessage<DatabaseError>(HasSubstr("role")));
+}
+
+TEST_F(FleetReportsTest, NoCertificateReportsAsAnother) {
+  FleetReports all = reports();
+  const std::string first = enrol(all, "or-1"), second = enrol(all, "or-2");
+  EXPECT_EQ(all.take("or-2", first, said()), ReportRefusal::kOtherCertificate);
+  EXPECT_EQ(all.take("or-9", first, said()), ReportRefusal::kNotEnrolled);
+  EXPECT_FALSE(all.take("or-2", second, said()));
+  EXPECT_TRUE(all.revoke("or-2"));
+  EXPECT_FALSE(all.revoke("or-2"));
+  EXPECT_EQ(all.take("or-2", second, said()), ReportRefusal::kRevoked);
+}
+
+TEST_F(FleetReportsTest, ASecondApplianceOfANameIsRefusedUntilTheFirstIsRevoked) {
+  FleetReports all = reports();
+  const PendingEnrolment twin = asked("or-1");
+  all.ask(twin, "192.0.2.9");
+  const std::string first = enrol(all, "or-1");
+  EXPECT_THAT([&] { all.ask(asked("or-1"), "192.0.2.2"); }, ThrowsMessage<UsageError>(HasSubstr("revoke")));
+  EXPECT_THAT([&] { all.admit(twin, issued(twin), "anna"); }, ThrowsMessage<UsageError>(HasSubstr("revoke")));
+  EXPECT_EQ(all.certificate_for(twin.id), "");
+  all.revoke("or-1");
+  const std::string second = enrol(all, "or-1");
+  EXPECT_EQ(all.take("or-1", first, said()), ReportRefusal::kOtherCertificate);
+  EXPECT_FALSE(all.take("or-1", second, said()));
+}
+
+TEST_F(FleetReportsTest, ARenewedCertificateCountsAloneOnceItWasUsed) {
+  FleetReports all = reports();
+  const std::string first = enrol(all, "or-1");
+  const CertificateFacts next = facts_of_certificate_pem(issued(asked("or-1")));
+  EXPECT_FALSE(all.renew("or-1", first, next));
+  // Its answer may have been lost.
+  EXPECT_FALSE(all.take("or-1", first, said()));
+  EXPECT_FALSE(all.take("or-1", next.fingerprint, said()));
+  EXPECT_EQ(all.take("or-1", first, said()), ReportRefusal::kOtherCertificate);
+  EXPECT_EQ(all.renew("or-1", first, next), ReportRefusal::kOtherCertificate);
+}
+
+TEST_F(FleetReportsTest, TwoThatReportUnderOneNameAreSeen) {
+  FleetReports all = reports();
+  const std::string print = enrol(all, "or-1");
+  all.take("or-1", print, said('a'));
+  all.take("or-1", print, said('b'));  // it was started anew
+  EXPECT_FALSE(all.appliances().at(0).doubled);
+  all.take("or-1", print, said('a'));
+  EXPECT_TRUE(all.appliances().at(0).doubled);
+}
+
+TEST_F(FleetReportsTest, RequestsAreFewAndEndByThemselves) {
+  FleetReports all = reports();
+  for (const char* name : {"or-1", "or-2", "or-3", "or-4"}) all.ask(asked(name), "192.0.2.1");
+  EXPECT_THAT([&] { all.ask(asked("or-5"), "192.0.2.1"); }, ThrowsMessage<UsageError>(HasSubstr("too many")));
+  all.ask(asked("or-5"), "192.0.2.2");
+  EXPECT_EQ(all.pending().size(), 5U);
+  Postgres(connection()).ask("UPDATE kiroku.enrolments SET asked = asked - interval '10 minutes'");
+  EXPECT_EQ(all.pending().size(), 0U);
+  EXPECT_FALSE(all.certificate_for("1"));
+  all.ask(asked("or-6"), "192.0.2.1");
+}
+
+TEST_F(FleetReportsTest, WrongCodesAreSlowedDownTogether) {
+  FleetReports one = reports(), other = reports();
+  for (int i = 0; i < 5; ++i) one.code_failed();
+  EXPECT_EQ(other.code_wait(), 0s);
+  one.code_failed();
+  EXPECT_EQ(other.code_wait(), 2s);
+  for (int i = 0; i < 20; ++i) one.code_failed();
+  EXPECT_EQ(other.code_wait(), 300s);
+  Postgres(connection()).ask("UPDATE kiroku.wrong_codes SET last = last - interval '61 minutes'");
+  one.code_failed();
+  EXPECT_EQ(other.code_wait(), 0s);
+}
+
+TEST_F(FleetReportsTest, ACatalogueOfTheFirstVersionIsBroughtUpToDate) {
+  Postgres database(connection());
+  for (const char* table : {"appliances", "enrolments", "wrong_codes"})
+    database.ask(std::string("DROP TABLE kiroku.") + table);
+  database.ask("UPDATE kiroku.version SET version = 1");
+  EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+  EXPECT_TRUE(reports().appliances().empty());
 }
 
 }  // namespace

@@ -103,6 +103,15 @@ async function bytes(path: string, signal?: AbortSignal): Promise<ArrayBuffer> {
 
 /** For a part of the API that has its functions beside its views. */
 export const get = <T>(path: string): Promise<T> => json<T>('GET', path);
+/** The same; after so long without an answer there is none. */
+export async function getWithin<T>(path: string, most_ms: number): Promise<T> {
+  const signal = AbortSignal.timeout(most_ms);
+  try {
+    return await json<T>('GET', path, undefined, signal);
+  } catch (error) {
+    throw signal.aborted ? new ApiError(kNoAnswer, t('gone.title')) : error;
+  }
+}
 export const post = <T>(path: string, body: unknown): Promise<T> => json<T>('POST', path, body);
 export const del = (path: string): Promise<void> => json<void>('DELETE', path);
 

@@ -1,6 +1,6 @@
 // The hospital's page: cases of all appliances, which lie in a store. At the address of kiroku-fleet serve alone.
-import { cases, get } from '@/api/client';
-import type { FleetAppliance, FleetCase } from '@/api/types';
+import { cases, get, getWithin, post } from '@/api/client';
+import type { FleetAppliance, FleetCase, FleetRooms } from '@/api/types';
 import { type FleetQuestion, queryOf } from '@/fleet/question';
 import { session } from '@/shell/state';
 
@@ -8,6 +8,9 @@ export const fleet = {
   list: (question: FleetQuestion, limit: number, after?: string) =>
     get<{ cases: FleetCase[]; next: string | null }>(`fleet/cases?${queryOf(question, limit, after)}`),
   row: (id: string) => get<FleetCase>(`fleet/cases/${encodeURIComponent(id)}`),
+  /** A server that hangs must not leave what it said before standing as if it were so now. */
+  rooms: () => getWithin<FleetRooms>('fleet/rooms', 8000),
+  enrol: (code: string) => post<{ appliance: string; fingerprint: string }>('fleet/enrolments', { code }),
   appliances: async () => (await get<{ appliances: FleetAppliance[] }>('fleet/appliances')).appliances,
 };
 

@@ -43,6 +43,8 @@ export const kDeeds: readonly SentencePair[] = [
   ['gave patient and procedure of {room}', '{room} の患者と術式を入力'],
   ['watched vital signs of {room} live', '{room} のバイタルサインをライブ閲覧'],
   ['removes user {name}', '利用者 {name} を削除'],
+  ['enrols appliance {name} by request {fingerprint}', '装置 {name} を登録（申請 {fingerprint}）'],
+  ['revokes appliance {name}', '装置 {name} の登録を取り消し'],
   ['opened plan {plan} with its volume', '計画 {plan} を CT とともに開封'],
   ['opened {stream} to fit a breathing lung', '呼吸する肺をあてはめるため {stream} を開封'],
   ['opened lung {file} with its CT and {n} radiographs of its {stream}', '肺モデル {file} を CT およびこの症例の {stream} の X 線画像 {n} 枚とともに開封'],

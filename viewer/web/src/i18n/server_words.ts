@@ -50,6 +50,17 @@ export const kServerSentences: readonly SentencePair[] = [
   ['there is no case {id}', '症例 {id} は存在しません'],
   ['the store has no case {id}', '保管庫に症例 {id} はありません'],
   ['the catalogue has no case {id}', 'カタログに症例 {id} はありません'],
+  ['no appliance {name} is enrolled', '装置 {name} は登録されていません'],
+  ['too many wrong codes were entered: try again in {seconds} s', '誤ったコードが続いたため、{seconds} 秒後に再試行してください'],
+  ["a code has 16 letters and digits, as 'kiroku fleet enrol' shows it: {example}", 'コードは kiroku fleet enrol が表示する 16 文字の英数字です：{example}'],
+  [
+    "no appliance that waits shows this code: compare it with the appliance's, which shows it for ten minutes. If it is the same, somebody stands between the appliance and this server",
+    'このコードを表示して待っている装置はありません。装置の表示（10 分間有効）と比べてください。同じ場合は、装置とこのサーバの間に誰かがいます',
+  ],
+  [
+    'an appliance named {name} is enrolled already: give this one another name, or revoke the other one first ({command})',
+    '装置 {name} はすでに登録されています。別の名前にするか、先に登録を取り消してください',
+  ],
   ['nothing was recorded there', 'その時点の記録はありません'],
   ["stream '{stream}' has no sound", 'ストリーム「{stream}」に音声はありません'],
   ['the vital signs of this case are still being read', 'この症例のバイタルサインを読み込み中です'],

@@ -4,6 +4,7 @@ import { ApiError, kNoAnswer, session as api, whenSignedOut } from '@/api/client
 import { hrefOf, route, type Route, signInLink } from '@/base/route';
 import { AppliancesView } from '@/fleet/appliances_view';
 import { FleetCasesView } from '@/fleet/fleet_cases_view';
+import { FleetRoomsView } from '@/fleet/fleet_rooms_view';
 import { invitationLink } from '@/guests/guest_api';
 import { guestIsOver, invited } from '@/guests/guest_state';
 import { GuestView } from '@/guests/guest_view';
@@ -141,6 +142,7 @@ function Header() {
           )}
           {serves === 'fleet' && (
             <>
+              {may(signedIn.role, 'see-live') && <NavLink to="rooms" icon="record" text={t('nav.rooms')} />}
               <NavLink to="cases" icon="cases" text={t('nav.cases')} />
               <NavLink to="appliances" icon="rooms" text={t('nav.appliances')} />
             </>
@@ -203,13 +205,15 @@ function MayNot({ what }: { what: string }) {
   );
 }
 
-/** Where the person is at the hospital's page, which has no rooms and workplaces of its own. */
+/** Where the person is at the hospital's page, which has no workplaces of its own. */
 function FleetPlace({ here }: { here: Route }) {
   switch (here.view) {
     case 'case':
       return <CaseView key={here.id} id={here.id} />;
     case 'verification':
       return <VerificationView key={here.id} id={here.id} />;
+    case 'rooms':
+      return may(session.value?.role, 'see-live') ? <FleetRoomsView /> : <FleetCasesView />;
     case 'appliances':
       return <AppliancesView />;
     case 'log':

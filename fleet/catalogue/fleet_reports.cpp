@@ -1,0 +1,197 @@
+#include "fleet/catalogue/fleet_reports.h"
+
+#include "base/error.h"
+#include "fleet/catalogue/catalogue_version.h"
+
+namespace kiroku::fleet {
+namespace {
+
+/// How long a request waits for an administrator.
+#define KIROKU_REQUEST_LASTS "interval '10 minutes'"
+constexpr std::int64_t kMostRequests = 64, kMostRequestsOfOne = 4;
+constexpr std::int64_t kFreeCodes = 5, kLongestCodeWait_s = 300;
+
+UtcTime time_of(const Postgres::Rows& rows, int row, int column) {
+  return UtcTime(std::chrono::microseconds(rows.integer(row, column)));
+}
+std::optional<UtcTime> time_or_none(const Postgres::Rows& rows, int row, int column) {
+  if (rows.is_null(row, column)) return {};
+  return time_of(rows, row, column);
+}
+std::string microseconds_of(UtcTime time) { return std::to_string(time.time_since_epoch().count()); }
+
+[[noreturn]] void refuse_second(const std::string& name) {
+  throw UsageError("an appliance named " + name +
+                   " is enrolled already: give this one another name, or revoke the other one first "
+                   "('kiroku-fleet revoke " +
+                   name + "')");
+}
+
+}  // namespace
+
+FleetReports::FleetReports(Postgres database) : database_(std::move(database)) {
+  require_catalogue_version(database_);
+}
+
+void FleetReports::remove_old_requests() {
+  database_.ask("DELETE FROM kiroku.enrolments WHERE asked <= now() - " KIROKU_REQUEST_LASTS);
+}
+
+void FleetReports::ask(const PendingEnrolment& request, const std::string& from) {
+  database_.together([&] {
+    // Whoever asks at once on several servers is counted together.
+    database_.ask("SELECT pg_advisory_xact_lock(hashtext('kiroku.enrolments'))");
+    remove_old_requests();
+    const Postgres::Rows counted = database_.ask(
+        "SELECT count(*), count(*) FILTER (WHERE asked_from = $1), (SELECT count(*) FROM kiroku.appliances "
+        "WHERE name = $2 AND revoked IS NULL) FROM kiroku.enrolments WHERE certificate IS NULL",
+        {from, request.appliance});
+    if (counted.integer(0, 2) > 0) refuse_second(request.appliance);
+    if (counted.integer(0, 0) >= kMostRequests || counted.integer(0, 1) >= kMostRequestsOfOne)
+      throw UsageError("too many requests to be enrolled wait already: try again in ten minutes");
+    database_.ask(
+        "INSERT INTO kiroku.enrolments (id, appliance, request, nonce, asked_from) VALUES ($1, $2, $3, $4, "
+        "$5)",
+        {request.id, request.appliance, request.request_pem, request.nonce, from});
+  });
+}
+
+std::vector<PendingEnrolment> FleetReports::pending() {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT id, appliance, request, nonce, (extract(epoch FROM asked) * 1000000)::bigint FROM "
+      "kiroku.enrolments WHERE certificate IS NULL AND asked > now() - " KIROKU_REQUEST_LASTS
+      " ORDER BY asked");
+  std::vector<PendingEnrolment> all;
+  for (int i = 0; i < rows.size(); ++i)
+    all.push_back({rows.text(i, 0), rows.text(i, 1), rows.text(i, 2), rows.text(i, 3), time_of(rows, i, 4)});
+  return all;
+}
+
+std::optional<std::string> FleetReports::certificate_for(const std::string& id) {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT coalesce(certificate, '') FROM kiroku.enrolments WHERE id = $1 AND asked > now() "
+      "- " KIROKU_REQUEST_LASTS,
+      {id});
+  if (rows.size() == 0) return {};
+  return rows.text(0, 0);
+}
+
+void FleetReports::admit(const PendingEnrolment& request, const std::string& certificate_pem,
+                         const std::string& by) {
+  const CertificateFacts facts = facts_of_certificate_pem(certificate_pem);
+  database_.together([&] {
+    const Postgres::Rows taken = database_.ask(
+        "UPDATE kiroku.enrolments SET certificate = $2 WHERE id = $1 AND certificate IS NULL AND asked > "
+        "now() - " KIROKU_REQUEST_LASTS " RETURNING 1",
+        {request.id, certificate_pem});
+    if (taken.size() != 1)
+      throw UsageError("this request is over: begin again with 'kiroku fleet enrol' on the appliance");
+    // A name that was revoked is free, and what the appliance before said of itself goes with it.
+    const Postgres::Rows entered = database_.ask(
+        R"(INSERT INTO kiroku.appliances AS a (name, enrolled_by, certificate, certificate_until)
+           VALUES ($1, $2, $3, timestamptz 'epoch' + $4::bigint * interval '1 microsecond')
+           ON CONFLICT (name) DO UPDATE SET enrolled = now(), enrolled_by = excluded.enrolled_by,
+             certificate = excluded.certificate, certificate_until = excluded.certificate_until,
+             next_certificate = NULL, next_until = NULL, revoked = NULL, heard = NULL, report = NULL, run = NULL,
+             earlier_run = NULL, doubled = NULL
+           WHERE a.revoked IS NOT NULL RETURNING 1)",
+        {request.appliance, by, facts.fingerprint, microseconds_of(facts.not_after)});
+    if (entered.size() != 1) refuse_second(request.appliance);
+  });
+}
+
+std::chrono::seconds FleetReports::code_wait() {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT ceil(greatest(coalesce(extract(epoch FROM open_again - now()), 0), 0))::bigint FROM "
+      "kiroku.wrong_codes");
+  return std::chrono::seconds(rows.size() == 0 ? 0 : rows.integer(0, 0));
+}
+
+void FleetReports::code_failed() {
+  // Some are free; then the wait is twice as long after each. An hour later they are forgotten.
+  database_.ask(
+      R"(UPDATE kiroku.wrong_codes SET
+           failures = CASE WHEN last < now() - interval '1 hour' THEN 1 ELSE failures + 1 END, last = now(),
+           open_again = CASE WHEN last < now() - interval '1 hour' OR failures + 1 <= $1::bigint THEN now()
+             ELSE now() + least($2::bigint, 2 ^ least(failures + 1 - $1::bigint, 16)) * interval '1 second' END)",
+      {std::to_string(kFreeCodes), std::to_string(kLongestCodeWait_s)});
+}
+
+void FleetReports::code_succeeded() {
+  database_.ask("UPDATE kiroku.wrong_codes SET failures = 0, open_again = now()");
+}
+
+std::optional<ReportRefusal> FleetReports::why_not(const std::string& name) {
+  const Postgres::Rows rows =
+      database_.ask("SELECT revoked IS NOT NULL FROM kiroku.appliances WHERE name = $1", {name});
+  if (rows.size() == 0) return ReportRefusal::kNotEnrolled;
+  return rows.text(0, 0) == "t" ? ReportRefusal::kRevoked : ReportRefusal::kOtherCertificate;
+}
+
+std::optional<ReportRefusal> FleetReports::take(const std::string& name, const std::string& fingerprint,
+                                                const ApplianceReport& report) {
+  // A certificate that was renewed is the only one once it was used. A run that another one followed, and
+  // that comes again, is a second process.
+  const Postgres::Rows rows = database_.ask(
+      R"(UPDATE kiroku.appliances SET heard = now(), report = $3,
+           certificate = $2,
+           certificate_until = CASE WHEN next_certificate = $2 THEN next_until ELSE certificate_until END,
+           next_certificate = nullif(next_certificate, $2),
+           next_until = CASE WHEN next_certificate = $2 THEN NULL ELSE next_until END,
+           doubled = CASE WHEN run IS DISTINCT FROM $4 AND earlier_run = $4 THEN now() ELSE doubled END,
+           earlier_run = CASE WHEN run IS DISTINCT FROM $4 THEN run ELSE earlier_run END,
+           run = $4
+         WHERE name = $1 AND revoked IS NULL AND (certificate = $2 OR next_certificate = $2) RETURNING 1)",
+      {name, fingerprint, to_json(report), report.run});
+  return rows.size() == 1 ? std::nullopt : why_not(name);
+}
+
+std::optional<ReportRefusal> FleetReports::renew(const std::string& name, const std::string& fingerprint,
+                                                 const CertificateFacts& renewed) {
+  const Postgres::Rows rows = database_.ask(
+      R"(UPDATE kiroku.appliances SET certificate = $2,
+           certificate_until = CASE WHEN next_certificate = $2 THEN next_until ELSE certificate_until END,
+           next_certificate = $3, next_until = timestamptz 'epoch' + $4::bigint * interval '1 microsecond'
+         WHERE name = $1 AND revoked IS NULL AND (certificate = $2 OR next_certificate = $2) RETURNING 1)",
+      {name, fingerprint, renewed.fingerprint, microseconds_of(renewed.not_after)});
+  return rows.size() == 1 ? std::nullopt : why_not(name);
+}
+
+bool FleetReports::revoke(const std::string& name) {
+  return database_
+             .ask(
+                 "UPDATE kiroku.appliances SET revoked = now() WHERE name = $1 AND revoked IS NULL RETURNING "
+                 "1",
+                 {name})
+             .size() == 1;
+}
+
+std::vector<EnrolledAppliance> FleetReports::appliances() {
+#define KIROKU_TIME(column) "(extract(epoch FROM " column ") * 1000000)::bigint"
+  const Postgres::Rows rows = database_.ask(
+      "SELECT name, " KIROKU_TIME("enrolled") ", enrolled_by, " KIROKU_TIME(
+          "coalesce(next_until, certificate_until)") ", " KIROKU_TIME("revoked") ", " KIROKU_TIME("heard") ", coalesce(report, ''), " KIROKU_TIME("doubled") " FROM kiroku.appliances ORDER BY name");
+#undef KIROKU_TIME
+  std::vector<EnrolledAppliance> all;
+  for (int i = 0; i < rows.size(); ++i) {
+    all.push_back({rows.text(i, 0), time_of(rows, i, 1), rows.text(i, 2), time_of(rows, i, 3),
+                   time_or_none(rows, i, 4), time_or_none(rows, i, 5), rows.text(i, 6),
+                   time_or_none(rows, i, 7)});
+  }
+  return all;
+}
+
+std::vector<std::string> FleetReports::not_enrolled() {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT DISTINCT c.appliance FROM kiroku.cases AS c LEFT JOIN kiroku.appliances AS a ON a.name = "
+      "c.appliance AND a.revoked IS NULL WHERE a.name IS NULL ORDER BY c.appliance");
+  std::vector<std::string> names;
+  for (int i = 0; i < rows.size(); ++i) names.push_back(rows.text(i, 0));
+  return names;
+}
+
+UtcTime FleetReports::now() {
+  return time_of(database_.ask("SELECT (extract(epoch FROM now()) * 1000000)::bigint"), 0, 0);
+}
+
+}  // namespace kiroku::fleet

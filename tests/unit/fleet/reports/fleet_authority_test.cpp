@@ -1,0 +1,124 @@
+#include "fleet/reports/fleet_authority.h"
+
+#include <filesystem>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "fleet/reports/report_client.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::fleet {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+class FleetAuthorityTest : public testing::Test {
+ protected:
+  test::TemporaryFolder folder_;
+  const UtcTime now_ = *parse_utc("2026-11-27T09:00:00Z");
+};
+
+TEST_F(FleetAuthorityTest, IssuesACertificateForTheNameAndKeyOfTheRequest) {
+  const FleetAuthority authority = FleetAuthority::open_or_make(folder_.path() / "authority", now_);
+  const CertificateRequest request = make_certificate_request("or-1");
+  EXPECT_EQ(appliance_of_request(request.request_pem), "or-1");
+  const CertificateFacts facts = facts_of_certificate_pem(authority.issue(request.request_pem, now_, 30h));
+  EXPECT_EQ(facts.appliance, "or-1");
+  EXPECT_EQ(facts.not_after, now_ + 30h);
+  EXPECT_FALSE(facts.is_to_be_renewed(now_));
+  EXPECT_TRUE(facts.is_to_be_renewed(now_ + 29h));
+}
+
+TEST_F(FleetAuthorityTest, IsTheSameWhenItIsOpenedAgain) {
+  const FleetAuthority made = FleetAuthority::open_or_make(folder_.path() / "authority", now_);
+  EXPECT_EQ(FleetAuthority::open_or_make(folder_.path() / "authority", now_).certificate_pem(),
+            made.certificate_pem());
+  namespace fs = std::filesystem;
+  EXPECT_EQ(fs::status(folder_.path() / "authority/authority.key").permissions(),
+            fs::perms::owner_read | fs::perms::owner_write);
+}
+
+TEST_F(FleetAuthorityTest, RefusesAKeyThatOthersMayRead) {
+  const std::filesystem::path place = folder_.path() / "authority";
+  FleetAuthority::open_or_make(place, now_);
+  std::filesystem::permissions(place / "authority.key", std::filesystem::perms::group_read,
+                               std::filesystem::perm_options::add);
+  EXPECT_THAT([&] { FleetAuthority::open(place); }, ThrowsMessage<UsageError>(HasSubstr("open to others")));
+}
+
+TEST_F(FleetAuthorityTest, RefusesAKeyOfAnotherAuthority) {
+  FleetAuthority::open_or_make(folder_.path() / "a", now_);
+  FleetAuthority::open_or_make(folder_.path() / "b", now_);
+  std::filesystem::copy_file(folder_.path() / "b/authority.key", folder_.path() / "a/authority.key",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_THAT([&] { FleetAuthority::open(folder_.path() / "a"); },
+              ThrowsMessage<UsageError>(HasSubstr("is not the key of")));
+}
+
+TEST_F(FleetAuthorityTest, TakesNoNameThatIsNone) {
+  for (const char* name : {"", "OR 1", "or-1\n", "手術室", "../or-1", "or_1"})
+    EXPECT_THROW(make_certificate_request(name), UsageError) << name;
+}
+
+TEST_F(FleetAuthorityTest, TakesNoRequestThatSomebodyChanged) {
+  std::string pem = make_certificate_request("or-1").request_pem;
+  const std::size_t middle = pem.size() / 2;
+  // One base64 digit is another.
+  pem[middle] = pem[middle] == 'A' ? 'B' : 'A';
+  EXPECT_THROW(appliance_of_request(pem), UsageError);
+  EXPECT_THROW(appliance_of_request(""), UsageError);
+  EXPECT_THROW(appliance_of_request(std::string(1 << 20, 'A')), UsageError);
+}
+
+TEST_F(FleetAuthorityTest, TheCodeIsOfRequestAuthorityAndNonce) {
+  const FleetAuthority one = FleetAuthority::open_or_make(folder_.path() / "a", now_);
+  const FleetAuthority other = FleetAuthority::open_or_make(folder_.path() / "b", now_);
+  const std::string mine = make_certificate_request("or-1").request_pem,
+                    theirs = make_certificate_request("or-1").request_pem;
+  const std::string code = enrolment_code(mine, one.certificate_pem(), "n");
+  EXPECT_EQ(code, enrolment_code(mine, one.certificate_pem(), "n"));
+  EXPECT_THAT(code, testing::MatchesRegex("[0-9A-Z]+-[0-9A-Z]+-[0-9A-Z]+-[0-9A-Z]+"));
+  EXPECT_EQ(code.size(), 19U);
+  const std::set<std::string> all{code, enrolment_code(theirs, one.certificate_pem(), "n"),
+                                  enrolment_code(mine, other.certificate_pem(), "n"),
+                                  enrolment_code(mine, one.certificate_pem(), "m")};
+  EXPECT_EQ(all.size(), 4U);
+}
+
+TEST_F(FleetAuthorityTest, ACodeIsTakenAsPeopleTypeIt) {
+  EXPECT_EQ(parse_enrolment_code("K7QM-2XFA-9DTR-PHW4"), "K7QM-2XFA-9DTR-PHW4");
+  EXPECT_EQ(parse_enrolment_code(" k7qm2xfa 9dtrphw4 "), "K7QM-2XFA-9DTR-PHW4");
+  EXPECT_EQ(parse_enrolment_code("OIL0-2XFA-9DTR-PHW4"), "0110-2XFA-9DTR-PHW4");
+  for (const char* wrong : {"", "K7QM-2XFA-9DTR-PHW", "K7QM-2XFA-9DTR-PHW44", "U7QM-2XFA-9DTR-PHW4"})
+    EXPECT_EQ(parse_enrolment_code(wrong), "") << wrong;
+}
+
+TEST_F(FleetAuthorityTest, AnIdentityIsReadAsItWasWritten) {
+  const CertificateRequest request = make_certificate_request("or-1");
+  const std::filesystem::path file = folder_.path() / "reporting.json";
+  EXPECT_FALSE(ReportingIdentity::read(file));
+  const ReportingIdentity written{"https://fleet.example:8444", "or-1", "CERTIFICATE", "AUTHORITY",
+                                  request.key_pem.clone()};
+  written.write(file);
+  const auto found = ReportingIdentity::read(file);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->url, written.url);
+  EXPECT_EQ(found->key_pem.text(), request.key_pem.text());
+  std::filesystem::permissions(file, std::filesystem::perms::others_read, std::filesystem::perm_options::add);
+  EXPECT_THAT([&] { ReportingIdentity::read(file); }, ThrowsMessage<UsageError>(HasSubstr("open to others")));
+}
+
+TEST_F(FleetAuthorityTest, AnAddressIsOfHttpsAndHasNoPath) {
+  EXPECT_NO_THROW(ReportClient("https://127.0.0.1:8444"));
+  EXPECT_NO_THROW(ReportClient("https://[::1]:8444/"));
+  for (const char* wrong : {"http://fleet.example:8444", "fleet.example", "https://fleet.example/x", ""})
+    EXPECT_THROW(ReportClient{wrong}, UsageError) << wrong;
+}
+
+}  // namespace
+}  // namespace kiroku::fleet
