@@ -136,15 +136,16 @@ TEST_F(PlanTest, TellsEveryErrorWithItsPath) {
   document["steps"][6]["tool"] = "spoon";
   EXPECT_THAT(
       errors(document),
-      ElementsAre("volume is 'none.nii.gz': there is no such file or folder beside the document",
-                  HasSubstr("the document has the unknown key 'colour'"),
-                  "time_step_s is 5: it must be between 0.001 and 1",
-                  "tools.hook.kind is 'rope': it must be one of forceps, pin, grasper, retractor, hook, "
-                  "finger, scalpel",
-                  "tools.pin.radius is -3: it must be greater than 0",
-                  "steps[2].duration_s is of type string where a number is expected",
-                  "steps[4].tool is 'forceps', a forceps: only a scalpel cuts",
-                  HasSubstr("steps[6].tool is 'spoon', which 'tools' does not have; it has forceps, ")));
+      ElementsAre(
+          "volume is 'none.nii.gz': there is no such file or folder beside the document",
+          HasSubstr("the document has the unknown key 'colour'"),
+          "time_step_s is 5: it must be between 0.001 and 1",
+          "tools.hook.kind is 'rope': it must be one of forceps, pin, grasper, clip, retractor, hook, "
+          "finger, scalpel",
+          "tools.pin.radius is -3: it must be greater than 0",
+          "steps[2].duration_s is of type string where a number is expected",
+          "steps[4].tool is 'forceps', a forceps: only a scalpel cuts",
+          HasSubstr("steps[6].tool is 'spoon', which 'tools' does not have; it has forceps, ")));
 }
 
 TEST_F(PlanTest, AVolumeThatCannotBeLookedAtIsAnErrorWithItsPath) {
