@@ -3,6 +3,7 @@
 #include <memory>
 #include <sys/stat.h>
 
+#include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {

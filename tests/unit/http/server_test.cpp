@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fstream>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <boost/asio/io_context.hpp>
@@ -217,7 +218,7 @@ TEST_F(HttpServer, SaysWhereItCannotListen) {
   ServerOptions same = options();
   same.listen.port = server->port();
   try {
-    const Server second(same);
+    const Server second(std::move(same));
     FAIL() << "two listen at one address";
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), StartsWith("cannot listen on 127.0.0.1:" + std::to_string(server->port())));
