@@ -1,6 +1,7 @@
 #include "archive/verify/notes_ahead.h"
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 namespace kiroku::archive {
@@ -8,9 +9,15 @@ namespace kiroku::archive {
 NotesAhead::NotesAhead(std::vector<std::uint64_t> sizes, std::size_t threads, Open open)
     : sizes_(std::move(sizes)), open_(std::move(open)) {
   constexpr std::size_t kOfThread = 32, kMost = 256;
-  places_.resize(std::min(threads * kOfThread, kMost));
+  threads = std::min(threads, kMost / kOfThread);
+  places_.resize(threads * kOfThread);
   for (std::size_t i = 1; i < threads; ++i) {
-    workers_.emplace_back([this] { work(); });
+    try {
+      workers_.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+      // The machine lets no more begin. Whoever asks opens notes, too.
+      break;
+    }
   }
 }
 

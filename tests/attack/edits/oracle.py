@@ -3,6 +3,7 @@ who held which key. It shares no rule with the verifier: it compares bytes, and 
 import dataclasses
 import hashlib
 import json
+import pathlib
 import re
 
 import beside
@@ -268,14 +269,26 @@ def _of_time(edited, said):
         yield "says that all of its time is external, where the end is not covered"
 
 
+EVIDENCE = "../evidence"
+
+
+def _record(tree, path):
+    """What is read at this path, also where its folder is a link: a record proves what it proves wherever it lies."""
+    folder = tree.get(EVIDENCE)
+    if not isinstance(folder, t.Link):
+        return tree.get(path)
+    file = pathlib.Path(folder) / pathlib.PurePosixPath(path).name
+    return file.read_bytes() if file.is_file() else None
+
+
 def _of_evidence(edited, said):
     evidence = said.report["evidence"]
     if not evidence or not evidence["holds"]:
         return
     node, count = edited.tree.get("ledger.jsonl"), evidence["entries"]
     lines = node.split(b"\n")[:-1] if isinstance(node, bytes) else None
-    record = f"../evidence/{edited.base.folder_name}.ers"
-    if not beside.is_same_proof(edited.tree.get(record), edited.base.tree.get(record)):
+    record = f"{EVIDENCE}/{edited.base.folder_name}.ers"
+    if not beside.is_same_proof(_record(edited.tree, record), edited.base.tree.get(record)):
         yield "the record holds, and is another one"
     if lines is None or lines[:count] != edited.recorded[:count]:
         yield f"the record holds, of other lines than its {count}"

@@ -138,6 +138,7 @@ TEST_F(Viewer, LetsEachRoleDoWhatItMayAndNoMore) {
   for (const std::string& role : kRoles) {
     const std::string cookie = sign_in("a-" + role);
     for (const Operation& each : operations(kOtherCase)) {
+      if (each.target.starts_with("/api/fleet/")) continue;  // kiroku-fleet serve alone has these
       if (each.right == "none" || each.right == "signed-in" || each.target == "/api/session/unlock") continue;
       const int status = ask(each.method, each.target, cookie).status;
       if (rights.at(role).contains(each.right)) {

@@ -107,7 +107,7 @@ TEST_P(NotesAheadOf, EndsWhileMuchIsLeft) {
   EXPECT_LT(opened, 100'000U);
 }
 
-INSTANTIATE_TEST_SUITE_P(Threads, NotesAheadOf, ::testing::Values(1U, 2U, 3U, 8U, 64U));
+INSTANTIATE_TEST_SUITE_P(Threads, NotesAheadOf, ::testing::Values(1U, 2U, 3U, 8U, 64U, 9999U));
 
 }  // namespace
 }  // namespace kiroku::archive

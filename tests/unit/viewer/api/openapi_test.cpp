@@ -36,6 +36,7 @@ class OpenApi : public testing::Test {
     context.emplace(std::move(home), SessionLimits{}, [](const std::string& /*sentence*/) {});
     add_routes(router, *context, link);
     add_stored_case_routes(router, *context);
+    add_fleet_room_routes(router, *context);
   }
 
   /// "get /cases/{case}" and its right.
