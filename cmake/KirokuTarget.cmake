@@ -172,13 +172,14 @@ function(kiroku_test target)
     string(REGEX REPLACE "_test$" "" name ${target})
     kiroku_test_in_shards(${name} ${target} ${ARG_SHARDS} LABEL ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} FILTER ${usual})
   else()
-    # A fresh clone knows no test's time. What takes seconds begins before what takes none, so that no core stands idle at the end.
-    set(cost 1)
+    # A fresh clone knows no test's time. What takes seconds begins before what takes none, so that no core stands idle at the end. CTest learns the times of
+    # tests that have no cost.
+    set(cost "")
     if(ARG_LABEL MATCHES "^(system|heavy)")
-      set(cost 10)
+      set(cost COST 10)
     endif()
     gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER ${usual} TEST_LIST ${target}_TESTS
-                         PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} COST ${cost})
+                         PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT} ${cost})
   endif()
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST TEST_FILTER "*Nightly*:${KIROKU_LONG_TESTS}" TEST_LIST ${target}_NIGHTLY_TESTS
                        PROPERTIES LABELS "${ARG_LABEL}-nightly" TIMEOUT ${ARG_TIMEOUT})

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -19,6 +21,7 @@
 #include "base/error.h"
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "fleet/reports/appliance_report.h"
 #include "fleet/reports/fleet_authority.h"
 #include "fleet/reports/report_client.h"
@@ -94,7 +97,14 @@ int enrol(const Request& request) {
   }
   std::cout << std::flush;
   while (!wait_until_told(kPollInterval)) {
-    const json answer = parse_foreign_json(client.get("/enrol/" + id));
+    json answer;
+    try {
+      answer = parse_foreign_json(client.get("/enrol/" + id));
+    } catch (const ReportError& error) {
+      // The code that somebody is about to enter is this key's: a server that is away is asked again.
+      if (!error.passes()) throw;
+      continue;
+    }
     if (!answer.is_object() || !answer.contains("certificate")) continue;
     ReportingIdentity identity{request.url, name, text_in(answer, "certificate"), authority,
                                asked.key_pem.clone()};
@@ -119,9 +129,7 @@ ReportingIdentity require_identity(const Home& home) {
 class Reporter {
  public:
   explicit Reporter(const Home& home)
-      : home_(home),
-        configuration_(home.configuration()),
-        run_(crypto::to_hex(crypto::Secret::random(kRunBytes).bytes())) {}
+      : home_(home), configuration_(home.configuration()), run_(run_of(home)) {}
 
   fleet::ApplianceReport report() {
     fleet::ApplianceReport out;
@@ -146,6 +154,16 @@ class Reporter {
   }
 
  private:
+  /// The same for all who report of this home until the machine starts anew: a report by hand beside the
+  /// service is no second appliance. On a machine that has a copy of the disk it is another.
+  static std::string run_of(const Home& home) {
+    std::ifstream file("/proc/sys/kernel/random/boot_id");
+    std::string boot;
+    if (!std::getline(file, boot)) return crypto::to_hex(crypto::Secret::random(kRunBytes).bytes());
+    return crypto::to_hex(
+               crypto::sha256(bytes_of(boot + " " + std::filesystem::canonical(home.folder()).string())))
+        .substr(0, 2 * kRunBytes);
+  }
   std::optional<fleet::ShippingReported> shipping() {
     const auto now = std::chrono::steady_clock::now();
     if (looked_ && now - *looked_ < kShippingInterval) return shipping_;
@@ -185,10 +203,11 @@ void renew(ReportingIdentity& identity, const std::filesystem::path& file) {
       ReportClient(identity).post("/renew", nlohmann::ordered_json{{"request", asked.request_pem}}.dump()));
   const std::string certificate = text_in(answer, "certificate");
   require_own(certificate, identity.appliance);
-  identity.certificate_pem = certificate;
-  identity.key_pem = std::move(asked.key_pem);
-  // Until this stands there, the one before counts, too.
-  identity.write(file);
+  ReportingIdentity renewed{identity.url, identity.appliance, certificate, identity.authority_pem,
+                            std::move(asked.key_pem)};
+  // Until this stands there, the one before counts, too, and nothing is signed by the new one.
+  renewed.write(file);
+  identity = std::move(renewed);
 }
 
 int report_once(const Request& request, const Home& home, ReportingIdentity identity) {
@@ -205,24 +224,43 @@ int report_once(const Request& request, const Home& home, ReportingIdentity iden
   return kDone;
 }
 
+/// Keeps the one it has where the file holds none that can be read.
+void read_again(const Home& home, ReportingIdentity& identity) {
+  try {
+    if (std::optional<ReportingIdentity> there = ReportingIdentity::read(reporting_file(home)))
+      identity = std::move(*there);
+  } catch (const Error&) {
+    // The failure that led here is told.
+  }
+}
+
 int follow(const Home& home, ReportingIdentity identity) {
   Reporter reporter(home);
   std::optional<ReportClient> client;
   std::chrono::seconds pause = kReportInterval;
   std::string told;
   do {
-    std::string now;
+    std::string now, not_renewed;
     try {
       if (fleet::facts_of_certificate_pem(identity.certificate_pem).is_to_be_renewed(utc_now())) {
-        renew(identity, reporting_file(home));
-        client.reset();
+        try {
+          renew(identity, reporting_file(home));
+          client.reset();
+        } catch (const Error& error) {
+          // The one before still counts, and what is reported may be why: a disk that is full.
+          not_renewed = std::string("its certificate was not renewed: ") + error.what();
+        }
       }
       if (!client) client.emplace(identity);
       client->post("/report", fleet::to_json(reporter.report()));
+      now = not_renewed;
       pause = kReportInterval;
-    } catch (const ReportError& error) {
+    } catch (const Error& error) {
       now = error.what();
       pause = std::min(2 * pause, kLongestReportPause);
+      // It may have been enrolled anew, or renewed by hand, while this runs.
+      client.reset();
+      read_again(home, identity);
     }
     // The same trouble is told once, and that it is over.
     if (now != told) {

@@ -41,7 +41,13 @@ class Thinning {
 }  // namespace
 
 CaseFluoroscopy read_case_fluoroscopy(const Home& home, const CaseFluoroscopyRequest& request) {
-  const archive::CaseReader recording = archive::CaseReader::open(find_case(home, request.named));
+  const fs::path folder = find_case(home, request.named);
+  // The page shows it as the case of this name, and the log names it so.
+  if (!home.holds(folder)) {
+    throw UsageError(folder.string() + " is no case of this home's archive, " + home.archive().string() +
+                     ": give --home, or a film of it by --radiographs");
+  }
+  const archive::CaseReader recording = archive::CaseReader::open(folder);
   const archive::Span stretch = recording.parse_stretch(request.from, request.to);
   const std::string stream = compare::fluoroscopy_of(recording, request.stream, "--stream");
   const sim::Polarity polarity =

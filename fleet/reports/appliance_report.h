@@ -58,8 +58,8 @@ struct ShippingReported {
 
 struct ApplianceReport {
   std::string program;  // the version of what reports: "0.1.0"
-  /// Of the process that reports, 32 hexadecimal digits, and which of its reports this is. By these two that
-  /// report under one name are known.
+  /// Of the machine as it runs now, 32 hexadecimal digits: by it two that report under one name are known.
+  /// Then which report of its process this is.
   std::string run;
   std::uint64_t number = 0;
   UtcTime now;  // the appliance's own clock

@@ -167,6 +167,8 @@ struct ReportClient::State {
     set(CURLOPT_ERRORBUFFER, reason.data());
     if (has_identity) {
       set_blob(CURLOPT_CAINFO_BLOB, authority);
+      // Else the authorities that the machine trusts are believed beside it.
+      set(CURLOPT_CAPATH, static_cast<const char*>(nullptr));
       set_blob(CURLOPT_SSLCERT_BLOB, certificate);
       set_blob(CURLOPT_SSLKEY_BLOB, key.text());
     } else {

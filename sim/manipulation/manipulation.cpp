@@ -147,6 +147,11 @@ std::size_t Manipulation::leave(std::size_t jaw, std::size_t other_jaw) {
     const std::size_t before = hold.nodes.size();
     for (const Contact& contact : result_.contacts) {
       if (contact.tool != tool) continue;
+      constexpr std::size_t kAllAxes = 3;
+      if (body_.body().free_components(contact.node) < kAllAxes) {
+        throw Error(one.name + " presses tissue that is fixed along an axis: a clip there could not move " +
+                    "with what it holds; place it elsewhere");
+      }
       hold.nodes.push_back(contact.node);
       hold.displacements_m.emplace_back(pressed_.displacement_m.segment<3>(row_of(contact.node)));
     }

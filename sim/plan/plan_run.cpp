@@ -342,9 +342,10 @@ bool PlanRun::let_go_of_clips(const ManipulationResult& result) {
     const std::string at = "at " + number_text(frame_.time_s, 4) + " s ";
     const bool holds =
         std::ranges::any_of(result.bound, [&](const BoundNode& one) { return one.tool == place_of_[tool]; });
-    if (holds) {
-      grip_left(tool, result);
-      const Grip& grip = frame_.grips[tool].grip;
+    if (holds) grip_left(tool, result);
+    const Grip& grip = frame_.grips[tool].grip;
+    // What lies on one jaw alone balances by itself: how firmly it is pressed would be rounding.
+    if (holds && std::ranges::all_of(grip.jaws, [](const ToolForce& jaw) { return jaw.nodes > 0; })) {
       if (grip.squeeze_n > 0 && !slips(grip)) continue;
       figures_.back().remarks.push_back(
           at + named + " comes off and lets the tissue go: " + number_text(grip.pull_n, 3) +
@@ -353,6 +354,7 @@ bool PlanRun::let_go_of_clips(const ManipulationResult& result) {
       body_->release(place_of_[tool]);
     } else {
       figures_.back().remarks.push_back(at + named + " comes off: a cut has left too little of what it held");
+      if (holds) body_->release(place_of_[tool]);
     }
     frame_.poses[tool].reset();
     frame_.grips[tool] = {};

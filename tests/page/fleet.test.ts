@@ -153,6 +153,8 @@ describe.skipIf(!hasDatabase)('On the page of a hospital', () => {
       await unheard.getByText(/^Not heard of since/).waitFor();
       await unheard.getByText('what it does now is not known').waitFor();
       await expect.poll(() => unheard.getByText('Recording', { exact: true }).count()).toBe(0);
+      // Nor is any fact of then told as of now.
+      await expect.poll(() => unheard.getByText(/^(Clock|Authorities|Not shipped)$/).count()).toBe(0);
       await here.locator('.fleet-room').nth(1).getByText('A source is silent: Endoscope').waitFor();
       expect(await seriousBarriers(here)).toEqual([]);
       await expectFits(visitor, 'fleet-rooms');

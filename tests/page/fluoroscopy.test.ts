@@ -40,12 +40,11 @@ beforeAll(async () => {
     env: { ...process.env, PATH: `${dirname(kiroku)}:${process.env['PATH'] ?? ''}` },
   });
   const record = async (): Promise<string> => {
+    const before = appliance.cases();
     await appliance.kiroku('record', '--fluoroscopy', `${chest('fluoroscopy.mkv')}?speed=max`, '--duration', `${kSeconds}s`);
-    return appliance.cases().at(-1) as string;
+    return appliance.cases().find((one) => !before.includes(one)) as string;
   };
   id = await record();
-  // Cases are named by the second.
-  await new Promise((resolve) => setTimeout(resolve, 1100));
   second = await record();
   browser = await startBrowser();
   visitor = await visitSignedIn(browser, appliance);

@@ -19,7 +19,8 @@ function shippingText(one: FleetRoom): string {
   if (one.has_store === null) return t('fleet.unknown');
   if (!one.has_store) return t('fleet.noStore');
   if (one.shipping === null) return t('fleet.unknown');
-  if (one.shipping.waiting === 0) return t('fleet.shippedAll');
+  const { holds, problems } = one.shipping;
+  if (one.shipping.waiting === 0) return holds > 0 || problems > 0 ? t('fleet.unshipped', { holds, problems }) : t('fleet.shippedAll');
   return t('fleet.waits', {
     n: one.shipping.waiting,
     bytes: formatBytes(one.shipping.waiting_bytes),
@@ -117,11 +118,16 @@ function Room({ one }: { one: FleetRoom }) {
               )}
             </span>
           )}
-          {room !== null && <Fact name={t('fleet.lostFrames')} value={String(room.lost)} isBad={has('lost')} />}
-          <Fact name={t('fleet.disk')} value={diskText(one)} isBad={has('disk-short')} />
-          <Fact name={t('fleet.clock')} value={clockText(one)} isBad={has('clock-off') || has('clock-free')} />
-          <Fact name={t('fleet.authorities')} value={authoritiesText(one)} isBad={has('no-authority')} />
-          <Fact name={t('fleet.notShipped')} value={shippingText(one)} isBad={has('shipping-stuck') || has('shipping-unknown')} />
+          {/* What was so when it was heard last says nothing of now. */}
+          {one.is_heard && (
+            <>
+              {room !== null && <Fact name={t('fleet.lostFrames')} value={String(room.lost)} isBad={has('lost')} />}
+              <Fact name={t('fleet.disk')} value={diskText(one)} isBad={has('disk-short')} />
+              <Fact name={t('fleet.clock')} value={clockText(one)} isBad={has('clock-off') || has('clock-free')} />
+              <Fact name={t('fleet.authorities')} value={authoritiesText(one)} isBad={has('no-authority')} />
+              <Fact name={t('fleet.notShipped')} value={shippingText(one)} isBad={has('shipping-stuck') || has('shipping-unknown')} />
+            </>
+          )}
         </div>
       )}
     </li>
