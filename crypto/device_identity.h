@@ -26,7 +26,8 @@ bool looks_like_device_identity(std::string_view text);
 /// Since when the device signs with the keys beside Ed25519; of a key that it does not have, nothing counts.
 struct SignsSince {
   std::uint64_t ml_dsa = 0, hardware = 0;
-  std::optional<Sha256Digest> log_root_before_hardware;  // the log's root at `hardware` entries, unless 0
+  /// The log's root at `hardware` entries, unless that is 0.
+  std::optional<Sha256Digest> log_root_before_hardware = std::nullopt;
 };
 /// `key` has at least one key beside Ed25519 (kiroku::UsageError otherwise, and for a size without its root).
 /// kiroku::Error where the hardware does not sign.

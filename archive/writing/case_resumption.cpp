@@ -33,6 +33,9 @@ bool needs_signature(std::string_view line) {
 
 /// Whether a line says anything of the case but about its time-stamps, which prove themselves.
 bool is_claim(std::string_view line) {
+  if (line.find(R"("token)") == std::string_view::npos) {
+    return true;
+  }
   const EntryParse parse = parse_case_entry(line);
   return !parse.entry || !(std::holds_alternative<TokenEntry>(parse.entry->body) ||
                            std::holds_alternative<TokenMissedEntry>(parse.entry->body));
@@ -138,9 +141,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   std::optional<CaseAgainstLog> known_again = known;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root;  // that the newest note must state
-  // At the sizes up to it from the last claim on, of a device that has hardware.
+  // At the sizes up to it from the last claim on.
   std::map<std::uint64_t, crypto::Sha256Digest> roots_of_all_claims;
-  const bool has_hardware = key.hardware() != nullptr || since.hardware;
   const auto take_first = [&](std::string_view line) {
     if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
       const OpenEntry& open = state->check_opening(*first.entry, device);
@@ -151,7 +153,7 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
       known->take(line);
     }
     tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
-    if (has_hardware && tree.size() <= newest) {
+    if (tree.size() <= newest) {
       if (is_claim(line)) roots_of_all_claims.clear();
       roots_of_all_claims[tree.size()] = tree.root();
     }

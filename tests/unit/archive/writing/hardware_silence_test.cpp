@@ -215,9 +215,10 @@ TEST_F(HardwareSilence, AfterTheNewestClaimTakesNothingFromACaseThatIsTakenUp) {
 }
 
 TEST_F(HardwareSilence, HasNothingErasedFromACaseThatTheHardwareSigned) {
-  const auto writer = begin();
+  auto writer = begin();
   const fs::path folder = writer->folder();
   end(*writer);
+  writer.reset();
   ASSERT_THAT(codes(verify(folder)), Not(Contains("checkpoint-not-by-hardware")));
   const std::string before = text_of_file(folder / kLedgerFile);
   const auto refused = testing::ThrowsMessage<Error>(HasSubstr("nothing was erased"));
@@ -231,10 +232,11 @@ TEST_F(HardwareSilence, HasNothingErasedFromACaseThatTheHardwareSigned) {
 }
 
 TEST_F(HardwareSilence, LetsErasureBeWhereACaseEndedInIt) {
-  const auto writer = begin();
+  auto writer = begin();
   const fs::path folder = writer->folder();
   hardware_->fall_silent();
   end(*writer);
+  writer.reset();
   EXPECT_EQ(erase(folder, key_).segments, 1U) << "it is unproven already";
 }
 
