@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <string_view>
+#include <utility>
 
 #include <openssl/ec.h>
 #include <openssl/ecdsa.h>
@@ -79,6 +81,15 @@ Bytes ecdsa_signature(ByteView r, ByteView s) {
   unsigned char* at = openssl_bytes(std::span<std::byte>(der));
   i2d_ECDSA_SIG(signature.get(), &at);
   return der;
+}
+
+std::string why_silent(const HardwareSigner& signer) {
+  constexpr std::string_view kText = "kiroku\n";
+  HardwareSigner::Answer answer = signer.sign(bytes_of(kText));
+  if (answer.signature.empty()) return std::move(answer.why);
+  return verify_ecdsa_p256(signer.public_key(), bytes_of(kText), answer.signature)
+             ? std::string()
+             : "its signature does not fit the key that it is known by";
 }
 
 }  // namespace kiroku::crypto

@@ -40,4 +40,8 @@ class HardwareSigner {
   [[nodiscard]] virtual Answer sign(ByteView message) const = 0;
 };
 
+/// Has the hardware sign a text that is no note, and checks that by the key it is known by. Why it does not
+/// sign now, one sentence; empty if it does.
+std::string why_silent(const HardwareSigner& signer);
+
 }  // namespace kiroku::crypto

@@ -189,12 +189,14 @@ VerifierKey VerifierKey::with_ml_dsa(MlDsaVerifierKey key, std::uint64_t since) 
   return both;
 }
 
-VerifierKey VerifierKey::with_hardware(HardwareVerifierKey key, std::uint64_t since) const {
+VerifierKey VerifierKey::with_hardware(HardwareVerifierKey key, std::uint64_t since,
+                                       const std::optional<Sha256Digest>& root_then) const {
   if (key.device() != name_)
     throw UsageError("the key in hardware " + key.name() + " is not that of the device " + name_);
   VerifierKey both = *this;
   both.hardware_ = std::move(key);
   both.hardware_since_ = since;
+  both.log_root_before_hardware_ = root_then;
   return both;
 }
 

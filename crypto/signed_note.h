@@ -88,10 +88,15 @@ class VerifierKey {
   /// Entries that the appliance log had when the device began to sign with both; 0 without such a key.
   [[nodiscard]] std::uint64_t ml_dsa_since() const { return ml_dsa_since_; }
 
-  /// The same for a key in hardware.
-  [[nodiscard]] VerifierKey with_hardware(HardwareVerifierKey key, std::uint64_t since) const;
+  /// The same for a key in hardware. `root_then` is the log's root at `since` entries, where that is stated:
+  /// these entries, and no others, are from before the key.
+  [[nodiscard]] VerifierKey with_hardware(HardwareVerifierKey key, std::uint64_t since,
+                                          const std::optional<Sha256Digest>& root_then = std::nullopt) const;
   [[nodiscard]] const std::optional<HardwareVerifierKey>& hardware() const { return hardware_; }
   [[nodiscard]] std::uint64_t hardware_since() const { return hardware_since_; }
+  [[nodiscard]] const std::optional<Sha256Digest>& log_root_before_hardware() const {
+    return log_root_before_hardware_;
+  }
   friend bool operator==(const VerifierKey& a, const VerifierKey& b) {
     return a.name_ == b.name_ && a.key_ == b.key_;
   }
@@ -103,6 +108,7 @@ class VerifierKey {
   std::uint64_t ml_dsa_since_ = 0;
   std::optional<HardwareVerifierKey> hardware_;
   std::uint64_t hardware_since_ = 0;
+  std::optional<Sha256Digest> log_root_before_hardware_;
 };
 
 /// With the keys that sign beside that a device's signing key has, since the beginning.

@@ -381,8 +381,12 @@ int add_keys(const Request& request) {
   const archive::ApplianceLog::StatedKeys stated = log->state_keys();
   const bool is_new = lacks_a_key(known, all);
   if (is_new) {
-    const crypto::SignsSince since{known.ml_dsa() ? known.ml_dsa_since() : stated.ml_dsa.value_or(0),
-                                   known.hardware() ? known.hardware_since() : stated.hardware.value_or(0)};
+    crypto::SignsSince since{known.ml_dsa() ? known.ml_dsa_since() : stated.ml_dsa.value_or(0),
+                             known.hardware() ? known.hardware_since() : stated.hardware.value_or(0),
+                             known.log_root_before_hardware()};
+    if (!known.hardware() && since.hardware > 0) {
+      since.log_root_before_hardware = archive::root_of_log(home.log_folder(), since.hardware);
+    }
     replace_file(files, home.device_identity_file(),
                  bytes_of(crypto::write_device_identity(name, key, since)), kForAll);
   }

@@ -10,6 +10,8 @@
 #include "archive/storage/file_system.h"
 #include "archive/upkeep/holds.h"
 #include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "crypto/hardware_key.h"
 
 namespace kiroku::archive {
 
@@ -182,6 +184,19 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
                  writer->case_id());
     if (!held.empty()) {
       throw UsageError("nothing is erased from case " + writer->case_id() + ": " + held);
+    }
+  }
+  // What is erased is claimed, too. Signed without the hardware it would make the whole case unproven for
+  // good.
+  if (writer->rests_on_hardware()) {
+    const crypto::HardwareSigner* const hardware = options.key->hardware();
+    const std::string silent =
+        hardware == nullptr ? "no key in hardware was given to this program" : crypto::why_silent(*hardware);
+    if (!silent.empty()) {
+      throw Error("nothing was erased from case " + writer->case_id() +
+                  ": the hardware that signs for this device does not answer (" + silent +
+                  "), and without its signature the case would be unproven from then on; run `kiroku doctor` "
+                  "as the user who erases, and erase again once the hardware signs");
     }
   }
   // After close the case clock stands.

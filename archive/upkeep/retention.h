@@ -35,7 +35,8 @@ struct Erasure {
 /// is lost; after it, the next erasure or start-up removes the rest. Throws UsageError if the case is not
 /// closed and signed to its end, if it has no such stream, if `policy` is empty, if another process writes
 /// the case or another device recorded it, if a legal hold of the case stands, or if `may_go` says no;
-/// kiroku::Error where it cannot be told whether one does, kiroku::IoError.
+/// kiroku::Error where it cannot be told whether one does, and where the device's hardware signed the case
+/// and does not answer; kiroku::IoError.
 Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const std::filesystem::path& folder,
                      const std::string& stream, const std::string& policy);
 

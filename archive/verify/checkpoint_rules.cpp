@@ -63,7 +63,8 @@ crypto::VerifierKey known_device(const crypto::VerifierKey& device,
     if (each.ml_dsa() && !with_all.ml_dsa())
       with_all = with_all.with_ml_dsa(*each.ml_dsa(), each.ml_dsa_since());
     if (each.hardware() && !with_all.hardware())
-      with_all = with_all.with_hardware(*each.hardware(), each.hardware_since());
+      with_all =
+          with_all.with_hardware(*each.hardware(), each.hardware_since(), each.log_root_before_hardware());
   }
   return with_all;
 }
@@ -109,6 +110,9 @@ void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin,
   // it all opened again each time.
   may_open_ahead_ = !device_;
   ahead_.reset();
+  if (device_ && *device_ != device) {
+    covered_by_ = {};
+  }
   device_ = std::move(device);
   origin_ = std::move(origin);
   alone_until_ = alone_until;

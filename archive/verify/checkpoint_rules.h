@@ -59,7 +59,8 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
-  /// Largest sizes whose notes fit the tree and were checked by each key beside Ed25519; 0 if none.
+  /// Largest sizes whose notes fit the tree and were checked by each key beside Ed25519 of the device that
+  /// signs now; 0 if none.
   [[nodiscard]] EntriesBy covered_by() const { return covered_by_; }
   /// After finish(): says what was signed, or checked, by fewer keys than the device has. The first `vouched`
   /// entries are known otherwise to be those of a device that signed them by these keys; `claims`: how many

@@ -115,10 +115,8 @@ bool LogProof::is_of(const std::string& case_id) {
 }
 
 EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const {
-  if (!proved_ || !signer_ || signer_ != device) return known;
-  if (signer_->ml_dsa()) known.ml_dsa = std::max(known.ml_dsa, proved_entries_);
-  if (signer_->hardware() && proved_->entry < signer_->hardware_since())
-    known.hardware = std::max(known.hardware, proved_entries_);
+  if (proved_ && signer_ && signer_ == device && signer_->ml_dsa())
+    known.ml_dsa = std::max(known.ml_dsa, proved_entries_);
   return known;
 }
 

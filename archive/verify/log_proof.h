@@ -52,7 +52,8 @@ class LogProof {
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
   /// Of `known` and what it proves itself, under signatures by these keys of this device, which recorded the
-  /// case, the larger. As LogComparison::vouched_by.
+  /// case, the larger. As LogComparison::vouched_by, but of hardware it proves nothing: it does not show the
+  /// log's root from before the hardware signed.
   [[nodiscard]] EntriesBy vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const;
 
  private:

@@ -41,7 +41,14 @@ LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, Finding
       case_device_(of_case ? of_case->device : std::string()),
       head_(of_case ? of_case->appliance_log_size : 0),
       listing_(folder.list()),
-      checkpoints_(folder, options, findings, note_sizes(listing_)) {}
+      checkpoints_(folder, options, findings, note_sizes(listing_)) {
+  try {
+    if (!case_device_.empty()) {
+      signs_case_ = known_device(crypto::VerifierKey::parse(case_device_), options.devices);
+    }
+  } catch (const UsageError&) {  // NOLINT(bugprone-empty-catch): who walks the case says that it names none
+  }
+}
 
 LogContents LogWalk::run() {
   const FileOpening opening = folder_->open_file(kLedgerFile);
@@ -71,6 +78,10 @@ LogContents LogWalk::run() {
     const crypto::Sha256Digest leaf = crypto::merkle_leaf_hash(bytes_of(line.text));
     tree_.append(leaf);
     tree_known = tree_known && !line.too_long;
+    if (tree_known && signs_case_ && signs_case_->hardware_since() == tree_.size() &&
+        signs_case_->log_root_before_hardware() == tree_.root()) {
+      from_before_hardware_ = tree_.size();
+    }
     if (kept_ != nullptr && tree_known) {
       kept_->lines.push_back(leaf);
     }
@@ -127,8 +138,7 @@ LogContents LogWalk::run() {
   judge_tail();
   check_names();
   checkpoints_.judge_keys(tree_.size(), {});
-  contents_.covered_by = checkpoints_.covered_by();
-  contents_.hardware_since = device_ ? device_->hardware_since() : 0;
+  keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
@@ -343,10 +353,21 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
       entry.body);
 }
 
+void LogWalk::keep_vouched_for() {
+  if (!signs_case_ || contents_.device != case_device_) {
+    return;
+  }
+  const EntriesBy covered = checkpoints_.covered_by();
+  EntriesBy& most = contents_.vouched_for;
+  most.ml_dsa = std::max(most.ml_dsa, covered.ml_dsa);
+  most.hardware = std::max(most.hardware, std::min(covered.hardware, from_before_hardware_));
+}
+
 void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   if (std::exchange(names_device_, true) && device == contents_.device) {
     return;
   }
+  keep_vouched_for();
   contents_.device = device;
   signer_.reset();
   device_.reset();
@@ -527,8 +548,8 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
     const bool is_its = fits(each.root);
     if (is_its && log_->opened_by_case_device) {
-      const bool by_ml_dsa = each.entry < log_->covered_by.ml_dsa;
-      const bool by_hardware = each.entry < std::min(log_->covered_by.hardware, log_->hardware_since);
+      const bool by_ml_dsa = each.entry < log_->vouched_for.ml_dsa;
+      const bool by_hardware = each.entry < log_->vouched_for.hardware;
       vouched_by_.ml_dsa = std::max(vouched_by_.ml_dsa, by_ml_dsa ? size : 0);
       vouched_by_.hardware = std::max(vouched_by_.hardware, by_hardware ? size : 0);
     }

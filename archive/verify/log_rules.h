@@ -67,8 +67,10 @@ struct LogContents {
   std::unordered_set<std::uint64_t> doubted;
   std::optional<crypto::Sha256Digest> root_at_head;  // nothing: the log is shorter
   std::uint64_t entries = 0, checkpoints = 0;
-  EntriesBy covered_by;              // entries that a checkpoint covers which that key of the device signed
-  std::uint64_t hardware_since = 0;  // entries that the log had when the hardware began to sign, as is known
+  /// Entries that a checkpoint covers which that key of the case's device signed, while it was the log's. Of
+  /// hardware only those that the log had when it began to sign, by the root that the device's identity
+  /// states.
+  EntriesBy vouched_for;
   SignaturesChecked signatures = SignaturesChecked::kNone;
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
@@ -102,6 +104,8 @@ class LogWalk {
   /// A key beside Ed25519 that the log states against the one that is known.
   void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
   void judge_hardware_key(const std::string& key, std::uint64_t number);
+  /// Before another device signs, or at the end.
+  void keep_vouched_for();
   /// What is known of a case; nothing where it is not asked for.
   LoggedCase* logged(const std::string& case_id);
   [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
@@ -122,6 +126,8 @@ class LogWalk {
   const VerifyOptions* options_;
   FindingList* findings_;
   std::string case_id_, case_device_;
+  std::optional<crypto::VerifierKey> signs_case_;  // case_device_, with what is known of it
+  std::uint64_t from_before_hardware_ = 0;         // entries of the log by the root that its identity states
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
   SignedLog* kept_ = nullptr;
@@ -168,8 +174,9 @@ class LogComparison {
   /// knowing more of a case than is in it: a case's checkpoint is durable before the log has its line.
   void settle(std::uint64_t covered, std::optional<std::uint64_t> close);
   /// The most entries of the case whose root the log states, and it is the case's, in an entry that the
-  /// case's own device signed by that key. Of hardware only what the log had when it began to sign counts:
-  /// whoever has a copy of the other keys, and the disk, could have put a later line before the hardware.
+  /// case's own device signed by that key. Of hardware only what the log had when it began to sign counts, by
+  /// the root that the identity states: whoever has a copy of the other keys, and the disk, could have put
+  /// other lines before the hardware.
   [[nodiscard]] EntriesBy vouched_by() const { return vouched_by_; }
 
  private:

@@ -16,6 +16,9 @@
 #include "archive/storage/space_reserve.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/ledger.h"
+#include "base/error.h"
+#include "crypto/hardware_key.h"
+#include "crypto/merkle_tree.h"
 
 namespace kiroku::archive {
 
@@ -297,9 +300,10 @@ ApplianceLog::StatedKeys ApplianceLog::state_keys() {
     throw UsageError("the device " + device.name() + " has no key beside Ed25519 to state in its log");
   }
   if (device.hardware()) {
-    // The log must not state a key for good that has never signed.
-    const crypto::HardwareSigner::Answer answer = state_->key.hardware()->sign(bytes_of("kiroku\n"));
-    if (answer.signature.empty()) throw Error("the hardware does not sign: " + answer.why);
+    // The log must not state a key for good that has never signed: that of a TPM that was cleared, or another
+    // machine's.
+    const std::string silent = crypto::why_silent(*state_->key.hardware());
+    if (!silent.empty()) throw Error("the hardware does not sign: " + silent);
   }
   {
     const std::lock_guard guard(state_->mutex);
@@ -450,6 +454,18 @@ bool is_signed_entry(const fs::path& folder, const crypto::VerifierKey& device, 
   const crypto::OpenedNote opened = crypto::open_note(*note, {device});
   return crypto::is_signed_for_log(opened, device, size) &&
          crypto::Checkpoint::parse(opened.text) == crypto::Checkpoint{log_origin(device.name()), size, root};
+}
+
+crypto::Sha256Digest root_of_log(const fs::path& folder, std::uint64_t size) {
+  crypto::MerkleFrontier tree;
+  for_each_log_line(folder, [&](const LogLine& line) {
+    if (tree.size() < size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+  });
+  if (tree.size() < size) {
+    throw Error("the appliance log in " + folder.string() + " has " + std::to_string(tree.size()) +
+                " entries where at least " + std::to_string(size) + " were asked for");
+  }
+  return tree.root();
 }
 
 std::vector<LogLine> read_log(const fs::path& folder) {

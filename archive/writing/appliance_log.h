@@ -62,7 +62,7 @@ class ApplianceLog {
   };
   /// States those of the key given to open() unless it is done, with a checkpoint by all keys. Every other
   /// entry makes sure of it by itself. kiroku::UsageError if the key has none; kiroku::Error, and nothing is
-  /// written, if its hardware does not sign.
+  /// written, if its hardware does not sign by the key that is to be stated.
   StatedKeys state_keys();
   /// As this object last saw the log.
   [[nodiscard]] StatedKeys stated_keys() const;
@@ -112,6 +112,8 @@ void for_each_log_line(const std::filesystem::path& folder, const std::function<
 /// where the checkpoint cannot be read.
 bool is_signed_entry(const std::filesystem::path& folder, const crypto::VerifierKey& device,
                      std::uint64_t seq, const crypto::Sha256Digest& root);
+/// The tree's root over the first `size` lines. kiroku::Error if there are fewer, or one cannot be read.
+crypto::Sha256Digest root_of_log(const std::filesystem::path& folder, std::uint64_t size);
 /// All of them.
 std::vector<LogLine> read_log(const std::filesystem::path& folder);
 

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <map>
+
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_against_log.h"
@@ -26,6 +29,16 @@ bool needs_signature(std::string_view line) {
   const EntryParse parse = parse_case_entry(line);
   return parse.entry && (std::holds_alternative<CloseEntry>(parse.entry->body) ||
                          std::holds_alternative<ErasedEntry>(parse.entry->body));
+}
+
+/// Whether a line says anything of the case but about its time-stamps, which prove themselves.
+bool is_claim(std::string_view line) {
+  if (line.find(R"("token)") == std::string_view::npos) {
+    return true;
+  }
+  const EntryParse parse = parse_case_entry(line);
+  return !parse.entry || !(std::holds_alternative<TokenEntry>(parse.entry->body) ||
+                           std::holds_alternative<TokenMissedEntry>(parse.entry->body));
 }
 
 }  // namespace
@@ -61,12 +74,26 @@ void CaseWriter::State::take_newest_note(std::uint64_t size, const crypto::Sha25
     refuse_damaged(folder,
                    "its newest checkpoint, " + file.filename().string() + ", does not fit its ledger");
   }
-  // Either the hardware was silent, or somebody with a copy of the other keys wrote what lies there. Its
-  // signature now would cover both alike, so such a case goes on to its end without it.
-  if (key->hardware() != nullptr && !opened.by_hardware && !from_before.hardware) {
-    ask_hardware = crypto::AskHardware::kNo;
-  }
   last_checkpoint = StoredCheckpoint{size, root, *note, file};
+}
+
+bool CaseWriter::State::is_by_hardware(const std::map<std::uint64_t, crypto::Sha256Digest>& roots) const {
+  const crypto::VerifierKey device = crypto::verifier_key_of(device_name, *key);
+  const CaseFolder opened_folder = CaseFolder::open(folder, files);
+  const std::string origin = case_origin(device_name, case_id);
+  return std::any_of(roots.rbegin(), roots.rend(), [&](const auto& each) {
+    const auto note = opened_folder.read_if_there(note_path(each.first), kMaximumNoteBytes);
+    if (!note) {
+      return false;
+    }
+    const crypto::OpenedNote opened = crypto::open_note(*note, {device});
+    const auto name = crypto::HardwareVerifierKey::name_of(device_name);
+    const bool has_line = device.hardware() ? opened.by_hardware
+                                            : std::find(opened.signers.begin(), opened.signers.end(), name) !=
+                                                  opened.signers.end();
+    return has_line &&
+           crypto::Checkpoint::parse(opened.text) == crypto::Checkpoint{origin, each.first, each.second};
+  });
 }
 
 /// Nothing is written, read or removed through a link that somebody put in the place of a folder.
@@ -114,6 +141,8 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   std::optional<CaseAgainstLog> known_again = known;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root;  // that the newest note must state
+  // At the sizes up to it from the last claim on.
+  std::map<std::uint64_t, crypto::Sha256Digest> roots_of_all_claims;
   const auto take_first = [&](std::string_view line) {
     if (const EntryParse first = tree.size() == 0 ? parse_case_entry(line) : EntryParse{}; first.entry) {
       const OpenEntry& open = state->check_opening(*first.entry, device);
@@ -124,6 +153,10 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
       known->take(line);
     }
     tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
+    if (tree.size() <= newest) {
+      if (is_claim(line)) roots_of_all_claims.clear();
+      roots_of_all_claims[tree.size()] = tree.root();
+    }
     if (tree.size() == newest) {
       root = tree.root();
     }
@@ -138,6 +171,12 @@ std::unique_ptr<CaseWriter> CaseWriter::resume(FileSystem& files, const fs::path
   }
   if (newest > 0) {
     state->take_newest_note(newest, *root, from_before);
+    state->rests_on_hardware = from_before.hardware || state->is_by_hardware(roots_of_all_claims);
+    // Either the hardware was silent when the newest claims were signed, or somebody with a copy of the other
+    // keys made them. Its signature now would cover both alike, so such a case goes on to its end without it.
+    if (!state->rests_on_hardware) {
+      state->ask_hardware = crypto::AskHardware::kNo;
+    }
   }
   state->opening_vouched = newest > 0 || !known || known->opening_signed();
   tree = crypto::MerkleFrontier();

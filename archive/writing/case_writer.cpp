@@ -47,6 +47,7 @@ std::uint64_t CaseWriter::covered() const {
 std::uint64_t CaseWriter::torn_bytes() const { return state_->torn_bytes; }
 std::uint64_t CaseWriter::unsigned_bytes() const { return state_->unsigned_bytes; }
 bool CaseWriter::opening_vouched() const { return state_->opening_vouched; }
+bool CaseWriter::rests_on_hardware() const { return state_->rests_on_hardware; }
 
 std::unique_ptr<SegmentWriter> CaseWriter::begin_segment(std::size_t stream_index,
                                                          std::uint64_t segment_index,

@@ -86,6 +86,10 @@ class CaseWriter {
   /// Whether a signature shows that the case is the device's: a checkpoint of its own, or the log's over
   /// `case-opened`. Without one a recorder had nothing but `open` in it; anybody could have made that.
   [[nodiscard]] bool opening_vouched() const;
+  /// Of a case that resume() took up: whether its hardware vouches for all that its checkpoints cover, or the
+  /// case is from before the device had any, by its log. What is signed from here on without the hardware
+  /// makes such a case unproven.
+  [[nodiscard]] bool rests_on_hardware() const;
 
   /// A new segment file of stream `stream_index` (position in Options::streams). `profile` as
   /// SegmentEntry::profile. Thread-safe.

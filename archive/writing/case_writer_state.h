@@ -81,6 +81,9 @@ struct CaseWriter::State {
     bool ml_dsa = false, hardware = false;
   };
   void take_newest_note(std::uint64_t size, const crypto::Sha256Digest& root, FromBefore from_before);
+  /// Whether a note of one of these sizes, over this root, is by the device's hardware; where the key is not
+  /// given, in the name of it.
+  [[nodiscard]] bool is_by_hardware(const std::map<std::uint64_t, crypto::Sha256Digest>& roots) const;
 
   FileSystem& files;
   const crypto::SigningKey* key;
@@ -98,6 +101,7 @@ struct CaseWriter::State {
   std::optional<std::int64_t> last_logged_ns;
   std::optional<crypto::Sha256Digest> final_token;
   crypto::AskHardware ask_hardware = crypto::AskHardware::kYes;
+  bool rests_on_hardware = false;
   Stage stage = Stage::kRecording;
   std::string failure;  // once set, everything is refused with it
 };

@@ -3,6 +3,8 @@
 #include <condition_variable>
 #include <exception>
 #include <optional>
+#include <string>
+#include <system_error>
 #include <utility>
 
 namespace kiroku::recorder {
@@ -60,17 +62,24 @@ void BoundedSigner::work(const std::shared_ptr<Shared>& shared) {
 }
 
 crypto::HardwareSigner::Answer BoundedSigner::sign(ByteView message) const {
-  const std::lock_guard turn(turn_);
+  const auto deadline = std::chrono::steady_clock::now() + longest_wait_;
+  const std::string within = " within " + std::to_string(longest_wait_.count()) + " ms";
+  const std::unique_lock turn(turn_, deadline);
+  if (!turn.owns_lock()) return {{}, "it did not answer earlier requests" + within};
   std::unique_lock lock(shared_->mutex);
   if (shared_->request) return {{}, "it has not answered an earlier request yet"};
-  if (!worker_.joinable()) worker_ = std::thread(work, shared_);
+  try {
+    if (!worker_.joinable()) worker_ = std::thread(work, shared_);
+  } catch (const std::system_error& error) {
+    return {{}, std::string("no thread could be started that asks it: ") + error.what()};
+  }
   shared_->request = to_bytes(message);
   shared_->answer.reset();
   shared_->changed.notify_all();
-  if (shared_->changed.wait_for(lock, longest_wait_, [&] { return shared_->answer.has_value(); }))
+  if (shared_->changed.wait_until(lock, deadline, [&] { return shared_->answer.has_value(); }))
     return *std::exchange(shared_->answer, std::nullopt);
   shared_->given_up = true;
-  return {{}, "it did not answer within " + std::to_string(longest_wait_.count()) + " ms"};
+  return {{}, "it did not answer" + within};
 }
 
 }  // namespace kiroku::recorder

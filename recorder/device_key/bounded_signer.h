@@ -24,7 +24,8 @@ class BoundedSigner : public crypto::HardwareSigner {
                 std::chrono::milliseconds longest_wait = kLongestWait);
   ~BoundedSigner() override;
   [[nodiscard]] const crypto::P256PublicKey& public_key() const override { return public_key_; }
-  /// While an earlier request is still unanswered it says so at once.
+  /// While an earlier request is still unanswered it says so at once. It waits for its turn and for the
+  /// hardware no longer than the longest wait together.
   [[nodiscard]] Answer sign(ByteView message) const override;
 
  private:
@@ -34,7 +35,7 @@ class BoundedSigner : public crypto::HardwareSigner {
   crypto::P256PublicKey public_key_;
   std::chrono::milliseconds longest_wait_;
   std::shared_ptr<Shared> shared_;
-  mutable std::mutex turn_;
+  mutable std::timed_mutex turn_;
   mutable std::thread worker_;  // from the first signature on
 };
 

@@ -29,6 +29,17 @@ void check(CK_RV code, const char* what) {
   throw Error(std::string("the token cannot ") + what + ": " + (words == nullptr ? "unknown error" : words));
 }
 
+/// No PIN must be tried again.
+class PinRefused : public Error {
+ public:
+  using Error::Error;
+};
+
+bool is_about_pin(CK_RV code) {
+  return code == CKR_PIN_INCORRECT || code == CKR_PIN_INVALID || code == CKR_PIN_LEN_RANGE ||
+         code == CKR_PIN_EXPIRED || code == CKR_PIN_LOCKED;
+}
+
 struct UriFree {
   void operator()(P11KitUri* uri) const { p11_kit_uri_free(uri); }
 };
@@ -44,14 +55,15 @@ Uri parse_uri(const std::string& text) {
     throw UsageError(
         "'" + text + "' is no PKCS#11 URI of a token (RFC 7512): give one such as " +
         "'pkcs11:token=NAME?module-path=/usr/lib/softhsm/libsofthsm2.so&pin-source=file:/etc/pin'");
+  // The URI is written to a file that everybody may read, and is told in messages.
+  if (p11_kit_uri_get_pin_value(uri.get()) != nullptr)
+    throw UsageError("the PKCS#11 URI holds the token's PIN (pin-value): use pin-source=file:FILE");
   if (p11_kit_uri_get_module_path(uri.get()) == nullptr)
     throw UsageError("'" + text + "' does not say which library speaks with the token: add module-path=FILE");
   return uri;
 }
 
 std::optional<crypto::Secret> pin_of(P11KitUri* uri) {
-  if (const char* value = p11_kit_uri_get_pin_value(uri))
-    return crypto::Secret::copy_of(std::string_view(value));
   const char* const source = p11_kit_uri_get_pin_source(uri);
   if (source == nullptr) return std::nullopt;
   constexpr std::string_view kFile = "file:";
@@ -60,7 +72,9 @@ std::optional<crypto::Secret> pin_of(P11KitUri* uri) {
   std::ifstream file{std::string(path)};
   std::string line;
   if (!std::getline(file, line)) throw Error("cannot read the token's PIN from " + std::string(path));
-  crypto::Secret pin = crypto::Secret::copy_of(std::string_view(line));
+  std::string_view text = line;
+  if (text.ends_with('\r')) text.remove_suffix(1);
+  crypto::Secret pin = crypto::Secret::copy_of(text);
   crypto::zeroise(std::as_writable_bytes(std::span(line)));
   return pin;
 }
@@ -98,25 +112,37 @@ struct Pkcs11Key::Connection {
     }
     check(p11_kit_module_initialize(module), "be spoken to");
     initialized = true;
-    check(module->C_OpenSession(slot(), CKF_SERIAL_SESSION | CKF_RW_SESSION, nullptr, nullptr, &session),
+    CK_TOKEN_INFO info{};
+    check(module->C_OpenSession(slot(info), CKF_SERIAL_SESSION | CKF_RW_SESSION, nullptr, nullptr, &session),
           "open a session");
     has_session = true;
     if (const auto pin = pin_of(uri.get())) {
+      if ((info.flags & CKF_USER_PIN_FINAL_TRY) != 0)
+        throw PinRefused(
+            "the token takes one more PIN before it locks itself, which is not tried here: unlock it with "
+            "its "
+            "own tool, and start this program anew");
       const CK_RV code = module->C_Login(
           session, CKU_USER, reinterpret_cast<unsigned char*>(const_cast<std::byte*>(pin->bytes().data())),
           pin->size());
+      if (is_about_pin(code)) {
+        const char* const words = p11_kit_strerror(code);
+        throw PinRefused(
+            std::string("the token cannot be unlocked by the PIN given, which is not tried again (") +
+            (words == nullptr ? "unknown error" : words) +
+            "): correct the file of pin-source, and start this program anew");
+      }
       if (code != CKR_USER_ALREADY_LOGGED_IN) check(code, "be unlocked");
     }
   }
 
-  CK_SLOT_ID slot() const {
+  CK_SLOT_ID slot(CK_TOKEN_INFO& info) const {
     CK_ULONG count = 0;
     check(module->C_GetSlotList(CK_TRUE, nullptr, &count), "be found");
     std::vector<CK_SLOT_ID> slots(count);
     check(module->C_GetSlotList(CK_TRUE, slots.data(), &count), "be found");
     slots.resize(count);
     for (const CK_SLOT_ID each : slots) {
-      CK_TOKEN_INFO info{};
       if (module->C_GetTokenInfo(each, &info) == CKR_OK &&
           p11_kit_uri_match_token_info(uri.get(), &info) == 1)
         return each;
@@ -154,7 +180,13 @@ Pkcs11Key::~Pkcs11Key() = default;
 Pkcs11Key::Pkcs11Key(Pkcs11Key&&) noexcept = default;
 
 Pkcs11Key::Connection& Pkcs11Key::connection() {
-  if (!connection_) connection_ = std::make_unique<Connection>(uri_);
+  if (!refused_.empty()) throw Error(refused_);
+  try {
+    if (!connection_) connection_ = std::make_unique<Connection>(uri_);
+  } catch (const PinRefused& error) {
+    refused_ = error.what();
+    throw;
+  }
   return *connection_;
 }
 

@@ -1,6 +1,6 @@
 // A key on P-256 in a PKCS#11 token (OASIS PKCS #11 v2.40): a smart card, a hardware security module. The
-// token is named by a URI (RFC 7512) that has module-path, and pin-value or pin-source=file:... where the
-// token asks for a PIN.
+// token is named by a URI (RFC 7512) that has module-path, and pin-source=file:... where the token asks for a
+// PIN.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,8 @@
 
 namespace kiroku::recorder {
 
-/// Not thread-safe. Connects when it is first asked, and again after an error.
+/// Not thread-safe. Connects when it is first asked, and again after an error. A PIN that the token refuses
+/// is not tried again by this object, and no PIN where one try is left: a token locks itself for good.
 class Pkcs11Key {
  public:
   /// `id` is the key's CKA_ID.
@@ -30,6 +31,7 @@ class Pkcs11Key {
   std::string uri_;
   Bytes id_;
   std::unique_ptr<Connection> connection_;
+  std::string refused_;  // why no PIN is tried any more
 };
 
 }  // namespace kiroku::recorder

@@ -626,13 +626,16 @@ class AgainstLog:
         """The most lines whose root the case's own device states in its log under a signature by its ML-DSA key, and by its hardware."""
         if not self.known or self.known.device != self.entries.opening["device"]:
             return 0, 0
-        folder = self.log.folder
-        until_hardware = min(folder.covered_by_hardware, folder.known_device(self.log.device).hardware_since if self.log.device else 0)
+        try:
+            device = self.log.folder.known_device(note.parse_key(self.known.device))
+        except note.Malformed:
+            return 0, 0
+        by_ml_dsa, by_hardware = self.log.covered_by.get(str(device), (0, 0))
 
         def most(covered):
             signed = [r for r in self.known.roots if r.entry < covered and ledger.first < r.size <= len(ledger)]
             return max((r.size for r in signed if (ledger.root(r.size) or b"").hex() == r.root), default=0)
-        return most(folder.covered_by_ml_dsa), most(until_hardware)
+        return most(by_ml_dsa), most(min(by_hardware, self.log.from_before_hardware(device)))
 
     def settle(self, first_line, ledger, covered, whole):
         if not self.log or not self.entries.opening:

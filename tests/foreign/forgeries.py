@@ -2174,15 +2174,32 @@ def a_case_from_before_the_hardware(world):
     return by_both(hard(world, 7), world.given(written.folder))
 
 
-def with_hardware_added(world, change=lambda log, written: None, signer=None):
-    """A case from before the device had its key in hardware, and the log that states that key behind it."""
+def with_hardware_added(world, change=lambda log, written: None, signer=None, root=None):
+    """A case from before the device had its key in hardware, and the log that states that key behind it.
+
+    `root`: of the log's first four lines, by the identity, where it is not theirs.
+    """
     new = hard(world, 4)
 
     def add(log, written):
         log.signed("device-hardware-added", 90 * SECOND, hardware=new.device.key.hardware_text)
         log.of(Checkpoint)[-1].signer = signer or new.device
         change(log, written)
-    return by_both(new, with_log(copied(world), add))
+    given = with_log(copied(world), add)
+    return by_both(knowing_the_log_before(new, given, root), given)
+
+
+def knowing_the_log_before(world, given, root=None):
+    """The device with the identity that states what its log was before it had a key in hardware."""
+    lines = (given.log / "ledger.jsonl").read_bytes().split(b"\n")[:world.device.hardware_since]
+    root = root or merkle.root([merkle.leaf(line) for line in lines])
+    return dataclasses.replace(world, device=dataclasses.replace(world.device, log_root_before_hardware=root))
+
+
+@reaches("checkpoint-not-by-hardware")
+def a_case_that_a_copied_key_put_before_the_hardware(world):
+    """The whole log is made anew by copied keys, up to the hardware; the recorder then goes on in it, and its hardware signs."""
+    return with_hardware_added(world, root=hashlib.sha256(b"the log at the ceremony").digest())
 
 
 @reaches()
@@ -2195,10 +2212,22 @@ def a_case_from_before_the_hardware_by_a_log_that_a_copied_key_carries_on(world)
     return with_hardware_added(world, signer=copied(world).device)
 
 
+@reaches()
+def a_case_from_before_the_hardware_by_the_log_of_a_device_that_changed_its_key_since(world):
+    other = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, written):
+        log.signed("device-key-changed", 95 * SECOND, device=str(other.key))
+        _sign_last(log, other)
+    given = with_hardware_added(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, other.key])
+
+
 @reaches("checkpoint-not-by-hardware")
 def a_case_by_a_copied_key_that_the_log_ends(world):
     """The hardware signs what the log had when it began to; a line behind that speaks for no case."""
-    return by_both(hard(world, 1), with_log(copied(world), lambda log, written: _sign_last(log, hard(world).device)))
+    given = with_log(copied(world), lambda log, written: _sign_last(log, hard(world).device))
+    return by_both(knowing_the_log_before(hard(world, 1), given), given)
 
 
 def _sign_last(log, signer):
@@ -2235,6 +2264,15 @@ def a_note_by_a_copied_key_of_other_entries(world):
 def a_proof_by_hardware(world):
     world = hard(world)
     return by_both(world, by_proof(world, with_log(world)))
+
+
+@reaches("checkpoint-not-by-hardware", "log-proof-holds")
+def a_proof_by_hardware_of_a_case_from_before(world):
+    """It shows that the log has the case's end among its first lines, and not that the log was so at the ceremony."""
+    new = hard(world, 4)
+    given = with_log(copied(world))
+    new = knowing_the_log_before(new, given)
+    return by_both(new, by_proof(new, given))
 
 
 @reaches("log-proof-not-used")

@@ -41,6 +41,7 @@ class LogRead:
         self.ledger = Ledger(data, "appliance-log", 1, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
+        self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
         for number, entry in enumerate(self.ledger.entries):
@@ -60,7 +61,11 @@ class LogRead:
                     to_be_followed.append(number)
                 if kind in ("boot", "device-key-changed") and (device is None or str(device) != entry["device"]):
                     try:
-                        device = note.parse_key(entry["device"])
+                        later = note.parse_key(entry["device"])
+                        self._keep_covered(device)
+                        if later != device:
+                            folder.covered_by_ml_dsa = folder.covered_by_hardware = 0
+                        device = later
                         origin = f"kiroku/{device.name}/log"
                         origins.append(origin)
                         folder.judge_device(device)
@@ -95,6 +100,7 @@ class LogRead:
                     told.further[-1][2] = own
                 if not own:
                     self.doubted.add(number)
+        self._keep_covered(device)
         for size in folder.note_sizes:
             if size > len(self.ledger):
                 folder.judge_note(size, None, device, origin)
@@ -106,6 +112,15 @@ class LogRead:
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
+
+    def _keep_covered(self, device):
+        known = self.covered_by.get(str(device), (0, 0))
+        self.covered_by[str(device)] = max(known[0], self.folder.covered_by_ml_dsa), max(known[1], self.folder.covered_by_hardware)
+
+    def from_before_hardware(self, device):
+        """How many lines are from before the device had its key in hardware, by the root that its identity states."""
+        since, root = device.hardware_since, device.log_root_before_hardware
+        return since if 0 < since <= min(len(self.ledger), self.ledger.known) and self.ledger.root(since) == root else 0
 
     def _judge_ml_dsa_key(self, text, device, report):
         try:

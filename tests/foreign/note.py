@@ -41,6 +41,7 @@ class Key:
     since: int = dataclasses.field(default=0, compare=False)                 # entries that the log had before it did
     hardware: bytes | None = dataclasses.field(default=None, compare=False)  # the key in hardware that signs beside, as DER
     hardware_since: int = dataclasses.field(default=0, compare=False)
+    log_root_before_hardware: bytes | None = dataclasses.field(default=None, compare=False)  # of that many entries
     identity: str | None = dataclasses.field(default=None, compare=False)    # the file that says so
 
     @property
@@ -147,18 +148,22 @@ def parse_device(text):
         return parse_key(text.strip())
     signed, signatures = _parts(text)
     lines = signed.split("\n")
-    if len(lines) not in (5, 7) or not all(re.fullmatch("0|[1-9][0-9]*", line) for line in lines[3::2]):
+    if len(lines) not in (5, 7) or not all(re.fullmatch("(0|[1-9][0-9]*)( .*)?", line) for line in lines[3::2]):
         raise Malformed("no identity of one or two keys beside Ed25519")
     key, names = dataclasses.replace(parse_key(lines[1]), identity=text), set()
     for beside, since in zip(lines[2:-1:2], lines[3::2]):
         if key.hardware or (key.ml_dsa and beside.startswith(key.ml_dsa_name + "+")):
             raise Malformed("a key twice, or keys in another order")
-        if beside.startswith(key.ml_dsa_name + "+"):
+        since, has_root, root = since.partition(" ")
+        root, is_ml_dsa = from_base64(root) if has_root else None, beside.startswith(key.ml_dsa_name + "+")
+        if bool(has_root) != (not is_ml_dsa and since != "0") or (has_root and len(root) != 32):
+            raise Malformed("a size of the log without its root, or a root that is none")
+        if is_ml_dsa:
             name, public = parse_ml_dsa_key(beside)
             key = dataclasses.replace(key, ml_dsa=public, since=int(since))
         else:
             name, public = parse_hardware_key(beside)
-            key = dataclasses.replace(key, hardware=public, hardware_since=int(since))
+            key = dataclasses.replace(key, hardware=public, hardware_since=int(since), log_root_before_hardware=root)
         names.add(name)
     note = Checkpoint(lines[0], 0, b"", signed.encode(), signatures)
     ours = [s for s in signatures if s[:2] == (key.name, key.id)]
@@ -249,6 +254,7 @@ class Signer:
     since: int = 0
     hardware_seed: bytes | None = None
     hardware_since: int = 0
+    log_root_before_hardware: bytes = bytes(32)
 
     @functools.cached_property
     def key(self):
@@ -259,7 +265,8 @@ class Signer:
         if self.hardware_seed is not None:
             done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_P256_PRIVATE + self.hardware_seed,
                                   capture_output=True, check=True)
-            key = dataclasses.replace(key, hardware=done.stdout, hardware_since=self.hardware_since)
+            key = dataclasses.replace(key, hardware=done.stdout, hardware_since=self.hardware_since,
+                                      log_root_before_hardware=self.log_root_before_hardware if self.hardware_since else None)
         return key
 
     @property
@@ -269,7 +276,8 @@ class Signer:
         if self.ml_dsa_seed is not None:
             text += f"{self.key.ml_dsa_text}\n{self.since}\n"
         if self.hardware_seed is not None:
-            text += f"{self.key.hardware_text}\n{self.hardware_since}\n"
+            root = f" {base64.b64encode(self.log_root_before_hardware).decode()}" if self.hardware_since else ""
+            text += f"{self.key.hardware_text}\n{self.hardware_since}{root}\n"
         return dataclasses.replace(self.key, identity=f"{text}\n{self.line(text.encode()).decode()}")
 
     @functools.lru_cache(maxsize=None)  # Ed25519 signs a text in one way

@@ -241,7 +241,8 @@ class Folder:
             if known == device and known.ml_dsa and not device.ml_dsa:
                 device = dataclasses.replace(device, ml_dsa=known.ml_dsa, since=known.since)
             if known == device and known.hardware and not device.hardware:
-                device = dataclasses.replace(device, hardware=known.hardware, hardware_since=known.hardware_since)
+                device = dataclasses.replace(device, hardware=known.hardware, hardware_since=known.hardware_since,
+                                             log_root_before_hardware=known.log_root_before_hardware)
         return device
 
     def judge_keys(self, device, claims, vouched):
@@ -397,7 +398,8 @@ class Folder:
     def judge_proof(self, case_id, ledger, device=None, part=None):
         """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead.
 
-        How many lines it proves under signatures of `device` by its ML-DSA key and by its hardware.
+        How many lines it proves under signatures of `device` by its ML-DSA key and by its hardware: none by the latter, since a
+        proof does not show what the log was before that.
         """
         if self.trust.proof is None:
             return 0, 0
@@ -415,7 +417,7 @@ class Folder:
         if entry["type"] != "case-closed" or entry["seq"] != index or entry["case"] != case_id:
             return self._answer("log-proof-not-used", "no end of this case")
         size, root = entry["size"], bytes.fromhex(entry["root"])
-        by = (any(k.ml_dsa and k == device for k, _ in signed), any(k.hardware and k == device and index < k.hardware_since for k, _ in signed))
+        by = (any(k.ml_dsa and k == device for k, _ in signed), False)
         if part is None:
             known = 0 if ledger is None else min(len(ledger), ledger.known)
             if 0 < size <= known:

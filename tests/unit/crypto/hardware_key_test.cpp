@@ -120,13 +120,18 @@ TEST_F(KeyInHardware, ALineThatDoesNotHoldIsRefused) {
 }
 
 TEST_F(KeyInHardware, IsStatedByTheIdentityThatAllKeysSign) {
-  const VerifierKey alone = parse_device_identity(write_device_identity("or3", key_, {.hardware = 7}));
+  const Sha256Digest root = sha256(bytes_of("the log's first seven entries"));
+  const VerifierKey alone = parse_device_identity(write_device_identity("or3", key_, {0, 7, root}));
+  EXPECT_EQ(alone.log_root_before_hardware(), root);
+  EXPECT_THROW(write_device_identity("or3", key_, {0, 7, std::nullopt}), UsageError);
+  EXPECT_THROW(write_device_identity("or3", key_, {0, 0, root}), UsageError);
+  EXPECT_FALSE(parse_device_identity(write_device_identity("or3", key_, {})).log_root_before_hardware());
   EXPECT_EQ(alone.hardware(), all_.hardware());
   EXPECT_EQ(alone.hardware_since(), 7U);
   EXPECT_FALSE(alone.ml_dsa());
 
   const SigningKey three = with_all();
-  const std::string identity = write_device_identity("or3", three, {4, 7});
+  const std::string identity = write_device_identity("or3", three, {4, 7, root});
   const VerifierKey read = parse_device_identity(identity);
   EXPECT_EQ(read.ml_dsa_since(), 4U);
   EXPECT_EQ(read.hardware_since(), 7U);
@@ -136,8 +141,15 @@ TEST_F(KeyInHardware, IsStatedByTheIdentityThatAllKeysSign) {
   for (const char* line : {"\u2014 or3 ", "\u2014 or3/ml-dsa-65 ", "\u2014 or3/ecdsa-p256 "})
     refused(without_line(identity, line), "did not all sign");
   std::string later = identity;
-  later.replace(later.find("\n7\n"), 3, "\n9\n");
+  later.replace(later.find("\n7 "), 3, "\n9 ");
   refused(later, "did not all sign");
+  std::string other_log = identity;
+  const std::string other_root = to_base64(sha256(bytes_of("another log")), Base64Padding::kPadded);
+  other_log.replace(other_log.find("\n7 ") + 3, other_root.size(), other_root);
+  refused(other_log, "did not all sign");
+  std::string without_root = identity;
+  without_root.erase(without_root.find("\n7 ") + 2, 1 + other_root.size());
+  refused(without_root, "lacks its root");
   // Whoever has the files and takes the hardware out of the identity makes another identity, which says less.
   EXPECT_FALSE(parse_device_identity(
                    write_device_identity(

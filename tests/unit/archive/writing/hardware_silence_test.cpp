@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/retention.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
@@ -54,6 +55,19 @@ class HardwareSilence : public testing::Test {
     writer.append({test::commit_segment(writer, 0, "room", 0, "pictures")}, test::moment(3'000'000'000));
     writer.close("ended", test::moment(4'000'000'000));
     writer.checkpoint(test::moment(4'000'000'000));
+  }
+  Erasure erase(const fs::path& folder, const crypto::SigningKey& key) {
+    RetentionOptions options;
+    options.key = &key;
+    options.device_name = "theatre-1";
+    return erase_stream(real_file_system(), options, folder, "room", "room: 30 days");
+  }
+  [[nodiscard]] static std::string text_of_file(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  [[nodiscard]] crypto::SigningKey copied() const {
+    return crypto::SigningKey::from_pem(key_.to_pem(nullptr).text(), nullptr);
   }
   [[nodiscard]] VerificationReport verify(const fs::path& folder) const {
     VerifyOptions options;
@@ -178,6 +192,77 @@ TEST_F(HardwareSilence, ACaseThatTheHardwareSignedIsTakenUpAndSignedByIt) {
   const VerificationReport report = verify(folder);
   EXPECT_THAT(codes(report), Not(Contains("checkpoint-not-by-hardware")));
   EXPECT_EQ(report.signatures, SignaturesChecked::kHardware);
+}
+
+TEST_F(HardwareSilence, AfterTheNewestClaimTakesNothingFromACaseThatIsTakenUp) {
+  fs::path folder;
+  {
+    const auto writer = begin();
+    folder = writer->folder();
+    hardware_->fall_silent();
+    writer->append({TokenMissedEntry{writer->covered(), "none", "no authority was at hand"}},
+                   test::moment(2));
+    writer->checkpoint(test::moment(2));
+  }
+  hardware_->fall_silent(false);
+  const auto writer = take_up(folder);
+  EXPECT_TRUE(writer->rests_on_hardware());
+  writer->close("ended", test::moment(4'000'000'000));
+  writer->checkpoint(test::moment(4'000'000'000));
+  const VerificationReport report = verify(folder);
+  EXPECT_THAT(codes(report), Not(Contains("checkpoint-not-by-hardware")));
+  EXPECT_EQ(report.signatures, SignaturesChecked::kHardware);
+}
+
+TEST_F(HardwareSilence, HasNothingErasedFromACaseThatTheHardwareSigned) {
+  auto writer = begin();
+  const fs::path folder = writer->folder();
+  end(*writer);
+  writer.reset();
+  ASSERT_THAT(codes(verify(folder)), Not(Contains("checkpoint-not-by-hardware")));
+  const std::string before = text_of_file(folder / kLedgerFile);
+  const auto refused = testing::ThrowsMessage<Error>(HasSubstr("nothing was erased"));
+  hardware_->fall_silent();
+  EXPECT_THAT([&] { erase(folder, key_); }, refused);
+  EXPECT_THAT([&] { erase(folder, copied()); }, refused) << "nor by a program that has no such key";
+  EXPECT_EQ(text_of_file(folder / kLedgerFile), before);
+  hardware_->fall_silent(false);
+  EXPECT_EQ(erase(folder, key_).segments, 1U);
+  EXPECT_THAT(codes(verify(folder)), Not(Contains("checkpoint-not-by-hardware")));
+}
+
+TEST_F(HardwareSilence, LetsErasureBeWhereACaseEndedInIt) {
+  auto writer = begin();
+  const fs::path folder = writer->folder();
+  hardware_->fall_silent();
+  end(*writer);
+  writer.reset();
+  EXPECT_EQ(erase(folder, key_).segments, 1U) << "it is unproven already";
+}
+
+TEST_F(HardwareSilence, OfAnotherKeyThanTheOneToBeStatedIsNotStatedForGood) {
+  /// A TPM that was cleared, or another machine's: it signs, and by no key that anybody knows.
+  class Cleared : public crypto::HardwareSigner {
+   public:
+    [[nodiscard]] const crypto::P256PublicKey& public_key() const override { return known_.public_key(); }
+    [[nodiscard]] Answer sign(ByteView message) const override { return now_.sign(message); }
+
+   private:
+    test::SoftwareHardwareKey known_, now_;
+  };
+  const crypto::SigningKey key = copied().with_hardware(std::make_shared<Cleared>());
+  const auto log = ApplianceLog::open(real_file_system(), folder_ / "log", key, "theatre-1");
+  EXPECT_THAT([&] { log->state_keys(); }, testing::ThrowsMessage<Error>(HasSubstr("does not fit the key")));
+  EXPECT_FALSE(log->stated_keys().hardware);
+}
+
+TEST_F(HardwareSilence, TheRootOfALogIsThatOfItsFirstLines) {
+  const auto log = open_log();
+  log->access("*", "1", "who");
+  const ApplianceLog::Head head = log->head();
+  log->access("*", "2", "who");
+  EXPECT_EQ(root_of_log(folder_ / "log", head.size), head.root);
+  EXPECT_THROW(root_of_log(folder_ / "log", log->size() + 1), Error);
 }
 
 }  // namespace

@@ -191,6 +191,16 @@ class Pkcs11KeyTest : public testing::Test {
     token_.emplace(folder_.path() / "token");
     ASSERT_EQ(token_->made().status, 0) << token_->made().err;
   }
+  std::string file_with(const std::string& pin) {
+    std::ofstream(folder_ / "another-pin") << pin;
+    return (folder_ / "another-pin").string();
+  }
+  /// The token's URI with this file of its PIN.
+  [[nodiscard]] static std::string uri_with(const std::string& file) {
+    return std::string("pkcs11:token=kiroku?module-path=") + test::SoftwareToken::kLibrary +
+           "&pin-source=file:" + file;
+  }
+
   test::TemporaryFolder folder_;
   std::optional<test::SoftwareToken> token_;
 };
@@ -213,9 +223,35 @@ TEST_F(Pkcs11KeyTest, SaysWhatIsWrongWithTheWayToIt) {
   refusal("token", "no PKCS#11 URI");
   refusal("pkcs11:token=kiroku", "module-path");
   refusal("pkcs11:token=kiroku?module-path=/nowhere.so", "/nowhere.so");
-  refusal("pkcs11:token=other" + library + "&pin-value=12345678", "no token that is plugged in");
-  refusal("pkcs11:token=kiroku" + library + "&pin-value=00000000", "be unlocked");
+  refusal("pkcs11:token=other" + library + "&pin-source=file:/nowhere", "no token that is plugged in");
+  refusal("pkcs11:token=kiroku" + library + "&pin-source=file:" + file_with("00000000\n"), "be unlocked");
   refusal("pkcs11:token=kiroku" + library + "&pin-source=file:/nowhere", "/nowhere");
+}
+
+TEST_F(Pkcs11KeyTest, APinInTheUriIsRefusedAndNotTold) {
+  const std::string uri =
+      std::string("pkcs11:token=kiroku?module-path=") + test::SoftwareToken::kLibrary + "&pin-value=12345678";
+  EXPECT_THAT([&] { make_hardware_key(Kind::kPkcs11, uri); },
+              ThrowsMessage<UsageError>(testing::AllOf(HasSubstr("use pin-source=file:FILE"),
+                                                       testing::Not(HasSubstr("12345678")))));
+}
+
+TEST_F(Pkcs11KeyTest, AWrongPinIsTriedOnceUntilTheProgramStartsAnew) {
+  const HardwareDescription made = make_hardware_key(Kind::kPkcs11, token_->uri());
+  const std::string file = file_with("00000000\n");
+  Pkcs11Key key(uri_with(file), made.key);
+  const auto refused = ThrowsMessage<Error>(HasSubstr("not tried again"));
+  EXPECT_THAT([&] { key.sign(kMessage); }, refused);
+  file_with("12345678\n");
+  EXPECT_THAT([&] { key.sign(kMessage); }, refused) << "the right PIN would have unlocked it";
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage,
+                                        Pkcs11Key(uri_with(file), made.key).sign(kMessage)));
+}
+
+TEST_F(Pkcs11KeyTest, TakesAPinFromAFileOfWindows) {
+  const HardwareDescription made = make_hardware_key(Kind::kPkcs11, token_->uri());
+  EXPECT_TRUE(crypto::verify_ecdsa_p256(
+      made.public_key, kMessage, Pkcs11Key(uri_with(file_with("12345678\r\n")), made.key).sign(kMessage)));
 }
 
 }  // namespace
