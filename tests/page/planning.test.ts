@@ -181,6 +181,13 @@ story('A person who plans', (step) => {
     }
     await expect.poll(async () => (await steps()).join()).toMatch(/Close clip 1/);
     await field().focus();
+    // What only touches would come off: it is closed firmly.
+    const apart_mm = async () => Number.parseFloat((await page.locator('.planning-jaws .muted').textContent()) ?? 'NaN');
+    for (let i = 0; i < 4; ++i) {
+      const before_mm = await apart_mm();
+      await page.keyboard.press('-');
+      await expect.poll(apart_mm).toBeLessThan(before_mm);
+    }
     await page.keyboard.press('Enter');
     await expect.poll(async () => (await steps()).join()).toMatch(/Close clip 1.*Release clip 1/);
     await expect.poll(() => page.locator('.planning-jaws').textContent()).toMatch(/Stays on, [0-9.]+ mm apart/);
