@@ -774,8 +774,8 @@ def _judge_name(folder, entries, file):
         return "part" if token or size_of_note(whole) else "unnamed"
     if token and file.kind == "regular":
         try:
-            read = stamp.parse((folder.path / path).read_bytes())
-            data = (folder.path / f"checkpoints/{token[0]:08d}.note").read_bytes()
+            read = stamp.parse(_read_small(folder.path / path))
+            data = _read_small(folder.path / f"checkpoints/{token[0]:08d}.note")
             return "token" if read.imprint == hashlib.sha256(data).digest() else "unnamed"
         except (stamp.Malformed, ValueError, IndexError, KeyError, OSError):
             return "unnamed"
@@ -977,11 +977,15 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
 
 
 def _root_stated(folder, size):
-    path = folder.path / f"checkpoints/{size:08d}.note"
     try:
-        return note.parse_checkpoint(path.read_bytes()).root if path.is_file() else b""
+        return note.parse_checkpoint(_read_small(folder.path / f"checkpoints/{size:08d}.note")).root
     except (note.Malformed, OSError):
         return b""
+
+
+def _read_small(path):
+    """Of a file of which nothing is said if it cannot be read: a sparse one may be larger than any memory."""
+    return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
 
 
 def _judge_reach(folder, entries, document, selected, lines):

@@ -84,10 +84,16 @@ def of_record(record, path):
 
 
 def is_same_proof(record, other):
-    """Nobody signs which certificates travel with the newest token, and those that are no part of its path decide nothing."""
+    """Of the newest token nobody signs which certificates travel with it, nor the names of algorithms outside of what is signed (RFC 5652: digestAlgorithms,
+    a signer's signatureAlgorithm): those that are no part of its path, and names that do not keep the signature from holding, decide nothing."""
     def bare(data):
         bags = [path for begin, _, _, path in _values(data) if len(path) == 8 and path[:2] == (0, 2) and path[5:] == (1, 0, 3) and data[begin] == 0xa0]
-        return _with(data, max(bags), lambda value: b"") if bags else data
+        if not bags:
+            return data
+        signed_data = max(bags)[:-1]
+        for unsigned in ((4, 0, 4), (3,), (1,)):
+            data = _with(data, signed_data + unsigned, lambda value: b"")
+        return data
     return isinstance(record, bytes) and bare(record) == bare(other)
 
 

@@ -276,25 +276,6 @@ TEST_F(PlanClipTest, IsNotLeftOnTissueThatIsFixedAlongAnAxis) {
   EXPECT_THAT(failure(plan()), HasSubstr("presses tissue that is fixed along an axis"));
 }
 
-TEST_F(PlanClipTest, ComesOffWhereACutTakesAwayWhatOneJawHolds) {
-  document_["tools"]["scalpel"] = {{"kind", "scalpel"}, {"edge", 20}};
-  document_["steps"].erase(2);
-  // The blade lies along the block and goes through its upper layer, from side to side.
-  document_["steps"].push_back(
-      {{"do", "cut"},
-       {"tool", "scalpel"},
-       {"path",
-        {{{"at_s", 0}, {"position", {14, -10, 15.5}}, {"rotation", {{"axis", {0, 1, 0}}, {"degrees", 90}}}},
-         {{"at_s", 0.3}, {"position", {14, 30, 15.5}}}}}});
-  const Plan cutting = plan();
-  PlanRun run(cutting);
-  while (run.next()) {
-  }
-  EXPECT_FALSE(run.frame().grips[number_of(cutting, "clip")].left);
-  EXPECT_THAT(run.figures().back().remarks,
-              ElementsAre(HasSubstr("'clip' comes off: a cut has left too little of what it held")));
-}
-
 TEST_F(PlanClipTest, StaysOnABodyThatIsCutAndIsUndoneByHand) {
   document_["tools"]["scalpel"] = {{"kind", "scalpel"}, {"edge", 60}};
   document_["steps"].push_back(

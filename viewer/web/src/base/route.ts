@@ -29,7 +29,9 @@ export function parseRoute(hash: string): Route {
     const of = asked.get('case');
     const stream = asked.get('stream');
     // Their texts come to stand in a command that somebody is to type: what could not be a case or a stream is no such address.
-    return of && stream && /^\d{8}T\d{6}Z-[0-9a-f]{8}$/.test(of) && /^[a-z0-9-]{1,32}$/.test(stream) ? { view: 'breathing', recording: { id: of, stream } } : { view: 'breathing' };
+    return of && stream && /^\d{8}T\d{6}Z-[0-9a-f]{8}$/.test(of) && /^[a-z0-9-]{1,32}$/.test(stream)
+      ? { view: 'breathing', recording: { id: of, stream } }
+      : { view: 'breathing' };
   }
   if (first === 'cases' && id) {
     if (third === 'verification') return { view: 'verification', id };
