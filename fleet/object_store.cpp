@@ -5,10 +5,9 @@
 #include <set>
 #include <tuple>
 
-#include <curl/curl.h>
-
 #include "base/printable.h"
 #include "crypto/encoding.h"
+#include "fleet/curl_handles.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -20,13 +19,6 @@ constexpr long kBadRequest = 400, kForbidden = 403, kNotFound = 404, kTooLarge =
 /// More folders below one name than any store of recordings has.
 constexpr std::size_t kMostFolders = 1'000'000;
 constexpr const char* kMetadata = "x-amz-meta-kiroku-sha256";
-
-struct EasyDeleter {
-  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
-};
-struct ListDeleter {
-  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
-};
 
 /// The header lines of a request.
 class Headers {
@@ -40,7 +32,7 @@ class Headers {
   [[nodiscard]] curl_slist* get() const { return list_.get(); }
 
  private:
-  std::unique_ptr<curl_slist, ListDeleter> list_;
+  CurlList list_;
 };
 
 struct Sending {
@@ -218,7 +210,11 @@ struct ObjectStore::State {
     set(CURLOPT_PROXY, "");
     set(CURLOPT_USERAGENT, "kiroku");
     if (!what.range.empty()) set(CURLOPT_RANGE, what.range.c_str());
-    if (!address.ca_file.empty()) set(CURLOPT_CAINFO, address.ca_file.c_str());
+    if (!address.ca_file.empty()) {
+      set(CURLOPT_CAINFO, address.ca_file.c_str());
+      // Else the authorities that the machine trusts are believed beside it.
+      set(CURLOPT_CAPATH, static_cast<const char*>(nullptr));
+    }
     set(CURLOPT_CONNECTTIMEOUT, static_cast<long>(terms.connecting.count()));
     set(CURLOPT_LOW_SPEED_LIMIT, 1L);
     set(CURLOPT_LOW_SPEED_TIME, static_cast<long>(terms.silence.count()));
@@ -302,7 +298,7 @@ struct ObjectStore::State {
   const StoreAddress address;
   const StoreCredentials credentials;
   const StoreTerms terms;
-  std::unique_ptr<CURL, EasyDeleter> handle;
+  CurlHandle handle;
 };
 
 ObjectStore::ObjectStore(StoreAddress address, StoreCredentials credentials, StoreTerms terms)

@@ -148,6 +148,10 @@ struct ReportDesk::State {
       case kRevoked:
         throw DeskRefusal{403,
                           name + " was revoked by an administrator: enrol it anew with 'kiroku fleet enrol'"};
+      case kEnded:
+        throw DeskRefusal{403, "this certificate of " + name +
+                                   " has ended: an administrator revokes the name "
+                                   "('kiroku-fleet revoke'), then enrol it anew with 'kiroku fleet enrol'"};
       case kOtherCertificate:
         throw DeskRefusal{403,
                           "another certificate of " + name +

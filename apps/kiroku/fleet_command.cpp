@@ -67,10 +67,16 @@ std::string name_of_appliance(const Home& home, const std::optional<std::string>
   return home.device().name();
 }
 
-/// Where the certificate that this is must be what the authority issued for this key and name.
-void require_own(const std::string& certificate_pem, const std::string& appliance) {
-  if (fleet::facts_of_certificate_pem(certificate_pem).appliance != appliance)
-    throw ReportError("the fleet issued a certificate of another name than " + appliance, 0);
+/// The certificate is what the fleet's authority issued for this key and name, or whoever answers is no
+/// server of that fleet.
+void require_own(const ReportingIdentity& given) {
+  if (fleet::facts_of_certificate_pem(given.certificate_pem).appliance != given.appliance)
+    throw ReportError("the fleet issued a certificate of another name than " + given.appliance, 0);
+  if (!fleet::is_issued_for(given.certificate_pem, given.authority_pem, given.key_pem.text()))
+    throw ReportError(
+        "whoever answers gave a certificate that is not for this appliance's key, by the authority whose "
+        "code was shown: nothing was changed here",
+        0);
 }
 
 int enrol(const Request& request) {
@@ -108,7 +114,7 @@ int enrol(const Request& request) {
     if (!answer.is_object() || !answer.contains("certificate")) continue;
     ReportingIdentity identity{request.url, name, text_in(answer, "certificate"), authority,
                                asked.key_pem.clone()};
-    require_own(identity.certificate_pem, name);
+    require_own(identity);
     identity.write(file);
     if (!request.json)
       std::cout << "Enrolled. Next: 'kiroku fleet report --follow', which kiroku-report.service does.\n";
@@ -126,6 +132,19 @@ ReportingIdentity require_identity(const Home& home) {
 }
 
 /// What is said of this appliance, again and again.
+/// Kept: opening the list checks all of it, and a new shipper reads the log of years.
+struct ShippingPlace {
+  explicit ShippingPlace(const Home& home)
+      : of(store_of(home)),
+        store(open_store(home, of)),
+        list(shipping_list_file(home, of)),
+        shipper(store, list, {of.appliance, of.retain, home.device()}) {}
+  const StoreConfiguration of;
+  fleet::ObjectStore store;
+  fleet::ShippingList list;
+  fleet::Shipper shipper;  // last: uses the two before
+};
+
 class Reporter {
  public:
   explicit Reporter(const Home& home)
@@ -170,11 +189,8 @@ class Reporter {
     looked_ = now;
     shipping_.reset();
     try {
-      const StoreConfiguration of = store_of(home_);
-      fleet::ObjectStore store = open_store(home_, of);
-      fleet::ShippingList list(shipping_list_file(home_, of));
-      fleet::Shipper shipper(store, list, {of.appliance, of.retain, home_.device()});
-      const fleet::ShippingReport left = shipper.look(home_.archive());
+      if (!place_) place_ = std::make_unique<ShippingPlace>(home_);
+      const fleet::ShippingReport left = place_->shipper.look(home_.archive());
       fleet::ShippingReported told{left.waiting, left.waiting_bytes, std::nullopt, left.holds_waiting.size(),
                                    left.problems.size()};
       if (left.waiting_since) {
@@ -184,6 +200,7 @@ class Reporter {
       shipping_ = told;
     } catch (const Error&) {
       // That it is not known is what is reported then.
+      place_.reset();
     }
     return shipping_;
   }
@@ -194,6 +211,7 @@ class Reporter {
   std::uint64_t number_ = 0;
   std::optional<std::chrono::steady_clock::time_point> looked_;
   std::optional<fleet::ShippingReported> shipping_;
+  std::unique_ptr<ShippingPlace> place_;
 };
 
 /// A new key and certificate, by the one that still counts.
@@ -202,9 +220,9 @@ void renew(ReportingIdentity& identity, const std::filesystem::path& file) {
   const json answer = parse_foreign_json(
       ReportClient(identity).post("/renew", nlohmann::ordered_json{{"request", asked.request_pem}}.dump()));
   const std::string certificate = text_in(answer, "certificate");
-  require_own(certificate, identity.appliance);
   ReportingIdentity renewed{identity.url, identity.appliance, certificate, identity.authority_pem,
                             std::move(asked.key_pem)};
+  require_own(renewed);
   // Until this stands there, the one before counts, too, and nothing is signed by the new one.
   renewed.write(file);
   identity = std::move(renewed);

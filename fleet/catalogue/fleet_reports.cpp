@@ -6,8 +6,13 @@
 namespace kiroku::fleet {
 namespace {
 
-/// How long a request waits for an administrator.
+/// How long a request waits for an administrator; and for how long more its appliance may ask for what it was
+/// given.
 #define KIROKU_REQUEST_LASTS "interval '10 minutes'"
+#define KIROKU_ANSWER_LASTS "interval '20 minutes'"
+/// TLS looks at a certificate's end when a connection begins, and appliances keep theirs.
+#define KIROKU_CERTIFICATE_COUNTS \
+  "((certificate = $2 AND now() < certificate_until) OR (next_certificate = $2 AND now() < next_until))"
 constexpr std::int64_t kMostRequests = 64, kMostRequestsOfOne = 4;
 constexpr std::int64_t kFreeCodes = 5, kLongestCodeWait_s = 300;
 
@@ -34,7 +39,9 @@ FleetReports::FleetReports(Postgres database) : database_(std::move(database)) {
 }
 
 void FleetReports::remove_old_requests() {
-  database_.ask("DELETE FROM kiroku.enrolments WHERE asked <= now() - " KIROKU_REQUEST_LASTS);
+  database_.ask(
+      "DELETE FROM kiroku.enrolments WHERE asked <= now() - CASE WHEN certificate IS NULL "
+      "THEN " KIROKU_REQUEST_LASTS " ELSE " KIROKU_ANSWER_LASTS " END");
 }
 
 void FleetReports::ask(const PendingEnrolment& request, const std::string& from) {
@@ -69,8 +76,8 @@ std::vector<PendingEnrolment> FleetReports::pending() {
 
 std::optional<std::string> FleetReports::certificate_for(const std::string& id) {
   const Postgres::Rows rows = database_.ask(
-      "SELECT coalesce(certificate, '') FROM kiroku.enrolments WHERE id = $1 AND asked > now() "
-      "- " KIROKU_REQUEST_LASTS,
+      "SELECT coalesce(certificate, '') FROM kiroku.enrolments WHERE id = $1 AND asked > now() - CASE WHEN "
+      "certificate IS NULL THEN " KIROKU_REQUEST_LASTS " ELSE " KIROKU_ANSWER_LASTS " END",
       {id});
   if (rows.size() == 0) return {};
   return rows.text(0, 0);
@@ -121,17 +128,20 @@ void FleetReports::code_succeeded() {
   database_.ask("UPDATE kiroku.wrong_codes SET failures = 0, open_again = now()");
 }
 
-std::optional<ReportRefusal> FleetReports::why_not(const std::string& name) {
-  const Postgres::Rows rows =
-      database_.ask("SELECT revoked IS NOT NULL FROM kiroku.appliances WHERE name = $1", {name});
+std::optional<ReportRefusal> FleetReports::why_not(const std::string& name, const std::string& fingerprint) {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT revoked IS NOT NULL, coalesce(certificate = $2 OR next_certificate = $2, false) FROM "
+      "kiroku.appliances WHERE name = $1",
+      {name, fingerprint});
   if (rows.size() == 0) return ReportRefusal::kNotEnrolled;
-  return rows.text(0, 0) == "t" ? ReportRefusal::kRevoked : ReportRefusal::kOtherCertificate;
+  if (rows.text(0, 0) == "t") return ReportRefusal::kRevoked;
+  return rows.text(0, 1) == "t" ? ReportRefusal::kEnded : ReportRefusal::kOtherCertificate;
 }
 
 std::optional<ReportRefusal> FleetReports::take(const std::string& name, const std::string& fingerprint,
                                                 const ApplianceReport& report) {
   // A certificate that was renewed is the only one once it was used. A run that another one followed, and
-  // that comes again, is a second process.
+  // that comes again, is a second machine.
   const Postgres::Rows rows = database_.ask(
       R"(UPDATE kiroku.appliances SET heard = now(), report = $3,
            certificate = $2,
@@ -141,9 +151,9 @@ std::optional<ReportRefusal> FleetReports::take(const std::string& name, const s
            doubled = CASE WHEN run IS DISTINCT FROM $4 AND earlier_run = $4 THEN now() ELSE doubled END,
            earlier_run = CASE WHEN run IS DISTINCT FROM $4 THEN run ELSE earlier_run END,
            run = $4
-         WHERE name = $1 AND revoked IS NULL AND (certificate = $2 OR next_certificate = $2) RETURNING 1)",
+         WHERE name = $1 AND revoked IS NULL AND )" KIROKU_CERTIFICATE_COUNTS " RETURNING 1",
       {name, fingerprint, to_json(report), report.run});
-  return rows.size() == 1 ? std::nullopt : why_not(name);
+  return rows.size() == 1 ? std::nullopt : why_not(name, fingerprint);
 }
 
 std::optional<ReportRefusal> FleetReports::renew(const std::string& name, const std::string& fingerprint,
@@ -152,9 +162,9 @@ std::optional<ReportRefusal> FleetReports::renew(const std::string& name, const 
       R"(UPDATE kiroku.appliances SET certificate = $2,
            certificate_until = CASE WHEN next_certificate = $2 THEN next_until ELSE certificate_until END,
            next_certificate = $3, next_until = timestamptz 'epoch' + $4::bigint * interval '1 microsecond'
-         WHERE name = $1 AND revoked IS NULL AND (certificate = $2 OR next_certificate = $2) RETURNING 1)",
+         WHERE name = $1 AND revoked IS NULL AND )" KIROKU_CERTIFICATE_COUNTS " RETURNING 1",
       {name, fingerprint, renewed.fingerprint, microseconds_of(renewed.not_after)});
-  return rows.size() == 1 ? std::nullopt : why_not(name);
+  return rows.size() == 1 ? std::nullopt : why_not(name, fingerprint);
 }
 
 bool FleetReports::revoke(const std::string& name) {

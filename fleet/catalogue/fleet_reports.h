@@ -36,7 +36,7 @@ struct EnrolledAppliance {
 };
 
 /// Why a report is not taken.
-enum class ReportRefusal { kNotEnrolled, kRevoked, kOtherCertificate };
+enum class ReportRefusal { kNotEnrolled, kRevoked, kOtherCertificate, kEnded };
 
 class FleetReports {
  public:
@@ -75,7 +75,7 @@ class FleetReports {
   [[nodiscard]] UtcTime now();
 
  private:
-  std::optional<ReportRefusal> why_not(const std::string& name);
+  std::optional<ReportRefusal> why_not(const std::string& name, const std::string& fingerprint);
   void remove_old_requests();
   Postgres database_;
 };

@@ -213,6 +213,18 @@ CertificateFacts facts_of_certificate_pem(std::string_view pem) {
   return facts_of(certificate_of(pem).get());
 }
 
+bool is_issued_for(std::string_view certificate_pem, std::string_view authority_pem,
+                   std::string_view key_pem) {
+  const auto certificate = certificate_of(certificate_pem), authority = certificate_of(authority_pem);
+  const crypto::PrivateKey key(
+      PEM_read_bio_PrivateKey(reading(key_pem).get(), nullptr, nullptr, const_cast<char*>("")));
+  const bool is_issued = certificate && authority && key &&
+                         X509_check_private_key(certificate.get(), key.get()) == 1 &&
+                         X509_verify(certificate.get(), X509_get0_pubkey(authority.get())) == 1;
+  timestamp::forget_openssl_errors();
+  return is_issued;
+}
+
 struct FleetAuthority::State {
   Credential credential;
   std::string certificate_pem;
@@ -256,7 +268,15 @@ FleetAuthority FleetAuthority::open(const fs::path& folder) {
 }
 
 FleetAuthority FleetAuthority::open_or_make(const fs::path& folder, UtcTime now) {
-  if (fs::exists(folder / "authority.key") || fs::exists(folder / "authority.pem")) return open(folder);
+  const bool has_key = fs::exists(folder / "authority.key"),
+             has_certificate = fs::exists(folder / "authority.pem");
+  if (has_key != has_certificate) {
+    throw UsageError("the authority of the fleet in " + folder.string() +
+                     " is half there, as where it was cut " +
+                     "off while it was made: copy authority.key and authority.pem from the server that has " +
+                     "them, or remove what is there, and it is made anew");
+  }
+  if (has_key) return open(folder);
   std::error_code failed;
   fs::create_directories(folder, failed);
   if (failed) throw IoError("create", folder, failed.value());

@@ -57,6 +57,9 @@ struct CertificateFacts {
 /// Throw kiroku::UsageError where there is none.
 CertificateFacts facts_of_certificate(ByteView der);
 CertificateFacts facts_of_certificate_pem(std::string_view pem);
+/// Whether this authority issued it, for this key. Throws kiroku::UsageError for what is no certificate.
+bool is_issued_for(std::string_view certificate_pem, std::string_view authority_pem,
+                   std::string_view key_pem);
 
 class FleetAuthority {
  public:

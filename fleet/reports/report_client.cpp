@@ -3,11 +3,11 @@
 #include <array>
 #include <sys/stat.h>
 
-#include <curl/curl.h>
 #include <nlohmann/json.hpp>
 
 #include "base/foreign_json.h"
 #include "base/printable.h"
+#include "fleet/curl_handles.h"
 #include "fleet/reports/fleet_authority.h"
 #include "timestamp/small_files.h"
 
@@ -21,17 +21,6 @@ constexpr std::size_t kLargestAnswer = 64U << 10;
 constexpr long kConnecting_ms = 5'000, kAll_ms = 15'000;
 constexpr long kOk = 200, kAccepted = 202;
 constexpr mode_t kOwnerOnly = 0600, kGroupAndOthers = 0077;
-
-template <auto Free>
-struct CurlDeleter {
-  template <typename T>
-  void operator()(T* object) const {
-    Free(object);
-  }
-};
-using Easy = std::unique_ptr<CURL, CurlDeleter<curl_easy_cleanup>>;
-using List = std::unique_ptr<curl_slist, CurlDeleter<curl_slist_free_all>>;
-using Address = std::unique_ptr<CURLU, CurlDeleter<curl_url_cleanup>>;
 
 struct Server {
   std::string host, port;  // an IPv6 address has its brackets
@@ -47,7 +36,7 @@ std::string part_of(CURLU* address, CURLUPart part, unsigned flags = 0) {
 }
 
 Server server_of(const std::string& url) {
-  const Address address(curl_url());
+  const CurlAddress address(curl_url());
   const bool is_read = address && curl_url_set(address.get(), CURLUPART_URL, url.c_str(), 0) == CURLUE_OK;
   const std::string path = is_read ? part_of(address.get(), CURLUPART_PATH) : "";
   const bool fits = is_read && part_of(address.get(), CURLUPART_SCHEME) == "https" &&
@@ -127,7 +116,7 @@ struct ReportClient::State {
   bool has_identity = false;
   long status = 0;
   std::array<char, CURL_ERROR_SIZE> reason{};
-  Easy handle = {};  // last: it refers to the members above
+  CurlHandle handle = {};  // last: it refers to the members above
 
   explicit State(const std::string& address) : url(address), server(server_of(address)) {}
 
@@ -149,8 +138,8 @@ struct ReportClient::State {
     reason[0] = '\0';
     // The certificate is of one name, whatever the address.
     const std::string name = std::string(kReportServerName) + ":" + server.port;
-    const List way(curl_slist_append(nullptr, (name + ":" + server.host + ":" + server.port).c_str()));
-    List fields(curl_slist_append(nullptr, "Content-Type: application/json"));
+    const CurlList way(curl_slist_append(nullptr, (name + ":" + server.host + ":" + server.port).c_str()));
+    CurlList fields(curl_slist_append(nullptr, "Content-Type: application/json"));
     if (!way || !fields) throw std::bad_alloc();
     set(CURLOPT_CONNECT_TO, way.get());
     set(CURLOPT_URL, ("https://" + name + path).c_str());

@@ -6,6 +6,7 @@ Usage: tests/fleet/rooms_test.py PROGRAMS
 
 Exit status: 0 everything holds, 1 something does not, 77 PostgreSQL is not installed.
 """
+import contextlib
 import http.client
 import json
 import os
@@ -110,6 +111,20 @@ class Appliance:
     def identity(self):
         return json.loads((self.home / "reporting.json").read_text())
 
+    def point_to(self, url):
+        (self.home / "reporting.json").write_text(json.dumps({**self.identity(), "url": url}))
+
+    @contextlib.contextmanager
+    def following(self):
+        """What kiroku-report.service does, meanwhile."""
+        process = subprocess.Popen(self.command("fleet", "report", "--follow"), env=self.environment, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, text=True)
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.communicate(timeout=60)
+
 
 def report_desk(url, identity=None, folder=None):
     """A connection of somebody with this certificate, or without one."""
@@ -175,24 +190,21 @@ def try_reporting(servers, appliance, psql):
     require(row["concerns"] == ["no-recorder"], f"without a recorder it is {row}")
     appliance.switch_on()
     appliance.kiroku("case", "start", "--room", "or-1", "--json")
-    follower = subprocess.Popen(appliance.command("fleet", "report", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL,
-                                stderr=subprocess.PIPE, text=True)
 
     def live():
         rows = [row for row in servers[1].rooms()["rooms"] if row["room"] and row["room"]["room"] == "or-1"]
         return bool(rows) and rows[0]["is_heard"] and rows[0]["room"]["state"] == "recording" and rows[0]["room"]["recording_since"]
 
-    eventually(live, "the page does not show that or-1 records")
-    rows = servers[1].rooms()["rooms"]
-    require({row["room"]["room"] for row in rows} == {"or-1", "or-2"}, f"rooms are {rows}")
-    require(only(rows, "or-1", "or-2")["room"]["state"] != "recording", "or-2 records, too")
-    require(only(rows, "or-1", "or-1")["recorder"]["disk"]["free_bytes"] > 0, "no disk is told")
+    with appliance.following():
+        eventually(live, "the page does not show that or-1 records")
+        rows = servers[1].rooms()["rooms"]
+        require({row["room"]["room"] for row in rows} == {"or-1", "or-2"}, f"rooms are {rows}")
+        require(only(rows, "or-1", "or-2")["room"]["state"] != "recording", "or-2 records, too")
+        require(only(rows, "or-1", "or-1")["recorder"]["disk"]["free_bytes"] > 0, "no disk is told")
 
-    # One server dies: nothing is lost, and the other one says the same.
-    before = only(servers[1].rooms()["rooms"], "or-1", "or-1")["heard"]
-    servers[0].kill()
-    follower.terminate()
-    follower.communicate(timeout=60)
+        # One server dies: nothing is lost, and the other one says the same.
+        before = only(servers[1].rooms()["rooms"], "or-1", "or-1")["heard"]
+        servers[0].kill()
     after = only(servers[1].rooms()["rooms"], "or-1", "or-1")
     require(after["heard"] >= before, "a report went with the server that was killed")
 
@@ -242,6 +254,13 @@ def try_attacks(server, appliance, other, folder, psql):
     statuses = [answer(report_desk(url), "/enrol", json.dumps({"request": "x"}))[0] for _ in range(8)]
     require(429 in statuses, f"whoever asks again and again is answered with {statuses}")
 
+    # A report by hand beside the service is no second appliance.
+    with appliance.following() as _:
+        eventually(lambda: json.loads(appliance.kiroku("fleet", "report", "--json")) and only(server.rooms()["rooms"], "or-1", "or-1")["is_heard"],
+                   "it is not heard of")
+        for _ in range(2):
+            appliance.kiroku("fleet", "report")
+    require("two-of-one-name" not in only(server.rooms()["rooms"], "or-1", "or-1")["concerns"], "a report by hand counts as a second appliance")
     # A copy that goes on beside the original is seen; a certificate that was replaced or revoked is none.
     for run in ("a" * 32, "b" * 32, "a" * 32):
         require(told(good, {**report, "run": run})[0] == 200, "a run is refused")
@@ -260,6 +279,30 @@ def try_attacks(server, appliance, other, folder, psql):
     require(status == 400 and b"too many wrong codes" in text, f"guessing is answered with {status}: {text}")
 
 
+def try_another_fleet(other, appliance):
+    """A server that shares everything but the authority with which the appliance was enrolled."""
+    url = appliance.identity()["url"]
+    refused = None
+    try:
+        appliance.point_to(other.reports)
+        refused = appliance.ask("fleet", "report")
+    finally:
+        appliance.point_to(url)
+    require(refused.returncode == 2 and "is not the fleet" in refused.stderr, f"it reports to a stranger: {refused.returncode} {refused.stderr}")
+
+
+def try_enrolling_anew(server, appliance, admit, psql):
+    """While the service runs, whose certificate was revoked."""
+    psql("UPDATE kiroku.wrong_codes SET failures = 0, open_again = now()")
+    with appliance.following() as follower:
+        require("revoked" in follower.stderr.readline(), "the service does not say that it was revoked")
+        process, told = appliance.begin_to_enrol(server.reports, "or-1")
+        admit(told)
+        require(process.wait(timeout=60) == 0, "it was not told")
+        eventually(lambda: any(row["appliance"] == "or-1" and row["is_heard"] for row in server.rooms()["rooms"]),
+                   "the service does not report by what it was enrolled with anew")
+
+
 def since(row):
     """Seconds between now and when the row's room began to record."""
     began = time.strptime(row["room"]["recording_since"][:19], "%Y-%m-%dT%H:%M:%S")
@@ -268,9 +311,7 @@ def since(row):
 
 def appliance_report(appliance, url):
     """What it reports, to this server from now on."""
-    identity = appliance.identity()
-    identity["url"] = url
-    (appliance.home / "reporting.json").write_text(json.dumps(identity))
+    appliance.point_to(url)
     return appliance.kiroku("fleet", "report", "--json")
 
 
@@ -310,10 +351,22 @@ def try_everything(programs, folder, connection):
         try_enrolling(servers, one, twin)
         try_reporting(servers, one, psql)
         process, told = seven.begin_to_enrol(servers[1].reports, "or-7")
-        done = subprocess.run([programs / "kiroku-fleet", "enrol", told["code"], "--config", configuration], capture_output=True, text=True, check=False)
-        require(done.returncode == 0 and told["fingerprint"] in done.stdout, f"kiroku-fleet enrol says {done.stdout}{done.stderr}")
+
+        def admit(told):
+            done = subprocess.run([programs / "kiroku-fleet", "enrol", told["code"], "--config", configuration], capture_output=True, text=True,
+                                  check=False)
+            require(done.returncode == 0 and told["fingerprint"] in done.stdout, f"kiroku-fleet enrol says {done.stdout}{done.stderr}")
+
+        admit(told)
         require(process.wait(timeout=60) == 0, "or-7 was not told")
+        other_fleet = folder / "other-fleet.toml"
+        other_fleet.write_text(configuration.read_text() + '[reports]\nauthority = "other-authority"\n')
+        servers.append(FleetServer(programs, folder / "page-3", other_fleet))
+        try_another_fleet(servers[2], seven)
         try_attacks(servers[1], one, seven, folder, psql)
+        # Of a server that was not asked too often, as the one that was attacked.
+        servers.append(FleetServer(programs, folder / "page-4", configuration))
+        try_enrolling_anew(servers[3], one, admit, psql)
         listed = subprocess.run([programs / "kiroku-fleet", "rooms", "--config", configuration], capture_output=True, text=True, check=False)
         require("or-7" in listed.stdout, f"kiroku-fleet rooms says {listed.stdout}{listed.stderr}")
     finally:

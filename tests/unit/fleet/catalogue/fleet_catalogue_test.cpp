@@ -472,6 +472,29 @@ TEST_F(FleetReportsTest, ARenewedCertificateCountsAloneOnceItWasUsed) {
   EXPECT_EQ(all.renew("or-1", first, next), ReportRefusal::kOtherCertificate);
 }
 
+TEST_F(FleetReportsTest, ACertificateThatEndedCountsNoMoreThoughItsConnectionStays) {
+  FleetReports all = reports();
+  const std::string print = enrol(all, "or-1");
+  EXPECT_FALSE(all.take("or-1", print, said()));
+  Postgres(connection()).ask("UPDATE kiroku.appliances SET certificate_until = now() - interval '1 second'");
+  EXPECT_EQ(all.take("or-1", print, said()), ReportRefusal::kEnded);
+  const CertificateFacts next = facts_of_certificate_pem(issued(asked("or-1")));
+  EXPECT_EQ(all.renew("or-1", print, next), ReportRefusal::kEnded);
+}
+
+TEST_F(FleetReportsTest, WhoWasAdmittedAtTheLastMomentIsToldSo) {
+  FleetReports all = reports();
+  const PendingEnrolment one = asked("or-1");
+  all.ask(one, "192.0.2.1");
+  all.admit(one, issued(one), "anna");
+  Postgres database(connection());
+  database.ask("UPDATE kiroku.enrolments SET asked = asked - interval '11 minutes'");
+  all.ask(asked("or-2"), "192.0.2.1");  // which removes old ones
+  EXPECT_NE(all.certificate_for(one.id).value_or(""), "");
+  database.ask("UPDATE kiroku.enrolments SET asked = asked - interval '10 minutes'");
+  EXPECT_FALSE(all.certificate_for(one.id));
+}
+
 TEST_F(FleetReportsTest, TwoThatReportUnderOneNameAreSeen) {
   FleetReports all = reports();
   const std::string print = enrol(all, "or-1");

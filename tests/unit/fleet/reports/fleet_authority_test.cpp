@@ -60,6 +60,25 @@ TEST_F(FleetAuthorityTest, RefusesAKeyOfAnotherAuthority) {
               ThrowsMessage<UsageError>(HasSubstr("is not the key of")));
 }
 
+TEST_F(FleetAuthorityTest, SaysWhereItIsHalfThere) {
+  const std::filesystem::path place = folder_.path() / "authority";
+  FleetAuthority::open_or_make(place, now_);
+  std::filesystem::remove(place / "authority.pem");
+  EXPECT_THAT([&] { FleetAuthority::open_or_make(place, now_); },
+              ThrowsMessage<UsageError>(HasSubstr("is half there")));
+}
+
+TEST_F(FleetAuthorityTest, ACertificateIsOfItsAuthorityAndItsKey) {
+  const FleetAuthority authority = FleetAuthority::open_or_make(folder_.path() / "a", now_);
+  const FleetAuthority other = FleetAuthority::open_or_make(folder_.path() / "b", now_);
+  const CertificateRequest request = make_certificate_request("or-1"),
+                           same = make_certificate_request("or-1");
+  const std::string pem = authority.issue(request.request_pem, now_, 30h);
+  EXPECT_TRUE(is_issued_for(pem, authority.certificate_pem(), request.key_pem.text()));
+  EXPECT_FALSE(is_issued_for(pem, authority.certificate_pem(), same.key_pem.text()));
+  EXPECT_FALSE(is_issued_for(pem, other.certificate_pem(), request.key_pem.text()));
+}
+
 TEST_F(FleetAuthorityTest, TakesNoNameThatIsNone) {
   for (const char* name : {"", "OR 1", "or-1\n", "手術室", "../or-1", "or_1"})
     EXPECT_THROW(make_certificate_request(name), UsageError) << name;

@@ -168,11 +168,14 @@ export function FleetRoomsView() {
   const enrolling = useSignal(false);
   const enrolled = useSignal('');
   const visible = useVisible();
-  const refresh = async () => {
+  const refresh = async (isWanted = () => true) => {
     try {
-      told.value = await fleet.rooms();
+      const rooms = await fleet.rooms();
+      if (!isWanted()) return;
+      told.value = rooms;
       problem.value = '';
     } catch (error) {
+      if (!isWanted()) return;
       // What was so before is not known to be so now.
       told.value = undefined;
       problem.value = textOf(error);
@@ -183,7 +186,8 @@ export function FleetRoomsView() {
     let timer: ReturnType<typeof setTimeout>;
     let ended = false;
     const again = async () => {
-      await refresh();
+      // An answer to a page that is hidden by now would be shown as of the time when somebody looks again.
+      await refresh(() => !ended);
       if (!ended) timer = setTimeout(() => void again(), kEvery_ms);
     };
     void again();
