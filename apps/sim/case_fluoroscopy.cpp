@@ -7,7 +7,6 @@ extern "C" {
 #include <libavutil/frame.h>
 }
 
-#include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "media/rgb_converter.h"
 #include "viewer/compare/fluoroscopy.h"
@@ -40,16 +39,22 @@ class Thinning {
 
 }  // namespace
 
-CaseFluoroscopy read_case_fluoroscopy(const Home& home, const CaseFluoroscopyRequest& request) {
+FoundFluoroscopy find_case_fluoroscopy(const Home& home, const CaseFluoroscopyRequest& request) {
   const fs::path folder = find_case(home, request.named);
   // The page shows it as the case of this name, and the log names it so.
   if (!home.holds(folder)) {
     throw UsageError(folder.string() + " is no case of this home's archive, " + home.archive().string() +
                      ": give --home, or a film of it by --radiographs");
   }
-  const archive::CaseReader recording = archive::CaseReader::open(folder);
+  archive::CaseReader recording = archive::CaseReader::open(folder);
+  std::string stream = compare::fluoroscopy_of(recording, request.stream, "--stream");
+  return {std::move(recording), std::move(stream)};
+}
+
+CaseFluoroscopy read_case_fluoroscopy(const Home& home, const FoundFluoroscopy& found,
+                                      const CaseFluoroscopyRequest& request) {
+  const auto& [recording, stream] = found;
   const archive::Span stretch = recording.parse_stretch(request.from, request.to);
-  const std::string stream = compare::fluoroscopy_of(recording, request.stream, "--stream");
   const sim::Polarity polarity =
       request.polarity == "bone-white" ? sim::Polarity::kBoneWhite : sim::Polarity::kBoneBlack;
   const crypto::AgeIdentities identities = load_identities(request.identities, home);

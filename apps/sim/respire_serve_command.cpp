@@ -60,7 +60,7 @@ std::optional<double> rate_of(const RespireServeRequest& request) {
   return parse_number(*request.rate, "--rate", 0.01, 240);
 }
 
-CaseFluoroscopy fluoroscopy_for(const RespireServeRequest& request, const Home& home) {
+CaseFluoroscopyRequest fluoroscopy_of(const RespireServeRequest& request) {
   CaseFluoroscopyRequest asked{.named = *request.named,
                                .stream = request.stream,
                                .from = request.from,
@@ -68,30 +68,42 @@ CaseFluoroscopy fluoroscopy_for(const RespireServeRequest& request, const Home& 
                                .polarity = request.polarity,
                                .identities = request.identities};
   if (const std::optional<double> rate = rate_of(request)) asked.most_a_second = *rate;
-  return read_case_fluoroscopy(home, asked);
+  return asked;
 }
 
 sim::ProjectionGeometry geometry_from(const fs::path& file) {
   return (sim::is_dicom_file(file) ? sim::read_dicom_geometry(file) : sim::read_geometry(file)).geometry;
 }
 
-/// `of_case` is moved from.
-std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& request, const Home& home,
-                                                 std::optional<CaseFluoroscopy>& of_case) {
+/// What is served.
+struct Workbench {
+  std::unique_ptr<viewer::BreathingBench> bench;
+  fs::path geometry;                                  // the file that says how the patient is seen
+  std::optional<viewer::BenchRecording> recording{};  // nothing: the radiographs are of no case
+  std::size_t recorded = 0;                           // pictures of the case in what was asked for
+};
+
+Workbench workbench_of(const RespireServeRequest& request, const Home& home) {
   StepLine line;
+  std::optional<FoundFluoroscopy> found;
+  if (request.named) found = find_case_fluoroscopy(home, fluoroscopy_of(request));
+  Workbench made;
+  made.geometry = request.geometry ? fs::path(*request.geometry) : geometry_beside(home, found->stream);
   line.show("reading " + request.model);
-  viewer::BenchInputs inputs{
-      .file = request.model,
-      .model = sim::read_breathing_model(request.model),
-      .volume = {},
-      .geometry = geometry_from(request.geometry ? fs::path(*request.geometry)
-                                                 : geometry_beside(home, of_case->recording.stream)),
-      .radiographs = {}};
+  viewer::BenchInputs inputs{.file = request.model,
+                             .model = sim::read_breathing_model(request.model),
+                             .volume = {},
+                             .geometry = geometry_from(made.geometry),
+                             .radiographs = {}};
   static_cast<void>(inputs.model.needed_tumour());  // before what takes long
   if (request.start) inputs.start_s = parse_number(*request.start, "--start");
-  if (of_case) {
-    inputs.recording = of_case->recording;
-    inputs.radiographs = std::move(of_case->radiographs);
+  // Nobody's pictures are opened before what they are opened for is known to be there.
+  if (found) {
+    line.show("opening the pictures of " + found->stream);
+    CaseFluoroscopy read = read_case_fluoroscopy(home, *found, fluoroscopy_of(request));
+    made.recording = inputs.recording = std::move(read.recording);
+    made.recorded = read.pictures;
+    inputs.radiographs = std::move(read.radiographs);
   }
   if (request.radiographs) {
     line.show("reading " + *request.radiographs);
@@ -108,8 +120,9 @@ std::unique_ptr<viewer::BreathingBench> bench_of(const RespireServeRequest& requ
   sim::VolumeFile file = sim::read_volume(request.volume, {request.series.value_or(""), request.resample});
   inputs.model.warnings.insert(inputs.model.warnings.end(), file.findings.begin(), file.findings.end());
   inputs.volume = std::move(file.volume);
-  return std::make_unique<viewer::BreathingBench>(std::move(inputs),
-                                                  [&](const std::string& step) { line.show(step); });
+  made.bench = std::make_unique<viewer::BreathingBench>(std::move(inputs),
+                                                        [&](const std::string& step) { line.show(step); });
+  return made;
 }
 
 viewer::ModelSealer sealer_of(const Home& home) {
@@ -133,9 +146,9 @@ constexpr const char* kNotVerified =
     "verify' "
     "does that.";
 
-std::string of_case_text(const CaseFluoroscopy& read) {
-  return " (of " + counted(read.pictures, "picture", "pictures") + " of " + read.recording.stream +
-         " in case " + read.recording.case_id + ")";
+std::string of_case_text(const Workbench& of) {
+  return " (of " + counted(of.recorded, "picture", "pictures") + " of " + of.recording->stream + " in case " +
+         of.recording->case_id + "), seen as " + of.geometry.string() + " says";
 }
 
 int run(const RespireServeRequest& request) {
@@ -144,12 +157,11 @@ int run(const RespireServeRequest& request) {
   const Home home = Home::open(request.serving.home);
   const std::size_t at_once = request.at_once ? parse_count(*request.at_once, "--at-once", 1, kMostAtOnce)
                                               : std::max(1U, std::thread::hardware_concurrency() / 2);
-  std::optional<CaseFluoroscopy> of_case;
-  if (request.named) of_case = fluoroscopy_for(request, home);
-  const std::unique_ptr<viewer::BreathingBench> bench = bench_of(request, home, of_case);
+  const Workbench made = workbench_of(request, home);
+  const viewer::BreathingBench& bench = *made.bench;
   const auto tell = tell_on_standard_error();
-  viewer::BreathingRoom room(*bench, at_once, tell, sealer_of(home));
-  const std::size_t count = bench->radiographs().size();
+  viewer::BreathingRoom room(bench, at_once, tell, sealer_of(home));
+  const std::size_t count = bench.radiographs().size();
   serve_until_stopped(request.serving, home,
                       {.serves = "breathing",
                        .identities = nullptr,
@@ -163,24 +175,25 @@ int run(const RespireServeRequest& request) {
                              return "The lung of " + request.model + (url.empty() ? "" : " at " + url) +
                                     (count == 0 ? ", without radiographs"
                                                 : ", with " + counted(count, "radiograph", "radiographs")) +
-                                    (of_case ? of_case_text(*of_case) : "") + ", " +
+                                    (made.recording ? of_case_text(made) : "") + ", " +
                                     counted(at_once, "person", "persons") + " at a time" +
-                                    (of_case ? std::string(kNotVerified) : "");
+                                    (made.recording ? std::string(kNotVerified) : "");
                            },
                        .tell_more =
                            [&](nlohmann::ordered_json& told) {
                              told["model"] = request.model;
+                             told["geometry"] = made.geometry.string();
                              told["radiographs"] = count;
                              told["recording"] = nullptr;
-                             if (of_case) {
-                               told["recording"] = {{"case", of_case->recording.case_id},
-                                                    {"stream", of_case->recording.stream},
-                                                    {"first_s", of_case->recording.first_s},
-                                                    {"pictures", of_case->pictures},
+                             if (made.recording) {
+                               told["recording"] = {{"case", made.recording->case_id},
+                                                    {"stream", made.recording->stream},
+                                                    {"first_s", made.recording->first_s},
+                                                    {"pictures", made.recorded},
                                                     {"verified", false}};
                              }
                              told["at_once"] = at_once;
-                             told["warnings"] = bench->model().warnings;
+                             told["warnings"] = bench.model().warnings;
                            }});
   return kDone;
 }

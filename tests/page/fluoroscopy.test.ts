@@ -1,7 +1,7 @@
 // From a recorded case's fluoroscopy to a sealed breathing model, as a new user goes: the case's page, two sliders, Fit, the tumour followed and the error
 // plotted, the seal. The fluoroscopy is the demonstration's; the patient in it has another mesh than the lung that is fitted, and no breath like the other.
 import { execFile } from 'node:child_process';
-import { copyFileSync, readdirSync, readFileSync, renameSync, writeFileSync } from 'node:fs';
+import { copyFileSync, cpSync, readdirSync, readFileSync, renameSync, writeFileSync } from 'node:fs';
 import { dirname, join } from 'node:path';
 import { promisify } from 'node:util';
 import type { Browser, Locator } from 'playwright-core';
@@ -87,6 +87,13 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
     await refused(chest('ct.nrrd'), chest('lung.json')).toThrow(/without --case nothing says how the patient is seen/);
     writeFileSync(chest('wide.json'), readFileSync(chest('c-arm.json'), 'utf8').replace('[256, 256]', '[320, 256]'));
     await refused(...serve('-g', chest('wide.json'))).toThrow(/the picture of fluoroscopy at 00:00:00\S* has 256 x 256 pixels, the geometry says 320 x 256/);
+    await refused(chest('ct.nrrd'), chest('c-arm.json'), '--case', id).toThrow(/c-arm\.json/);
+    // The page would show a copy as the case of this name, and the log would name it so.
+    cpSync(join(appliance.home, 'archive', id), join(appliance.home, 'copy', id), { recursive: true });
+    await refused(chest('ct.nrrd'), chest('lung.json'), '--case', join(appliance.home, 'copy', id)).toThrow(/is no case of this home's archive/);
+    // Of all this nothing was opened, and so the log says nothing but of the picture that did not fit.
+    const { stdout: log } = await run(kiroku, ['log', '--home', appliance.home]);
+    expect(log.match(/to fit a breathing lung/g)).toHaveLength(1);
     // What is read is compared with the ledger.
     const segments = join(appliance.home, 'archive', id, 'segments/fluoroscopy');
     const segment = join(segments, readdirSync(segments).sort()[1] as string);

@@ -35,12 +35,18 @@ export const kServerSentences: readonly SentencePair[] = [
   ['recordings are locked: unlock them with an identity first', '記録は施錠されています。識別鍵で解錠してください'],
   ['the appliance log cannot be written, so nothing is shown', '装置ログに書き込めないため、何も表示しません。管理者に連絡してください'],
   // Rooms of the fleet
-  ["this request is over: begin again with 'kiroku fleet enrol' on the appliance", 'この登録要求は終了しました。装置で「kiroku fleet enrol」をやり直してください'],
+  [
+    "this request is over: begin again with 'kiroku fleet enrol' on the appliance",
+    'この登録要求は終了しました。装置で「kiroku fleet enrol」をやり直してください',
+  ],
   [
     "there is no authority of the fleet in {folder}: 'kiroku-fleet serve' makes one where reports are taken ([reports] of fleet.toml), or copy authority.key and authority.pem from the server that has it",
     '{folder} に施設の認証局がありません。「kiroku-fleet serve」が報告を受けるサーバで作成します（fleet.toml の [reports]）。または、それを持つサーバから authority.key と authority.pem を複製してください',
   ],
-  ['{file} is open to others than its owner: chmod 600, and think of who may have read it', '{file} は所有者以外にも読めます。chmod 600 とし、誰が読んだ可能性があるかを検討してください'],
+  [
+    '{file} is open to others than its owner: chmod 600, and think of who may have read it',
+    '{file} は所有者以外にも読めます。chmod 600 とし、誰が読んだ可能性があるかを検討してください',
+  ],
   ['{file} is not the key of {certificate}: copy both from one server', '{file} は {certificate} の鍵ではありません。一つのサーバから両方を複製してください'],
   // Rooms
   ['refused too often: look at what the room does, and try again in {seconds} s', '拒否が続いています。室の状態を確かめ、{seconds} 秒後に再試行してください'],
