@@ -43,6 +43,7 @@ class PlanningAttack : public testing::Test {
     options.plans = plans;
     options.table = {"liver", sim::GpuUse::kOff, 96, 72};
     options.at_once = 2;
+    options.patience = {};
     options.tell = [](const std::string& /*sentence*/) {};
     room.emplace(std::move(options));
     routes.emplace([this](Router& router) { add_planning_routes(router, *room, context); }, "anna",

@@ -6,8 +6,8 @@
 namespace kiroku::viewer {
 namespace {
 
-Turns::Limits places_at_bench(std::size_t at_once) {
-  return {.all = at_once, .of_person = std::max<std::size_t>(1, at_once - 1)};
+Turns::Limits places_at_bench(std::size_t at_once, Clock::Duration patience) {
+  return {.all = at_once, .of_person = std::max<std::size_t>(1, at_once - 1), .patience = patience};
 }
 
 Turns::Sentences refusals_at_bench(std::size_t at_once) {
@@ -24,12 +24,13 @@ Turns::Sentences refusals_of_fits() {
 }  // namespace
 
 BreathingRoom::BreathingRoom(const BreathingBench& bench, std::size_t at_once,
-                             std::function<void(const std::string& sentence)> tell, ModelSealer sealer)
+                             std::function<void(const std::string& sentence)> tell, ModelSealer sealer,
+                             Clock::Duration patience)
     : bench_(bench),
       tell_(std::move(tell)),
       sealer_(std::move(sealer)),
-      places_(places_at_bench(at_once), refusals_at_bench(at_once)),
-      fits_({.all = 1, .of_person = 1}, refusals_of_fits()) {}
+      places_(places_at_bench(at_once, patience), refusals_at_bench(at_once)),
+      fits_({.all = 1, .of_person = 1, .patience = {}}, refusals_of_fits()) {}
 
 std::unique_ptr<Turns::Turn> BreathingRoom::enter(const std::string& person) {
   return std::make_unique<Turns::Turn>(places_, person);

@@ -29,14 +29,16 @@ class BreathingRoom {
   /// `bench` outlives it; each of `at_once` people needs about two cores while something moves. `tell` hears
   /// in one sentence of what failed inside, from several threads.
   BreathingRoom(const BreathingBench& bench, std::size_t at_once,
-                std::function<void(const std::string& sentence)> tell, ModelSealer sealer = {});
+                std::function<void(const std::string& sentence)> tell, ModelSealer sealer = {},
+                Clock::Duration patience = kPatienceForPlaces);
 
   [[nodiscard]] const BreathingBench& bench() const { return bench_; }
   void tell(const std::string& sentence) const { tell_(sentence); }
   /// Null where models are not sealed here.
   [[nodiscard]] const ModelSealer& sealer() const { return sealer_; }
-  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken. Of
-  /// several places one is always left for others.
+  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken
+  /// and none is given back for the room's patience, which it blocks. Of several places one is always left
+  /// for others.
   std::unique_ptr<Turns::Turn> enter(const std::string& person);
   /// The right to compute a fit, which takes all cores: one at a time. Refusal 503 where another is computed.
   std::unique_ptr<Turns::Turn> enter_fit(const std::string& person);

@@ -15,6 +15,7 @@ struct PlanningOptions {
   std::filesystem::path plans;
   TableOptions table;
   std::size_t at_once = 1;  // each needs about two cores while something moves
+  Clock::Duration patience = kPatienceForPlaces;
   /// Hears in one sentence of what failed inside; called from several threads.
   std::function<void(const std::string& sentence)> tell;
 };
@@ -27,7 +28,8 @@ class PlanningRoom {
   [[nodiscard]] const PlanningOptions& options() const { return options_; }
   [[nodiscard]] const PlanFolder& folder() const { return folder_; }
 
-  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken. Of
+  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken
+  /// and none is given back for PlanningOptions::patience, which it blocks. Of
   /// several places one is always left for others.
   std::unique_ptr<Turns::Turn> enter(const std::string& person);
 

@@ -67,7 +67,10 @@ void TrainingRoom::require_pace(const std::string& user) {
 }
 
 std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {
-  const std::lock_guard guard(places_mutex_);
+  std::unique_lock lock(places_mutex_);
+  options_.clock->wait_for(place_given_back_, lock, options_.patience, [&] {
+    return !training_.contains(trainee) && training_.size() < options_.at_once;
+  });
   if (training_.contains(trainee)) throw Refusal(409, trainee + " is training already");
   if (training_.size() >= options_.at_once)
     throw Refusal(503, "all places for training are taken: try again when an attempt has ended");
@@ -175,8 +178,11 @@ Bytes TrainingRoom::certificate(const TrainingUser& user, std::int64_t attempt, 
 }
 
 void TrainingRoom::leave(const std::string& trainee) {
-  const std::lock_guard guard(places_mutex_);
-  training_.erase(trainee);
+  {
+    const std::lock_guard guard(places_mutex_);
+    training_.erase(trainee);
+  }
+  place_given_back_.notify_all();
 }
 
 }  // namespace kiroku::viewer

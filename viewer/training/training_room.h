@@ -1,6 +1,7 @@
 // What all attempts at a server share: organs, results, and who trains now. Thread-safe.
 #pragma once
 
+#include <condition_variable>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -16,6 +17,7 @@
 #include "trainer/results/training_database.h"
 #include "viewer/http/request.h"
 #include "viewer/people/deed_pace.h"
+#include "viewer/people/turns.h"
 #include "viewer/training/attempt_sealer.h"
 
 namespace kiroku::viewer {
@@ -25,9 +27,10 @@ struct TrainingOptions {
   std::size_t vertices = 4000;  // of an organ's mesh
   double damage_pa = 100e3;
   double friction = trainer::kFingertipFriction;
-  double most_s = 60;                                  // of an attempt
-  double practice_s = trainer::kPracticeSeconds;       // of a session, before its test; 0: as one likes
-  std::size_t at_once = 1;                             // attempts; each needs about a core
+  double most_s = 60;                             // of an attempt
+  double practice_s = trainer::kPracticeSeconds;  // of a session, before its test; 0: as one likes
+  std::size_t at_once = 1;                        // attempts; each needs about a core
+  Clock::Duration patience = kPatienceForPlaces;
   std::map<std::string, trainer::HandMotion> experts;  // by object
   /// Organs of patients, beside objects a and b; each with a name of its own.
   std::vector<std::shared_ptr<const trainer::ExclusionBody>> organs;
@@ -110,7 +113,8 @@ class TrainingRoom {
 
   /// Refusal 429 where one user began so many attempts that the next one has to wait; else this one counts.
   void require_pace(const std::string& user);
-  /// Refusal 409 where the trainee trains already, 503 where all places are taken.
+  /// Refusal 409 where the trainee trains already, 503 where all places are taken: after
+  /// TrainingOptions::patience, which it blocks.
   std::unique_ptr<Place> enter(const std::string& trainee);
 
  private:
@@ -136,6 +140,7 @@ class TrainingRoom {
   std::map<std::string, Made> made_;  // "a" and "b"
   DeedPace pace_;
   std::mutex places_mutex_;
+  std::condition_variable place_given_back_;
   std::set<std::string> training_;
   std::mutex sealable_mutex_;
   std::map<std::string, Sealable> sealable_;  // by trainee

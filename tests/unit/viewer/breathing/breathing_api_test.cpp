@@ -43,7 +43,7 @@ class BreathingApi : public testing::Test {
 
   test::ChestBench chest;
   BreathingBench bench{chest.inputs_with_radiographs()};
-  BreathingRoom room{bench, 1, [](const std::string& /*sentence*/) {}};
+  BreathingRoom room{bench, 1, [](const std::string& /*sentence*/) {}, {}, {}};
   test::TemporaryFolder folder;
   crypto::SigningKey key = crypto::SigningKey::generate();
   ViewerContext context{ViewerHome{.archive = folder / "archive",

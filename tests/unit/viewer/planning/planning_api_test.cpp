@@ -29,6 +29,7 @@ class PlanningApi : public testing::Test {
   static PlanningOptions options_of(const std::filesystem::path& plans) {
     PlanningOptions options;
     options.plans = plans;
+    options.patience = {};
     options.table = {"liver", sim::GpuUse::kOff, 96, 72};
     options.tell = [](const std::string& /*sentence*/) {};
     return options;

@@ -43,6 +43,7 @@ class TrainingApi : public testing::Test {
       options.database = folder / "training.sqlite";
       options.vertices = 900;
       options.at_once = 2;
+      options.patience = {};
       options.pace = pace;
       options.clock = &clock;
       options.organs = organs;
