@@ -108,25 +108,36 @@ build() {
 # has the results of the scripts it calls added to its own.
 test_results=${KIROKU_TEST_RESULTS-}
 
-# failures_of REPORT: of a JUnit report each failed test's name, the last 60 lines that it printed, and before these up to 20 earlier lines that tell of an
-# error: tests of the page print a long summary after theirs.
+# failures_of REPORT SAID: of a JUnit report each failed test's name, how it ended by what CTest said (the report does not tell a crash from a limit of time),
+# how long it took, the last 60 lines that it printed, and before these up to 20 earlier lines that tell of an error: tests of the page print a long summary
+# after theirs.
 failures_of() {
   awk '
     function text(line) {
       gsub(/&lt;/, "<", line); gsub(/&gt;/, ">", line); gsub(/&quot;/, "\"", line); gsub(/&apos;/, "\x27", line); gsub(/&amp;/, "\\&", line)
       return line
     }
-    /<testcase / { lines = 0; name = $0; sub(/.*<testcase name="/, "", name); sub(/".*/, "", name); bad = /status="fail"/ }
+    NR == FNR && match($0, /^[ \t]*[0-9]+ - .* \([^()]*\)/) {
+      how = substr($0, RSTART, RLENGTH); sub(/^[ \t]*[0-9]+ - /, "", how)
+      name = how; sub(/ \([^()]*\)$/, "", name); sub(/.* \(/, "", how); sub(/\)$/, "", how)
+      ended[name] = how
+    }
+    NR == FNR { next }
+    /<testcase / {
+      lines = 0; bad = /status="fail"/
+      name = $0; sub(/.*<testcase name="/, "", name); sub(/".*/, "", name)
+      time = $0; sub(/.* time="/, "", time); sub(/".*/, "", time)
+    }
     bad && /<system-out>/ { sub(/.*<system-out>/, ""); inside = 1 }
     inside && /<\/system-out>/ { sub(/<\/system-out>.*/, ""); kept[lines++] = $0; inside = 0 }
     inside { kept[lines++] = $0 }
     bad && /<\/testcase>/ {
-      print "\n-- " text(name)
+      printf "\n-- %s: %s after %.1f s\n", text(name), text(name) in ended ? ended[text(name)] : "failed", time
       first = lines > 60 ? lines - 60 : 0
       for (i = told = 0; i < first && told < 20; ++i) if (kept[i] ~ /FAIL|Error:|Failure/) { print "   " text(kept[i]); ++told }
       for (i = first; i < lines; ++i) print "   " text(kept[i])
       bad = 0
-    }' "$1"
+    }' "$2" "$1"
 }
 
 # slowest_of REPORT: of a JUnit report how long all tests took together, and the ten that took longest.
@@ -147,20 +158,20 @@ jobs=$(($(nproc) + 2))
 
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
-  local preset=$1 report
+  local preset=$1 report said
   shift
   : "${test_results:=$(mktemp -d)}"
-  report=$(mktemp)
-  (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@") | alive "tests go on" || true
+  report=$(mktemp) said=$(mktemp)
+  (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@" 2>&1) | tee "$said" | alive "tests go on" || true
   local tests failures skips
   tests=$(sed -n 's/.*[ \t]tests="\([0-9]*\)".*/\1/p' "$report" | head -1)
   failures=$(sed -n 's/.*[ \t]failures="\([0-9]*\)".*/\1/p' "$report" | head -1)
   skips=$(sed -n 's/.*[ \t]skipped="\([0-9]*\)".*/\1/p' "$report" | head -1)
   [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
   echo "$((tests - failures - skips)) $failures $skips" >>"$test_results/counts"
-  ((failures == 0)) || { echo "   preset $preset:"; failures_of "$report"; } >>"$test_results/failed"
+  ((failures == 0)) || { echo "   preset $preset:"; failures_of "$report" "$said"; } >>"$test_results/failed"
   { echo "   preset $preset:"; slowest_of "$report"; } >>"$test_results/slowest"
-  rm -f "$report"
+  rm -f "$report" "$said"
 }
 
 # minutes WHAT: how long WHAT took since the last call, so that a log shows where the time goes; tally says it once more.

@@ -18,6 +18,8 @@ stop() {
   local file pid
   for file in "$folder"/run/{client.rgw.a,osd.0,mon.a}.pid; do
     pid=$(cat "$file" 2>/dev/null) || continue
+    # Where it ended by itself its number may be another process's.
+    grep -qs "^\(ceph-\|radosgw\)" "/proc/$pid/comm" || continue
     kill "$pid" 2>/dev/null || continue
     for _ in {1..100}; do [[ -d /proc/$pid ]] || break; sleep 0.1; done
     [[ ! -d /proc/$pid ]] || kill -KILL "$pid"
