@@ -16,8 +16,13 @@ if(KIROKU_CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
 endif()
 
-# LLVM's linker is lax about the order of libraries; the preset debug (in the nightly run) still links by GNU's.
+# LLVM's linker is lax about the order of libraries; what GCC compiles is linked by GNU's.
 find_program(KIROKU_LLD_PROGRAM ld.lld)
+if(KIROKU_LLD AND NOT CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+  # GCC leaves frame descriptions of no length where the cold part of a function is empty. Of two descriptions of one address lld 14 keeps the first in its
+  # search table: if that is the empty one, an exception that passes through the other function ends the program by abort().
+  message(FATAL_ERROR "KIROKU_LLD needs Clang: lld loses frame descriptions of what GCC compiles. Configure without it.")
+endif()
 if(KIROKU_LLD AND KIROKU_LLD_PROGRAM)
   add_link_options(-fuse-ld=lld)
 endif()
