@@ -169,7 +169,8 @@ int run(const Request& request) {
                          request.force);
   sim::Lettering lettering;
   std::string csv =
-      "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n";
+      "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n,"
+      "wrist_x_nm,wrist_y_nm,wrist_z_nm";
   for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
   csv += "\n";
   std::string vitals = kVitalsHead;
@@ -184,6 +185,9 @@ int run(const Request& request) {
          {view.visible_share, view.largest_von_mises_pa, 1e6 * view.damaged_m3, view.danger, view.tone_hz,
           view.hand.wrist_n.x(), view.hand.wrist_n.y(), view.hand.wrist_n.z()})
       csv += "," + number_text(number);
+    // Known of devices alone that say where the wrist is.
+    for (int axis = 0; axis < 3; ++axis)
+      csv += "," + (view.hand.wrist_torque_nm ? number_text((*view.hand.wrist_torque_nm)[axis]) : "");
     for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
     csv += "\n";
     vitals += vitals_lines(view);

@@ -124,6 +124,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   for (bool goes_on = true; goes_on; ++step) {
     any = recorder.read(poses) || any;
     if (any) forces.forces(poses, period_s, forces_n);
+    if (any && recorder.has_wrist()) recorder.write_wrist(forces.wrist_force(recorder.wrist().position_m));
     recorder.write(forces_n);
     // What is near the fingers is looked for beside the pictures too, so that coarse pictures miss no
     // contact.

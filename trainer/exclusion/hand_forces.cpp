@@ -74,6 +74,17 @@ void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::
   }
   now_.any = true;
   now_.peak_wrist_n = std::max(now_.peak_wrist_n, now_.wrist_n.norm());
+  publish();
+}
+
+sim::WristForce HandForces::wrist_force(const Vector3& wrist_m) {
+  const sim::WristForce wrist = contact_.wrist_force(wrist_m);
+  now_.wrist_torque_nm = wrist.torque_nm;
+  publish();
+  return wrist;
+}
+
+void HandForces::publish() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (lock.owns_lock()) seen_ = now_;  // as many fingers, so nothing is allocated
 }

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -40,6 +41,8 @@ class HandForces : public sim::ForceSource {
  public:
   HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback);
   void forces(std::span<const sim::Pose> poses, double period_s, std::span<sim::Vector3> forces_n) override;
+  /// Of the whole forces, whatever of them the fingers are played.
+  sim::WristForce wrist_force(const sim::Vector3& wrist_m) override;
 
   /// How the body lies now, and what is near the fingers from now on: HapticContact::refresh().
   [[nodiscard]] sim::HapticContact::Deformation refresh() { return contact_.refresh(); }
@@ -49,11 +52,14 @@ class HandForces : public sim::ForceSource {
     std::vector<sim::Pose> poses;
     std::vector<sim::Vector3> forces_n;           // on the fingers, whole, whatever is played
     sim::Vector3 wrist_n = sim::Vector3::Zero();  // their sum
+    std::optional<sim::Vector3> wrist_torque_nm;  // about the wrist, of devices that say where it is
     double path_m = 0, peak_force_n = 0, peak_wrist_n = 0;
   };
   [[nodiscard]] State state() const;
 
  private:
+  void publish();
+
   sim::HapticContact contact_;
   Feedback feedback_;
   State now_;                 // the force loop's
