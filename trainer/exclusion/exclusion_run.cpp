@@ -57,6 +57,11 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
     scene.solids.push_back(
         {{sim::Sphere{kFingertipMetres}, hand.poses[i], with_cue(kFingerColour, cue)}, kFingerMark, false});
   }
+  if (hand.any && !hand.parts.empty()) {
+    const std::vector<sim::ContactTool> tools = HandShape(hand.poses.size()).tools(0);
+    for (std::size_t part = 0; part < tools.size(); ++part)
+      scene.solids.push_back({{tools[part].shape, hand.parts[part], kFingerColour}, kFingerMark, false});
+  }
   if (options_.ghost) {
     for (const sim::Pose& pose : options_.ghost->at(time_s))
       scene.solids.push_back({{sim::Sphere{kFingertipMetres}, pose, kGhostColour}, kGhostMark, true});
@@ -121,7 +126,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   const double period_s = 1 / options_.force_rate_hz;
   SafeDevice safe(device, period_s, options_.limits);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
   ExclusionJudge judge(body_.task());
   std::vector<sim::Pose> poses(device.tools());
   std::vector<Vector3> forces_n(device.tools(), Vector3::Zero());
@@ -131,6 +136,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   std::uint64_t step = 0, pictures = 0;
   for (bool goes_on = true; goes_on; ++step) {
     any = recorder.read(poses) || any;
+    if (any && recorder.has_wrist()) forces.wrist_at(recorder.wrist());
     if (any) forces.forces(poses, period_s, forces_n);
     if (any && recorder.has_wrist()) recorder.write_wrist(forces.wrist_force(recorder.wrist().position_m));
     recorder.write(forces_n);
@@ -155,7 +161,7 @@ ExclusionOutcome ExclusionRunner::run_in_real_time(sim::HapticDevice& device,
   // However this ends, no force stays on a finger.
   const AtRest at_rest(safe);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
   ExclusionJudge judge(body_.task());
   sim::ForceLoopOptions loop_options;
   loop_options.rate_hz = options_.force_rate_hz;

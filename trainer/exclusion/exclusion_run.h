@@ -17,6 +17,7 @@ struct ExclusionOptions {
   bool shows_stress = false;  // in the tissue's colour
   bool shows_press = false;   // what fingers press, blue to red by how hard (press_cue.h)
   Feedback feedback = Feedback::kFull;
+  Touch touch = Touch::kFingertips;
   double force_rate_hz = 1000, picture_rate_hz = 20;
   int width = 640, height = 480;
   SafetyLimits limits;
