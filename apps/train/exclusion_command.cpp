@@ -3,6 +3,7 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
+#include <numeric>
 
 #include <nlohmann/json.hpp>
 
@@ -39,8 +40,8 @@ struct Request {
   std::string output, hand;
   std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1",
               practice = "180";
-  std::optional<std::string> object, organ, damage, friction, session, feedback, ghost, trainee, database,
-      home;
+  std::optional<std::string> object, organ, damage, friction, session, feedback, touch, ghost, trainee,
+      database, home;
   bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
@@ -48,6 +49,7 @@ trainer::ExclusionOptions options_of(const Request& request) {
   trainer::ExclusionOptions options;
   options.shows_stress = request.stress;
   options.feedback = trainer::feedback_of(request.feedback.value_or("full"));
+  options.touch = trainer::touch_of(request.touch.value_or("fingertips"));
   const std::vector<double> size = parse_numbers(request.size, 'x', 2, "--size");
   constexpr double kLeastSide = 64, kMostSide = 4096;
   for (const double side : size) {
@@ -113,6 +115,10 @@ int run(const Request& request) {
   const double practice_s = parse_seconds(request.practice, "--practice", 0, 3600);
   if (request.trainee.has_value() != request.database.has_value())
     throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
+  if (options.touch == trainer::Touch::kHand && request.trainee)
+    throw UsageError(
+        "--touch hand is kept with no trainee, as learning curves are of fingertips: leave --trainee and "
+        "--database out");
   if (request.organ && request.object)
     throw UsageError("--organ and --object are two ways to say what is pushed aside: give one");
   if (request.test && request.stress) throw UsageError("--test is without stress: leave --stress out");
@@ -151,7 +157,8 @@ int run(const Request& request) {
   std::unique_ptr<sim::PluginDevice> plugin;
   if (plugged) plugin = std::make_unique<sim::PluginDevice>(fingers, plugged->library, plugged->argument);
   if (request.organ && (address || plugged))
-    trainer::require_haptic_rate(body, fingers, trainer::measured_force_rate_hz(body, fingers));
+    trainer::require_haptic_rate(body, fingers,
+                                 trainer::measured_force_rate_hz(body, fingers, options.touch));
   // Objects A and B are known to be lifted, with the usual friction.
   if ((request.organ || request.friction) && (address || plugged)) warn_of_doubt(body, std::array{fingers});
   int session = asked_session.value_or(1);
@@ -169,8 +176,11 @@ int run(const Request& request) {
                          request.force);
   sim::Lettering lettering;
   std::string csv =
-      "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n";
+      "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n,"
+      "wrist_x_nm,wrist_y_nm,wrist_z_nm";
   for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
+  const bool whole_hand = options.touch == trainer::Touch::kHand;
+  if (whole_hand) csv += ",phalanges_and_palm_n";
   csv += "\n";
   std::string vitals = kVitalsHead;
   std::unique_ptr<trainer::SimulatedTrainee> simulated;
@@ -184,7 +194,15 @@ int run(const Request& request) {
          {view.visible_share, view.largest_von_mises_pa, 1e6 * view.damaged_m3, view.danger, view.tone_hz,
           view.hand.wrist_n.x(), view.hand.wrist_n.y(), view.hand.wrist_n.z()})
       csv += "," + number_text(number);
+    // Known of devices alone that say where the wrist is.
+    for (int axis = 0; axis < 3; ++axis)
+      csv += "," + (view.hand.wrist_torque_nm ? number_text((*view.hand.wrist_torque_nm)[axis]) : "");
     for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
+    if (whole_hand) {
+      const sim::Vector3 rest_n = std::accumulate(view.hand.parts_n.begin(), view.hand.parts_n.end(),
+                                                  sim::Vector3(sim::Vector3::Zero()));
+      csv += "," + number_text(rest_n.norm());
+    }
     csv += "\n";
     vitals += vitals_lines(view);
     return !plugin || !plugin->lost();  // nobody moves the hand any more
@@ -228,6 +246,7 @@ int run(const Request& request) {
               {"hand", request.hand},
               {"simulated", request.hand == "simulated"},
               {"fingers", fingers},
+              {"touch", request.touch.value_or("fingertips")},
               {"vertices", body.object().mesh.nodes.size()},
               {"tetrahedra", body.object().mesh.tetrahedra.size()},
               {"stress_shown", options.shows_stress},
@@ -310,6 +329,8 @@ void add_train_exclusion_command(Command& train) {
                  "0.5, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
                  "forces in three directions, or their part along each finger", "full");
+  command.choice("--touch", {"fingertips", "hand"}, request.touch,
+                 "with fingertips alone, or with phalanges and palm, too", "fingertips");
   command.option("--ghost", "FILE", request->ghost,
                  "an expert's hand motion, shown beside the trainee's fingers");
   command.option("--seconds", "T", request->seconds, duration_help("until the attempt is over"));
@@ -337,6 +358,8 @@ void add_train_exclusion_command(Command& train) {
   command.example("kiroku train exclusion --object b --hand udp:7001 --fingers 5 --stress -o own",
                   "a person at a device, stress shown");
   command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");
+  command.example("kiroku train exclusion --hand lift/hand.txt --touch hand -o grasp",
+                  "the same motion with a whole hand");
   command.example("kiroku train exclusion --organ liver.json --hand simulated -o liver", "a patient's liver");
   command.example(
       "kiroku train exclusion --hand udp:7001 --trainee Aoki --database training.sqlite --test --seal -o "

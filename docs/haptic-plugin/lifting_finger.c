@@ -1,5 +1,5 @@
-/* An example of a haptic plug-in: fingers side by side that lift what is above them, as a machine would, and
- * hold it there. Its argument is how far, in metres: "0.02".
+/* An example of a haptic plug-in without a wrist (version 1): fingers side by side that lift what is above
+ * them, as a machine would, and hold it there. Its argument is how far, in metres: "0.02".
  *
  *   cc -std=c11 -shared -fPIC -I /usr/include/kiroku lifting_finger.c -o lifting_finger.so
  *   kiroku train exclusion --hand plugin:./lifting_finger.so:0.02 --fingers 3 -o lifted

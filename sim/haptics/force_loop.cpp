@@ -22,7 +22,8 @@ ForceLoop::ForceLoop(HapticDevice& device, ForceSource& source, const ForceLoopO
     throw UsageError("a force loop runs at 1 to 100,000 Hz");
   if (options_.real_time_priority < 0 || options_.real_time_priority > 99)
     throw UsageError("a real-time priority is 1 to 99, or 0 for none");
-  if (!(options_.most_force_n > 0)) throw UsageError("the largest force must be greater than zero");
+  if (!(options_.most_force_n > 0) || !(options_.most_wrist_n > 0) || !(options_.most_wrist_nm > 0))
+    throw UsageError("the largest forces and the largest torque must be greater than zero");
   std::ranges::fill(forces_n_, Vector3::Zero());
   thread_ = std::thread([this] { run(); });
 }
@@ -89,6 +90,7 @@ void ForceLoop::run() {
   }
   std::ranges::fill(forces_n_, Vector3::Zero());
   try {
+    if (device_.has_wrist()) device_.write_wrist({});
     device_.write(forces_n_);
   } catch (...) {
     const std::lock_guard lock(failure_mutex_);
@@ -97,25 +99,35 @@ void ForceLoop::run() {
   running_ = false;
 }
 
+void ForceLoop::limit(Vector3& of, double most) {
+  const double size = of.norm();
+  if (size <= most) return;
+  ++limited_;
+  // What is no number is no force either.
+  of = std::isfinite(size) ? Vector3(of * (most / size)) : Vector3::Zero();
+}
+
 void ForceLoop::step(double period_s) {
   const nanoseconds now = std::chrono::steady_clock::now().time_since_epoch();
   if (device_.read(poses_)) {
     pose_at_ = now;
     has_pose_ = true;
   }
+  WristForce wrist;
   if (!has_pose_ || now - pose_at_ > options_.pose_timeout) {
     ++without_pose_;
     std::ranges::fill(forces_n_, Vector3::Zero());
   } else {
+    if (device_.has_wrist()) source_.wrist_at(device_.wrist());
     source_.forces(poses_, period_s, forces_n_);
-    for (Vector3& force_n : forces_n_) {
-      const double size_n = force_n.norm();
-      if (size_n <= options_.most_force_n) continue;
-      ++limited_;
-      // What is no number is no force either.
-      force_n = std::isfinite(size_n) ? Vector3(force_n * (options_.most_force_n / size_n)) : Vector3::Zero();
+    for (Vector3& force_n : forces_n_) limit(force_n, options_.most_force_n);
+    if (device_.has_wrist()) {
+      wrist = source_.wrist_force(device_.wrist().position_m);
+      limit(wrist.force_n, options_.most_wrist_n);
+      limit(wrist.torque_nm, options_.most_wrist_nm);
     }
   }
+  if (device_.has_wrist()) device_.write_wrist(wrist);
   device_.write(forces_n_);
 }
 

@@ -22,6 +22,12 @@ class ForceSource {
   /// One pose and one force a tool; neither waits nor takes longer than the loop's period, as far as it can.
   /// `period_s` has passed since the last call. What it throws ends the loop.
   virtual void forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) = 0;
+  /// Where the wrist is at the next forces(). Called before it, for devices that have a wrist.
+  virtual void wrist_at(const Pose& /*wrist*/) {}
+  /// What a wrist at `wrist_m` bears of the last forces(): their sum before anything is left out of what the
+  /// tools play, and its torque. Called after it, for devices that have a wrist. Nothing where no hand holds
+  /// the tools.
+  virtual WristForce wrist_force(const Vector3& /*wrist_m*/) { return {}; }
 };
 
 struct ForceLoopOptions {
@@ -35,6 +41,8 @@ struct ForceLoopOptions {
   /// Keeps what the process has mapped by then in memory once it was touched, for as long as it runs, where
   /// the system allows it (CAP_IPC_LOCK or RLIMIT_MEMLOCK).
   bool lock_memory = true;
+  /// Of a wrist, which bears more than a finger.
+  double most_wrist_n = 100, most_wrist_nm = 10;
 };
 
 struct ForceLoopStatistics {
@@ -43,7 +51,7 @@ struct ForceLoopStatistics {
   std::uint64_t skipped = 0;         // never begun, as the one before took too long
   std::uint64_t late_woken = 0;      // late though they took less than a period: the system began them late
   std::uint64_t without_pose = 0;    // for too long: forces were zero
-  std::uint64_t limited_forces = 0;  // of a tool, that were larger than most_force_n
+  std::uint64_t limited_forces = 0;  // of a tool or the wrist, that were larger than allowed
   bool real_time = false;            // whether the system gave the priority
   bool memory_locked = false;        // and kept the memory
   /// How much later than due steps began.
@@ -79,6 +87,7 @@ class ForceLoop {
   void run();
   void prepare_thread();
   void step(double period_s);
+  void limit(Vector3& of, double most);
   void rethrow_failure() const;
 
   HapticDevice& device_;

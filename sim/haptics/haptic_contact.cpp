@@ -8,16 +8,20 @@
 
 namespace kiroku::sim {
 
-void HapticContact::Fade::begin(std::span<const Vector3> before_n, std::span<const Vector3> after_n) {
-  for (std::size_t tool = 0; tool < difference_n_.size(); ++tool)
-    difference_n_[tool] = before_n[tool] - after_n[tool];
+void HapticContact::Fade::begin(const Felt& before, const Felt& after) {
+  for (std::size_t tool = 0; tool < difference_.forces_n.size(); ++tool) {
+    difference_.forces_n[tool] = before.forces_n[tool] - after.forces_n[tool];
+    difference_.torques_nm[tool] = before.torques_nm[tool] - after.torques_nm[tool];
+  }
   left_s_ = fade_s_;
 }
 
-void HapticContact::Fade::apply(double period_s, std::span<Vector3> forces_n) {
+void HapticContact::Fade::apply(double period_s, Felt& felt) {
   if (left_s_ <= 0) return;
-  for (std::size_t tool = 0; tool < difference_n_.size(); ++tool)
-    forces_n[tool] += left_s_ / fade_s_ * difference_n_[tool];
+  for (std::size_t tool = 0; tool < difference_.forces_n.size(); ++tool) {
+    felt.forces_n[tool] += left_s_ / fade_s_ * difference_.forces_n[tool];
+    felt.torques_nm[tool] += left_s_ / fade_s_ * difference_.torques_nm[tool];
+  }
   left_s_ -= period_s;
 }
 
@@ -30,25 +34,28 @@ HapticContact::HapticContact(const ContactBody& body, std::vector<ContactTool> t
       size_m_(extent_of(body.body().mesh()).longest_side_m()),
       solver_(std::make_unique<ContactSolver>(whole_ ? body.whole_surface() : body.neighbourhood({}), tools_,
                                               options.contact)),
-      last_n_(tools_.size(), Vector3::Zero()),
-      after_n_(last_n_),
-      fade_(last_n_.size(), std::chrono::duration<double>(options.fade).count()),
+      last_(tools_.size()),
+      found_(tools_.size()),
+      last_poses_(tools_.size()),
+      fade_(tools_.size(), std::chrono::duration<double>(options.fade).count()),
       near_(body.surface().size()),
       known_(body.surface().size()),
       ahead_(body.surface().size()),
       tree_(body.surface().size()),
-      poses_(last_n_.size()) {
+      poses_(tools_.size()) {
   if (!(options_.margin > 0)) throw UsageError("the margin around tools must be greater than zero");
   if (options_.fade.count() <= 0) throw UsageError("forces need a time to fade in");
   constexpr std::size_t kUsualContacts = 1024;
   contacts_.reserve(kUsualContacts);
 }
 
-bool HapticContact::solve(std::span<const Pose> poses, std::span<Vector3> forces_n) {
+bool HapticContact::solve(std::span<const Pose> poses, Felt& felt) {
   try {
     const ContactResult& result = solver_->step(poses);
-    for (std::size_t tool = 0; tool < result.tools.size(); ++tool)
-      forces_n[tool] = result.tools[tool].force_n;
+    for (std::size_t tool = 0; tool < result.tools.size(); ++tool) {
+      felt.forces_n[tool] = result.tools[tool].force_n;
+      felt.torques_nm[tool] = result.tools[tool].torque_nm;
+    }
     return true;
   } catch (const UsageError&) {
     throw;  // another number of tools than the device has: no step would ever succeed
@@ -59,12 +66,12 @@ bool HapticContact::solve(std::span<const Pose> poses, std::span<Vector3> forces
 }
 
 void HapticContact::forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) {
-  if (solve(poses, forces_n)) {
-    fade_.apply(period_s, forces_n);
-    std::ranges::copy(forces_n, last_n_.begin());
-  } else {
-    std::ranges::copy(last_n_, forces_n.begin());
+  if (solve(poses, found_)) {
+    fade_.apply(period_s, found_);
+    std::swap(last_, found_);
+    std::ranges::copy(poses, last_poses_.begin());
   }
+  std::ranges::copy(last_.forces_n, forces_n.begin());
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (!lock.owns_lock()) return;
   if (next_ && !used_) {
@@ -73,13 +80,17 @@ void HapticContact::forces(std::span<const Pose> poses, double period_s, std::sp
     used_ = std::move(next_);  // freed by refresh()
     // What the new one finds at the same poses is where forces have to come to, from where they are. On a
     // compliance that no cache holds yet that takes longer than a step: only where forces will differ.
-    if (!as_before && solve(poses, after_n_)) fade_.begin(last_n_, after_n_);
+    if (!as_before && solve(poses, found_)) fade_.begin(last_, found_);
   }
   contacts_ = solver_->result().contacts;
   poses_.assign(poses.begin(), poses.end());
   has_poses_ = true;
   failed_seen_ = failed_;
   room_ = solver_->room();
+}
+
+WristForce HapticContact::wrist_force(const Vector3& wrist_m) {
+  return wrist_force_of(wrist_m, last_poses_, last_.forces_n, last_.torques_nm);
 }
 
 HapticContact::Deformation HapticContact::refresh() {

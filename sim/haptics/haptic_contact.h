@@ -44,6 +44,7 @@ class HapticContact : public ForceSource {
   /// For the force loop's thread. Steps that fail (tools that overlap) repeat the forces before and are
   /// counted.
   void forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) override;
+  WristForce wrist_force(const Vector3& wrist_m) override;
 
   struct Deformation {
     std::vector<Contact> contacts;   // that it was computed from
@@ -57,19 +58,24 @@ class HapticContact : public ForceSource {
   Deformation refresh();
 
  private:
-  /// Forces of before a change, on their way to those of after it.
+  /// What tools feel: a force each, N, and its torque about the tool's origin, N m.
+  struct Felt {
+    explicit Felt(std::size_t tools) : forces_n(tools, Vector3::Zero()), torques_nm(forces_n) {}
+    std::vector<Vector3> forces_n, torques_nm;
+  };
+  /// What was felt before a change, on its way to what is felt after it.
   class Fade {
    public:
-    Fade(std::size_t tools, double fade_s) : difference_n_(tools, Vector3::Zero()), fade_s_(fade_s) {}
-    void begin(std::span<const Vector3> before_n, std::span<const Vector3> after_n);
-    void apply(double period_s, std::span<Vector3> forces_n);
+    Fade(std::size_t tools, double fade_s) : difference_(tools), fade_s_(fade_s) {}
+    void begin(const Felt& before, const Felt& after);
+    void apply(double period_s, Felt& felt);
 
    private:
-    std::vector<Vector3> difference_n_;
+    Felt difference_;
     double fade_s_, left_s_ = 0;
   };
 
-  bool solve(std::span<const Pose> poses, std::span<Vector3> forces_n);
+  bool solve(std::span<const Pose> poses, Felt& felt);
 
   const ContactBody& body_;
   HapticContactOptions options_;
@@ -79,7 +85,8 @@ class HapticContact : public ForceSource {
 
   // The force loop's.
   std::unique_ptr<ContactSolver> solver_;
-  std::vector<Vector3> last_n_, after_n_;
+  Felt last_, found_;
+  std::vector<Pose> last_poses_;  // of last_
   Fade fade_;
   std::uint64_t failed_ = 0;
 

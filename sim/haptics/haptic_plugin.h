@@ -1,14 +1,19 @@
-/* A haptic device as a plug-in of Kiroku: a shared library that gives where fingers are and plays what they
- * feel. Plain C, so that any compiler and language can make one.
+/* A haptic device as a plug-in of Kiroku: a shared library that gives where fingers and wrist are and plays
+ * what they feel. Plain C, so that any compiler and language can make one.
  *
- * The library exports kiroku_haptic_plugin(), which returns a table that lives as long as the library. Kiroku
- * calls open() once, then read() and write() about a thousand times a second from one thread, then close().
+ * The library exports a function that returns a table, which lives as long as the library:
+ *
+ *   version 2   kiroku_haptic_plugin_2()   fingers and a wrist
+ *   version 1   kiroku_haptic_plugin()     fingers alone
+ *
+ * A library that has both is used by its second version, and by older programs by its first. Kiroku calls
+ * open() once, then read() and write() about a thousand times a second from one thread, then close().
  * read() and write() must return at once and must not wait, allocate or print; no function may let an
  * exception out or end the program.
  *
- * Lengths are metres, forces newtons, in the axes of the organ's mesh. What a plug-in gives is checked and
- * what it is given is limited (docs/explanation/training.md, "A device that fails"), but a device of strength
- * needs a limit of its own too.
+ * Lengths are metres, forces newtons, torques newton metres, in the axes of the organ's mesh. What a plug-in
+ * gives is checked and what it is given is limited (docs/explanation/training.md, "A device that fails"), but
+ * a device of strength needs a limit of its own too.
  */
 #ifndef KIROKU_HAPTIC_PLUGIN_H
 #define KIROKU_HAPTIC_PLUGIN_H
@@ -20,10 +25,11 @@
 extern "C" {
 #endif
 
-/* Changes whenever a table or a structure does; a plug-in of another one is refused. */
+/* What stands in a table's `abi`; a table with another number is refused. */
 #define KIROKU_HAPTIC_ABI 1
+#define KIROKU_HAPTIC_ABI_2 2
 
-/* The middle of a fingertip and its orientation, a unit quaternion w, x, y, z. */
+/* The middle of a fingertip, or of the wrist, and its orientation, a unit quaternion w, x, y, z. */
 typedef struct KirokuHapticPose {
   double position_m[3];
   double orientation[4];
@@ -32,6 +38,13 @@ typedef struct KirokuHapticPose {
 typedef struct KirokuHapticForce {
   double n[3];
 } KirokuHapticForce;
+
+/* What the wrist bears: the sum of the reaction forces on all that the hand touches with, and their torque
+ * about the wrist's position. */
+typedef struct KirokuHapticWristForce {
+  double n[3];
+  double nm[3];
+} KirokuHapticWristForce;
 
 /* What read() and write() return. */
 enum {
@@ -53,8 +66,21 @@ typedef struct KirokuHapticPlugin {
   void (*close)(void* device);
 } KirokuHapticPlugin;
 
-/* What the library exports. */
+typedef struct KirokuHapticPlugin2 {
+  uint32_t abi;      /* KIROKU_HAPTIC_ABI_2 */
+  uint32_t reserved; /* 0 */
+  /* As of version 1. */
+  void* (*open)(const char* argument, uint32_t fingers, char* error, size_t error_size);
+  /* The newest pose of every finger into `poses`, and the wrist's into `wrist`. */
+  int (*read)(void* device, KirokuHapticPose* poses, KirokuHapticPose* wrist);
+  /* Plays a force on every finger, and a force and a torque on the wrist. */
+  int (*write)(void* device, const KirokuHapticForce* forces, const KirokuHapticWristForce* wrist);
+  void (*close)(void* device);
+} KirokuHapticPlugin2;
+
+/* What the library exports, one or both. */
 const KirokuHapticPlugin* kiroku_haptic_plugin(void);
+const KirokuHapticPlugin2* kiroku_haptic_plugin_2(void);
 
 #ifdef __cplusplus
 }

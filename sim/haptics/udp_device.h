@@ -10,6 +10,10 @@
 //           12 + 56 i  f64 x, y, z, then w, x, y, z          12 + 24 i  f64 x, y, z
 //                      of the unit quaternion
 //
+// Hands with a wrist send "KHP2": behind the tools' poses comes the wrist's, laid out as these. They are
+// answered with "KHF2": behind the tools' forces come the wrist's, f64 x, y, z of its force and then of its
+// torque about the wrist, N m.
+//
 // A datagram is exactly as long as its tools ask for. Nothing proves who sent it: the device listens on the
 // loopback address unless told otherwise, and belongs to a network of its own if it is.
 #pragma once
@@ -37,10 +41,14 @@ class UdpDevice : public HapticDevice {
   /// Of what came, the newest; at most kMostDatagrams are looked at, so that a flood holds up nobody.
   bool read(std::span<Pose> poses) override;
   void write(std::span<const Vector3> forces_n) override;
+  [[nodiscard]] bool has_wrist() const override { return has_wrist_; }
+  [[nodiscard]] Pose wrist() const override { return wrist_; }
+  void write_wrist(const WristForce& wrist) override { wrist_force_ = wrist; }
 
   struct Counts {
     std::uint64_t accepted = 0;
-    std::uint64_t malformed = 0;     // length, first letters, number of tools, numbers that are no pose
+    std::uint64_t malformed = 0;     // length, first letters, number of tools, numbers that are no pose; of
+                                     // the other version than its sender began with
     std::uint64_t out_of_order = 0;  // not newer than one that was accepted
     std::uint64_t foreign = 0;       // from another sender, while the first was heard within kSilence
     std::uint64_t not_sent = 0;      // forces that the network did not take
@@ -69,6 +77,9 @@ class UdpDevice : public HapticDevice {
   const Clock& time_;
   Clock::Time heard_;
   std::uint32_t sequence_ = 0;
+  bool has_wrist_ = false;
+  Pose wrist_;
+  WristForce wrist_force_;
   Counts counts_;
 };
 

@@ -199,8 +199,10 @@ story('A new trainee', (step) => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('3');
     await page.getByLabel('Show an expert’s hand').check();
+    expect(await page.getByLabel('Colour what the fingers press').isChecked()).toBe(false);
     await page.getByRole('button', { name: 'Practise' }).click();
     await begun();
+    expect(await page.locator('.press-scale').count()).toBe(0);
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
     // The picture has what is left of the screen: 220 pixels of its height are for the rest.
     const field = (await page.locator('.attempt-field').boundingBox()) as { height: number };
@@ -297,6 +299,39 @@ story('A new trainee', (step) => {
     await page.getByRole('button', { name: 'Other trainee or organ' }).click();
     await page.getByText('Session 2:').waitFor();
   });
+  step('sees what a finger presses turn blue, then red', async () => {
+    const { page } = visitor;
+    await page.getByRole('button', { name: '日本語' }).click();
+    await page.getByLabel('指で押している部分に色を付ける').check();
+    await page.getByRole('button', { name: 'English' }).click();
+    await page.getByLabel('Fingers').selectOption('2');
+    await page.getByRole('button', { name: 'Practise' }).click();
+    await begun();
+    await page.getByText('Pressed tissue: blue at 0.5 N, red from 1.0 N on').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    expect((await pixelsLike(page, 255, 0, 0)) + (await pixelsLike(page, 0, 0, 255))).toBe(0);
+    // Both fingers press upwards from below, a little at a time, until each colour was seen.
+    await page.keyboard.press('Space');
+    await page.waitForTimeout(700);
+    const seen = { blue: 0, red: 0 };
+    const end = Date.now() + 30_000;
+    while (seen.red < 100 && Date.now() < end) {
+      await page.keyboard.press('ArrowUp');
+      await page.waitForTimeout(120);
+      seen.blue = Math.max(seen.blue, await pixelsLike(page, 0, 0, 255));
+      seen.red = Math.max(seen.red, await pixelsLike(page, 255, 0, 0));
+    }
+    await keepPicture(page, 'training-press');
+    expect(seen.blue).toBeGreaterThan(20);
+    expect(seen.red).toBeGreaterThan(100);
+    await page.keyboard.press('Space');
+    await expect.poll(async () => (await pixelsLike(page, 255, 0, 0)) + (await pixelsLike(page, 0, 0, 255))).toBe(0);
+    await page.getByRole('button', { name: 'Give up' }).click();
+    await page.locator('.train-came', { hasText: 'Given up' }).waitFor();
+    await page.getByRole('button', { name: 'Other trainee or organ' }).click();
+    await page.getByLabel('Colour what the fingers press').uncheck();
+  });
+
   step('makes an attempt with keys alone, muted, and gives up', async () => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('2');
@@ -372,7 +407,7 @@ story('A new trainee', (step) => {
         return page.locator('.train-numbers tbody tr').last().textContent();
       })
       .toContain('Broken off');
-    await expect.poll(() => page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(5);
+    await expect.poll(() => page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(6);
   });
   step('reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;

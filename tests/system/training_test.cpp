@@ -182,6 +182,27 @@ TEST_F(Exclusion, AnOrganIsPushedAsideAndItsMotionPlayedAgain) {
   EXPECT_EQ(read_text(folder() / "third/forces.csv"), read_text(folder() / "again/forces.csv"));
 }
 
+TEST_F(Exclusion, AWholeHandTouchesWithMoreThanItsFingertips) {
+  ASSERT_EQ(push("simulated", "first").status, 0);
+  const std::string hand = path("first/hand.txt");
+  (void)push(hand, "fingers");
+  const ProcessResult whole = push(hand, "hand", {"--touch", "hand"});
+  EXPECT_LE(whole.status, 1) << whole.err;  // whether the line is seen is not asked here
+  const auto score_of = [&](const std::string& name) {
+    return nlohmann::json::parse(read_text(folder() / name / "score.json"));
+  };
+  EXPECT_EQ(score_of("fingers")["touch"], "fingertips");
+  EXPECT_EQ(score_of("hand")["touch"], "hand");
+  EXPECT_NE(score_of("hand")["score"]["peak_wrist_force_n"],
+            score_of("fingers")["score"]["peak_wrist_force_n"]);
+  EXPECT_THAT(read_text(folder() / "hand/forces.csv"), HasSubstr("finger_3_n,phalanges_and_palm_n\n"));
+  EXPECT_THAT(read_text(folder() / "fingers/forces.csv"), HasSubstr("finger_3_n\n"));
+  const ProcessResult kept =
+      push(hand, "kept", {"--touch", "hand", "--trainee", "Aoki", "--database", path("t.sqlite")});
+  EXPECT_EQ(kept.status, 2);
+  EXPECT_THAT(kept.err, HasSubstr("--touch hand is kept with no trainee"));
+}
+
 // Real time: a hand sends 500 positions a second, and the trainer takes them as they come; where other
 // work holds either up, the organ is not lifted as it was.
 class ExclusionRealTime : public Exclusion {};

@@ -9,6 +9,7 @@
 #include "sim/haptics/rate_scheduler.h"
 #include "sim/render/colour_map.h"
 #include "sim/render/volume_renderer.h"
+#include "trainer/exclusion/press_cue.h"
 #include "trainer/exclusion/stress_score.h"
 
 namespace kiroku::trainer {
@@ -35,20 +36,32 @@ ExclusionRunner::ExclusionRunner(const ExclusionBody& body, ExclusionOptions opt
       von_mises_pa_(body.object().mesh.tetrahedra.size()) {}
 
 sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, double time_s,
-                                            std::span<const double> von_mises_pa) const {
+                                            std::span<const double> displacement_m) const {
   sim::SurfaceScene scene;
   scene.camera = camera_of(body_.task(), options_.width, options_.height);
   scene.width = options_.width;
   scene.height = options_.height;
   scene.tissue = body_.object().tissue;
   if (options_.shows_stress) {
-    for (const double pa : sim::at_nodes(body_.object().mesh, von_mises_pa))
+    for (const double pa : sim::at_nodes(body_.object().mesh, von_mises_pa_))
       scene.node_colours.push_back(sim::viridis(pa / body_.task().damage_pa));
   }
+  const bool shows_press = options_.shows_press && hand.any;
+  if (shows_press) {
+    scene.node_colours.resize(body_.object().mesh.nodes.size(), scene.tissue);
+    colour_pressed_tissue(body_.object().mesh, displacement_m, hand, scene.node_colours);
+  }
   scene.solids.push_back({line_of(body_.task()), kContactLineMark, false});
-  for (std::size_t i = 0; hand.any && i < hand.poses.size(); ++i)
+  for (std::size_t i = 0; hand.any && i < hand.poses.size(); ++i) {
+    const PressCue cue = shows_press ? press_cue(hand.forces_n[i].norm()) : PressCue();
     scene.solids.push_back(
-        {{sim::Sphere{kFingertipMetres}, hand.poses[i], kFingerColour}, kFingerMark, false});
+        {{sim::Sphere{kFingertipMetres}, hand.poses[i], with_cue(kFingerColour, cue)}, kFingerMark, false});
+  }
+  if (hand.any && !hand.parts.empty()) {
+    const std::vector<sim::ContactTool> tools = HandShape(hand.poses.size()).tools(0);
+    for (std::size_t part = 0; part < tools.size(); ++part)
+      scene.solids.push_back({{tools[part].shape, hand.parts[part], kFingerColour}, kFingerMark, false});
+  }
   if (options_.ghost) {
     for (const sim::Pose& pose : options_.ghost->at(time_s))
       scene.solids.push_back({{sim::Sphere{kFingertipMetres}, pose, kGhostColour}, kGhostMark, true});
@@ -83,7 +96,7 @@ bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double tim
   view.score = judge.score();
   sim::Picture picture;
   if (options_.draws) {
-    picture = renderer_.render(displacement, scene_of(view.hand, time_s, von_mises_pa_)).picture;
+    picture = renderer_.render(displacement, scene_of(view.hand, time_s, displacement)).picture;
     view.picture = &picture;
   }
   view.displacement_m = displacement;
@@ -113,7 +126,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   const double period_s = 1 / options_.force_rate_hz;
   SafeDevice safe(device, period_s, options_.limits);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
   ExclusionJudge judge(body_.task());
   std::vector<sim::Pose> poses(device.tools());
   std::vector<Vector3> forces_n(device.tools(), Vector3::Zero());
@@ -123,7 +136,9 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   std::uint64_t step = 0, pictures = 0;
   for (bool goes_on = true; goes_on; ++step) {
     any = recorder.read(poses) || any;
+    if (any && recorder.has_wrist()) forces.wrist_at(recorder.wrist());
     if (any) forces.forces(poses, period_s, forces_n);
+    if (any && recorder.has_wrist()) recorder.write_wrist(forces.wrist_force(recorder.wrist().position_m));
     recorder.write(forces_n);
     // What is near the fingers is looked for beside the pictures too, so that coarse pictures miss no
     // contact.
@@ -146,7 +161,7 @@ ExclusionOutcome ExclusionRunner::run_in_real_time(sim::HapticDevice& device,
   // However this ends, no force stays on a finger.
   const AtRest at_rest(safe);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
   ExclusionJudge judge(body_.task());
   sim::ForceLoopOptions loop_options;
   loop_options.rate_hz = options_.force_rate_hz;

@@ -15,7 +15,9 @@ namespace kiroku::trainer {
 
 struct ExclusionOptions {
   bool shows_stress = false;  // in the tissue's colour
+  bool shows_press = false;   // what fingers press, blue to red by how hard (press_cue.h)
   Feedback feedback = Feedback::kFull;
+  Touch touch = Touch::kFingertips;
   double force_rate_hz = 1000, picture_rate_hz = 20;
   int width = 640, height = 480;
   SafetyLimits limits;
@@ -67,7 +69,7 @@ class ExclusionRunner {
   /// One picture's worth; false at the end.
   bool look(HandForces& forces, ExclusionJudge& judge, double time_s, const ExclusionObserver& observer);
   [[nodiscard]] sim::SurfaceScene scene_of(const HandForces::State& hand, double time_s,
-                                           std::span<const double> von_mises_pa) const;
+                                           std::span<const double> displacement_m) const;
 
   const ExclusionBody& body_;
   ExclusionOptions options_;

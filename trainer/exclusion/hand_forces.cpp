@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "base/error.h"
 
@@ -25,6 +26,12 @@ Feedback feedback_of(const std::string& name) {
   if (name == "full") return Feedback::kFull;
   if (name == "tangential") return Feedback::kTangential;
   throw UsageError("'" + name + "' is no way to play forces: it must be full or tangential");
+}
+
+Touch touch_of(const std::string& name) {
+  if (name == "fingertips") return Touch::kFingertips;
+  if (name == "hand") return Touch::kHand;
+  throw UsageError("'" + name + "' is nothing to touch with: it must be fingertips or hand");
 }
 
 Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_n) {
@@ -54,15 +61,42 @@ bool any_above(double newtons, std::span<const sim::Vector3> forces_n) {
   return std::ranges::any_of(forces_n, [&](const sim::Vector3& force_n) { return force_n.norm() > newtons; });
 }
 
-HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback)
-    : contact_(body.contact(), fingertips(fingers, body.task().friction)), feedback_(feedback) {
-  now_.poses.resize(fingers);
-  now_.forces_n.assign(fingers, Vector3::Zero());
-  seen_ = now_;
+namespace {
+
+std::vector<sim::ContactTool> tools_of(const HandShape& shape, std::size_t fingers, Touch touch,
+                                       double friction) {
+  std::vector<sim::ContactTool> tools = fingertips(fingers, friction);
+  if (touch == Touch::kHand) std::ranges::move(shape.tools(friction), std::back_inserter(tools));
+  return tools;
 }
 
+}  // namespace
+
+HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback, Touch touch)
+    : shape_(fingers),
+      touch_(touch),
+      contact_(body.contact(), tools_of(shape_, fingers, touch, body.task().friction)),
+      feedback_(feedback) {
+  now_.poses.resize(fingers);
+  now_.forces_n.assign(fingers, Vector3::Zero());
+  if (touch_ == Touch::kHand) {
+    now_.parts.resize(shape_.parts());
+    now_.parts_n.assign(shape_.parts(), Vector3::Zero());
+  }
+  seen_ = now_;
+  all_poses_.resize(fingers + now_.parts.size());
+  all_n_.assign(all_poses_.size(), Vector3::Zero());
+}
+
+void HandForces::wrist_at(const sim::Pose& wrist) { wrist_ = wrist; }
+
 void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::span<Vector3> forces_n) {
-  contact_.forces(poses, period_s, forces_n);
+  std::ranges::copy(poses, all_poses_.begin());
+  if (touch_ == Touch::kHand)
+    shape_.place(wrist_ ? *wrist_ : HandShape::wrist_behind(poses), poses,
+                 std::span(all_poses_).subspan(poses.size()));
+  contact_.forces(all_poses_, period_s, all_n_);
+  std::ranges::copy(std::span(all_n_).first(forces_n.size()), forces_n.begin());
   now_.wrist_n.setZero();
   for (std::size_t i = 0; i < forces_n.size(); ++i) {
     if (now_.any) now_.path_m += (poses[i].position_m - now_.poses[i].position_m).norm();
@@ -72,8 +106,24 @@ void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::
     now_.peak_force_n = std::max(now_.peak_force_n, forces_n[i].norm());
     forces_n[i] = played_n(feedback_, poses[i], forces_n[i]);
   }
+  for (std::size_t part = 0; part < now_.parts.size(); ++part) {
+    now_.parts[part] = all_poses_[poses.size() + part];
+    now_.parts_n[part] = all_n_[poses.size() + part];
+    now_.wrist_n += now_.parts_n[part];
+  }
   now_.any = true;
   now_.peak_wrist_n = std::max(now_.peak_wrist_n, now_.wrist_n.norm());
+  publish();
+}
+
+sim::WristForce HandForces::wrist_force(const Vector3& wrist_m) {
+  const sim::WristForce wrist = contact_.wrist_force(wrist_m);
+  now_.wrist_torque_nm = wrist.torque_nm;
+  publish();
+  return wrist;
+}
+
+void HandForces::publish() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   if (lock.owns_lock()) seen_ = now_;  // as many fingers, so nothing is allocated
 }

@@ -3,11 +3,13 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "sim/haptics/haptic_contact.h"
 #include "trainer/exclusion/exclusion_body.h"
+#include "trainer/hand/hand_shape.h"
 
 namespace kiroku::trainer {
 
@@ -19,6 +21,13 @@ enum class Feedback {
 };
 /// "full", "tangential"; kiroku::UsageError for others.
 Feedback feedback_of(const std::string& name);
+
+enum class Touch {
+  kFingertips,  // alone, as in the exclusion study
+  kHand,        // phalanges and palm, too (HandShape)
+};
+/// "fingertips", "hand"; kiroku::UsageError for others.
+Touch touch_of(const std::string& name);
 
 /// What a device plays of a force on a finger that is held like `pose`.
 sim::Vector3 played_n(Feedback feedback, const sim::Pose& pose, const sim::Vector3& force_n);
@@ -34,12 +43,18 @@ std::vector<sim::ContactTool> fingertips(std::size_t count, double friction);
 /// kiroku::UsageError for others.
 std::span<const double> side_by_side_m(std::size_t fingers);
 
-/// The forces of contact as a device plays them; follows how far fingers move and how hard they press.
+/// The forces of contact as a device plays them; follows how far fingers move and how hard they press. A
+/// finger is played what its fingertip feels; what phalanges and palm feel is borne by the wrist alone.
 /// forces() is for the force loop, the others for one other thread.
 class HandForces : public sim::ForceSource {
  public:
-  HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback);
+  HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback,
+             Touch touch = Touch::kFingertips);
+  /// Until it is told, and of devices without a wrist, that of HandShape::wrist_behind().
+  void wrist_at(const sim::Pose& wrist) override;
   void forces(std::span<const sim::Pose> poses, double period_s, std::span<sim::Vector3> forces_n) override;
+  /// Of the whole forces, whatever of them the fingers are played.
+  sim::WristForce wrist_force(const sim::Vector3& wrist_m) override;
 
   /// How the body lies now, and what is near the fingers from now on: HapticContact::refresh().
   [[nodiscard]] sim::HapticContact::Deformation refresh() { return contact_.refresh(); }
@@ -47,16 +62,28 @@ class HandForces : public sim::ForceSource {
   struct State {
     bool any = false;  // poses came
     std::vector<sim::Pose> poses;
-    std::vector<sim::Vector3> forces_n;           // on the fingers, whole, whatever is played
-    sim::Vector3 wrist_n = sim::Vector3::Zero();  // their sum
+    std::vector<sim::Vector3> forces_n;  // on the fingers, whole, whatever is played
+    std::vector<sim::Pose> parts;        // of HandShape, where the whole hand touches
+    std::vector<sim::Vector3> parts_n;
+    sim::Vector3 wrist_n = sim::Vector3::Zero();  // the sum of all
+    std::optional<sim::Vector3> wrist_torque_nm;  // about the wrist, of devices that say where it is
     double path_m = 0, peak_force_n = 0, peak_wrist_n = 0;
   };
   [[nodiscard]] State state() const;
 
  private:
+  void publish();
+
+  HandShape shape_;
+  Touch touch_;
   sim::HapticContact contact_;
   Feedback feedback_;
-  State now_;                 // the force loop's
+  // The force loop's.
+  State now_;
+  std::optional<sim::Pose> wrist_;
+  std::vector<sim::Pose> all_poses_;  // fingertips, then what else touches
+  std::vector<sim::Vector3> all_n_;
+
   mutable std::mutex mutex_;  // the force loop only tries it
   State seen_;
 };

@@ -214,10 +214,10 @@ OrganTask organ_task(const sim::TetMesh& mesh, const sim::Constraints& constrain
   return {{}, "no line can be hidden by the rule; the last that was tried " + why};
 }
 
-double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers) {
+double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers, Touch touch) {
   constexpr int kSteps = 500, kRefreshEvery = 33;
   constexpr double kPeriodSeconds = 1e-3, kLiftMetres = 0.02;
-  HandForces forces(body, fingers, Feedback::kFull);
+  HandForces forces(body, fingers, Feedback::kFull, touch);
   std::vector<sim::Pose> poses(fingers);
   std::vector<Vector3> forces_n(fingers, Vector3::Zero());
   sim::LatencyHistogram taken;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "trainer/exclusion/exclusion_body.h"
+#include "trainer/exclusion/hand_forces.h"
 
 namespace kiroku::trainer {
 
@@ -47,6 +48,7 @@ inline constexpr double kReachMetres = 0.06;
 
 /// Fingers at the border that lift it by 2 cm: how often a second their forces can be renewed here, by the
 /// time that 99 of 100 steps keep. Takes half a second.
-double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers);
+double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers,
+                              Touch touch = Touch::kFingertips);
 
 }  // namespace kiroku::trainer

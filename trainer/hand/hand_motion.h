@@ -50,7 +50,8 @@ class MotionPlayer : public sim::HapticDevice {
   std::uint64_t steps_ = 0;
 };
 
-/// Passes on what a device does and keeps its motion, a hundred moments a second at most. Not thread-safe.
+/// Passes on what a device does and keeps the motion of its fingers, a hundred moments a second at most. Not
+/// thread-safe.
 class MotionRecorder : public sim::HapticDevice {
  public:
   /// `device` must outlive it; every write() is `period_s` later. Room for `longest_s` is taken at once, so
@@ -59,6 +60,9 @@ class MotionRecorder : public sim::HapticDevice {
   [[nodiscard]] std::size_t tools() const override { return device_.tools(); }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
+  [[nodiscard]] bool has_wrist() const override { return device_.has_wrist(); }
+  [[nodiscard]] sim::Pose wrist() const override { return device_.wrist(); }
+  void write_wrist(const sim::WristForce& wrist) override { device_.write_wrist(wrist); }
   /// What was kept so far.
   [[nodiscard]] HandMotion motion() const;
 

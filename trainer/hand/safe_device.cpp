@@ -27,18 +27,24 @@ SafeDevice::SafeDevice(sim::HapticDevice& device, double period_s, const SafetyL
       given_n_(device.tools(), Vector3::Zero()) {
   const auto positive = [](double value) { return std::isfinite(value) && value > 0; };
   if (!positive(period_s) || !positive(limits.most_force_n) || !positive(limits.most_slope_n_s) ||
-      !positive(limits.most_speed_m_s) || !positive(limits.steady_s))
+      !positive(limits.most_speed_m_s) || !positive(limits.steady_s) || !positive(limits.most_wrist_n) ||
+      !positive(limits.most_wrist_slope_n_s) || !positive(limits.most_wrist_nm) ||
+      !positive(limits.most_wrist_slope_nm_s))
     throw UsageError("a safe device needs a period and limits that are finite and greater than zero");
 }
 
 bool SafeDevice::read(std::span<sim::Pose> poses) {
   if (!device_.read(read_)) return false;
-  const bool sound = std::ranges::all_of(read_, &sim::Pose::sound);
+  const bool has_wrist = device_.has_wrist();
+  const sim::Pose wrist = has_wrist ? device_.wrist() : sim::Pose();
+  const bool sound = std::ranges::all_of(read_, &sim::Pose::sound) && wrist.sound();
   bool jumped = false;
   if (sound && any_seen_) {
     const double reach_m = limits_.most_speed_m_s * std::max(since_seen_s_, period_s_) + kJitterMetres;
     for (std::size_t tool = 0; tool < read_.size(); ++tool)
       jumped = jumped || (read_[tool].position_m - seen_[tool].position_m).norm() > reach_m;
+    jumped =
+        jumped || (has_wrist && wrist_seen_ && (wrist.position_m - seen_wrist_.position_m).norm() > reach_m);
   }
   if (!sound) ++faults_.unsound;
   if (jumped) ++faults_.jumps;
@@ -49,11 +55,33 @@ bool SafeDevice::read(std::span<sim::Pose> poses) {
   if (!sound) return false;
   // Where a jump ends is what the next pose is compared with.
   seen_ = read_;
+  seen_wrist_ = wrist;
+  wrist_seen_ = has_wrist;
   any_seen_ = true;
   since_seen_s_ = 0;
   if (!believes_) return false;
   std::ranges::copy(read_, poses.begin());
+  wrist_ = wrist;
   return true;
+}
+
+void SafeDevice::approach(Vector3& given, Vector3 wanted, double most, double most_slope) {
+  if (!believes_) wanted.setZero();
+  if (!wanted.allFinite()) {
+    ++faults_.unsound_forces;
+    wanted.setZero();
+  }
+  if (wanted.norm() > most) wanted = most * wanted.stableNormalized();
+  const double most_change = most_slope * period_s_;
+  const Vector3 change = wanted - given;
+  const double size = change.norm();
+  given = size <= most_change ? wanted : Vector3(given + most_change / size * change);
+}
+
+void SafeDevice::write_wrist(const sim::WristForce& wrist) {
+  approach(given_wrist_.force_n, wrist.force_n, limits_.most_wrist_n, limits_.most_wrist_slope_n_s);
+  approach(given_wrist_.torque_nm, wrist.torque_nm, limits_.most_wrist_nm, limits_.most_wrist_slope_nm_s);
+  device_.write_wrist(given_wrist_);
 }
 
 void SafeDevice::write(std::span<const Vector3> forces_n) {
@@ -63,22 +91,8 @@ void SafeDevice::write(std::span<const Vector3> forces_n) {
     if (since_seen_s_ <= 2 * period_s_) steady_s_ += period_s_;
     if (steady_s_ >= limits_.steady_s) believes_ = true;
   }
-  const double most_change_n = limits_.most_slope_n_s * period_s_;
-  for (std::size_t tool = 0; tool < given_n_.size(); ++tool) {
-    Vector3 wanted_n = believes_ ? forces_n[tool] : Vector3::Zero();
-    if (!wanted_n.allFinite()) {
-      ++faults_.unsound_forces;
-      wanted_n.setZero();
-    }
-    if (wanted_n.norm() > limits_.most_force_n) wanted_n = limits_.most_force_n * wanted_n.stableNormalized();
-    const Vector3 change_n = wanted_n - given_n_[tool];
-    const double size_n = change_n.norm();
-    if (size_n <= most_change_n) {
-      given_n_[tool] = wanted_n;
-    } else {
-      given_n_[tool] += most_change_n / size_n * change_n;
-    }
-  }
+  for (std::size_t tool = 0; tool < given_n_.size(); ++tool)
+    approach(given_n_[tool], forces_n[tool], limits_.most_force_n, limits_.most_slope_n_s);
   device_.write(given_n_);
 }
 
@@ -86,9 +100,14 @@ void SafeDevice::come_to_rest() {
   const std::vector<Vector3> none(given_n_.size(), Vector3::Zero());
   sim::MonotonicClock clock;
   const auto period = std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * period_s_));
-  for (auto due = clock.now(); std::ranges::any_of(given_n_, [](const Vector3& f) { return !f.isZero(0); });
-       due += period) {
+  const auto felt = [&] {
+    const bool at_wrist = !given_wrist_.force_n.isZero(0) || !given_wrist_.torque_nm.isZero(0);
+    return (has_wrist() && at_wrist) ||
+           std::ranges::any_of(given_n_, [](const Vector3& f) { return !f.isZero(0); });
+  };
+  for (auto due = clock.now(); felt(); due += period) {
     clock.sleep_until(due);
+    if (has_wrist()) write_wrist({});
     write(none);
   }
 }

@@ -15,11 +15,14 @@ struct SafetyLimits {
   double most_slope_n_s = 400;  // how quickly a tool's force may change
   double most_speed_m_s = 3;    // a hand is slower; what is faster is a jump
   double steady_s = 0.3;        // poses must make sense for so long to be believed again
+  // Of the wrist, which bears all fingers and turns at most as a hand is turned.
+  double most_wrist_n = 20, most_wrist_slope_n_s = 800;
+  double most_wrist_nm = 2, most_wrist_slope_nm_s = 80;
 };
 
-/// Poses that are not sound, or of a tool that moved faster than a hand, are a fault: from then on no pose is
-/// believed and forces go to zero as quickly as the slope allows, until poses made sense for `steady_s`. Not
-/// thread-safe, as every device.
+/// Poses that are not sound, or of a tool or wrist that moved faster than a hand, are a fault: from then on
+/// no pose is believed and forces go to zero as quickly as the slope allows, until poses made sense for
+/// `steady_s`. Not thread-safe, as every device.
 class SafeDevice : public sim::HapticDevice {
  public:
   /// `device` must outlive it; every write() is `period_s` after the one before. kiroku::UsageError for
@@ -29,6 +32,9 @@ class SafeDevice : public sim::HapticDevice {
   [[nodiscard]] std::size_t tools() const override { return device_.tools(); }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
+  [[nodiscard]] bool has_wrist() const override { return device_.has_wrist(); }
+  [[nodiscard]] sim::Pose wrist() const override { return wrist_; }
+  void write_wrist(const sim::WristForce& wrist) override;
 
   /// After the force loop has ended: writes until all forces are zero, as they may not end at once.
   void come_to_rest();
@@ -42,14 +48,20 @@ class SafeDevice : public sim::HapticDevice {
   [[nodiscard]] const Faults& faults() const { return faults_; }
   /// What was given last.
   [[nodiscard]] const std::vector<sim::Vector3>& given_n() const { return given_n_; }
+  [[nodiscard]] const sim::WristForce& given_wrist() const { return given_wrist_; }
 
  private:
+  /// Brings what was given nearer to what is wanted, no further than both limits let it.
+  void approach(sim::Vector3& given, sim::Vector3 wanted, double most, double most_slope);
+
   sim::HapticDevice& device_;
   double period_s_;
   SafetyLimits limits_;
   std::vector<sim::Pose> seen_, read_;
+  sim::Pose seen_wrist_, wrist_;
   std::vector<sim::Vector3> given_n_;
-  bool any_seen_ = false, believes_ = true;
+  sim::WristForce given_wrist_;
+  bool any_seen_ = false, wrist_seen_ = false, believes_ = true;
   double since_seen_s_ = 0, steady_s_ = 0;
   Faults faults_;
 };

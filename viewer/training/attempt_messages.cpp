@@ -52,8 +52,8 @@ std::uint64_t count(const json& object, const char* key) {
 
 BeginMessage begin_of(const json& object) {
   if (!object.is_object()) throw Refusal(400, "'begin' must be an object");
-  return {text(object, "trainee"), text(object, "object"), count(object, "fingers"), flag(object, "test"),
-          flag(object, "expert")};
+  return {text(object, "trainee"), text(object, "object"), count(object, "fingers"),
+          flag(object, "test"),    flag(object, "expert"), object.contains("press") && flag(object, "press")};
 }
 
 trainer::PointerInput input_of(const json& object) {

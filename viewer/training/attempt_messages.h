@@ -14,13 +14,15 @@
 
 namespace kiroku::viewer {
 
-/// {"begin": {"trainee": "Aoki", "object": "a", "fingers": 3, "test": false, "expert": true}}
+/// {"begin": {"trainee": "Aoki", "object": "a", "fingers": 3, "test": false, "expert": true, "press": true}};
+/// without "press" it is false.
 struct BeginMessage {
   std::string trainee;
   std::string object;  // one of TrainingRoom::objects()
   std::size_t fingers = 1;
   bool test = false;
   bool expert = false;  // shows an expert's hand
+  bool press = false;   // colours what fingers press
 };
 /// {"end": true}
 struct EndMessage {};

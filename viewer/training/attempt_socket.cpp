@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "trainer/haptic_rate/plate.h"
 #include "trainer/report/score_json.h"
 #include "viewer/http/request.h"
 
@@ -89,13 +90,14 @@ void AttemptSocket::begin(const BeginMessage& message) {
   if (is_kept) files_ = room_.options().sealer->keep(kept);
   trainer::ExclusionOptions options;
   options.shows_stress = record.stress_shown;
+  options.shows_press = message.press;
   options.picture_rate_hz = kPicturesPerSecond;
   options.most_s = practice_left_s;
   const auto expert = room_.options().experts.find(message.object);
   if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
-  attempt_ =
-      std::make_unique<trainer::LiveAttempt>([this, object = message.object] { return room_.body(object); },
-                                             std::move(options), message.fingers, listener(kept, record));
+  attempt_ = std::make_unique<trainer::LiveAttempt>(
+      [this, object = message.object] { return room_.body(object); }, std::move(options), message.fingers,
+      listener(kept, record, message.press));
 }
 
 trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabase& results,
@@ -108,25 +110,26 @@ trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabas
   return trainee;
 }
 
-trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record) {
+trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record,
+                                              bool shows_press) {
   trainer::LiveListener out;
-  out.began = [this, attempt, record](const trainer::ExclusionBody& body) {
+  out.began = [this, attempt, record, shows_press](const trainer::ExclusionBody& body) {
     room_.with_results([&](trainer::TrainingDatabase& results) {
       results.keep_conditions(attempt, trainer::conditions_of(body));
     });
     const trainer::ExclusionTask& task = body.task();
-    output_->send_text(ordered_json{{"began",
-                                     {{"session", record.session},
-                                      {"test", record.test},
-                                      {"stress_shown", record.stress_shown},
-                                      {"object", record.object},
-                                      {"fingers", record.fingers},
-                                      {"vertices", body.object().mesh.nodes.size()},
-                                      {"damage_pa", task.damage_pa},
-                                      {"visible_share", task.visible_share},
-                                      {"hold_s", task.hold_s},
-                                      {"most_s", task.most_s}}}}
-                           .dump());
+    ordered_json began{{"session", record.session},
+                       {"test", record.test},
+                       {"stress_shown", record.stress_shown},
+                       {"object", record.object},
+                       {"fingers", record.fingers},
+                       {"vertices", body.object().mesh.nodes.size()},
+                       {"damage_pa", task.damage_pa},
+                       {"visible_share", task.visible_share},
+                       {"hold_s", task.hold_s},
+                       {"most_s", task.most_s}};
+    if (shows_press) began["press_n"] = {trainer::kLeastPressN, trainer::kMostPressN};
+    output_->send_text(ordered_json{{"began", began}}.dump());
   };
   out.shown = [this, shows_stress = record.stress_shown](const trainer::LiveView& view) {
     // What a slow browser has not taken yet would only make the next picture later.

@@ -22,7 +22,8 @@ class AttemptSocket : public SocketHandler {
   /// Refusal 409 of somebody simulated, 403 where the user may not train as this trainee.
   [[nodiscard]] trainer::Trainee require_may_train(const trainer::TrainingDatabase& results,
                                                    const std::string& name) const;
-  [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record);
+  [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record,
+                                               bool shows_press);
 
   TrainingRoom& room_;
   TrainingUser user_;

@@ -62,6 +62,64 @@ TEST(ForceLoop, WritesForcesAndCountsItsSteps) {
   EXPECT_FALSE(statistics.real_time);
 }
 
+/// A hand whose wrist is there, and what its loop gave it.
+class DeviceWithWrist : public StillDevice {
+ public:
+  [[nodiscard]] bool has_wrist() const override { return true; }
+  [[nodiscard]] Pose wrist() const override { return {{0, 0.5, 0}, Eigen::Quaterniond::Identity()}; }
+  void write_wrist(const WristForce& wrist) override {
+    wrist_n = wrist.force_n.norm();
+    wrist_nm = wrist.torque_nm.norm();
+  }
+  std::atomic<double> wrist_n = -1, wrist_nm = -1;
+};
+
+/// What a wrist bears of it is 3 N, and as many N m as it is far from the origin, times `times`.
+class ForceAtTheWrist : public ConstantForce {
+ public:
+  WristForce wrist_force(const Vector3& wrist_m) override {
+    return {Vector3(0, 3 * times, 0), Vector3(0, 0, times * wrist_m.norm())};
+  }
+  std::atomic<double> times = 1;
+};
+
+TEST(ForceLoop, GivesTheWristWhatItBearsWithinItsLimits) {
+  DeviceWithWrist device;
+  ForceAtTheWrist source;
+  ForceLoopOptions options{1000, 0};
+  options.most_wrist_n = 50;
+  options.most_wrist_nm = 4;
+  options.pose_timeout = 5ms;
+  ForceLoop loop(device, source, options);
+  wait_for([&] { return device.wrist_n == 3 && device.wrist_nm == 0.5; });
+  EXPECT_EQ(loop.statistics().limited_forces, 0U);
+  source.times = 100;
+  wait_for([&] { return std::abs(device.wrist_n - 50) < 1e-9 && std::abs(device.wrist_nm - 4) < 1e-12; });
+  EXPECT_EQ(device.last_n, 1);  // fingers have their own
+  source.times = std::nan("");
+  wait_for([&] { return device.wrist_n == 0 && device.wrist_nm == 0; });
+  source.times = 1;
+  wait_for([&] { return device.wrist_n == 3; });
+  device.present = false;  // without poses nothing is felt
+  wait_for([&] { return device.wrist_n == 0; });
+  device.present = true;
+  wait_for([&] { return device.wrist_n == 3; });
+  loop.stop();
+  EXPECT_EQ(device.wrist_n, 0);
+  EXPECT_EQ(device.wrist_nm, 0);
+}
+
+TEST(WristForce, IsTheSumOfForcesAndTheirTorqueAboutTheWrist) {
+  std::vector<Pose> poses(2);
+  poses[0].position_m = {1, 0, 0};
+  poses[1].position_m = {0, 0, 2};
+  const std::vector<Vector3> forces_n{{0, 5, 0}, {-3, 0, 0}}, torques_nm{{0, 0, 0.25}, {0.5, 0, 0}};
+  const WristForce wrist = wrist_force_of({0, 0, 1}, poses, forces_n, torques_nm);
+  EXPECT_EQ(wrist.force_n, Vector3(-3, 5, 0));
+  // (1, 0, -1) x (0, 5, 0) = (5, 0, 5); (0, 0, 1) x (-3, 0, 0) = (0, -3, 0).
+  EXPECT_EQ(wrist.torque_nm, Vector3(5.5, -3, 5.25));
+}
+
 TEST(ForceLoop, LimitsForcesAndLetsNothingElseThanNumbersOut) {
   StillDevice device;
   ConstantForce source;
@@ -196,6 +254,40 @@ TEST_F(HapticContactTest, ForcesAreThoseOfTheWholeSurfaceAndContinuous) {
   EXPECT_LE(different, 10);
   // No change of neighbourhood is felt: forces change as the hand's motion makes them change.
   EXPECT_LE(largest_jump_n, 1.5 * largest_exact_jump_n);
+}
+
+/// Eq. 6 against the sum over all nodes that are touched: forces where they act, not where tools are.
+TEST_F(HapticContactTest, TheWristBearsTheForcesOfAllNodes) {
+  for (const double friction : {0.0, 0.5}) {
+    std::vector<ContactTool> tools = tools_;
+    tools[1].shape = Capsule{0.01, 0.03};  // touched along its length, away from its middle
+    for (ContactTool& tool : tools) {
+      tool.sticks = friction > 0;
+      if (tool.sticks) tool.friction = friction;
+    }
+    const ContactBody whole(body_);
+    ASSERT_TRUE(whole.compliance().complete());
+    HapticContact contact(whole, tools);
+    std::vector<Vector3> forces_n(2);
+    for (int step = 0; step <= 250; ++step) contact.forces(hand(step * 1e-3), 1e-3, forces_n);
+    const Vector3 wrist_m(0.1, -0.2, 0.05);
+    const WristForce wrist = contact.wrist_force(wrist_m);
+    const HapticContact::Deformation found = contact.refresh();
+    Vector3 sum_n = Vector3::Zero(), sum_nm = Vector3::Zero();
+    double all_nm = 0;
+    for (const Contact& touched : found.contacts) {
+      const auto node = static_cast<Eigen::Index>(3 * std::size_t{touched.node});
+      const Vector3 at_m = body_.mesh().nodes[touched.node] + found.displacement_m.segment<3>(node);
+      sum_n -= touched.force_n;
+      sum_nm -= (at_m - wrist_m).cross(touched.force_n);
+      all_nm += (at_m - wrist_m).norm() * touched.force_n.norm();
+    }
+    ASSERT_GT(found.contacts.size(), 2U);
+    EXPECT_LE((wrist.force_n - forces_n[0] - forces_n[1]).norm(), 1e-12);
+    EXPECT_LE((wrist.force_n - sum_n).norm(), 1e-12);
+    EXPECT_LE((wrist.torque_nm - sum_nm).norm(), 1e-6 * all_nm) << "friction " << friction;
+    EXPECT_GT(wrist.torque_nm.norm(), 1e-4);
+  }
 }
 
 TEST_F(HapticContactTest, WhatTurnsUpInsideAToolIsFadedIn) {

@@ -67,6 +67,13 @@ std::string poses_of(std::uint32_t sequence, const std::vector<std::array<double
   return datagram;
 }
 
+/// Of a hand whose wrist is there.
+std::string with_wrist(std::string datagram, const std::array<double, 7>& wrist) {
+  datagram[3] = '2';
+  for (const double number : wrist) append(datagram, number);
+  return datagram;
+}
+
 const std::array<double, 7> kFirst{0.1, -0.2, 0.3, 1, 0, 0, 0}, kSecond{0, 0, 0.05, 0, 0, 0, -1};
 
 /// Datagrams on the loopback address are there when send() returns.
@@ -96,6 +103,50 @@ TEST_F(UdpDeviceTest, TakesPosesAndAnswersWithForces) {
   EXPECT_EQ(sender_.receive(), expected);
   EXPECT_EQ(device_.counts().accepted, 1U);
   EXPECT_EQ(device_.counts().not_sent, 0U);
+}
+
+TEST_F(UdpDeviceTest, AHandWithAWristIsAnsweredWithWhatTheWristBears) {
+  const std::array<double, 7> wrist{0.5, 0.25, -0.125, 0, 1, 0, 0};
+  EXPECT_FALSE(device_.has_wrist());
+  sender_.send(with_wrist(poses_of(9, {kFirst, kSecond}), wrist));
+  ASSERT_TRUE(device_.read(poses_));
+  ASSERT_TRUE(device_.has_wrist());
+  EXPECT_EQ(poses_[1].orientation.z(), -1);
+  EXPECT_EQ(device_.wrist().position_m, Vector3(0.5, 0.25, -0.125));
+  EXPECT_EQ(device_.wrist().orientation.x(), 1);
+  device_.write_wrist({{1, 2, 3}, {4, 5, 6}});
+  device_.write(std::vector<Vector3>{{1.5, 0, -2}, {0, 0.25, 0}});
+  std::string expected = "KHF2";
+  append(expected, std::uint32_t{9});
+  append(expected, std::uint16_t{2});
+  append(expected, std::uint16_t{0});
+  for (const double number : {1.5, 0.0, -2.0, 0.0, 0.25, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0})
+    append(expected, number);
+  EXPECT_EQ(sender_.receive(), expected);
+}
+
+TEST_F(UdpDeviceTest, AWristNeitherComesNorGoesWhileAHandIsMoved) {
+  const std::array<double, 7> wrist = kFirst;
+  sender_.send(with_wrist(poses_of(1, {kFirst, kSecond}), wrist));
+  ASSERT_TRUE(device_.read(poses_));
+  std::uint64_t sent = 0;
+  std::array<double, 7> none = kFirst;
+  none[4] = std::nan("");
+  const std::string good = with_wrist(poses_of(2, {kFirst, kSecond}), wrist);
+  for (const std::string& datagram :
+       {poses_of(2, {kFirst, kSecond}), with_wrist(poses_of(2, {kFirst, kSecond}), none),
+        good.substr(0, good.size() - 56), good + std::string(56, '\0'), "KHP3" + good.substr(4)}) {
+    sender_.send(datagram);
+    EXPECT_FALSE(device_.read(poses_));
+    EXPECT_EQ(device_.counts().malformed, ++sent);
+  }
+  EXPECT_TRUE(device_.has_wrist());
+  time_.move(UdpDevice::kSilence);
+  sender_.send(poses_of(1, {kFirst, kSecond}));
+  EXPECT_TRUE(device_.read(poses_));
+  EXPECT_FALSE(device_.has_wrist());
+  device_.write(std::vector<Vector3>(2, Vector3::Zero()));
+  EXPECT_EQ(sender_.receive().size(), 12 + 2 * 24U);
 }
 
 TEST_F(UdpDeviceTest, OfManyTheNewestCounts) {

@@ -254,6 +254,79 @@ TEST(ExclusionRun, ADeviceThatFailsEndsForcesNotTheProgram) {
   EXPECT_GT(outcome.faults.unsound, 400U);
 }
 
+/// A hand that moves by a file and has a wrist; keeps what both were given last.
+class HandWithWrist : public MotionPlayer {
+ public:
+  using MotionPlayer::MotionPlayer;
+  [[nodiscard]] bool has_wrist() const override { return true; }
+  [[nodiscard]] sim::Pose wrist() const override {
+    return {{0, -0.2, -0.05}, Eigen::Quaterniond::Identity()};
+  }
+  void write_wrist(const sim::WristForce& wrist) override { given = wrist; }
+  void write(std::span<const Vector3> forces_n) override {
+    MotionPlayer::write(forces_n);
+    played_n.assign(forces_n.begin(), forces_n.end());
+  }
+  sim::WristForce given;
+  std::vector<Vector3> played_n;
+};
+
+/// Eq. 6, in each way of feedback: what the fingers are not played the wrist bears all the same.
+TEST(ExclusionRun, TheWristIsGivenTheSumOfTheWholeForcesAndItsTorque) {
+  for (const Feedback feedback : {Feedback::kFull, Feedback::kTangential}) {
+    ExclusionOptions options = quick();
+    options.feedback = feedback;
+    options.most_s = 2.5;  // half a second after the hand has come to rest
+    options.draws = false;
+    options.limits.most_force_n = options.limits.most_wrist_n = 100;  // not what is asked here
+    options.limits.most_wrist_nm = 10;
+    HandMotion motion = lifting(3, 0.012);
+    for (std::vector<sim::Pose>& poses : motion.poses)  // bent, so that a part of each force is left out
+      for (sim::Pose& pose : poses)
+        pose.orientation = Eigen::AngleAxisd(0.7, Vector3(0.3, 1, 0).normalized());
+    HandWithWrist device(motion, 1 / options.force_rate_hz);
+    ExclusionRunner runner(body(), options);
+    HandForces::State last;
+    (void)runner.run_in_own_time(device, [&](const ExclusionView& view) {
+      last = view.hand;
+      return true;
+    });
+    ASSERT_TRUE(last.wrist_torque_nm);
+    Vector3 sum_n = Vector3::Zero(), played_n = Vector3::Zero(), sum_nm = Vector3::Zero();
+    for (std::size_t i = 0; i < 3; ++i) {
+      sum_n += last.forces_n[i];
+      played_n += device.played_n[i];
+      sum_nm += (last.poses[i].position_m - device.wrist().position_m).cross(last.forces_n[i]);
+    }
+    EXPECT_GT(sum_n.norm(), 1);
+    EXPECT_LE((device.given.force_n - sum_n).norm(), 1e-6 * sum_n.norm());
+    EXPECT_LE((device.given.torque_nm - *last.wrist_torque_nm).norm(), 1e-6);
+    // Friction turns a fingertip about its own middle, too: at most by all of its force at its radius.
+    EXPECT_LE((*last.wrist_torque_nm - sum_nm).norm(),
+              kFingertipMetres * body().task().friction * 3 * sum_n.norm());
+    EXPECT_GT(sum_nm.norm(), 0.1);
+    const double left_out_n = (device.given.force_n - played_n).norm();
+    if (feedback == Feedback::kFull) {
+      EXPECT_LE(left_out_n, 1e-6 * sum_n.norm());
+    } else {
+      EXPECT_GT(left_out_n, 0.1 * sum_n.norm());
+    }
+  }
+}
+
+TEST(ExclusionRun, AHandWithoutAWristHasNoTorqueThere) {
+  HandForces::State last;
+  ExclusionOptions options = quick();
+  options.most_s = 0.5;
+  options.draws = false;
+  (void)attempt(lifting(2, 0.01), options, [&](const ExclusionView& view) {
+    last = view.hand;
+    return true;
+  });
+  EXPECT_TRUE(last.any);
+  EXPECT_FALSE(last.wrist_torque_nm);
+}
+
 TEST(SimulatedTrainee, FinishesWithOneToFiveFingers) {
   for (std::size_t fingers = 1; fingers <= 5; ++fingers) {
     const ExclusionBody& object = fingers == 1 ? fine_body() : body();

@@ -51,6 +51,27 @@ TEST(Plate, IsBlueWhereItIsPressedLightlyAndRedWhereFirmly) {
   EXPECT_EQ(colour_of_press(9), colour_of_press(1.0));
 }
 
+TEST(HeldForces, HoldTheWristsForceAsLong) {
+  class Growing : public sim::ForceSource {
+   public:
+    void forces(std::span<const sim::Pose>, double, std::span<Vector3> forces_n) override {
+      forces_n[0] = {0, 0, ++times};
+    }
+    sim::WristForce wrist_force(const Vector3& wrist_m) override { return {{0, 0, times}, times * wrist_m}; }
+    double times = 0;
+  } source;
+  HeldForces held(source, 100);
+  std::vector<sim::Pose> poses(1);
+  std::vector<Vector3> forces_n(1);
+  for (int step = 0; step < 60; ++step) {  // at 2 kHz a renewal is due every twenty steps
+    held.forces(poses, 5e-4, forces_n);
+    const sim::WristForce wrist = held.wrist_force({1 + step % 20 / 100.0, 0, 0});
+    EXPECT_EQ(wrist.force_n, forces_n[0]) << step;
+    EXPECT_EQ(wrist.torque_nm.x(), forces_n[0].z()) << step;  // about where it was at the renewal
+  }
+  EXPECT_EQ(source.times, 3);
+}
+
 TEST(HeldForces, AreRenewedAtTheRatesOfBothSeries) {
   class Counter : public sim::ForceSource {
    public:

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <tuple>
 
@@ -12,25 +13,56 @@
 #include "sim/mesh/mesh_check.h"
 #include "tests/support/calculix.h"
 #include "trainer/exclusion/exclusion_body.h"
+#include "trainer/exclusion/hand_forces.h"
 
 namespace kiroku::trainer {
 namespace {
 
 using sim::Vector3;
 
-/// An object pressed from below by two fingertips, which glide or drag it along.
+/// What an object is pressed from below by: two fingertips that glide or drag it along, or a whole hand whose
+/// palm and phalanges lie under it, too.
+enum class Manner : std::uint8_t { kGlides, kRubs, kHand };
+
+std::string suffix_of(Manner manner) {
+  if (manner == Manner::kHand) return "_hand";
+  return manner == Manner::kRubs ? "_rubs" : "_glides";
+}
+
+std::vector<sim::ContactTool> tools_of(Manner manner) {
+  if (manner == Manner::kHand) {
+    std::vector<sim::ContactTool> tools = fingertips(2, kFingertipFriction);
+    std::ranges::move(HandShape(2).tools(kFingertipFriction), std::back_inserter(tools));
+    return tools;
+  }
+  const bool rubs = manner == Manner::kRubs;
+  return {{"finger 1", sim::Sphere{0.01}, rubs, kFingertipFriction},
+          {"finger 2", sim::Sphere{0.01}, rubs, kFingertipFriction}};
+}
+
 struct Press {
-  Press(ObjectKind kind, bool rubs)
+  Press(ObjectKind kind, Manner manner)
       : object(make_object(kind, 900)),
         body(object.mesh, object.materials, object.constraints),
         contact(body),
-        solver(contact.whole_surface(), {{"finger 1", sim::Sphere{0.01}, rubs, kFingertipFriction},
-                                         {"finger 2", sim::Sphere{0.01}, rubs, kFingertipFriction}}) {
-    std::vector<sim::Pose> poses(2);
+        solver(contact.whole_surface(), tools_of(manner)) {
+    const bool hand = manner == Manner::kHand;
+    poses.resize(solver.tools().size());
+    const double below_m = -half_thickness_m(kind);
+    if (hand) {  // bent a little, so that the phalanges behind the fingertips lie under the object, too
+      for (std::size_t i = 0; i < 2; ++i) poses[i].orientation = Eigen::AngleAxisd(-0.08, Vector3::UnitX());
+    }
     for (int step = 0; step <= 10; ++step) {
-      for (std::size_t i = 0; i < 2; ++i)
-        poses[i].position_m = {i == 0 ? -0.03 : 0.03, -0.035 + 3e-4 * step,
-                               -half_thickness_m(kind) - 0.01 + 8e-4 * step};
+      const double lifted_m = 8e-4 * step, ahead_m = 3e-4 * step;
+      for (std::size_t i = 0; i < 2; ++i) {
+        poses[i].position_m = {i == 0 ? -0.03 : 0.03, (hand ? 0.028 : -0.035) + ahead_m,
+                               below_m - (hand ? kFingertipMetres : 0.01) + lifted_m};
+      }
+      if (hand) {
+        const sim::Pose wrist{{0, -0.11 + ahead_m, below_m - HandShape::kPalmRadiusMetres + lifted_m},
+                              Eigen::Quaterniond::Identity()};
+        HandShape(2).place(wrist, std::span(poses).first(2), std::span(poses).subspan(2));
+      }
       solver.step(poses);
     }
     contact.displacement_m(solver.result().contacts, displacement_m);
@@ -42,6 +74,7 @@ struct Press {
   sim::ElasticBody body;
   sim::ContactBody contact;
   sim::ContactSolver solver;
+  std::vector<sim::Pose> poses;
   Eigen::VectorXd displacement_m, force_n;
 };
 
@@ -88,7 +121,44 @@ TEST(OrganObject, IsTheSameEachTime) {
   EXPECT_EQ(make_object(ObjectKind::kLung, 800).mesh.nodes, make_object(ObjectKind::kLung, 800).mesh.nodes);
 }
 
-class PressedObject : public testing::TestWithParam<std::tuple<ObjectKind, bool>> {};
+class PressedObject : public testing::TestWithParam<std::tuple<ObjectKind, Manner>> {};
+
+/// Eq. 6 with all that touches: force and torque about a wrist against the sum over the pressed nodes.
+TEST_P(PressedObject, TheWristBearsTheForcesOfAllNodes) {
+  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
+  const sim::ContactResult& result = press.solver.result();
+  const Vector3 wrist_m(0, -0.12, -0.03);
+  std::vector<Vector3> forces_n, torques_nm;
+  for (const sim::ToolForce& tool : result.tools) {
+    forces_n.push_back(tool.force_n);
+    torques_nm.push_back(tool.torque_nm);
+  }
+  const sim::WristForce wrist = sim::wrist_force_of(wrist_m, press.poses, forces_n, torques_nm);
+  Vector3 sum_n = Vector3::Zero(), sum_nm = Vector3::Zero();
+  for (const sim::Contact& touch : result.contacts) {
+    const auto at = static_cast<Eigen::Index>(3 * std::size_t{touch.node});
+    const Vector3 at_m = press.object.mesh.nodes[touch.node] + press.displacement_m.segment<3>(at);
+    sum_n -= touch.force_n;
+    sum_nm -= (at_m - wrist_m).cross(touch.force_n);
+  }
+  const double off_n = (wrist.force_n - sum_n).norm() / sum_n.norm(),
+               off_nm = (wrist.torque_nm - sum_nm).norm() / sum_nm.norm();
+  EXPECT_LE(off_n, 1e-12);
+  EXPECT_LE(off_nm, 1e-6);
+  RecordProperty("wrist_force_difference", std::to_string(off_n * 1e15) + "e-15");
+  RecordProperty("wrist_torque_difference", std::to_string(off_nm * 1e9) + "e-9");
+  if (std::get<1>(GetParam()) != Manner::kHand) return;
+  // Every kind of part has its share: fingertips, phalanges, palm.
+  const auto share_n = [&](std::size_t first, std::size_t count) {
+    Vector3 share = Vector3::Zero();
+    for (std::size_t tool = first; tool < first + count; ++tool) share += forces_n[tool];
+    return share.norm();
+  };
+  const std::size_t phalanges = 2 * HandShape::kPhalanges;
+  EXPECT_GT(share_n(0, 2), 0.05);
+  EXPECT_GT(share_n(2, phalanges), 0.05);
+  EXPECT_GT(share_n(2 + phalanges, HandShape::kPalmCapsules), 0.05);
+}
 
 TEST_P(PressedObject, ForcesAreInEquilibriumWithTheFixedEnds) {
   const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
@@ -150,10 +220,9 @@ TEST_P(PressedObject, AgreesWithCalculixInStressAndForce) {
 
 INSTANTIATE_TEST_SUITE_P(Objects, PressedObject,
                          testing::Combine(testing::Values(ObjectKind::kLiver, ObjectKind::kLung),
-                                          testing::Bool()),
+                                          testing::Values(Manner::kGlides, Manner::kRubs, Manner::kHand)),
                          [](const auto& test) {
-                           return name_of(std::get<0>(test.param)) +
-                                  (std::get<1>(test.param) ? "_rubs" : "_glides");
+                           return name_of(std::get<0>(test.param)) + suffix_of(std::get<1>(test.param));
                          });
 
 }  // namespace

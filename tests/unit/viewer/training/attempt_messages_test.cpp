@@ -29,6 +29,10 @@ TEST(AttemptMessages, AreReadAsTheyAreMeant) {
   EXPECT_EQ(begin.object, "b");
   EXPECT_EQ(begin.fingers, 3U);
   EXPECT_TRUE(begin.test);
+  EXPECT_FALSE(begin.press);
+  const auto coloured = std::get<BeginMessage>(parse_page_message(
+      R"({"begin":{"trainee":"x","object":"a","fingers":1,"test":false,"expert":false,"press":true}})"));
+  EXPECT_TRUE(coloured.press);
   const auto input = std::get<trainer::PointerInput>(
       parse_page_message(R"({"input":17,"pointers":[{"finger":2,"x":0.5,"y":1,"push_m":-0.01}]})"));
   EXPECT_EQ(input.number, 17U);
@@ -49,6 +53,10 @@ TEST(AttemptMessages, ThatAreNoneAreRefusedInWords) {
   EXPECT_THAT(refusal(R"({"begin":{"trainee":"x","object":7}})"), HasSubstr("'object' must be a text"));
   EXPECT_THAT(refusal(R"({"begin":{"trainee":"x","object":"a","fingers":-1}})"), HasSubstr("'fingers'"));
   EXPECT_THAT(refusal(R"({"begin":{"trainee":"x","object":"a","fingers":1,"test":1}})"), HasSubstr("'test'"));
+  EXPECT_THAT(
+      refusal(
+          R"({"begin":{"trainee":"x","object":"a","fingers":1,"test":false,"expert":false,"press":"red"}})"),
+      HasSubstr("'press' must be true or false"));
   EXPECT_THAT(refusal(R"({"input":1})"), HasSubstr("'pointers' is missing"));
   EXPECT_THAT(refusal(R"({"input":1.5,"pointers":[]})"), HasSubstr("'input'"));
   EXPECT_THAT(refusal(R"({"input":1,"pointers":[1]})"), HasSubstr("object"));

@@ -26,6 +26,17 @@ export function Forces({ forces_n, wrist_n }: { forces_n: readonly number[]; wri
   );
 }
 
+/** What the colours of pressed tissue stand for: blue to red, as the server paints them. */
+export function PressScale({ least_n, most_n }: { least_n: number; most_n: number }) {
+  const label = t('attempt.press', { least: least_n.toFixed(1), most: most_n.toFixed(1) });
+  return (
+    <figure class="press-scale" aria-label={label}>
+      <div class="press-scale-bar" aria-hidden="true" />
+      <figcaption>{label}</figcaption>
+    </figure>
+  );
+}
+
 /** Time, line, path, and stress where this attempt shows it. */
 export function AttemptFacts({ told, now }: { told: Began | undefined; now: Moment | undefined }) {
   const stress_kPa = now?.largest_von_mises_pa === undefined ? undefined : now.largest_von_mises_pa / 1000;

@@ -7,7 +7,7 @@ import { Icon } from '@/shell/icon';
 import { announce } from '@/shell/state';
 import { StressScale } from '@/shell/stress_scale';
 import { placeOn, useField } from '@/shell/use_field';
-import { AttemptFacts, Forces, PointMark } from '@/training/attempt_parts';
+import { AttemptFacts, Forces, PointMark, PressScale } from '@/training/attempt_parts';
 import { type BrowserPointer, Pointers } from '@/training/pointers';
 import { Tone } from '@/training/tone';
 import { AttemptConnection, type Began, type Begin, type Moment, type Over } from '@/training/training_api';
@@ -181,6 +181,7 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
           <AttemptFacts told={told} now={now} />
           <div class="card">
             <Forces forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)} wrist_n={now?.wrist_force_n ?? 0} />
+            {told?.press_n && <PressScale least_n={told.press_n[0]} most_n={told.press_n[1]} />}
           </div>
           <p class="muted attempt-latency">
             {now &&

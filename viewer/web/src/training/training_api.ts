@@ -98,6 +98,8 @@ export interface Begin {
   fingers: number;
   test: boolean;
   expert: boolean;
+  /** Colours what fingers press. */
+  press: boolean;
 }
 
 export interface Began {
@@ -111,6 +113,8 @@ export interface Began {
   visible_share: number;
   hold_s: number;
   most_s: number;
+  /** Where what is pressed is coloured: the force of blue and the force of red. */
+  press_n?: [number, number];
 }
 
 /** What goes with a picture; what tells of stress is there only where it is shown. */

@@ -18,10 +18,11 @@ interface Choice {
   object: string;
   fingers: number;
   expert: boolean;
+  press: boolean;
 }
 
 function storedChoice(): Choice {
-  const first: Choice = { trainee: '', object: 'a', fingers: 3, expert: false };
+  const first: Choice = { trainee: '', object: 'a', fingers: 3, expert: false, press: false };
   try {
     return { ...first, ...(JSON.parse(localStorage.getItem(kStored) ?? '{}') as Partial<Choice>) };
   } catch {
@@ -175,6 +176,10 @@ export function TrainingView() {
             <span>{t('train.expert')}</span>
           </label>
         )}
+        <label class="train-check">
+          <input type="checkbox" checked={choice.value.press} onChange={(event) => choose({ press: event.currentTarget.checked })} />
+          <span>{t('train.press')}</span>
+        </label>
         <p class="muted train-progress">
           {training.trainees.length === 0 && t('train.nobody')}
           {progress &&
