@@ -64,18 +64,19 @@ Consents read_consents(const fs::path& log_folder, const crypto::VerifierKey& de
 
 std::string why_not_consented(const Consents& consents, const std::string& case_id,
                               const std::string& purpose) {
-  const auto of_case = consents.find(case_id);
-  const auto state = of_case == consents.end() ? decltype(of_case->second.purposes.begin()){}
-                                               : of_case->second.purposes.find(purpose);
-  if (of_case == consents.end() || state == of_case->second.purposes.end()) {
+  const PurposeState* state = nullptr;
+  if (const auto of_case = consents.find(case_id); of_case != consents.end()) {
+    const auto found = of_case->second.purposes.find(purpose);
+    state = found == of_case->second.purposes.end() ? nullptr : &found->second;
+  }
+  if (state == nullptr) {
     return "no consent to the purpose " + purpose + " was given for case " + case_id;
   }
-  if (state->second.stands) {
+  if (state->stands) {
     return "";
   }
   return "the consent to the purpose " + purpose + " was withdrawn for case " + case_id + " on " +
-         format_utc(state->second.since) + " (entry " + std::to_string(state->second.entry) +
-         " of the appliance log)";
+         format_utc(state->since) + " (entry " + std::to_string(state->entry) + " of the appliance log)";
 }
 
 std::string to_json(const ConsentDocument& document) {

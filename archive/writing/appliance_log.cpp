@@ -390,8 +390,8 @@ void ApplianceLog::access(const std::string& case_id, const std::string& what, c
   state_->append_and_checkpoint(AccessEntry{case_id, what, who, {}});
 }
 
-void ApplianceLog::access_for(const std::string& purpose, const std::string& case_id,
-                              const std::string& what, const std::string& who) {
+void ApplianceLog::access_for(const std::string& purpose, const std::string& case_id, const std::string& what,
+                              const std::string& who) {
   state_->append_and_checkpoint(AccessEntry{case_id, what, who, purpose});
 }
 
