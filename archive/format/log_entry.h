@@ -85,7 +85,8 @@ struct CaseErasedEntry {
 };
 struct AccessEntry {
   std::string case_id, what, who;
-  std::optional<std::string> purpose;  // for which it was asked for: a consent to it must stand then
+  /// For which it was asked for: a consent to it must stand then.
+  std::optional<std::string> purpose = {};
 };
 struct LogRecoveredEntry {
   std::uint64_t truncated = 0;

@@ -57,7 +57,7 @@ std::vector<Example> examples() {
       {CaseErasedEntry{id, {}, "10 years"}, head_of("erased") + with_case + R"(,"policy":"10 years"})"},
       {CaseErasedEntry{id, "room", "30 days"},
        head_of("erased") + with_case + R"(,"stream":"room","policy":"30 days"})"},
-      {AccessEntry{"a/folder", "export room", "Dr. Sato", {}},
+      {AccessEntry{"a/folder", "export room", "Dr. Sato"},
        head_of("access") + R"(,"case":"a/folder","what":"export room","who":"Dr. Sato"})"},
       {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
       {PreRollDiscardedEntry{3, 4'000'000'000},
