@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "apps/common/format.h"
+#include "apps/configuration/consent_configuration.h"
 #include "apps/configuration/room_configuration.h"
 #include "apps/configuration/table_reader.h"
 #include "apps/configuration/viewer_configuration.h"
@@ -207,6 +208,8 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   read_rooms(top, configuration);
   read_profile_rules(top, configuration);
   read_retention_rules(top, configuration.retention);
+  ConsentConfiguration consent;
+  read_consent(top, consent);  // whether it is good; who needs it reads it alone
   configuration.store = read_store(top);
   static_cast<void>(read_viewer(top));  // whether it is good; kirokud alone needs it (viewer_configuration.h)
   top.refuse_unknown_keys();

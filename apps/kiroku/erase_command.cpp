@@ -12,6 +12,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/store.h"
 #include "archive/format/case_layout.h"
@@ -44,6 +45,8 @@ struct Candidate {
   fs::path folder;
   std::string stream, policy;
   MayGo may_go;  // by what its first entry says
+  /// Because of a withdrawn consent: then copies elsewhere are no reason to wait for, they are to go, too.
+  bool by_consent = false;
 };
 
 bool is_older(const archive::Moment& opened, std::chrono::nanoseconds age) {
@@ -120,6 +123,46 @@ void for_each_closed_case(const Home& home, Refusals& refusals,
       if (reader.closing()) visit(reader);
     });
   }
+}
+
+/// Of a case, the withdrawn consent by which it is due, as a policy: "consent to … withdrawn (entry 12 of the
+/// appliance log)". Nothing where none is.
+std::optional<std::string> why_due_by_consent(const archive::Consents& consents, const std::string& case_id,
+                                              const ConsentConfiguration& site) {
+  const auto of_case = consents.find(case_id);
+  if (of_case == consents.end()) return std::nullopt;
+  for (const std::string& purpose : site.erase_when_withdrawn) {
+    const auto state = of_case->second.purposes.find(purpose);
+    if (state != of_case->second.purposes.end() && !state->second.stands) {
+      return "consent to " + purpose + " withdrawn (entry " + std::to_string(state->second.entry) +
+             " of the appliance log)";
+    }
+  }
+  return std::nullopt;
+}
+
+/// What [consent] erase_when_withdrawn says may go.
+void add_due_by_consent(const Home& home, const ConsentConfiguration& site, Refusals& refusals,
+                        std::vector<Candidate>& due) {
+  if (site.erase_when_withdrawn.empty()) return;
+  const archive::Consents consents = standing_consents(home);
+  for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
+    const std::string name = reader.folder().filename().string();
+    const std::optional<std::string> policy = why_due_by_consent(consents, name, site);
+    if (!policy) return;
+    for (const archive::StreamInfo& stream : reader.opening().streams) {
+      // Due by age, too: the consent decides, which waits for no copy.
+      std::erase_if(due, [&](const Candidate& each) {
+        return each.folder == reader.folder() && each.stream == stream.name;
+      });
+      if (!has_something_left(reader, stream.name)) continue;
+      // A consent may be given again between choosing and erasing.
+      const MayGo still = [&home, site, name](const archive::OpenEntry&, const archive::Moment&) {
+        return why_due_by_consent(standing_consents(home), name, site).has_value();
+      };
+      due.push_back({reader.folder(), stream.name, *policy, still, true});
+    }
+  });
 }
 
 /// What [[retention]] says may go by now.
@@ -249,9 +292,9 @@ int run(const Request& request) {
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
   Refusals refusals;
-  const std::vector<Candidate> candidates = request.due
-                                                ? what_is_due(home, configuration.retention.rules, refusals)
-                                                : what_was_named(home, request, refusals);
+  std::vector<Candidate> candidates = request.due ? what_is_due(home, configuration.retention.rules, refusals)
+                                                  : what_was_named(home, request, refusals);
+  if (request.due) add_due_by_consent(home, consent_configuration(home), refusals, candidates);
   std::optional<Eraser> eraser;
   std::optional<Copies> copies;
   archive::Holds holds;
@@ -269,8 +312,12 @@ int run(const Request& request) {
   const auto take = [&](const Candidate& candidate) {
     const std::string name = candidate.folder.filename().string();
     if (const std::string held = archive::why_held(holds, name); !held.empty())
-      return keep(candidate, held, ": " + held);
-    const bool may_go = request.only_copy ||
+      return keep(
+          candidate, held,
+          ": " + held +
+              (candidate.by_consent ? "; the legal hold wins over what is due otherwise: " + candidate.policy
+                                    : ""));
+    const bool may_go = request.only_copy || candidate.by_consent ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
     const auto only_copy = may_go ? std::nullopt : copies->why_none_holds(candidate);
     if (only_copy) {
@@ -283,8 +330,11 @@ int run(const Request& request) {
                      {"stream", candidate.stream},
                      {"segments", erased.segments},
                      {"bytes", erased.bytes},
-                     {"stamped", erased.stamped}});
-    if (!request.json) std::cout << name << ": " << told(candidate, erased) << "\n";
+                     {"stamped", erased.stamped},
+                     {"policy", candidate.policy}});
+    if (!request.json)
+      std::cout << name << ": " << told(candidate, erased)
+                << (candidate.by_consent ? ", by the policy: " + candidate.policy : "") << "\n";
   };
   for (const Candidate& candidate : candidates) {
     if (request.case_name) {
@@ -330,7 +380,9 @@ void add_erase_command(Command& program) {
       "There is no way back. A case that is not closed is refused. What neither a replica of [storage] in "
       "kiroku.toml holds, byte for byte, nor the store of [store], confirmed and locked, is kept, and the "
       "exit status is 1, unless --only-copy is given. What is under legal hold ('kiroku hold') is kept, too, "
-      "whatever is given. Where several "
+      "whatever is given. With --due a case goes, too, of which a consent was withdrawn that [consent] "
+      "erase_when_withdrawn of kiroku.toml names: all its streams, whether copies are elsewhere or not. "
+      "Where several "
       "cases "
       "are asked for, one that cannot be read or written keeps the others from nothing: it is named, and the "
       "exit status is 2.");

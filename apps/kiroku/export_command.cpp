@@ -9,6 +9,7 @@
 #include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/verify_extras.h"
@@ -27,10 +28,29 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::string named, output;
-  std::optional<std::string> stream, from, to, home;
+  std::optional<std::string> stream, from, to, home, purpose;
   std::vector<std::string> identities;
   bool all = false, force = false, json = false;
 };
+
+/// Before the first byte leaves: with a purpose, a consent to it must stand, and the log says so from then
+/// on. Without one, the site must not demand any.
+void enter_purpose(const Request& request, const std::optional<Home>& home,
+                   const archive::CaseReader& recording, const std::string& what) {
+  if (request.purpose) {
+    if (!home) {
+      throw UsageError(
+          "--purpose goes by the consents in a home's appliance log, and there is no home: name it "
+          "with --home");
+    }
+    enter_use(*home, recording.folder(), *request.purpose, what);
+  } else if (home && home->holds(recording.folder()) && consent_configuration(*home).demand_purpose) {
+    throw UsageError(
+        "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
+        "--purpose, one of " +
+        consent_configuration(*home).known());
+  }
+}
 
 /// What an export reports to: draws, and ends it where that was asked for.
 class Watch {
@@ -55,27 +75,29 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
   options.output = request.output;
   options.overwrite = request.force;
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
+  enter_purpose(request, home, recording, "exported " + options.stream);
   media::ExportResult result;
   {
     Watch watch;
     options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
     result = media::export_stream(recording, identities, options);
   }
-  log_access(home, recording.folder(), "exported " + options.stream);
+  if (!request.purpose) log_access(home, recording.folder(), "exported " + options.stream);
   const std::int64_t begins_ns = recording.opening().begins_ns;
   if (request.json) {
-    print_json({{"case", recording.opening().case_id},
-                {"stream", options.stream},
-                {"file", request.output},
-                {"segments", result.segments},
-                {"frames", result.frames},
-                {"uncounted_segments", result.uncounted},
-                {"left_out", result.left_out},
-                {"bytes", result.bytes},
-                {"zero_ns", result.zero_ns},
-                {"start_ns", result.start_ns},
-                {"end_ns", result.end_ns},
-                {"verified", false}});
+    ordered_json told{{"case", recording.opening().case_id}, {"stream", options.stream}};
+    if (request.purpose) told["purpose"] = *request.purpose;
+    told.update({{"file", request.output},
+                 {"segments", result.segments},
+                 {"frames", result.frames},
+                 {"uncounted_segments", result.uncounted},
+                 {"left_out", result.left_out},
+                 {"bytes", result.bytes},
+                 {"zero_ns", result.zero_ns},
+                 {"start_ns", result.start_ns},
+                 {"end_ns", result.end_ns},
+                 {"verified", false}});
+    print_json(told);
     return kDone;
   }
   std::cout
@@ -128,14 +150,16 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
   options.made_by = user_name();
   options.program = "kiroku " + std::string(version());
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
+  options.purpose = request.purpose;
   options.verification = verification_of(request, recording);
+  enter_purpose(request, home, recording, "exported every stream");
   media::CaseExportResult result;
   {
     Watch watch;
     options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
     result = media::export_case(recording, identities, options);
   }
-  log_access(home, recording.folder(), "exported every stream");
+  if (!request.purpose) log_access(home, recording.folder(), "exported every stream");
   if (request.json) {
     print_json(result.manifest);
     return kDone;
@@ -175,6 +199,8 @@ void add_export_command(Command& program) {
                           "signs; with --all a folder");
   command.option("-i,--identity", "FILE", request->identities,
                  "a recipient's identity; in a --demo home its own");
+  command.option("--purpose", "P", request->purpose,
+                 "what for: teaching, research or another purpose of the site's; a consent to it must stand");
   command.option("--from", "T", request->from, kTimeHelp, "the start");
   command.option("--to", "T", request->to, "likewise", "the end");
   command.flag(
@@ -195,6 +221,11 @@ void add_export_command(Command& program) {
       "--all verifies the case first. manifest.json says what was found, where each file begins on the "
       "case's clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when "
       "each picture is shown.");
+  command.explain(
+      "With --purpose nothing is written unless the appliance log states a consent of this case to that "
+      "purpose that was not withdrawn ('kiroku consent'). The purpose is entered in the log before the first "
+      "byte leaves, and stands in manifest.json. [consent] of kiroku.toml may demand a purpose of every "
+      "export.");
   command.example(
       "kiroku export 20260805T091502Z-3f9c21ab --stream endoscope -i identity.txt -o endoscope.mp4",
       "the endoscope's film");

@@ -5,6 +5,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/verify/outside_note.h"
+#include "apps/verify/witness_judgement.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -22,6 +23,12 @@ std::optional<archive::OutsideNote> home_witnessed_note(const Home& home) {
     print_error("kiroku", std::string("warning: the log was not compared: ") + error.what());
   }
   return std::nullopt;
+}
+
+std::optional<crypto::Checkpoint> home_witnessed_checkpoint(const Home& home) {
+  const auto note = home_witnessed_note(home);
+  if (!note || !is_of_log(*note, home.device())) return std::nullopt;
+  return crypto::Checkpoint::parse(crypto::open_note(note->text, {home.device()}).text);
 }
 
 }  // namespace kiroku::apps

@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/consent_command.h"
 #include "apps/kiroku/fleet_command.h"
 #include "apps/kiroku/user_command.h"
 #include "apps/kiroku/view_command.h"
@@ -37,25 +38,43 @@ inline void add_plan_group(Command& program) { add_plan_command(program); }
 struct Commands {
   static consteval auto list() {
     using enum AnsweredBy;
-    return std::to_array<StatedCommand>(
-        {{"init", kSmall, add_init_command},       {"record", kFull, add_record_command},
-         {"case", kSmall, add_case_command},       {"status", kSmall, add_status_command},
-         {"doctor", kFull, add_doctor_command},    {"devices", kFull, add_devices_command},
-         {"recover", kFull, add_recover_command},  {"cases", kSmall, add_cases_command},
-         {"display", kFull, add_display_command},  {"verify", kFull, add_verify_command},
-         {"report", kFull, add_report_command},    {"export", kFull, add_export_command},
-         {"excerpt", kSmall, add_excerpt_command}, {"erase", kFull, add_erase_command},
-         {"hold", kSmall, add_hold_command},       {"release", kSmall, add_release_command},
-         {"renew", kFull, add_renew_command},      {"seal", kSmall, add_seal_command},
-         {"unseal", kSmall, add_unseal_command},   {"stamp", kFull, add_stamp_command},
-         {"token", kSmall, add_token_command},     {"tsa", kFull, add_tsa_command},
-         {"log", kSmall, add_log_command},         {"witness", kFull, add_witness_command},
-         {"ship", kFull, add_ship_command},        {"fetch", kFull, add_fetch_command},
-         {"fleet", kFull, add_fleet_command},      {"view", kFull, add_view_command},
-         {"user", kSmall, add_user_command},       {"sim", kSim, add_sim_group},
-         {"plan", kSim, add_plan_group},           {"respire", kFull, add_respire_command},
-         {"compare", kFull, add_compare_command},  {"train", kFull, add_train_command},
-         {"quality", kFull, add_quality_command},  {"completion", kFull, add_completion_command}});
+    return std::to_array<StatedCommand>({{"init", kSmall, add_init_command},
+                                         {"record", kFull, add_record_command},
+                                         {"case", kSmall, add_case_command},
+                                         {"status", kSmall, add_status_command},
+                                         {"doctor", kFull, add_doctor_command},
+                                         {"devices", kFull, add_devices_command},
+                                         {"recover", kFull, add_recover_command},
+                                         {"cases", kSmall, add_cases_command},
+                                         {"display", kFull, add_display_command},
+                                         {"verify", kFull, add_verify_command},
+                                         {"report", kFull, add_report_command},
+                                         {"export", kFull, add_export_command},
+                                         {"excerpt", kSmall, add_excerpt_command},
+                                         {"erase", kFull, add_erase_command},
+                                         {"hold", kSmall, add_hold_command},
+                                         {"release", kSmall, add_release_command},
+                                         {"consent", kSmall, add_consent_command},
+                                         {"renew", kFull, add_renew_command},
+                                         {"seal", kSmall, add_seal_command},
+                                         {"unseal", kSmall, add_unseal_command},
+                                         {"stamp", kFull, add_stamp_command},
+                                         {"token", kSmall, add_token_command},
+                                         {"tsa", kFull, add_tsa_command},
+                                         {"log", kSmall, add_log_command},
+                                         {"witness", kFull, add_witness_command},
+                                         {"ship", kFull, add_ship_command},
+                                         {"fetch", kFull, add_fetch_command},
+                                         {"fleet", kFull, add_fleet_command},
+                                         {"view", kFull, add_view_command},
+                                         {"user", kSmall, add_user_command},
+                                         {"sim", kSim, add_sim_group},
+                                         {"plan", kSim, add_plan_group},
+                                         {"respire", kFull, add_respire_command},
+                                         {"compare", kFull, add_compare_command},
+                                         {"train", kFull, add_train_command},
+                                         {"quality", kFull, add_quality_command},
+                                         {"completion", kFull, add_completion_command}});
   }
 };
 

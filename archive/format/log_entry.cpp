@@ -1,9 +1,11 @@
 #include "archive/format/log_entry.h"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/consent_layout.h"
 #include "archive/format/json_writer.h"
 #include "archive/format/strict_json.h"
 
@@ -11,7 +13,8 @@ namespace kiroku::archive {
 
 namespace {
 
-constexpr std::size_t kMaximumDepth = 1;
+constexpr std::size_t kMaximumDepth = 2;
+constexpr std::string_view kNoPurpose = "has what is no purpose: 1 to 32 of a-z, 0-9 and '-'";
 
 constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes{"boot",
                                                                                  "shutdown",
@@ -30,7 +33,9 @@ constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes
                                                                                  "recovered",
                                                                                  "pre-roll-discarded",
                                                                                  "case-held",
-                                                                                 "case-released"};
+                                                                                 "case-released",
+                                                                                 "consent-given",
+                                                                                 "consent-withdrawn"};
 
 // -- writing, one function an entry type
 
@@ -68,6 +73,9 @@ void write(JsonWriter& line, const CaseErasedEntry& entry) {
 }
 void write(JsonWriter& line, const AccessEntry& entry) {
   line.text("case", entry.case_id).text("what", entry.what).text("who", entry.who);
+  if (entry.purpose) {
+    line.text("purpose", *entry.purpose);
+  }
 }
 void write(JsonWriter& line, const LogRecoveredEntry& entry) { line.count("truncated", entry.truncated); }
 void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
@@ -84,6 +92,13 @@ void write(JsonWriter& line, const CaseReleasedEntry& entry) {
       .count("hold", entry.hold)
       .text("reason", entry.reason)
       .text("who", entry.who);
+}
+void write(JsonWriter& line, const ConsentStatement& entry) {
+  line.text("case", entry.case_id).texts("purposes", entry.purposes).digest("statement", entry.statement);
+  if (entry.form) {
+    line.digest("form", *entry.form);
+  }
+  line.text("who", entry.who);
 }
 
 // -- reading, likewise; each takes every key it knows
@@ -139,6 +154,12 @@ void read(JsonFields& fields, AccessEntry& entry) {
   entry.case_id = fields.text("case");
   entry.what = fields.text("what");
   entry.who = fields.text("who");
+  if (fields.has("purpose")) {
+    entry.purpose = fields.text("purpose");
+    if (!fields.failed() && !is_short_name(*entry.purpose)) {
+      fields.refuse("purpose", kNoPurpose);
+    }
+  }
 }
 void read(JsonFields& fields, LogRecoveredEntry& entry) { entry.truncated = fields.count("truncated"); }
 void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
@@ -156,6 +177,26 @@ void read(JsonFields& fields, CaseReleasedEntry& entry) {
   entry.case_id = read_case_id(fields);
   entry.hold = fields.count("hold");
   entry.reason = fields.text("reason");
+  entry.who = fields.text("who");
+}
+void read(JsonFields& fields, ConsentStatement& entry) {
+  entry.case_id = read_case_id(fields);
+  entry.purposes = fields.texts("purposes");
+  if (!fields.failed() && (entry.purposes.empty() || entry.purposes.size() > kMaximumPurposes)) {
+    fields.refuse("purposes", "must be 1 to 32 purposes");
+  }
+  for (const std::string& each : entry.purposes) {
+    if (!fields.failed() && !is_short_name(each)) {
+      fields.refuse("purposes", kNoPurpose);
+    }
+    if (!fields.failed() && std::ranges::count(entry.purposes, each) > 1) {
+      fields.refuse("purposes", "has one purpose twice");
+    }
+  }
+  entry.statement = fields.digest("statement");
+  if (fields.has("form")) {
+    entry.form = fields.digest("form");
+  }
   entry.who = fields.text("who");
 }
 

@@ -17,10 +17,12 @@
 //                        came)
 //   replicated           case, target
 //   erased               case, stream (absent: the whole case), policy
-//   access               case (as it was asked for), what, who
+//   access               case (as it was asked for), what, who, purpose (absent where none was stated)
 //   recovered            truncated (bytes of a torn last line that were cut off before this entry)
 //   case-held            case, reason, who
 //   case-released        case, hold (the number of its case-held), reason, who
+//   consent-given        case, purposes [text...], statement, form (absent where none is kept), who
+//   consent-withdrawn    the same
 #pragma once
 
 #include <cstdint>
@@ -28,6 +30,7 @@
 #include <string>
 #include <string_view>
 #include <variant>
+#include <vector>
 
 #include "archive/format/ledger_entry.h"
 
@@ -82,6 +85,8 @@ struct CaseErasedEntry {
 };
 struct AccessEntry {
   std::string case_id, what, who;
+  /// For which it was asked for: a consent to it must stand then.
+  std::optional<std::string> purpose = {};
 };
 struct LogRecoveredEntry {
   std::uint64_t truncated = 0;
@@ -100,11 +105,24 @@ struct CaseReleasedEntry {
   std::string reason, who;
 };
 
+/// What a written consent to the use of a case says in the clear, or its withdrawal: no more than its
+/// purposes, which are short names of the site's own. Who consented is sealed.
+struct ConsentStatement {
+  std::string case_id;
+  std::vector<std::string> purposes;         // at least one, at most kMaximumPurposes, none twice
+  crypto::Sha256Digest statement{};          // of consents/<SHA-256>.age in the log's folder
+  std::optional<crypto::Sha256Digest> form;  // likewise, where the scanned form is kept
+  std::string who;                           // entered it
+};
+struct ConsentGivenEntry : ConsentStatement {};
+struct ConsentWithdrawnEntry : ConsentStatement {};
+
 using LogEntryBody =
     std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, DeviceMlDsaEntry,
                  DeviceHardwareEntry, DeviceHardwareSilentEntry, PlanSealedEntry, CaseOpenedEntry,
                  CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry, AccessEntry,
-                 LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry>;
+                 LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry,
+                 ConsentGivenEntry, ConsentWithdrawnEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

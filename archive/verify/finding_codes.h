@@ -280,6 +280,23 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "not come about"},
     {"erased-while-held", Severity::kGap,
      "the log says that something of a case was erased while a legal hold of it stood"},
+    {"consent-given-twice", Severity::kGap,
+     "the log states a consent of a case to a purpose to which one stood already"},
+    {"consent-not-given", Severity::kGap,
+     "the log states that a consent was withdrawn which did not stand: it was never given, or withdrawn "
+     "before"},
+    {"consent-case-unknown", Severity::kGap,
+     "the log states a consent or its withdrawal for a case that it does not say was opened before"},
+    {"consent-doubted", Severity::kGap,
+     "nobody signed an entry of a consent before another followed: the machine stopped at that moment, or "
+     "somebody made it up. A consent then counts for nothing, a withdrawal counts"},
+    {"access-without-consent", Severity::kGap,
+     "the log says that a case was used for a purpose to which no consent stood"},
+    {"consent-file-missing", Severity::kGap,
+     "a sealed statement of consent, or a form, is not there: it was removed, or this is a copy without"},
+    {"consent-not-entered", Severity::kGap,
+     "a sealed statement of consent, or a form, that no entry names: the machine stopped before it was "
+     "entered, or its entry was removed"},
     {"log-of-another-device", Severity::kUnproven,
      "the log was another device's when it says that the case was opened: whether the case's own device has "
      "it in "

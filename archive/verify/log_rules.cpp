@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/consent_layout.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_histories.h"
 #include "base/error.h"
@@ -41,7 +42,8 @@ LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, Finding
       case_device_(of_case ? of_case->device : std::string()),
       head_(of_case ? of_case->appliance_log_size : 0),
       listing_(folder.list()),
-      checkpoints_(folder, options, findings, note_sizes(listing_)) {
+      checkpoints_(folder, options, findings, note_sizes(listing_)),
+      consents_(folder, findings) {
   try {
     if (!case_device_.empty()) {
       signs_case_ = known_device(crypto::VerifierKey::parse(case_device_), options.devices);
@@ -90,6 +92,8 @@ LogContents LogWalk::run() {
     closed_now_.reset();
     opened_now_ = false;
     of_holds_now_.reset();
+    of_consents_now_.reset();
+    consents_.followed();
     take(line, number);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
@@ -117,6 +121,7 @@ LogContents LogWalk::run() {
     if (has_its_own) {
       judge_holds(number);
     }
+    judge_consents(number, has_its_own);
     if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
@@ -137,6 +142,7 @@ LogContents LogWalk::run() {
   }
   judge_tail();
   check_names();
+  consents_.finish(listing_);
   checkpoints_.judge_keys(tree_.size(), {});
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
@@ -203,6 +209,26 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
   if (!has_its_own) {
     contents_.doubted.insert(number);
   }
+}
+
+void LogWalk::judge_consents(std::uint64_t number, bool has_its_own) {
+  if (!of_consents_now_) {
+    return;
+  }
+  const std::string& case_id = std::visit(
+      [](const auto& entry) -> const std::string& {
+        static const std::string kNone;
+        if constexpr (requires { entry.case_id; }) {
+          return entry.case_id;
+        } else {
+          return kNone;
+        }
+      },
+      *of_consents_now_);
+  const auto known = contents_.cases.find(case_id);
+  consents_.take(*of_consents_now_, number,
+                 {has_its_own, is_asked_for(case_id),
+                  known != contents_.cases.end() && known->second.opened.has_value()});
 }
 
 void LogWalk::judge_holds(std::uint64_t number) {
@@ -301,6 +327,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
     }
   }
   contents_.begins = contents_.begins.value_or(entry.at.utc);
+  if (ConsentRules::concerns(entry.body)) of_consents_now_ = entry.body;
   std::visit(
       Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
@@ -435,15 +462,19 @@ void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
 }
 
 void LogWalk::check_names() {
-  check_folder_names(listing_, *findings_, [](const ListedFile& file) {
-    const bool notes_folder = file.path == kCheckpointsFolder && file.kind == ListedFile::Kind::kFolder;
-    if (notes_folder || file.path == kLedgerFile || is_note_file(file)) {
+  check_folder_names(listing_, *findings_, [this](const ListedFile& file) {
+    const bool is_folder = file.kind == ListedFile::Kind::kFolder;
+    const bool own_folder = is_folder && (file.path == kCheckpointsFolder || file.path == kConsentsFolder);
+    const bool of_consent = !is_folder && hash_of_consent_path(file.path) &&
+                            (file.kind == ListedFile::Kind::kRegular || consents_.names(file.path));
+    if (own_folder || of_consent || file.path == kLedgerFile || is_note_file(file)) {
       return NameJudgement::kNamed;
     }
     const bool part = file.kind == ListedFile::Kind::kRegular && file.path.ends_with(kPartSuffix);
-    return part && is_note_path(std::string_view(file.path).substr(0, file.path.size() - kPartSuffix.size()))
-               ? NameJudgement::kPart
-               : NameJudgement::kUnnamed;
+    const std::string_view whole =
+        std::string_view(file.path).substr(0, part ? file.path.size() - kPartSuffix.size() : 0);
+    return part && (is_note_path(whole) || hash_of_consent_path(whole)) ? NameJudgement::kPart
+                                                                        : NameJudgement::kUnnamed;
   });
 }
 

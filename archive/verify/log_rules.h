@@ -17,6 +17,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/format/log_entry.h"
 #include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/consent_rules.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/verify_options.h"
@@ -119,6 +120,7 @@ class LogWalk {
   /// When it is known whether the newest entry, `number`, has a checkpoint of its own: here, or one that was
   /// kept elsewhere.
   void judge_told(std::uint64_t number, bool has_its_own);
+  void judge_consents(std::uint64_t number, bool has_its_own);
   /// Of an entry that was signed before another followed; no other holds, releases or accuses.
   void judge_holds(std::uint64_t number);
 
@@ -147,6 +149,8 @@ class LogWalk {
   std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
   /// The newest entry, if it holds, releases or erases something of a case that is asked for.
   std::optional<std::variant<CaseHeldEntry, CaseReleasedEntry, CaseErasedEntry>> of_holds_now_;
+  std::optional<LogEntryBody> of_consents_now_;  // the newest entry, if it concerns consents
+  ConsentRules consents_;
   std::map<std::string, std::set<std::uint64_t>> holds_;  // entries of the holds that stand, by case
   std::uint64_t since_note_ = 0;  // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;

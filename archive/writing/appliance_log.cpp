@@ -372,12 +372,27 @@ void ApplianceLog::case_released(const std::string& case_id, std::uint64_t hold,
   state_->append_and_checkpoint(CaseReleasedEntry{case_id, hold, reason, who});
 }
 
+std::uint64_t ApplianceLog::consent_given(const ConsentStatement& statement) {
+  check_case_id(statement.case_id);
+  return state_->append_and_checkpoint(ConsentGivenEntry{statement});
+}
+
+std::uint64_t ApplianceLog::consent_withdrawn(const ConsentStatement& statement) {
+  check_case_id(statement.case_id);
+  return state_->append_and_checkpoint(ConsentWithdrawnEntry{statement});
+}
+
 void ApplianceLog::pre_roll_discarded(std::uint64_t segments, std::optional<std::int64_t> duration_ns) {
   state_->append_and_checkpoint(PreRollDiscardedEntry{segments, duration_ns});
 }
 
 void ApplianceLog::access(const std::string& case_id, const std::string& what, const std::string& who) {
-  state_->append_and_checkpoint(AccessEntry{case_id, what, who});
+  state_->append_and_checkpoint(AccessEntry{case_id, what, who, {}});
+}
+
+void ApplianceLog::access_for(const std::string& purpose, const std::string& case_id, const std::string& what,
+                              const std::string& who) {
+  state_->append_and_checkpoint(AccessEntry{case_id, what, who, purpose});
 }
 
 std::uint64_t ApplianceLog::size() const {

@@ -17,6 +17,7 @@
 
 namespace kiroku::archive {
 
+struct ConsentStatement;  // archive/format/log_entry.h
 class FileSystem;
 
 /// One line of the log for listing.
@@ -81,8 +82,15 @@ class ApplianceLog {
   std::uint64_t case_held(const std::string& case_id, const std::string& reason, const std::string& who);
   void case_released(const std::string& case_id, std::uint64_t hold, const std::string& reason,
                      const std::string& who);
+  /// A written consent, or that it was withdrawn; what it names lies in consents/ already. The entry's
+  /// number.
+  std::uint64_t consent_given(const ConsentStatement& statement);
+  std::uint64_t consent_withdrawn(const ConsentStatement& statement);
   /// Who decrypted or exported what.
   void access(const std::string& case_id, const std::string& what, const std::string& who);
+  /// The same for a purpose, to which a consent must stand.
+  void access_for(const std::string& purpose, const std::string& case_id, const std::string& what,
+                  const std::string& who);
 
   /// As this object last saw it; head() first takes in what other processes appended.
   [[nodiscard]] std::uint64_t size() const;

@@ -162,6 +162,7 @@ class CaseExport {
     ordered_json head;
     head["format"] = kFormat;
     head["made"] = {{"utc", format_utc(utc_now())}, {"by", options_.made_by}, {"program", options_.program}};
+    if (options_.purpose) head["purpose"] = *options_.purpose;
     head["case"] = recording_.opening().case_id;
     head["device"] = recording_.opening().device;
     head["case_span"] = {{"start_ns", begins_ns}, {"end_ns", ends_ns}};

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,7 @@ struct CaseExportOptions {
   bool overwrite = false;
   /// For the manifest: who makes it with what, and what a verification of the case found.
   std::string made_by, program;
+  std::optional<std::string> purpose;  // what it is made for
   nlohmann::ordered_json verification;
   /// As ExportOptions::progress, over all files. May throw, which ends the export.
   std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)> progress;

@@ -16,7 +16,7 @@ import strict_json
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
-from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
+from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK = 11 * SECOND, 60 * SECOND, 60 * SECOND
@@ -566,16 +566,6 @@ def is_header(data):
     return len(data) <= 65536 and bool(re.fullmatch(rb"age-encryption\.org/v1\n(?:[^\n]*\n)*?--- [A-Za-z0-9+/]{43}\n", data))
 
 
-def has_hole(path, status):
-    """512 bytes or more for which the file system says that nothing is stored."""
-    with open(path, "rb") as file:
-        try:
-            hole = os.lseek(file.fileno(), 0, os.SEEK_HOLE)
-        except OSError:
-            return False
-        return status.st_size - hole >= 512
-
-
 @functools.lru_cache(maxsize=None)
 def is_certificates(data):
     """Whether a text is PEM blocks of certificates and revocation lists that `openssl` reads, and nothing else."""
@@ -603,6 +593,8 @@ class AgainstLog:
         for name, number in log.held_and_erased if log else ():
             if not entries.opening or name == entries.opening["case"]:
                 report("erased-while-held", f"line {number} of the log")
+        if log:
+            log.consents.report_of(entries.opening["case"] if entries.opening else None, report)
         if log and entries.opening:
             if self.known and self.known.device != entries.opening["device"]:
                 report("log-of-another-device", entries.opening["device"])

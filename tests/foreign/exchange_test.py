@@ -157,7 +157,7 @@ class Exchange(unittest.TestCase):
 
     def test_both_verifiers_refuse_the_same_lines(self):
         chance = random.Random(3)
-        for entries, name, levels, options in ((mutations.CASE, "case-ledger", 4, []), (mutations.LOG, "appliance-log", 1, ["--as-log"])):
+        for entries, name, levels, options in ((mutations.CASE, "case-ledger", 4, []), (mutations.LOG, "appliance-log", 2, ["--as-log"])):
             lines = [mutations.changed(entries, chance) for _ in range(900)]  # a report keeps a thousand findings of one code
             folder = self.scratch / name
             folder.mkdir()
@@ -293,7 +293,7 @@ socket = "{self.scratch}/s"
         for line in (archive / case / "ledger.jsonl").read_bytes().splitlines():
             fits(line, "case-ledger")
         for line in (archive / "log/ledger.jsonl").read_bytes().splitlines():
-            fits(line, "appliance-log", levels=1)
+            fits(line, "appliance-log", levels=2)
         fits((self.scratch / "excerpt/excerpt.json").read_bytes().rstrip(b"\n"), "excerpt")
         identity = self.identity_of(self.scratch / "home/identity.txt")
         for path in sorted((archive / case / "segments").glob("*/*.jsonl.age")):

@@ -54,6 +54,7 @@ class World:
     utc_ns: int
     folder: pathlib.Path = None
     sealed: dict = dataclasses.field(default_factory=dict)
+    beside: dict = dataclasses.field(default_factory=dict)   # files to be written beside a log, by path
 
     def seal(self, name, plain):
         """A small age file; the same for the same name."""
@@ -1325,6 +1326,153 @@ def another_case_held(world):
         log.signed("case-held", 90 * SECOND, case="20200101T000000Z-00000000", reason="court order", who="anna")
         log.signed("erased", 93 * SECOND, case=written.case.id, stream="vitals", policy="30 days")
     return with_log(world, change)
+
+
+def consented(world, log, written, kind="consent-given", at=90, of=None, purposes=("teaching",), sign=True, form=None, keep=True):
+    """An entry of a consent with its sealed statement, which lies beside the log."""
+    case = of or written.case.id
+    sealed = world.seal(f"{kind} {case} {purposes}", json.dumps({"case": case, "kind": kind[8:], "purposes": list(purposes), "person": "Hana Mori, patient", "since": "2026-08-01"}).encode())
+    digest = hashlib.sha256(sealed).hexdigest()
+    if keep:
+        world.beside[f"log/consents/{digest}.age"] = sealed
+    (log.signed if sign else log.add)(kind, at * SECOND, case=case, purposes=list(purposes), statement=digest, who="anna")
+    return digest
+
+
+def with_consents(world, change, judge=None):
+    """A log with consents, alone or beside its case; their files are written once the log's folder is there."""
+    world.beside = {}
+    given = (judge or the_log)(world, lambda log, written: change(log, written))
+    folder = (given.log or given.path).parent
+    for name, data in world.beside.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(data)
+    return given
+
+
+def used(log, written, at, purpose="teaching", sign=True):
+    (log.signed if sign else log.add)("access", at * SECOND, case=written.case.id, what="exported endoscope", who="anna", purpose=purpose)
+
+
+@reaches()
+def consent_given_used_and_withdrawn(world):
+    def change(log, written):
+        consented(world, log, written)
+        used(log, written, 91)
+        consented(world, log, written, "consent-withdrawn", 92)
+        consented(world, log, written, at=93)
+    return with_consents(world, change)
+
+
+@reaches()
+def consent_of_the_case_beside_its_log(world):
+    return with_consents(world, lambda log, written: consented(world, log, written), with_log)
+
+
+@reaches("access-without-consent")
+def used_after_the_withdrawal(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, "consent-withdrawn", 91)
+        used(log, written, 92)
+    return with_consents(world, change)
+
+
+@reaches("access-without-consent")
+def used_for_another_purpose(world):
+    def change(log, written):
+        consented(world, log, written)
+        used(log, written, 91, "publication")
+    return with_consents(world, change)
+
+
+@reaches("access-without-consent", "consent-case-unknown")
+def used_by_the_consent_of_another_case(world):
+    def change(log, written):
+        consented(world, log, written, of="20200101T000000Z-00000000")
+        used(log, written, 91)
+    return with_consents(world, change)
+
+
+@reaches("access-without-consent", "consent-doubted")
+def used_by_a_consent_that_nobody_signed(world):
+    def change(log, written):
+        consented(world, log, written, sign=False)
+        used(log, written, 91)
+    return with_consents(world, change)
+
+
+@reaches("access-without-consent", "consent-doubted")
+def used_after_a_withdrawal_that_nobody_signed(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, "consent-withdrawn", 91, sign=False)
+        used(log, written, 92)
+    return with_consents(world, change)
+
+
+@reaches("consent-given-twice")
+def consent_given_twice(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, at=91, purposes=("research", "teaching"))
+    return with_consents(world, change)
+
+
+@reaches("consent-not-given")
+def consent_withdrawn_that_was_never_given(world):
+    return with_consents(world, lambda log, written: consented(world, log, written, "consent-withdrawn"))
+
+
+@reaches("consent-not-given")
+def consent_withdrawn_twice_beside_its_case(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, "consent-withdrawn", 91)
+        consented(world, log, written, "consent-withdrawn", 92)
+    return with_consents(world, change, with_log)
+
+
+@reaches("consent-case-unknown")
+def consent_of_an_unknown_case(world):
+    return with_consents(world, lambda log, written: consented(world, log, written, of="20200101T000000Z-00000000"))
+
+
+@reaches()
+def consent_of_an_unknown_case_says_nothing_of_this_one(world):
+    return with_consents(world, lambda log, written: consented(world, log, written, of="20200101T000000Z-00000000", keep=False), with_log)
+
+
+@reaches("consent-file-missing")
+def statement_of_a_consent_removed(world):
+    return with_consents(world, lambda log, written: consented(world, log, written, keep=False))
+
+
+@reaches("file-hash-differs")
+def statement_of_a_consent_altered(world):
+    def change(log, written):
+        digest = consented(world, log, written)
+        world.beside[f"log/consents/{digest}.age"] += b"x"
+    return with_consents(world, change)
+
+
+@reaches("consent-not-entered")
+def consent_whose_entry_was_removed(world):
+    def change(log, written):
+        world.beside["log/consents/" + "a" * 64 + ".age"] = world.seal("lost", b"{}")
+    return with_consents(world, change)
+
+
+@reaches("file-unnamed")
+def another_name_among_the_consents(world):
+    def change(log, written):
+        world.beside["log/consents/note.txt"] = b"teaching is fine"
+    return with_consents(world, change)
+
+
+@reaches("entry-malformed")
+def consent_to_a_purpose_that_reads_backwards(world):
+    return with_consents(world, lambda log, written: consented(world, log, written, purposes=("teach\u202eing",), keep=False))
 
 
 @reaches("case-missing")

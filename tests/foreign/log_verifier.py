@@ -1,14 +1,16 @@
 """Judges an appliance log, alone or as what a case is compared with, by docs/reference/format.md, "The appliance log"."""
 import dataclasses
 import hashlib
+import os
 import pathlib
 import re
 
 import note
-from verifier import Folder, Judgement, Ledger, outside_notes, size_of_note
+from verifier import Folder, Judgement, Ledger, has_hole, outside_notes, size_of_note
 
 FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
 MOST_WITHOUT_THEIR_OWN = 3
+CONSENT_FILE, LARGEST_CONSENT = re.compile("consents/([0-9a-f]{64})[.]age"), 64 << 20
 
 
 @dataclasses.dataclass
@@ -31,6 +33,67 @@ class KnownCase:
     further: list = dataclasses.field(default_factory=list)  # other openings of the identifier: entry, line, vouched
 
 
+class Consents:
+    """Consents to the use of cases: what does not fit in their order, and the sealed files that they name."""
+
+    def __init__(self, folder):
+        self.folder, self.standing, self.unsigned, self.files, self.found = folder, set(), None, {}, []
+
+    def take(self, number, entry, own, opened):
+        kind, case = entry["type"], entry.get("case")
+        if kind == "access" and "purpose" in entry:
+            if own and (case, entry["purpose"]) not in self.standing:
+                self.found.append((case, "access-without-consent", number))
+        if kind not in ("consent-given", "consent-withdrawn"):
+            return
+        for digest in filter(None, (entry["statement"], entry.get("form"))):
+            self.files.setdefault(f"consents/{digest}.age", {}).setdefault(case, number)
+        if not own:
+            self.unsigned = (case, number)
+        elif not opened:
+            self.found.append((case, "consent-case-unknown", number))
+        for purpose in entry["purposes"]:
+            key = (case, purpose)
+            if own and (kind == "consent-given") == (key in self.standing):
+                self.found.append((case, "consent-given-twice" if kind == "consent-given" else "consent-not-given", number))
+            if kind == "consent-withdrawn":
+                self.standing.discard(key)
+            elif own:
+                self.standing.add(key)
+
+    def followed(self):
+        if self.unsigned:
+            self.found.append((self.unsigned[0], "consent-doubted", self.unsigned[1]))
+            self.unsigned = None
+
+    def names(self, file):
+        return file.path == "consents" and file.kind == "folder" or file.kind != "folder" and bool(CONSENT_FILE.fullmatch(file.path)) and (file.kind == "regular" or file.path in self.files)
+
+    def finish(self):
+        for file in self.folder.listing:
+            if file.kind == "regular" and CONSENT_FILE.fullmatch(file.path) and file.path not in self.files:
+                self.found.append((None, "consent-not-entered", file.path))
+
+    def report_of(self, case, report):
+        """What was found of one case, or of all; what no entry names is of none, so it is said either way."""
+        for name, code, where in self.found:
+            if case is None or name in (None, case):
+                report(code, f"{name}, {where}")
+        for path, cases in sorted(self.files.items()):
+            if case is None or case in cases:
+                self._judge_file(path, report)
+
+    def _judge_file(self, path, report):
+        where = self.folder.path / path
+        if not os.path.lexists(where):
+            return report("consent-file-missing", path)
+        if where.is_symlink() or not where.is_file():
+            return report("file-not-regular", path)
+        status = where.stat()
+        if status.st_size > LARGEST_CONSENT or has_hole(where, status) or hashlib.sha256(where.read_bytes()).hexdigest() != CONSENT_FILE.fullmatch(path)[1]:
+            report("file-hash-differs", path)
+
+
 class LogRead:
     """What the log says; findings are in `folder`. `alone`: it is judged itself, so all notes kept outside are about it."""
 
@@ -38,14 +101,16 @@ class LogRead:
         self.path, self.folder, self.cases, self.doubted, self.held_and_erased = pathlib.Path(path), Folder(path, trust), {}, set(), []
         folder, report = self.folder, self.folder.report
         data = folder.read("ledger.jsonl") or b""
-        self.ledger = Ledger(data, "appliance-log", 1, report)
+        self.ledger = Ledger(data, "appliance-log", 2, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
+        self.consents = Consents(folder)
         for number, entry in enumerate(self.ledger.entries):
             told, erased, closed = None, None, None
+            self.consents.followed()
             if entry is not None:
                 kind = entry["type"]
                 if entry["seq"] != number:
@@ -90,6 +155,9 @@ class LogRead:
                 erased.erased = True
             if own and entry is not None:
                 self._judge_holds(holds, number, entry)
+            if entry is not None:
+                known = self.cases.get(entry.get("case"))
+                self.consents.take(number, entry, own, known is not None and known.opened is not None)
             if told:
                 if own and kind == "case-opened":
                     told.erased = False
@@ -108,7 +176,8 @@ class LogRead:
             report("log-tail-not-covered", "the last line is not whole")
         if self.ledger.readable:
             self._judge_tail(to_be_followed)
-            folder.judge_names(_judge_name)
+            folder.judge_names(lambda file: "named" if self.consents.names(file) else _judge_name(file))
+            self.consents.finish()
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
@@ -196,13 +265,15 @@ def _held(notes, trust):
 def _judge_name(file):
     if (file.path == "checkpoints" and file.kind == "folder") or file.path == "ledger.jsonl" or (file.kind != "folder" and size_of_note(file.path)):
         return "named"
-    return "part" if file.kind == "regular" and file.path.endswith(".part") and size_of_note(file.path.removesuffix(".part")) else "unnamed"
+    whole = file.path.removesuffix(".part")
+    return "part" if file.kind == "regular" and whole != file.path and (size_of_note(whole) or CONSENT_FILE.fullmatch(whole)) else "unnamed"
 
 
 def verify_log(path, trust):
     log = LogRead(path, trust, alone=True)
     for name, number in log.held_and_erased:
         log.folder.report("erased-while-held", f"{name}, line {number}")
+    log.consents.report_of(None, log.folder.report)
     if log.ledger.readable:
         _look_for_cases(log, pathlib.Path(path).resolve())
     return Judgement(log.folder.findings)

@@ -33,7 +33,10 @@ LOG = [
     _entry("case-closed", **_CASE, size=1, root=_HASH, final_token=_HASH), _entry("replicated", **_CASE, target="t"),
     _entry("erased", **_CASE, stream="s", policy="p"), _entry("access", case="*", what="w", who="w"), _entry("recovered", truncated=1),
     _entry("pre-roll-discarded", segments=1, duration_ns=2),
-    _entry("case-held", **_CASE, reason="r", who="w"), _entry("case-released", **_CASE, hold=1, reason="r", who="w")]
+    _entry("case-held", **_CASE, reason="r", who="w"), _entry("case-released", **_CASE, hold=1, reason="r", who="w"),
+    _entry("access", **_CASE, what="w", who="w", purpose="teaching"),
+    _entry("consent-given", **_CASE, purposes=["teaching", "research"], statement=_HASH, form=_HASH, who="w"),
+    _entry("consent-withdrawn", **_CASE, purposes=["teaching"], statement=_HASH, who="w")]
 
 _LARGE = 1 << 53
 _VALUES = [

@@ -63,6 +63,16 @@ class Trust:
     proof: pathlib.Path | None = None
 
 
+def has_hole(path, status):
+    """512 bytes or more for which the file system says that nothing is stored."""
+    with open(path, "rb") as file:
+        try:
+            hole = os.lseek(file.fileno(), 0, os.SEEK_HOLE)
+        except OSError:
+            return False
+        return status.st_size - hole >= 512
+
+
 class Torn:
     """How a ledger ends that does not end with a whole line."""
 
@@ -405,7 +415,7 @@ class Folder:
             return 0, 0
         try:
             line, consistency, index, path, checkpoint = tlog_proof.parse(self.trust.proof.read_bytes())
-            entry = parse_entry(line, "appliance-log", 1)
+            entry = parse_entry(line, "appliance-log", 2)
         except (note.Malformed, strict_json.Malformed, schema.Unfit) as e:
             return self._answer("log-proof-not-used", str(e))
         keys = [k for k in self.trust.devices if checkpoint.origin == f"kiroku/{k.name}/log"]

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "crypto/encoding.h"
 #include "crypto/hash.h"
 
 namespace kiroku::archive {
@@ -66,6 +67,14 @@ std::vector<Example> examples() {
        head_of("case-held") + with_case + R"(,"reason":"court order","who":"anna"})"},
       {CaseReleasedEntry{id, 12, "settled", "ben"},
        head_of("case-released") + with_case + R"(,"hold":12,"reason":"settled","who":"ben"})"},
+      {AccessEntry{id, "exported room", "anna", "teaching"},
+       head_of("access") + with_case + R"(,"what":"exported room","who":"anna","purpose":"teaching"})"},
+      {ConsentGivenEntry{{id, {"teaching", "research"}, some_digest(), some_digest(), "anna"}},
+       head_of("consent-given") + with_case + R"(,"purposes":["teaching","research"],"statement":")" + hex +
+           R"(","form":")" + hex + R"(","who":"anna"})"},
+      {ConsentWithdrawnEntry{{id, {"teaching"}, some_digest(), {}, "ben"}},
+       head_of("consent-withdrawn") + with_case + R"(,"purposes":["teaching"],"statement":")" + hex +
+           R"(","who":"ben"})"},
   };
 }
 
@@ -86,6 +95,28 @@ TEST(LogEntry, IsReadBackToTheSameLine) {
   }
 }
 
+// A purpose stands in the clear: it can name nobody in free words, and looks like no other.
+TEST(LogEntry, RefusesPurposesThatAreNoShortNames) {
+  const std::string before = head_of("consent-given") + R"(,"case":"20260805T091502Z-3f9c21ab","purposes":)";
+  const std::string after = R"(,"statement":")" + crypto::to_hex(some_digest()) + R"(","who":"anna"})";
+  ASSERT_TRUE(parse_log_entry(before + R"(["teaching"])" + after).entry);
+  std::string many = "[";
+  for (int i = 0; i < 33; ++i) many += (i == 0 ? "\"a" : ",\"a") + std::to_string(i) + "\"";
+  const std::vector<std::string> bad{"[]",
+                                     R"([""])",
+                                     R"(["teaching","teaching"])",
+                                     R"(["Teaching"])",
+                                     R"(["teaching\u0007"])",
+                                     R"(["teaching\u202e"])",
+                                     R"(["t\u0435aching"])",
+                                     R"(["teaching of Hana Mori"])",
+                                     R"("teaching")",
+                                     R"([["teaching"]])",
+                                     "[\"" + std::string(33, 'a') + "\"]",
+                                     many + "]"};
+  for (const std::string& each : bad) EXPECT_FALSE(parse_log_entry(before + each + after).entry) << each;
+}
+
 TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
   for (const Example& example : examples()) {
     // Cut each member out in turn; `final_token`, an erased stream and a lost duration may be absent.
@@ -101,7 +132,9 @@ TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
       }
       if (example.line.compare(start, 13, "\"final_token\"") != 0 &&
           example.line.compare(start, 8, "\"stream\"") != 0 &&
-          example.line.compare(start, 13, "\"duration_ns\"") != 0) {
+          example.line.compare(start, 13, "\"duration_ns\"") != 0 &&
+          example.line.compare(start, 9, "\"purpose\"") != 0 &&
+          example.line.compare(start, 6, "\"form\"") != 0) {
         EXPECT_FALSE(parse_log_entry(cut).entry) << cut;
       }
       start = end + 1;

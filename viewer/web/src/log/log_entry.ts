@@ -13,6 +13,8 @@ export const kLogTypes = [
   'erased',
   'case-held',
   'case-released',
+  'consent-given',
+  'consent-withdrawn',
   'boot',
   'shutdown',
   'config-changed',

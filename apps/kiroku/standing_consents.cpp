@@ -1,0 +1,46 @@
+#include "apps/kiroku/standing_consents.h"
+
+#include "apps/common/file.h"
+#include "apps/kiroku/user_name.h"
+#include "apps/kiroku/witnessed_note.h"
+#include "archive/storage/file_system.h"
+#include "archive/upkeep/holds.h"
+#include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "base/printable.h"
+
+namespace kiroku::apps {
+
+ConsentConfiguration consent_configuration(const Home& home) {
+  const std::filesystem::path file = home.configuration_file();
+  if (std::error_code ignored; !std::filesystem::exists(file, ignored)) return {};
+  return parse_consent_configuration(text_of(read_small_file(file, "the configuration")), file.string());
+}
+
+archive::Consents standing_consents(const Home& home) {
+  return archive::read_consents(home.log_folder(), home.device(), home_witnessed_checkpoint(home));
+}
+
+void enter_use(const Home& home, const std::filesystem::path& case_folder, const std::string& purpose,
+               const std::string& what) {
+  if (!home.holds(case_folder)) {
+    throw UsageError(case_folder.string() +
+                     " is not in this home's archive: its appliance log tells of no consent to the purpose " +
+                     printable(purpose) + "; ask where the case was recorded");
+  }
+  const ConsentConfiguration site = consent_configuration(home);
+  if (!site.knows(purpose)) {
+    throw UsageError("'" + printable(purpose) +
+                     "' is no purpose of this site; [consent] of kiroku.toml has " + site.known());
+  }
+  const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
+  const crypto::SigningKey key = home.signing_key();
+  const auto log =
+      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
+  const archive::ErasingTurn turn(home.archive());
+  const std::string why_not = archive::why_not_consented(standing_consents(home), case_id, purpose);
+  if (!why_not.empty()) throw UsageError(why_not + ": nothing was handed out");
+  log->access_for(purpose, case_id, what, user_name());
+}
+
+}  // namespace kiroku::apps

@@ -1,0 +1,27 @@
+// To what patients of a home's cases consented. Functions; one thread at a time.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "apps/configuration/consent_configuration.h"
+#include "apps/kiroku/home.h"
+#include "archive/upkeep/consents.h"
+
+namespace kiroku::apps {
+
+/// [consent] of the home's kiroku.toml; the defaults where the home has no such file.
+ConsentConfiguration consent_configuration(const Home& home);
+
+/// As the home's log states them, which must go on from the checkpoint that witnesses cosigned, where the
+/// home keeps one. Throws kiroku::Error where nobody can tell.
+archive::Consents standing_consents(const Home& home);
+
+/// Before a case is used for a purpose: enters that in the appliance log while a consent to it stands. No
+/// withdrawal is entered in between. Throws kiroku::UsageError where the case is none of this home's, where
+/// the purpose is none of the site's, and where no consent stands, with the reason; kiroku::Error where
+/// nobody can tell, and where the log cannot be written.
+void enter_use(const Home& home, const std::filesystem::path& case_folder, const std::string& purpose,
+               const std::string& what);
+
+}  // namespace kiroku::apps

@@ -1,0 +1,101 @@
+#include "archive/upkeep/stated_log.h"
+
+#include <algorithm>
+
+#include "archive/format/case_layout.h"
+#include "archive/reading/case_reader.h"
+#include "archive/verify/found_files.h"
+#include "archive/writing/appliance_log.h"
+#include "base/error.h"
+#include "crypto/merkle_tree.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void throw_unknown(const StatedQuestion& question, const fs::path& log_folder,
+                                const std::string& why) {
+  throw Error("nobody can tell " + question.what + ": the appliance log in " + log_folder.string() + " " +
+              why + "; 'kiroku log --verify' says more");
+}
+
+/// Whether a case lies beside the log's place whose first line says that a log was there.
+bool has_case_with_log(const fs::path& archive) {
+  std::error_code ignored;
+  for (const fs::directory_entry& each : fs::directory_iterator(archive, ignored)) {
+    if (!is_case_id(each.path().filename().string())) continue;
+    try {
+      if (CaseReader::open(each.path()).opening().appliance_log_size > 0) return true;
+    } catch (const Error&) {
+      return true;  // what cannot be read cannot say that there was none
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
+                 const std::optional<crypto::Checkpoint>& seen, const StatedQuestion& question) {
+  if (std::error_code ignored; !fs::exists(log_folder / kLedgerFile, ignored)) {
+    if (has_case_with_log(log_folder.parent_path())) {
+      throw_unknown(question, log_folder,
+                    "is not there, though cases are that were recorded beside it: put it back");
+    }
+    return;
+  }
+  // Before the lines are read: another process may add lines and checkpoints meanwhile.
+  const std::uint64_t newest = newest_note(log_folder);
+  crypto::MerkleFrontier tree;
+  std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
+  bool only_starts = true;
+  std::optional<crypto::VerifierKey> signer;
+  const auto signer_of = [&](const std::string& text) {
+    const crypto::VerifierKey stated = crypto::VerifierKey::parse(text);
+    return stated == device ? device : stated;
+  };
+  for_each_log_line(log_folder, [&](const LogLine& line) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    if (tree.size() == newest) {
+      root_at_newest = tree.root();
+    }
+    if (seen && tree.size() == seen->size) {
+      root_at_seen = tree.root();
+    }
+    only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
+    const bool names_signer = line.type == "boot" || line.type == "device-key-changed";
+    if (!names_signer && std::ranges::find(question.types, line.type) == question.types.end()) {
+      return;
+    }
+    const LogEntry entry = parse_log_entry(line.json).entry.value();
+    if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
+      signer = signer_of(boot->device);
+    } else if (const auto* change = std::get_if<DeviceKeyChangedEntry>(&entry.body)) {
+      signer = signer_of(change->device);
+    } else {
+      question.visit({entry, line.seq,
+                      [&] { return signer && is_signed_entry(log_folder, *signer, line.seq, tree.root()); }});
+    }
+  });
+  if (newest > tree.size()) {
+    throw_unknown(question, log_folder,
+                  "has " + std::to_string(tree.size()) + " entries where one was signed over " +
+                      std::to_string(newest));
+  }
+  if (newest == 0 && !only_starts) {
+    throw_unknown(question, log_folder, "has no checkpoint");
+  }
+  if (seen && seen->size > 0 && root_at_seen != seen->root) {
+    throw_unknown(question, log_folder,
+                  "does not go on from the " + std::to_string(seen->size) +
+                      " entries that witnesses saw: its end was removed, or it was rewritten");
+  }
+  if (newest > 0 && !is_signed_entry(log_folder, device, newest - 1, root_at_newest.value())) {
+    throw_unknown(question, log_folder,
+                  "does not fit its newest checkpoint, or that is not signed by " + device.name());
+  }
+}
+
+}  // namespace kiroku::archive
