@@ -105,8 +105,8 @@ void ReportMaker::add_repeating() {
     if (relied.empty()) relied.push_back(&facts.tokens.back());
     // openssl alone cannot follow the way to a token that others share: the page has a script for it.
     std::erase_if(relied, [](const StatedToken* each) {
-      const auto name = archive::token_of_path(each->token.file);
-      return name && name->form == archive::TokenForm::kShared;
+      const auto called = archive::token_of_path(each->token.file);
+      return called && called->form == archive::TokenForm::kShared;
     });
     if (!relied.empty()) {
       const archive::TokenEntry& last = relied.back()->token;
