@@ -52,7 +52,7 @@ struct LateStamping::Case {
       }
       const std::optional<archive::TokenEntry> facts = archive::token_in_folder(folder, name, trust);
       if (!facts) continue;
-      writer->adopt_token(name.size, name.authority, *facts, now());
+      writer->adopt_token(name, *facts, now());
       entered.emplace(name.size, name.authority);
       result.stamped.push_back({writer->case_id(), name.authority, name.size, facts->gen_time, {}});
     }

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kIndexDigits = 8;
 constexpr std::string_view kNoteSuffix = ".note";
-constexpr std::string_view kTokenSuffix = ".tsr";
+constexpr std::string_view kResponseSuffix = ".tsr", kSharedSuffix = ".ers";
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 bool is_lower(char c) { return c >= 'a' && c <= 'z'; }
@@ -44,8 +44,11 @@ std::string note_path(std::uint64_t size) {
   return in_folder(kCheckpointsFolder, format_index(size)).append(kNoteSuffix);
 }
 
-std::string token_path(std::uint64_t size, std::string_view authority) {
-  return in_folder(kTokensFolder, format_index(size)).append(".").append(authority).append(kTokenSuffix);
+std::string token_path(std::uint64_t size, std::string_view authority, TokenForm form) {
+  return in_folder(kTokensFolder, format_index(size))
+      .append(".")
+      .append(authority)
+      .append(form == TokenForm::kShared ? kSharedSuffix : kResponseSuffix);
 }
 
 std::string segment_path(std::string_view stream, std::uint64_t index, std::string_view extension) {
@@ -64,16 +67,17 @@ std::optional<std::uint64_t> size_of_note_name(std::string_view name) {
 
 std::optional<TokenName> parse_token_name(std::string_view name) {
   const std::size_t dot = name.find('.');
-  if (dot == std::string_view::npos || !name.ends_with(kTokenSuffix) ||
-      name.size() < dot + 1 + kTokenSuffix.size()) {
+  const TokenForm form = name.ends_with(kSharedSuffix) ? TokenForm::kShared : TokenForm::kResponse;
+  const std::string_view suffix = form == TokenForm::kShared ? kSharedSuffix : kResponseSuffix;
+  if (dot == std::string_view::npos || !name.ends_with(suffix) || name.size() < dot + 1 + suffix.size()) {
     return std::nullopt;
   }
   const std::optional<std::uint64_t> size = parse_index(name.substr(0, dot));
-  const std::string_view authority = name.substr(dot + 1, name.size() - kTokenSuffix.size() - dot - 1);
+  const std::string_view authority = name.substr(dot + 1, name.size() - suffix.size() - dot - 1);
   if (!size || !is_short_name(authority)) {
     return std::nullopt;
   }
-  return TokenName{*size, std::string(authority)};
+  return TokenName{*size, std::string(authority), form};
 }
 
 std::optional<std::string_view> extension_of_media(std::string_view media) {

@@ -3,7 +3,8 @@
 //
 //   ledger.jsonl                               kLedgerFile
 //   checkpoints/00000042.note                  note_path(42): tree size, at least eight digits
-//   tokens/00000042.<authority>.tsr            token_path(42, "swiss")
+//   tokens/00000042.<authority>.tsr            token_path(42, "swiss", TokenForm::kResponse)
+//   tokens/00000042.<authority>.ers            token_path(42, "swiss", TokenForm::kShared)
 //   segments/endoscope/00000000.ts.age         segment_path("endoscope", 0, "ts"), at least eight digits
 //   subject.json.age                           kSubjectFile
 //   device.pub                                 kDeviceFile
@@ -38,16 +39,20 @@ std::string format_index(std::uint64_t number);
 std::optional<std::uint64_t> parse_index(std::string_view text);
 
 std::string note_path(std::uint64_t size);
-std::string token_path(std::uint64_t size, std::string_view authority);
+/// What a token's file is: an RFC 3161 response of its own, or a token that others share and the path to it
+/// (evidence/shared_token.h). Of one authority over one checkpoint there is one file, of either form.
+enum class TokenForm { kResponse, kShared };
+std::string token_path(std::uint64_t size, std::string_view authority, TokenForm form = TokenForm::kResponse);
 /// A complete segment. An incomplete one (`"complete": false`) is the same with kPartSuffix.
 std::string segment_path(std::string_view stream, std::uint64_t index, std::string_view extension);
 
 /// Tree size of "00000042.note" (a bare file name); nothing for any other name.
 std::optional<std::uint64_t> size_of_note_name(std::string_view name);
-/// Tree size and authority of "00000042.swiss.tsr"; nothing for any other name.
+/// What "00000042.swiss.tsr" and "00000042.swiss.ers" say; nothing for any other name.
 struct TokenName {
   std::uint64_t size = 0;
   std::string authority;
+  TokenForm form = TokenForm::kResponse;
 };
 std::optional<TokenName> parse_token_name(std::string_view name);
 

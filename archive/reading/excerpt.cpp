@@ -401,7 +401,7 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
   std::set<std::uint64_t> notes{document.size};
   for (const auto& [entry, token] : ledger.tokens) {
     if (entry >= document.first_entry && entry < document.size) {
-      copy_small(from, token_path(token.checkpoint, token.authority), to);
+      copy_small(from, token.file, to);
       notes.insert(token.checkpoint);
     }
   }

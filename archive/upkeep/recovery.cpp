@@ -423,11 +423,12 @@ class Recovery {
       }
       const std::optional<TokenEntry> facts = token_in_folder(folder, name, options_.trust);
       if (!facts) {
-        result_.problem = token_path(name.size, name.authority) +
+        result_.problem = token_path(name.size, name.authority, name.form) +
                           " is left as it is: it is no valid token over that checkpoint";
         continue;
       }
-      writer_->adopt_token(name.size, name.authority, *facts, now());
+      writer_->adopt_token(name, *facts, now());
+      standing_.tokens.emplace(name.size, name.authority);
       standing_.newest_stamped = std::max(standing_.newest_stamped, name.size);
       ++result_.tokens;
     }

@@ -16,6 +16,7 @@ struct StampedToken {
   std::int64_t accuracy_ns = 0;
   std::string authority;
   std::string root = {};  // SHA-256 of the trusted certificate that vouches for it; a ledger chooses names
+  std::string file = {};  // in the case
 
   [[nodiscard]] UtcTime earliest() const;  // gen_time - accuracy, rounded down to microseconds
   // gen_time + accuracy, rounded up. Of an authority that states whole seconds and no accuracy the second may

@@ -159,9 +159,8 @@ const StampedToken* CaseClockRules::Order::latest_below(std::uint64_t size) cons
 namespace {
 
 std::string breach_of(const StampedToken& now, const StampedToken& before) {
-  return token_path(now.checkpoint, now.authority) + " says " + format_utc(now.gen_time) +
-         ", yet it covers " + at_entry(before.entry) + " with the token of " + before.authority + " of " +
-         format_utc(before.gen_time);
+  return now.file + " says " + format_utc(now.gen_time) + ", yet it covers " + at_entry(before.entry) +
+         " with the token of " + before.authority + " of " + format_utc(before.gen_time);
 }
 
 }  // namespace

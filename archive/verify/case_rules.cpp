@@ -402,7 +402,7 @@ void CaseRules::judge_wall_clock() {
   if (scope_.whole_case && first && closed_) {
     const std::int64_t late_us = (first->gen_time - *closed_).count();
     findings_->add(
-        "stamped-after-close", {token_path(first->checkpoint, first->authority), first->entry},
+        "stamped-after-close", {first->file, first->entry},
         "the first time-stamp of an outside authority is over close, and by the recorder's clock " +
             std::to_string(std::abs(late_us) / kUsPerSecond) + " s " + (late_us < 0 ? "before" : "after") +
             " it: the case was there by then; when it was recorded, and for how long, rests on "

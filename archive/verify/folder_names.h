@@ -29,7 +29,7 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
 bool is_note_path(std::string_view path);
 /// A name of that form that is no folder, so that the note is looked into.
 bool is_note_file(const ListedFile& file);
-/// Of "tokens/00000042.swiss.tsr"; nothing for any other path.
+/// Of "tokens/00000042.swiss.tsr" or "….ers"; nothing for any other path.
 std::optional<TokenName> token_of_path(std::string_view path);
 
 }  // namespace kiroku::archive

@@ -112,31 +112,35 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder, const FileReadi
     }
   }
   std::sort(found.begin(), found.end(), [](const TokenName& a, const TokenName& b) {
-    return std::tie(a.size, a.authority) < std::tie(b.size, b.authority);
+    return std::tie(a.size, a.authority, a.form) < std::tie(b.size, b.authority, b.form);
   });
   return found;
 }
 
+std::optional<evidence::StampJudging> judging_of(TokenForm form, ByteView file, ByteView note,
+                                                 std::string& explanation) {
+  if (form == TokenForm::kShared) return evidence::judging_shared(file, note, explanation);
+  return evidence::judging_response(file, note);
+}
+
 std::optional<TokenEntry> token_in_folder(const CaseFolder& folder, const TokenName& name,
                                           const timestamp::TrustStore* trust) {
-  const auto response = folder.read_if_there(token_path(name.size, name.authority), kMaximumTokenBytes);
+  const auto file =
+      folder.read_if_there(token_path(name.size, name.authority, name.form), kMaximumTokenBytes);
   const auto text = folder.read_if_there(note_path(name.size), kMaximumNoteBytes);
-  if (!response || !text) {
+  if (!file || !text) {
     return std::nullopt;
   }
   std::string ignored;
-  const auto parsed = timestamp::parse_response(bytes_of(*response), ignored);
+  const auto judging = judging_of(name.form, bytes_of(*file), bytes_of(*text), ignored);
+  const auto parsed = judging ? timestamp::parse_response(judging->token, ignored) : std::nullopt;
   const auto info = parsed ? timestamp::parse_token_info(parsed->token, ignored) : std::nullopt;
-  if (!info || !info->algorithm || crypto::digest(*info->algorithm, bytes_of(*text)) != info->imprint) {
+  if (!info || !judging->is_over_data(*info)) {
     return std::nullopt;
   }
-  if (trust != nullptr) {
-    timestamp::Expectation expectation;
-    expectation.data = to_bytes(*text);
-    if (timestamp::judge_token(bytes_of(*response), expectation, *trust).code !=
-        timestamp::TokenCode::kValid) {
-      return std::nullopt;
-    }
+  if (trust != nullptr && timestamp::judge_token(judging->token, judging->expectation, *trust).code !=
+                              timestamp::TokenCode::kValid) {
+    return std::nullopt;
   }
   TokenEntry facts;
   facts.gen_time = info->gen_time;

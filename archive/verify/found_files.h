@@ -10,6 +10,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
+#include "evidence/shared_token.h"
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::archive {
@@ -27,10 +28,14 @@ struct FoundSegment {
 /// Throws kiroku::IoError.
 std::vector<FoundSegment> found_segments(const FileReading& files, const std::filesystem::path& case_folder,
                                          const StreamInfo& stream, std::uint64_t first_index);
-/// All token files, by checkpoint, then authority. Throws kiroku::IoError.
+/// All token files, by checkpoint, then authority, then form. Throws kiroku::IoError.
 std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder,
                                     const FileReading& files = real_reading());
 
+/// How a token's file of that form is to be judged as one over the note; nothing, and why, for what is not of
+/// that form. Of a response that shows when it is judged.
+std::optional<evidence::StampJudging> judging_of(TokenForm form, ByteView file, ByteView note,
+                                                 std::string& explanation);
 /// gen_time, accuracy_ns and serial of a token file, which may have no entry yet; nothing if it is not over
 /// that checkpoint's note, or one of the two is not there, or if it is not valid under `trust`. Where that is
 /// null nothing is trusted here. Throws kiroku::Error where one of the two is there and cannot be read.

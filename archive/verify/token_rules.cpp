@@ -7,6 +7,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/limits.h"
 #include "archive/verify/file_checker.h"
+#include "archive/verify/found_files.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -29,14 +30,18 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   ++count_;
   hashes_[entry] = token.sha256;
   const Place place{token.file, entry};
-  if (token.file != token_path(token.checkpoint, token.authority)) {
+  const std::string own = token_path(token.checkpoint, token.authority, TokenForm::kResponse);
+  const std::string shared = token_path(token.checkpoint, token.authority, TokenForm::kShared);
+  if (token.file != own && token.file != shared) {
     findings_->add("token-name-differs", place,
-                   at_entry(entry) + " names " + token.file + " where " +
-                       token_path(token.checkpoint, token.authority) + " must be");
+                   at_entry(entry) + " names " + token.file + " where " + own + " or " + shared + " must be");
     return;
   }
   if (!entered_.emplace(token.checkpoint, token.authority).second) {
-    findings_->add("token-repeated", place, at_entry(entry) + " enters " + token.file + " a second time");
+    findings_->add("token-repeated", place,
+                   at_entry(entry) + " enters a second token of " + token.authority +
+                       " over the checkpoint of " + std::to_string(token.checkpoint) + " entries, " +
+                       token.file);
     return;
   }
   if (token.checkpoint > entry) {
@@ -66,7 +71,7 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     now.latest_ns = token.exchange->answered_ns;
   }
   const StampedToken stamped{entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
-                             token.authority, judged.root};
+                             token.authority, judged.root,      token.file};
   now.stamped = stamped;
   if (judged.valid) {
     compare_clocks(token, now);
@@ -132,23 +137,31 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
     return {};
   }
   static const timestamp::TrustStore kNoTrust;
-  timestamp::Expectation expectation;
-  expectation.data = to_bytes(*note);
-  expectation.judge_strangers = strangers_ < kMostJudgedStrangers;
-  expectation.pool = &pool_;
+  const TokenForm form = token.file == token_path(token.checkpoint, token.authority, TokenForm::kShared)
+                             ? TokenForm::kShared
+                             : TokenForm::kResponse;
+  std::string why;
+  auto judging = judging_of(form, bytes_of(response), bytes_of(*note), why);
+  if (!judging) {
+    findings_->add("token-refused", place, token.file + " does not hold as a shared token: " + why);
+    return {};
+  }
+  judging->expectation.judge_strangers = strangers_ < kMostJudgedStrangers;
+  judging->expectation.pool = &pool_;
   const timestamp::TokenJudgement judgement = timestamp::judge_token(
-      bytes_of(response), expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
+      judging->token, judging->expectation, options_->trust == nullptr ? kNoTrust : *options_->trust);
   strangers_ += judgement.code == timestamp::TokenCode::kValid ? 0 : 1;
   bool restated = false;
   if (judgement.info) {
     restated = compare_entry(token, entry, *judgement.info);
     // Said also where the chain could not be judged: the imprint needs no trust.
-    const bool other_imprint =
-        judgement.info->algorithm &&
-        crypto::digest(*judgement.info->algorithm, *expectation.data) != judgement.info->imprint;
+    const bool other_imprint = judgement.info->algorithm && !judging->is_over_data(*judgement.info);
     if (other_imprint || judgement.code == timestamp::TokenCode::kImprintDiffers) {
-      findings_->add("token-imprint-differs", place,
-                     token.file + " is a token over something else than " + note_path(token.checkpoint));
+      findings_->add(
+          "token-imprint-differs", place,
+          token.file + " is a token over something else than " + note_path(token.checkpoint) +
+              (form == TokenForm::kShared ? ": its hash tree does not lead from there to what was stamped"
+                                          : ""));
       return {};
     }
   }

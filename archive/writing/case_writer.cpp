@@ -1,12 +1,12 @@
 #include "archive/writing/case_writer.h"
 
 #include "archive/format/case_folder.h"
-#include "archive/format/case_layout.h"
 #include "archive/format/segment_media.h"
 #include "archive/verify/token_rules.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer_state.h"
 #include "crypto/encoding.h"
+#include "evidence/shared_token.h"
 
 namespace kiroku::archive {
 
@@ -200,26 +200,28 @@ StoredCheckpoint CaseWriter::checkpoint(Moment now, bool log_it) {
   return *state.last_checkpoint;
 }
 
-void CaseWriter::State::enter_token(std::uint64_t checkpoint, const std::string& authority,
-                                    const crypto::Sha256Digest& sha256, const TokenEntry& facts, Moment now) {
+void CaseWriter::State::enter_token(const TokenName& name, const crypto::Sha256Digest& sha256,
+                                    const TokenEntry& facts, Moment now) {
   TokenEntry entry = facts;
-  entry.checkpoint = checkpoint;
-  entry.authority = authority;
-  entry.file = token_path(checkpoint, authority);
+  entry.checkpoint = name.size;
+  entry.authority = name.authority;
+  entry.file = token_path(name.size, name.authority, name.form);
   entry.sha256 = sha256;
   write_entries({entry}, now);
 }
 
 std::optional<TokenMissedEntry> CaseWriter::token_in_the_way(std::uint64_t checkpoint,
                                                              const std::string& authority) const {
-  const std::string file = token_path(checkpoint, authority);
-  std::error_code error;
-  if (!fs::exists(fs::symlink_status(state_->folder / file, error))) {
-    return std::nullopt;
+  for (const TokenForm form : {TokenForm::kResponse, TokenForm::kShared}) {
+    const std::string file = token_path(checkpoint, authority, form);
+    std::error_code error;
+    if (fs::exists(fs::symlink_status(state_->folder / file, error))) {
+      return TokenMissedEntry{checkpoint, authority,
+                              "a token came, and something else lay in " + file +
+                                  " already, which the recorder did not put there and leaves as it is"};
+    }
   }
-  return TokenMissedEntry{checkpoint, authority,
-                          "a token came, and something else lay in " + file +
-                              " already, which the recorder did not put there and leaves as it is"};
+  return std::nullopt;
 }
 
 void CaseWriter::add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
@@ -227,26 +229,30 @@ void CaseWriter::add_token(const StoredCheckpoint& over, const std::string& auth
   State& state = *state_;
   state.refuse_unless_writable();
   state.check_authority(authority);
-  const fs::path file = state.folder / token_path(over.size, authority);
-  if (state.files.exists(file)) {
-    throw UsageError("there is a token " + file.string() +
-                     " already: one of each authority for a checkpoint");
+  for (const TokenForm form : {TokenForm::kResponse, TokenForm::kShared}) {
+    const fs::path there = state.folder / token_path(over.size, authority, form);
+    if (state.files.exists(there)) {
+      throw UsageError("there is a token " + there.string() +
+                       " already: one of each authority for a checkpoint");
+    }
   }
+  const TokenForm form = evidence::begins_as_record(response) ? TokenForm::kShared : TokenForm::kResponse;
+  const TokenName name{over.size, authority, form};
+  const fs::path file = state.folder / token_path(name.size, name.authority, name.form);
   state.durably([&] { state.reserve.write_durably(file, response); });
-  state.enter_token(over.size, authority, crypto::sha256(response), facts, now);
+  state.enter_token(name, crypto::sha256(response), facts, now);
 }
 
-void CaseWriter::adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
-                             Moment now) {
+void CaseWriter::adopt_token(const TokenName& name, const TokenEntry& facts, Moment now) {
   State& state = *state_;
   state.refuse_unless_writable();
-  state.check_authority(authority);
-  const auto response = CaseFolder::open(state.folder, state.files)
-                            .read_if_there(token_path(checkpoint, authority), kMaximumTokenBytes);
+  state.check_authority(name.authority);
+  const std::string file = token_path(name.size, name.authority, name.form);
+  const auto response = CaseFolder::open(state.folder, state.files).read_if_there(file, kMaximumTokenBytes);
   if (!response) {
-    throw UsageError("there is no token " + token_path(checkpoint, authority) + " in case " + state.case_id);
+    throw UsageError("there is no token " + file + " in case " + state.case_id);
   }
-  state.enter_token(checkpoint, authority, crypto::sha256(bytes_of(*response)), facts, now);
+  state.enter_token(name, crypto::sha256(bytes_of(*response)), facts, now);
 }
 
 void CaseWriter::store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der) {

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/verify/carried_on.h"
 #include "archive/writing/segment_writer.h"
@@ -110,9 +111,10 @@ class CaseWriter {
   /// Signs the tree as it is and stores the note; also logged in the appliance log the first time, when a
   /// minute has passed since, or when `log_it` is set.
   StoredCheckpoint checkpoint(Moment now, bool log_it = false);
-  /// Stores a response durably, then appends its `token` entry (also after close()). `authority` is a short
-  /// name [a-z0-9-]. Of `facts` gen_time, accuracy_ns, serial and exchange are read; the rest is filled in.
-  /// A second token of one authority over one checkpoint is refused (UsageError).
+  /// Stores a response or a shared token (evidence/shared_token.h) durably, then appends its `token` entry
+  /// (also after close()). `authority` is a short name [a-z0-9-]. Of `facts` gen_time, accuracy_ns, serial
+  /// and exchange are read; the rest is filled in. A second token of one authority over one checkpoint is
+  /// refused (UsageError).
   void add_token(const StoredCheckpoint& over, const std::string& authority, ByteView response,
                  const TokenEntry& facts, Moment now);
   /// Where something lies under the name of that token already, which add_token() refuses: what is to be
@@ -121,8 +123,7 @@ class CaseWriter {
   [[nodiscard]] std::optional<TokenMissedEntry> token_in_the_way(std::uint64_t checkpoint,
                                                                  const std::string& authority) const;
   /// Appends the entry of a token whose file is there already: the recorder died in between.
-  void adopt_token(std::uint64_t checkpoint, const std::string& authority, const TokenEntry& facts,
-                   Moment now);
+  void adopt_token(const TokenName& name, const TokenEntry& facts, Moment now);
   /// The authority's certificates, a convenience beside the tokens; nothing where there are none.
   void store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der);
   /// Appends `close`. Only tokens, token-missed and erased may follow.

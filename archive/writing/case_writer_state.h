@@ -70,8 +70,8 @@ struct CaseWriter::State {
   void check_authority(const std::string& authority) const;
   void check_all(const std::vector<CaseEntryBody>& bodies);
   void write_entries(const std::vector<CaseEntryBody>& bodies, Moment now);
-  void enter_token(std::uint64_t checkpoint, const std::string& authority, const crypto::Sha256Digest& sha256,
-                   const TokenEntry& facts, Moment now);
+  void enter_token(const TokenName& name, const crypto::Sha256Digest& sha256, const TokenEntry& facts,
+                   Moment now);
   /// Keeps count of what is in the ledger, written just now or found there.
   void account_for(const CaseEntryBody& body);
   /// Of a ledger that is there already; throw kiroku::Error where it is not this device's, or damaged.

@@ -368,7 +368,7 @@ class Entries:
         self.tokens += 1
         self.token_hashes[number] = entry["sha256"]
         size, authority, file = entry["checkpoint"], entry["authority"], entry["file"]
-        if file != f"tokens/{size:08d}.{authority}.tsr":
+        if file not in (f"tokens/{size:08d}.{authority}.tsr", f"tokens/{size:08d}.{authority}.ers"):
             self.report("token-name-differs", file)
             return
         if (size, authority) in self.entered_tokens:
@@ -415,6 +415,7 @@ class Entries:
         if data is None or (self.folder.path / name).stat().st_size > LARGEST_NOTE:
             return None, "", None
         try:
+            response, imprint_of = stamp.stamped(entry["file"], response)
             read = stamp.parse(response)
         except (stamp.Malformed, ValueError, IndexError, KeyError):
             self.report("token-refused", entry["file"])
@@ -422,7 +423,7 @@ class Entries:
         same = (nanoseconds(entry["gen_time"]) == read.gen_ns // 1000 * 1000 and entry["accuracy_ns"] == read.accuracy_ns and entry["serial"] == read.serial)
         if not same:
             self.report("token-entry-differs", f"line {number}")
-        if read.imprint != hashlib.sha256(data).digest():
+        if read.imprint != imprint_of(hashlib.sha256(data).digest()):
             self.report("token-imprint-differs", entry["file"])
             return None, "", read
         kind, root, why = stamp.judge(response, self.folder.trust.roots, self.folder.trust.own_roots)
@@ -766,9 +767,9 @@ def _judge_name(folder, entries, file):
         return "part" if token or size_of_note(whole) else "unnamed"
     if token and file.kind == "regular":
         try:
-            read = stamp.parse(_read_small(folder.path / path))
+            response, imprint_of = stamp.stamped(path, _read_small(folder.path / path))
             data = _read_small(folder.path / f"checkpoints/{token[0]:08d}.note")
-            return "token" if read.imprint == hashlib.sha256(data).digest() else "unnamed"
+            return "token" if stamp.parse(response).imprint == imprint_of(hashlib.sha256(data).digest()) else "unnamed"
         except (stamp.Malformed, ValueError, IndexError, KeyError, OSError):
             return "unnamed"
     return "unnamed"

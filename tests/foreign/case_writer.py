@@ -53,6 +53,7 @@ class Token:
     entered: bool = True
     accuracy_s: int = 1
     ordering: bool = False
+    shared: object = None           # gives the lists of a hash tree for a note's SHA-256: the token is shared by way of it
 
 
 class Case:
@@ -169,19 +170,21 @@ class Written:
         size = max(self.notes) if step.size is None else step.size
         data = self.notes[size]
         self.case.serial += 1
-        response = step.response
+        response, lists = step.response, step.shared(hashlib.sha256(data).digest()) if step.shared else None
+        stamped = stamp.joined(lists) if lists else data
         if response is None and step.gen_ns is None:
-            response = step.authority.ask(data)
+            response = step.authority.ask(stamped)
         elif response is None:
-            response = step.authority.at(data, self.case.utc_ns + step.gen_ns, self.case.serial, step.accuracy_s, step.ordering)
+            response = step.authority.at(stamped, self.case.utc_ns + step.gen_ns, self.case.serial, step.accuracy_s, step.ordering)
+        response = stamp.shared_token(lists, stamp.parse(response).token) if step.shared else response
         response = step.change(response) if step.change else response
         authority = step.authority.name
-        path = f"tokens/{size:08d}.{authority}.tsr"
+        path = f"tokens/{size:08d}.{authority}.{'ers' if step.shared else 'tsr'}"
         if step.stored:
             self.files[path] = response
         self.files.setdefault(f"authorities/{authority}.pem", step.authority.chain.encode())
         try:
-            read = stamp.parse(response)
+            read = stamp.parse(stamp.stamped(path, response)[0])
             facts = {"gen_time": stamp.text_of(read.gen_ns), "accuracy_ns": read.accuracy_ns, "serial": read.serial}
         except stamp.Malformed:
             facts = {"gen_time": stamp.text_of(self.case.utc_ns), "accuracy_ns": 0, "serial": "1"}

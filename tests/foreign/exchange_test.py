@@ -104,6 +104,34 @@ class Exchange(unittest.TestCase):
         shutil.rmtree(folder)
         return answers
 
+    def of_the_scripts(self, given, folder):
+        """Exit status and last line of the page's script that fits."""
+        page = (HERE.parents[1] / "docs/how-to/verify-with-stock-tools.md").read_text("utf-8")
+        kind = " excerpt" if (given.path / "excerpt.json").exists() else ""
+        (folder / "verify.sh").write_text(re.search(rf"^```bash{kind}\n(.*?)^```$", page, re.M | re.S)[1], "utf-8")
+        (folder / "roots.pem").write_text("".join(given.roots))
+        (folder / "device").write_text("".join(f"{key}\n" for key in given.devices))
+        done = subprocess.run(["bash", folder / "verify.sh", given.path, folder / "roots.pem", folder / "device"], capture_output=True, text=True, timeout=10 * LONGEST_WAIT_S)
+        return done.returncode, (done.stdout.splitlines() or [done.stderr])[-1]
+
+    def test_the_scripts_with_stock_tools_take_shared_tokens_and_refuse_forged_ones(self):
+        refused = {"path_of_another_leaf": "its hash tree is of something else", "leaf_deeper_in_the_path": "its hash tree is of something else",
+                   "path_to_another_root": "does not hold for", "path_that_ends_too_soon": "does not hold for", "path_left_out": "does not hold for",
+                   "token_over_another_root": "does not hold for", "several_time_stamps": "no token that others share", "several_chains": "no token that others share",
+                   "a_record_that_names_another_hash": "no token that others share", "a_record_with_more_in_it": "no token that others share",
+                   "a_response_called_shared": "no token that others share", "own_and_shared_over_one_checkpoint": "one a second time",
+                   "path_too_long": "no token that others share", "hashes_too_short": "no token that others share"}
+        taken = {"shared_with_others": 0, "alone_in_its_round": 0, "shared_by_a_longest_path": 0, "excerpt_with_a_shared_token": 4}
+        for name, _, make in forgeries.ALL:
+            if name not in refused and name not in taken:
+                continue
+            with self.subTest(name):
+                folder = self.scratch / "scripts" / name
+                folder.mkdir(parents=True)
+                status, line = self.of_the_scripts(make(dataclasses.replace(self.world, folder=folder)), folder)
+                self.assertEqual(status, taken.get(name, 1), line)
+                self.assertIn(refused.get(name, "INTACT"), line)
+
     def test_every_finding_is_reached_and_both_verifiers_agree(self):
         keyed = set(re.findall(r"^\| `([a-z-]+)` \|", (HERE / "README.md").read_text("utf-8"), re.M))
         reached, judged = set(), set()

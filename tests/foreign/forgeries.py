@@ -544,6 +544,181 @@ def token_of_no_form(world):
     return world.write(case)
 
 
+def in_a_round(digest):
+    """The path of a note in a round of some others."""
+    return [[digest, hashlib.sha256(b"another appliance's").digest()], [hashlib.sha256(b"a pair").digest()], [hashlib.sha256(b"four").digest()]]
+
+
+def shared(world, change=None, path=in_a_round, **more):
+    """A sound case whose second token is one that others share."""
+    case = world.sound()
+    token = case.of(Token)[1]
+    token.shared, token.change = path, change
+    for name, value in more.items():
+        setattr(token, name, value)
+    return case
+
+
+@reaches()
+def shared_with_others(world):
+    case = shared(world)
+    case.of(Token)[2].shared = lambda digest: [[hashlib.sha256(b"0").digest(), digest, hashlib.sha256(b"1").digest()]]
+    return world.write(case)
+
+
+@reaches()
+def alone_in_its_round(world):
+    return world.write(shared(world, path=lambda digest: []))
+
+
+@reaches()
+def shared_by_a_longest_path(world):
+    return world.write(shared(world, path=lambda digest: [[digest]] + [[hashlib.sha256(bytes([i])).digest()] for i in range(63)]))
+
+
+@reaches()
+def excerpt_with_a_shared_token(world):
+    case = shared(world)
+    written = case.write(world.folder)
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", 0, 20 * SECOND, ["endoscope"], 0, len(written.lines)))
+
+
+@reaches("token-not-entered")
+def shared_token_came_later(world):
+    case = world.sound()
+    case.token(world.second, 20_040 * MS, gen_ns=3600 * SECOND, entered=False, shared=in_a_round)
+    return world.write(case)
+
+
+@reaches("file-unnamed")
+def shared_token_of_another_came_later(world):
+    case = world.sound()
+    case.token(world.second, 20_040 * MS, gen_ns=3600 * SECOND, entered=False, shared=lambda digest: in_a_round(hashlib.sha256(b"other").digest()))
+    return world.write(case)
+
+
+@reaches("token-imprint-differs")
+def path_of_another_leaf(world):
+    return world.write(shared(world, path=lambda digest: in_a_round(hashlib.sha256(b"another note").digest())))
+
+
+@reaches("token-imprint-differs")
+def leaf_deeper_in_the_path(world):
+    return world.write(shared(world, path=lambda digest: [[hashlib.sha256(b"another note").digest()], [digest]]))
+
+
+@reaches("token-imprint-differs")
+def path_to_another_root(world):
+    def change(data):
+        lists, token = stamp.parse_shared(data)
+        return stamp.shared_token([*lists[:-1], [hashlib.sha256(b"five").digest()]], token)
+    return world.write(shared(world, change))
+
+
+@reaches("token-imprint-differs")
+def path_that_ends_too_soon(world):
+    def change(data):
+        lists, token = stamp.parse_shared(data)
+        return stamp.shared_token(lists[:-1], token)
+    return world.write(shared(world, change))
+
+
+@reaches("token-imprint-differs")
+def path_left_out(world):
+    return world.write(shared(world, lambda data: stamp.shared_token([], stamp.parse_shared(data)[1])))
+
+
+@reaches("token-imprint-differs")
+def token_over_another_root(world):
+    other = world.outside.at(stamp.joined(in_a_round(hashlib.sha256(b"another note").digest())), world.utc_ns + 10_090 * MS, 7)
+    return world.write(shared(world, lambda data: stamp.shared_token(stamp.parse_shared(data)[0], stamp.parse(other).token)))
+
+
+@reaches("token-refused")
+def path_too_long(world):
+    return world.write(shared(world, path=lambda digest: [[digest]] + [[hashlib.sha256(bytes([i])).digest()] for i in range(64)]))
+
+
+@reaches("token-refused")
+def hashes_too_short(world):
+    return world.write(shared(world, path=lambda digest: [[digest, bytes(20)]]))
+
+
+def record_of(*chains, algorithm=stamp.SHA256_NAMED, before=b""):
+    chains = b"".join(stamp.der(0x30, b"".join(chain)) for chain in chains)
+    return stamp.der(0x30, b"\x02\x01\x01" + stamp.der(0x30, algorithm) + before + stamp.der(0x30, chains))
+
+
+def archive_time_stamp(data, attributes=b"", algorithm=stamp.SHA256_NAMED):
+    lists, token = stamp.parse_shared(data)
+    tree = stamp.der(0xA2, b"".join(stamp.der(0x30, b"".join(stamp.der(0x04, value) for value in values)) for values in lists))
+    return stamp.der(0x30, b"\xa0" + algorithm[1:] + attributes + tree + token)
+
+
+@reaches("token-refused")
+def several_time_stamps(world):
+    return world.write(shared(world, lambda data: record_of([archive_time_stamp(data)] * 2)))
+
+
+@reaches("token-refused")
+def several_chains(world):
+    return world.write(shared(world, lambda data: record_of([archive_time_stamp(data)], [archive_time_stamp(data)])))
+
+
+@reaches("token-refused")
+def a_record_that_names_another_hash(world):
+    sha512 = stamp.SHA256_NAMED[:-1] + b"\x03"
+    return world.write(shared(world, lambda data: record_of([archive_time_stamp(data, algorithm=sha512)], algorithm=sha512)))
+
+
+@reaches("token-refused")
+def a_record_with_more_in_it(world):
+    info = stamp.der(0xA1, b"\x06\x03\x2a\x03\x04" + stamp.der(0x04, b"hidden"))
+    return world.write(shared(world, lambda data: record_of([archive_time_stamp(data)], before=info)))
+
+
+@reaches("token-refused")
+def a_record_that_goes_on(world):
+    return world.write(shared(world, lambda data: data + b"\x05\x00"))
+
+
+@reaches("token-refused")
+def a_record_that_names_the_parameters_of_its_hash(world):
+    with_null = b"\x30\x0d" + stamp.SHA256_NAMED[2:] + b"\x05\x00"
+    return world.write(shared(world, lambda data: record_of([archive_time_stamp(data, algorithm=with_null)], algorithm=with_null)))
+
+
+@reaches("token-refused")
+def a_response_called_shared(world):
+    response = b"".join([stamp.der(0x30, b"\x02\x01\x00")])
+    return world.write(shared(world, lambda data: stamp.der(0x30, response + stamp.parse_shared(data)[1]), path=lambda digest: []))
+
+
+@reaches("token-refused")
+def a_shared_token_called_a_response(world):
+    case = world.sound()
+    case.of(Token)[1].change = lambda data: stamp.shared_token([], stamp.parse(data).token)
+    return world.write(case)
+
+
+@reaches("token-refused")
+def a_shared_token_with_a_changed_signature(world):
+    return world.write(shared(world, lambda data: data[:-1] + bytes([data[-1] ^ 1])))
+
+
+@reaches("token-repeated")
+def own_and_shared_over_one_checkpoint(world):
+    case = world.sound()
+    first = case.of(Token)[0]
+    case.steps.insert(case.steps.index(first) + 1, dataclasses.replace(first, shared=in_a_round))
+    return world.write(case)
+
+
+@reaches("token-entry-differs")
+def another_time_than_the_shared_token_has(world):
+    return world.write(shared(world, fields={"gen_time": stamp.text_of(world.utc_ns + 10_091 * MS)}))
+
+
 @reaches("token-entry-differs")
 def another_serial(world):
     case = world.sound()

@@ -147,6 +147,59 @@ def parse(response):
                  int(moment.timestamp()) * _NANO + int((found[2] or "").ljust(9, "0")), accuracy, ordered)
 
 
+SHA256_NAMED = b"\x30\x0b\x06\x09" + _SHA256
+
+
+def shared_token(path, token):
+    """The evidence record (RFC 4998) of one time-stamp: `path` has the lists of its hash tree, `token` is a ContentInfo."""
+    tree = der(0xA2, b"".join(der(0x30, b"".join(der(0x04, value) for value in values)) for values in path)) if path else b""
+    only = der(0x30, b"\xa0" + SHA256_NAMED[1:] + tree + token)
+    return der(0x30, _integer(1) + der(0x30, SHA256_NAMED) + der(0x30, der(0x30, only)))
+
+
+def parse_shared(data):
+    """Lists of hashes and token of a file that shared_token() wrote; nothing else will do."""
+    fields = _children(data, *_only(data, 0, len(data), 0x30))
+    if len(fields) != 3:
+        raise Malformed("no evidence record of one time-stamp")
+    chain = _only(data, *fields[2][1:], 0x30)
+    parts = _children(data, *_only(data, *chain, 0x30))
+    if len(parts) not in (2, 3):
+        raise Malformed("no time-stamp of an evidence record")
+    path = []
+    for tag, begin, end in _children(data, *parts[1][1:]) if len(parts) == 3 else []:
+        path.append([data[at:after] for _, at, after in _children(data, begin, end)])
+    if len(path) > 64 or any(not values or any(len(value) != 32 for value in values) for values in path):
+        raise Malformed("its hash tree is none of SHA-256, or longer than 64 lists")
+    token = data[parts[-2][2]:parts[-1][2]]
+    if shared_token(path, token) != data:
+        raise Malformed("it has more than one time-stamp, or another form")
+    return path, token
+
+
+def joined(path):
+    """What the root over the lists is the hash of; at least one list has two values, or there are two lists."""
+    node, content = None, None
+    for values in path:
+        values = values + ([node] if node else [])
+        content = b"".join(sorted(values)) if len(values) > 1 else content
+        node = hashlib.sha256(content).digest() if len(values) > 1 else values[0]
+    return content
+
+
+def _root(path):
+    content = joined(path)
+    return hashlib.sha256(content).digest() if content else path[0][0]
+
+
+def stamped(file, response):
+    """Of a token's file: a response, and what makes of a note's hash the imprint that the token must have, None where it cannot."""
+    if not file.endswith(".ers"):
+        return response, lambda digest: digest
+    path, token = parse_shared(response)
+    return der(0x30, der(0x30, _integer(0)) + token), lambda digest: digest if not path else _root(path) if digest in path[0] else None
+
+
 def _openssl(*arguments, **given):
     return subprocess.run(["openssl", *arguments], capture_output=True, **given)
 
@@ -265,15 +318,15 @@ ess_cert_id_alg = sha256
         """A response of this authority as if its clock had shown `gen_ns`: TSTInfo is made here, `openssl cms` signs it."""
         moment = datetime.datetime.fromtimestamp(gen_ns // _NANO, datetime.timezone.utc).strftime("%Y%m%d%H%M%S")
         fraction = f".{gen_ns % _NANO // 1000:06d}".rstrip("0").rstrip(".")
-        imprint = _der(0x30, _der(0x30, _der(0x06, _SHA256) + _der(0x05, b"")) + _der(0x04, hashlib.sha256(data).digest()))
-        info = _der(0x30, _integer(1) + _object_identifier(self.policy) + imprint + _integer(serial) + _der(0x18, f"{moment}{fraction}Z".encode())
-                    + (_der(0x30, _integer(accuracy_s)) if accuracy_s else b"") + (_der(0x01, b"\xff") if ordering else b""))
+        imprint = der(0x30, der(0x30, der(0x06, _SHA256) + der(0x05, b"")) + der(0x04, hashlib.sha256(data).digest()))
+        info = der(0x30, _integer(1) + _object_identifier(self.policy) + imprint + _integer(serial) + der(0x18, f"{moment}{fraction}Z".encode())
+                    + (der(0x30, _integer(accuracy_s)) if accuracy_s else b"") + (der(0x01, b"\xff") if ordering else b""))
         token = self._run("cms", "-sign", "-binary", "-nodetach", "-cades", "-md", "sha256", "-econtent_type", "1.2.840.113549.1.9.16.1.4", "-outform", "DER",
                           "-signer", self.path("signer.pem"), "-inkey", self.path("signer.key"), "-certfile", self.path("root.pem"), input=info)
-        return _der(0x30, _der(0x30, _integer(0)) + token)
+        return der(0x30, der(0x30, _integer(0)) + token)
 
 
-def _der(tag, contents):
+def der(tag, contents):
     size = len(contents)
     if size < 0x80:
         return bytes([tag, size]) + contents
@@ -282,7 +335,7 @@ def _der(tag, contents):
 
 
 def _integer(value):
-    return _der(0x02, value.to_bytes(value.bit_length() // 8 + 1, "big"))
+    return der(0x02, value.to_bytes(value.bit_length() // 8 + 1, "big"))
 
 
 def _object_identifier(dotted):
@@ -293,4 +346,4 @@ def _object_identifier(dotted):
         while value := value >> 7:
             part = bytes([0x80 | value & 0x7F]) + part
         out += part
-    return _der(0x06, out)
+    return der(0x06, out)

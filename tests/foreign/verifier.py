@@ -183,8 +183,8 @@ def size_of_note(path):
 
 
 def token_of_path(path):
-    """Size and authority of tokens/00000042.swiss.tsr."""
-    found = re.fullmatch(r"tokens/([0-9]+)\.([a-z0-9][a-z0-9-]{0,31})\.tsr", path)
+    """Size and authority of tokens/00000042.swiss.tsr or, of a shared token, .ers."""
+    found = re.fullmatch(r"tokens/([0-9]+)\.([a-z0-9][a-z0-9-]{0,31})\.(?:tsr|ers)", path)
     return (number_of(found[1]), found[2]) if found and number_of(found[1]) is not None else None
 
 

@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "evidence/record_verifier.h"
+#include "evidence/shared_token.h"
 
 namespace {
 
@@ -17,6 +18,14 @@ void require(bool holds) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const ByteView bytes = std::as_bytes(std::span(data, size));
+  const evidence::SharedTokenParse shared = evidence::parse_shared_token(bytes);
+  require(shared.shared.has_value() == shared.explanation.empty());
+  if (shared.shared) {
+    require(evidence::begins_as_record(bytes));
+    constexpr auto kHash = crypto::HashAlgorithm::kSha256;
+    const auto imprint = shared.shared->imprint_for(crypto::digest(kHash, bytes_of("a note")));
+    require(!imprint || imprint->size() == crypto::digest(kHash, {}).size());
+  }
   const evidence::RecordParse parse = evidence::parse_record(bytes);
   require(parse.record.has_value() == parse.explanation.empty());
   if (!parse.record) return 0;

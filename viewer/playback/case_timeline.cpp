@@ -9,6 +9,8 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/verify/brackets.h"
+#include "archive/verify/folder_names.h"
+#include "archive/verify/found_files.h"
 #include "viewer/playback/case_events.h"
 
 namespace kiroku::playback {
@@ -29,10 +31,13 @@ Kind kind_of(const archive::CaseFolder& folder, const archive::TokenEntry& token
              const timestamp::TrustStore& trust) {
   const auto response = read_file(folder, token.file, kLargestToken);
   const auto note = read_file(folder, archive::note_path(token.checkpoint), kLargestNote);
-  if (!response || !note) return Kind::kNotJudged;
-  timestamp::Expectation expectation;
-  expectation.data = to_bytes(*note);
-  const timestamp::TokenJudgement judgement = timestamp::judge_token(bytes_of(*response), expectation, trust);
+  const auto name = archive::token_of_path(token.file);
+  if (!response || !note || !name) return Kind::kNotJudged;
+  std::string why;
+  const auto judging = archive::judging_of(name->form, bytes_of(*response), bytes_of(*note), why);
+  if (!judging) return Kind::kNotJudged;
+  const timestamp::TokenJudgement judgement =
+      timestamp::judge_token(judging->token, judging->expectation, trust);
   const bool holds = judgement.code == timestamp::TokenCode::kValid &&
                      judgement.info->gen_time == token.gen_time &&
                      judgement.info->accuracy_ns == token.accuracy_ns;

@@ -9,6 +9,8 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
+#include "archive/verify/folder_names.h"
+#include "archive/verify/found_files.h"
 #include "base/error.h"
 #include "timestamp/token.h"
 #include "viewer/report/pdf_writer.h"
@@ -78,11 +80,13 @@ class ProofFiles {
     const std::string note = archive::note_path(token.checkpoint);
     const std::optional<std::string> answer = read(token.file), text = read(note);
     if (!answer || !text || crypto::sha256(bytes_of(*answer)) != token.sha256) return;
+    const auto name = archive::token_of_path(token.file);
+    if (!name) return;
     std::string explanation;
-    const auto response = timestamp::parse_response(bytes_of(*answer), explanation);
+    const auto judging = archive::judging_of(name->form, bytes_of(*answer), bytes_of(*text), explanation);
+    const auto response = judging ? timestamp::parse_response(judging->token, explanation) : std::nullopt;
     const auto info = response ? timestamp::parse_token_info(response->token, explanation) : std::nullopt;
-    const crypto::Sha256Digest hash = crypto::sha256(bytes_of(*text));
-    if (!info || !std::ranges::equal(info->imprint, hash)) return;
+    if (!info || !judging->is_over_data(*info)) return;
     add(note, kNote, "attached.checkpoint", to_bytes(*text));
     add(token.file, kToken, "attached.token", to_bytes(*answer));
     const std::string chain = std::string(archive::kAuthoritiesFolder) + "/" + token.authority + ".pem";

@@ -1,5 +1,6 @@
 // Keys and hashes, how to check again, and what words mean.
 #include "archive/format/case_layout.h"
+#include "archive/verify/folder_names.h"
 #include "crypto/encoding.h"
 #include "viewer/report/report_maker.h"
 
@@ -100,12 +101,21 @@ void ReportMaker::add_repeating() {
       {R"sh(jq -r '(.subject // .) | select(.file) | "\(.sha256)  \(.file)"' ledger.jsonl | sha256sum -c --quiet)sh"}});
   if (!facts.tokens.empty()) {
     // By what the format calls the files: an entry may name any text, which a shell would obey.
-    const std::vector<const StatedToken*> relied = relied_on();
-    const archive::TokenEntry& last = (relied.empty() ? &facts.tokens.back() : relied.back())->token;
-    paragraph(words("repeat.token"));
-    add(Listing{{"openssl ts -verify -data " + archive::note_path(last.checkpoint) + " -in " +
-                     archive::token_path(last.checkpoint, last.authority) + " \\",
-                 "  -CAfile ROOTS.pem -untrusted authorities/" + last.authority + ".pem"}});
+    std::vector<const StatedToken*> relied = relied_on();
+    if (relied.empty()) relied.push_back(&facts.tokens.back());
+    // openssl alone cannot follow the way to a token that others share: the page has a script for it.
+    std::erase_if(relied, [](const StatedToken* each) {
+      const auto called = archive::token_of_path(each->token.file);
+      return called && called->form == archive::TokenForm::kShared;
+    });
+    if (!relied.empty()) {
+      const archive::TokenEntry& last = relied.back()->token;
+      paragraph(words("repeat.token"));
+      add(Listing{{"openssl ts -verify -data " + archive::note_path(last.checkpoint) + " -in " +
+                       archive::token_path(last.checkpoint, last.authority, archive::TokenForm::kResponse) +
+                       " \\",
+                   "  -CAfile ROOTS.pem -untrusted authorities/" + last.authority + ".pem"}});
+    }
   }
   paragraph(words("repeat.all"));
   add(verify);

@@ -23,6 +23,7 @@ TEST(CaseLayout, RefusesNumbersThatAreWrittenOtherwise) {
 TEST(CaseLayout, NamesFilesAsTheFormatSays) {
   EXPECT_EQ(note_path(42), "checkpoints/00000042.note");
   EXPECT_EQ(token_path(42, "swiss"), "tokens/00000042.swiss.tsr");
+  EXPECT_EQ(token_path(42, "swiss", TokenForm::kShared), "tokens/00000042.swiss.ers");
   EXPECT_EQ(segment_path("endoscope", 7, "ts"), "segments/endoscope/00000007.ts.age");
 }
 
@@ -34,8 +35,14 @@ TEST(CaseLayout, ReadsNamesBack) {
   ASSERT_TRUE(token.has_value());
   EXPECT_EQ(token->size, 42U);
   EXPECT_EQ(token->authority, "swiss");
-  for (const char* name :
-       {"00000042.tsr", "00000042..tsr", "00000042.Swiss.tsr", "00000042.a.b.tsr", "x.swiss.tsr", ".tsr"}) {
+  EXPECT_EQ(token->form, TokenForm::kResponse);
+  const auto shared = parse_token_name("00000042.swiss.ers");
+  ASSERT_TRUE(shared.has_value());
+  EXPECT_EQ(shared->size, 42U);
+  EXPECT_EQ(shared->authority, "swiss");
+  EXPECT_EQ(shared->form, TokenForm::kShared);
+  for (const char* name : {"00000042.tsr", "00000042..tsr", "00000042.Swiss.tsr", "00000042.a.b.tsr",
+                           "x.swiss.tsr", ".tsr", "00000042.ers", "00000042.swiss.ers.tsr"}) {
     EXPECT_FALSE(parse_token_name(name).has_value()) << name;
   }
 }

@@ -13,10 +13,12 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
+#include "evidence/shared_token.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/sample_case.h"
+#include "timestamp/token.h"
 
 namespace kiroku::archive {
 namespace {
@@ -140,6 +142,37 @@ TEST_F(RecoveryTest, AnExcerptIsNoCaseThatMustBeBroughtToItsEnd) {
   std::ofstream(folder / "excerpt.json") << "{}\n";
   EXPECT_THAT(recover(), IsEmpty());
   EXPECT_FALSE(fs::exists(folder / kLedgerFile));
+}
+
+TEST_F(RecoveryTest, AdoptsATokenThatOthersShareAndNoOtherOfThatAuthorityBesideIt) {
+  fs::path folder;
+  std::uint64_t size = 0;
+  {
+    SampleCase sample(archive_);
+    folder = sample.folder();
+    sample.record();
+    const StoredCheckpoint over = sample.writer().checkpoint(archive_.now());
+    size = over.size;
+    std::string why;
+    const Bytes own = archive_.stamp(over.note);
+    const Bytes digest = crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(over.note));
+    const std::vector<Bytes> shared = evidence::share_token({digest}, [&](crypto::HashAlgorithm, ByteView) {
+      return timestamp::parse_response(own, why)->token;
+    });
+    real_file_system().write_durably(folder / token_path(size, "embedded", TokenForm::kShared), shared[0]);
+    real_file_system().write_durably(folder / token_path(size, "swiss"), own);
+    real_file_system().write_durably(folder / token_path(size, "swiss", TokenForm::kShared), shared[0]);
+  }
+  archive_.now_ns = 60 * kSecond;
+  const std::vector<CaseRecovery> recovered = recover();
+  ASSERT_EQ(recovered.size(), 1U);
+  EXPECT_EQ(recovered[0].problem, "");
+  EXPECT_EQ(recovered[0].tokens, 2U);
+  std::ifstream ledger(folder / kLedgerFile);
+  const std::string lines{std::istreambuf_iterator<char>(ledger), {}};
+  EXPECT_THAT(lines, HasSubstr(token_path(size, "embedded", TokenForm::kShared)));
+  EXPECT_THAT(lines, HasSubstr(token_path(size, "swiss")));
+  EXPECT_THAT(lines, Not(HasSubstr(token_path(size, "swiss", TokenForm::kShared))));
 }
 
 TEST_F(RecoveryTest, AdoptsWhatWasDurableAndStatesWhatWasLost) {

@@ -278,6 +278,13 @@ TEST_F(CaseWriterTest, ATokenIsStoredAndEntered) {
   EXPECT_EQ(token.sha256, crypto::sha256(bytes_of("response")));
   EXPECT_EQ(token.serial, "0a");
   EXPECT_THROW(writer->add_token(over, "swiss", bytes_of("again"), facts(), moment(3)), UsageError);
+  // An evidence record begins with its version.
+  const std::string record("\x30\x03\x02\x01\x01", 5);
+  EXPECT_THROW(writer->add_token(over, "swiss", bytes_of(record), facts(), moment(3)), UsageError);
+  writer->add_token(over, "other", bytes_of(record), facts(), moment(3));
+  EXPECT_TRUE(fs::exists(writer->folder() / token_path(over.size, "other", TokenForm::kShared)));
+  EXPECT_TRUE(writer->token_in_the_way(over.size, "other"));
+  EXPECT_THROW(writer->add_token(over, "other", bytes_of("again"), facts(), moment(3)), UsageError);
   EXPECT_EQ(contents(writer->folder() / "tokens/00000001.swiss.tsr"), "response");
   EXPECT_THROW(writer->add_token(over, "../x", bytes_of("x"), facts(), moment(3)), UsageError);
 }
