@@ -12,13 +12,17 @@ namespace {
 
 // A place that is found anew must explain the picture well; one that is followed has its past to stand on.
 constexpr double kFoundMisfitPx = 3, kFoundSupported = 0.75, kFoundAgreement = 0.75, kFoundShare = 0.5;
-constexpr double kHeldBorderPx = 2.5, kHeldSupported = 0.4, kHeldAgreement = 0.5;
+constexpr double kHeldBorderPx = 1.7, kHeldSupported = 0.6, kHeldAgreement = 0.5;
 // Another place is worse where its misfit is so much larger.
 constexpr double kRivalRatio = 1.25, kRivalPx = 0.25;
 
 bool explains(const OutlineFit& fit) {
   return fit.misfit_px <= kFoundMisfitPx && fit.supported >= kFoundSupported &&
          fit.agreement >= kFoundAgreement && fit.share_in_picture >= kFoundShare;
+}
+
+bool is_outlined(const OutlineFit& fit) {
+  return fit.supported >= kHeldSupported && fit.border_px <= kHeldBorderPx && fit.agreement >= kHeldAgreement;
 }
 
 bool rivals(double misfit_px, double best_px) { return misfit_px <= kRivalRatio * best_px + kRivalPx; }
@@ -99,8 +103,8 @@ class OrganTrack::Following {
   }
 
   /// Keeps the place and says so; lost where its error is too large.
-  AlignedMoment hold(const Picture& picture, const Expected& at, const OutlineFit* fit) {
-    AlignedMoment moment = lost(WhyLost::kNotLost, fit);
+  AlignedMoment hold(const Picture& picture, const Expected& at, const OutlineFit& fit) {
+    AlignedMoment moment = lost(WhyLost::kNotLost, &fit);
     moment.camera = at.camera;
     moment.standard_error_m = standard_error_m(surface_, at.camera, at.covariance_m2);
     if (!(moment.standard_error_m <= kLargestErrorM)) {
@@ -109,7 +113,7 @@ class OrganTrack::Following {
     }
     place_ = at;
     if (points_.worn()) points_.fix(surface_, pinhole_, at);
-    if (fit != nullptr) learn(picture, *fit);
+    learn(picture, fit);
     return moment;
   }
 
@@ -129,32 +133,38 @@ class OrganTrack::Following {
     constexpr double kAgree = 0.5, kMostPx = 1.5;
     const bool flows = by_points && by_points->share >= kAgree && by_points->misfit_px <= kMostPx;
     Expected expected = *place_;
+    // What the camera may have gone since the last picture, and by how much flow is wrong together: it
+    // follows highlights and what a codec makes of soft tissue, which no spread of its points shows.
+    constexpr double kUnseenM = 0.01, kFlowM = 0.002;
     if (flows) {
       expected = by_points->expected;
+      expected.covariance_m2 += kFlowM * kFlowM * MotionCovariance::Identity();
     } else {
-      constexpr double kUnseenM = 0.01;  // what the camera may have gone since the last picture
       expected.covariance_m2 += kUnseenM * kUnseenM * MotionCovariance::Identity();
     }
-    const OutlineFitOptions options{flows ? 12.0 : 28.0, flows ? 4 : 8, 6};
-    const auto fit =
-        fit_outline(picture, surface_, pinhole_, expected, colours_ ? &*colours_ : nullptr, options);
-    const bool outlined = fit && fit->supported >= kHeldSupported && fit->border_px <= kHeldBorderPx &&
-                          fit->agreement >= kHeldAgreement;
-    if (outlined && flows) {
-      // How far the outline is from where the points have it, against how well both know.
+    const ColourModel* const colours = colours_ ? &*colours_ : nullptr;
+    auto fit = fit_outline(picture, surface_, pinhole_, expected, colours, {16, 5, 6});
+    if (!fit || !is_outlined(*fit)) {
+      // Flow may have followed what shines, or a tool: once more from where the organ was, and wide.
+      const Expected before{place_->camera,
+                            place_->covariance_m2 + kUnseenM * kUnseenM * MotionCovariance::Identity()};
+      const auto wide = fit_outline(picture, surface_, pinhole_, before, colours, {32, 9, 6});
+      if (wide && (!fit || wide->misfit_px < fit->misfit_px)) fit = wide;
+    }
+    if (!fit || !is_outlined(*fit)) return lost(WhyLost::kHidden, fit ? &*fit : nullptr);
+    if (flows) {
+      // How far the outline is from where the points have it, against how well they know.
       const double apart_m = way_between_m(surface_, fit->camera, expected.camera);
-      constexpr double kErrors = 4, kAlwaysM = 1e-3;
+      constexpr double kErrors = 4;
       const double known_m = standard_error_m(surface_, expected.camera, expected.covariance_m2);
-      contradictions_ = apart_m > kErrors * known_m + kAlwaysM ? contradictions_ + 1 : 0;
+      contradictions_ = apart_m > kErrors * known_m ? contradictions_ + 1 : 0;
       constexpr int kMostContradictions = 3;
       if (contradictions_ >= kMostContradictions) {
         contradictions_ = 0;
         return lost(WhyLost::kContradictory, &*fit);
       }
     }
-    if (outlined) return hold(picture, {fit->camera, fit->covariance_m2}, &*fit);
-    if (flows) return hold(picture, expected, nullptr);
-    return lost(WhyLost::kHidden, fit ? &*fit : nullptr);
+    return hold(picture, {fit->camera, fit->covariance_m2}, *fit);
   }
 
   AlignedMoment find(const Picture& picture) {
@@ -193,7 +203,7 @@ class OrganTrack::Following {
   }
 
   AlignedMoment found(const Picture& picture, const OutlineFit& fit, double rival_px) {
-    AlignedMoment moment = hold(picture, {fit.camera, fit.covariance_m2}, &fit);
+    AlignedMoment moment = hold(picture, {fit.camera, fit.covariance_m2}, fit);
     moment.rival_px = rival_px;
     if (moment.held()) {
       points_.fix(surface_, pinhole_, *place_);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include <Eigen/Geometry>
+
 namespace kiroku::sim {
 namespace {
 

@@ -261,7 +261,7 @@ void run(int count, const std::string& only, const std::string& show) {
 
 int main(int argc, char** argv) {
   try {
-    int count = 80;
+    int count = 40;
     std::string only, show;
     for (int i = 1; i + 1 < argc; i += 2) {
       const std::string name = argv[i];
