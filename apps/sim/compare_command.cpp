@@ -68,10 +68,11 @@ void add_compare_command(Command& program) {
   command.choice("--polarity", {"bone-black", "bone-white"}, request->polarity, "of the fluoroscopy",
                  "bone-black");
   command.choice(
-      "--align", {"auto"}, request->align,
+      "--align", {"off", "auto"}, request->align,
       "auto lays the plan's organ on the recorded pictures without a click, by its outline and its "
       "texture: where it is in each, with a standard error, or that it is lost; needs --field, and "
-      "looks from --view or up to 75 degrees aside");
+      "looks from --view or up to 75 degrees aside",
+      "off");
   command.option("--field", "DEGREES", request->field,
                  "with --align: the angle that the lesser side of the recorded pictures covers");
   command.option("--made-by", "NAME", request->made_by, "who compares", "the user of this machine");

@@ -97,7 +97,7 @@ void add_fluoroscopy(const ComparisonRequest& request, Sources& from, compare::C
 /// The plan's organ on the recorded pictures.
 void add_alignment(const ComparisonRequest& request, const Sources& from, compare::Comparison& comparison,
                    ComparisonTold& told) {
-  if (!request.align) return;
+  if (request.align != "auto") return;
   const compare::AlignmentRequest asked = alignment_request(request, from.recording, comparison);
   told.begin("looking for the organ in the pictures");
   comparison.alignment =
@@ -223,9 +223,9 @@ crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std:
 }
 
 void require_alignment_options(const ComparisonRequest& request) {
-  if (request.field && !request.align)
+  if (request.field && request.align != "auto")
     throw UsageError("--field is for --align auto: it says what the endoscope's pictures cover");
-  if (request.align && !request.field) {
+  if (request.align == "auto" && !request.field) {
     throw UsageError(
         "--align needs the endoscope's field of view: say with --field how many degrees the lesser side of "
         "its "
