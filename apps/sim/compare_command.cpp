@@ -67,6 +67,14 @@ void add_compare_command(Command& program) {
       "moves the patient as a rigid body until the picture at this time and the plan's are most alike");
   command.choice("--polarity", {"bone-black", "bone-white"}, request->polarity, "of the fluoroscopy",
                  "bone-black");
+  command.choice(
+      "--align", {"off", "auto"}, request->align,
+      "auto lays the plan's organ on the recorded pictures without a click, by its outline and its "
+      "texture: where it is in each, with a standard error, or that it is lost; needs --field, and "
+      "looks from --view or up to 75 degrees aside",
+      "off");
+  command.option("--field", "DEGREES", request->field,
+                 "with --align: the angle that the lesser side of the recorded pictures covers");
   command.option("--made-by", "NAME", request->made_by, "who compares", "the user of this machine");
   command.option("--asked-by", "NAME", request->asked_by,
                  "for whom a program compares; stands in the appliance log after the user of this machine");
@@ -97,6 +105,10 @@ void add_compare_command(Command& program) {
                   "a page for people: order, times, vital signs, pictures of each step");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.mp4",
                   "a film of both, in step");
+  command.example(
+      "kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --align auto --field 60 --show overlay -o "
+      "laid.mp4",
+      "the plan over the organ, wherever the endoscope goes");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --verify liver.comparison.json",
                   "does the comparison still fit?");
   command.on_run(

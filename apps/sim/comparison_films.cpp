@@ -200,6 +200,25 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
           request.align_at.has_value()};
 }
 
+compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
+                                            const archive::CaseReader& recording,
+                                            const compare::Comparison& comparison) {
+  compare::AlignmentRequest asked;
+  asked.field_deg = parse_number(*request.field, "--field", sim::OrganTrack::kLeastFieldDeg,
+                                 sim::OrganTrack::kGreatestFieldDeg);
+  const sim::Camera from =
+      sim::camera_looking_at({}, sim::view_direction(request.view.value_or("front")), 1, 1);
+  asked.range.from = from.to_view.row(2).transpose();
+  if (comparison.map) {
+    asked.span = shown_span(request, recording, comparison);
+    return asked;
+  }
+  const archive::Span stretch = recording.parse_stretch(request.from, request.to);
+  asked.span = {request.from ? stretch.start_ns : comparison.case_begins_ns,
+                request.to ? stretch.end_ns : comparison.recording_end_ns};
+  return asked;
+}
+
 compare::RadiographForm radiograph_form(const ComparisonRequest& request) {
   using Form = compare::RadiographForm;
   const std::string form = request.form.value_or("beside");

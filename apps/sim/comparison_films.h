@@ -92,6 +92,12 @@ std::uint64_t write_radiograph_film(const std::filesystem::path& file, const sim
 compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request,
                                                 const archive::CaseReader& recording,
                                                 const compare::Comparison& comparison);
+/// What the request says of aligning the plan's organ with the recorded pictures: --field, --view, and --from
+/// and --to, else what a film would show; all of the recording where no step was found. --field must be
+/// there.
+compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
+                                            const archive::CaseReader& recording,
+                                            const compare::Comparison& comparison);
 compare::RadiographForm radiograph_form(const ComparisonRequest& request);
 
 /// The middle of each step that was found.

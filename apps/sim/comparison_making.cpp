@@ -94,6 +94,18 @@ void add_fluoroscopy(const ComparisonRequest& request, Sources& from, compare::C
   told.clear();
 }
 
+/// The plan's organ on the recorded pictures.
+void add_alignment(const ComparisonRequest& request, const Sources& from, compare::Comparison& comparison,
+                   ComparisonTold& told) {
+  if (request.align != "auto") return;
+  const compare::AlignmentRequest asked = alignment_request(request, from.recording, comparison);
+  told.begin("looking for the organ in the pictures");
+  comparison.alignment =
+      compare::align_organ(from.recording, from.identities, comparison.stream, from.at_hand.plan.body.mesh,
+                           asked, [&](double share) { told.update(share); });
+  told.clear();
+}
+
 /// Of the fluoroscopy where that was asked for, else of the pictures.
 std::uint64_t write_paired_film(const ComparisonRequest& request, Sources& from,
                                 const compare::Comparison& comparison, ComparisonTold& told) {
@@ -210,6 +222,17 @@ crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std:
   return {crypto::remote_identity(Descriptor(static_cast<int>(number)))};
 }
 
+void require_alignment_options(const ComparisonRequest& request) {
+  if (request.field && request.align != "auto")
+    throw UsageError("--field is for --align auto: it says what the endoscope's pictures cover");
+  if (request.align == "auto" && !request.field) {
+    throw UsageError(
+        "--align needs the endoscope's field of view: say with --field how many degrees the lesser side of "
+        "its "
+        "pictures covers");
+  }
+}
+
 void require_fluoroscopy_options(const ComparisonRequest& request) {
   if (request.geometry) return;
   const bool needs_it =
@@ -226,6 +249,7 @@ int make_comparison(const ComparisonRequest& request) {
   if (!request.named || !request.plan)
     throw UsageError("name the case and the plan: kiroku compare CASE PLAN -o OUT.html");
   require_fluoroscopy_options(request);
+  require_alignment_options(request);
   const std::optional<Home> home = Home::find(request.home);
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
@@ -265,6 +289,7 @@ int make_comparison(const ComparisonRequest& request) {
     }
   }
   compare::Provenance made = provenance_of(request, recording, *at_hand);
+  add_alignment(request, from, comparison, told);
   add_fluoroscopy(request, from, comparison, told);
   std::uint64_t count = 0;
   if (keeping) {

@@ -69,6 +69,16 @@ void print_fluoroscopy(const compare::Fluoroscopy& found) {
   std::cout << "\n";
 }
 
+void print_alignment(const compare::Alignment& found, std::int64_t begins_ns) {
+  std::cout << "  the plan's organ was placed in " << found.held() << " of " << found.moments.size()
+            << " pictures\n";
+  for (const compare::Alignment::Lost& lost : found.lost()) {
+    std::cout << "    not from " << archive::case_time_text(lost.span.start_ns, begins_ns) << " to "
+              << archive::case_time_text(lost.span.end_ns, begins_ns) << ": "
+              << compare::sentence_of(lost.why) << "\n";
+  }
+}
+
 }  // namespace
 
 int tell_comparison(const ComparisonRequest& request, const compare::Comparison& comparison,
@@ -92,12 +102,17 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
       if (comparison.fluoroscopy->alignment)
         object["similarity"]["after"] = comparison.fluoroscopy->alignment->similarity_after;
     }
+    if (comparison.alignment) {
+      object["aligned"] = {{"pictures", comparison.alignment->moments.size()},
+                           {"held", comparison.alignment->held()}};
+    }
     if (keeping != nullptr) object["name"] = keeping->place().name;
     print_json(object);
   } else {
     warn_of_missing(made.stamps);
     print_comparison(comparison, at_hand);
     if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
+    if (comparison.alignment) print_alignment(*comparison.alignment, comparison.case_begins_ns);
     std::cout << output << ": " << comparison.matching.matches.size() << " of " << comparison.steps.size()
               << " steps found" << (comparison.matching.in_planned_order() ? "" : ", in another order")
               << "\n  " << document

@@ -18,6 +18,7 @@
 #include "viewer/compare/case_record.h"
 #include "viewer/compare/figures.h"
 #include "viewer/compare/fluoroscopy.h"
+#include "viewer/compare/organ_alignment.h"
 #include "viewer/compare/time_map.h"
 #include "viewer/compare/tool_path.h"
 
@@ -49,6 +50,7 @@ struct Comparison {
   std::optional<CameraTrack> camera;
   std::vector<ToolDistance> tools;
   std::optional<Fluoroscopy> fluoroscopy;  // where it was asked for
+  std::optional<Alignment> alignment;      // likewise
 };
 
 struct ComparisonProgress {

@@ -1,5 +1,6 @@
 #include "viewer/compare/comparison_document.h"
 
+#include <cmath>
 #include <numbers>
 
 #include <nlohmann/json.hpp>
@@ -122,6 +123,43 @@ ordered_json fluoroscopy_json(const Fluoroscopy& found) {
           {"alignment", found.alignment ? alignment_json(*found.alignment) : ordered_json(nullptr)}};
 }
 
+/// Numbers of which a document with thousands of moments needs no seventeen digits.
+double rounded(double value, double to) { return std::round(value / to) * to; }
+
+ordered_json moment_json(const sim::AlignedMoment& moment) {
+  constexpr double kMmPerM = 1000, kHundredth = 0.01, kMicrometre = 1e-6, kTurn = 1e-7;
+  ordered_json one{{"time_ns", moment.time_ns},
+                   {"misfit_px", rounded(moment.misfit_px, kHundredth)},
+                   {"outline_seen", rounded(moment.supported, kHundredth)}};
+  if (moment.rival_px > 0) one["rival_px"] = rounded(moment.rival_px, kHundredth);
+  if (!moment.held()) {
+    one["lost"] = sim::name_of(moment.why);
+    return one;
+  }
+  one["standard_error_mm"] = rounded(kMmPerM * moment.standard_error_m, kHundredth);
+  for (const double value : moment.camera.eye_m) one["eye_m"].push_back(rounded(value, kMicrometre));
+  for (const double value : moment.camera.to_view.transpose().reshaped())
+    one["view_axes"].push_back(rounded(value, kTurn));
+  return one;
+}
+
+ordered_json organ_alignment_json(const Alignment& alignment) {
+  ordered_json lost = ordered_json::array(), moments = ordered_json::array();
+  for (const Alignment::Lost& each : alignment.lost()) {
+    ordered_json one = span_json(each.span);
+    one["why"] = sim::name_of(each.why);
+    lost.push_back(std::move(one));
+  }
+  for (const sim::AlignedMoment& moment : alignment.moments) moments.push_back(moment_json(moment));
+  ordered_json all = span_json(alignment.span);
+  all["field_deg"] = alignment.field_deg;
+  all["pictures"] = alignment.moments.size();
+  all["held"] = alignment.held();
+  all["lost"] = std::move(lost);
+  all["moments"] = std::move(moments);
+  return all;
+}
+
 ordered_json distance_json(const Distance& distance) {
   return {
       {"pictures", distance.pictures}, {"mean_px", distance.mean_px}, {"largest_px", distance.largest_px}};
@@ -190,6 +228,8 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
   document["tools"] = tools_json(comparison, plan);
   document["fluoroscopy"] =
       comparison.fluoroscopy ? fluoroscopy_json(*comparison.fluoroscopy) : ordered_json(nullptr);
+  document["organ_alignment"] =
+      comparison.alignment ? organ_alignment_json(*comparison.alignment) : ordered_json(nullptr);
   document["outputs"] = files_json(made.outputs);
   return document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }

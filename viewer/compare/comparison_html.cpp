@@ -73,6 +73,7 @@ class Page {
     vitals();
     pressure();
     tools();
+    alignment();
     pictures(stills);
     provenance();
     add("</body></html>\n");
@@ -300,6 +301,21 @@ class Page {
         add("<p>" + escaped(plan_.tools[tool.tool].tool.name) + " was lost from " + time(lost.start_ns) +
             " to " + time(lost.end_ns) + ".</p>\n");
     }
+  }
+
+  void alignment() {
+    if (!comparison_.alignment) return;
+    const Alignment& found = *comparison_.alignment;
+    head("The plan on the recording");
+    add("<p>Its organ was looked for in " + std::to_string(found.moments.size()) +
+        " pictures without a click, as a rigid body, and placed in " + std::to_string(found.held()) +
+        " of them.</p>\n");
+    if (found.lost().empty()) return;
+    add("<table>\n");
+    row({"not placed from", "to", "because"}, "th");
+    for (const Alignment::Lost& lost : found.lost())
+      row({time(lost.span.start_ns), time(lost.span.end_ns), sentence_of(lost.why)});
+    add("</table>\n");
   }
 
   void pictures(const std::vector<StillPicture>& stills) {

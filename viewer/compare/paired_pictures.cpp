@@ -36,13 +36,31 @@ PairedPictures::PairedPictures(const archive::CaseReader& recording, const crypt
       plan_(plan),
       form_(form),
       composer_(form),
-      recorded_(recording, identities, comparison.stream, from_ns, to_ns, form.width, form.height) {}
+      recorded_(recording, identities, comparison.stream, from_ns, to_ns, form.width, form.height),
+      rendered_(form.width, form.height) {}
+
+bool PairedPictures::has_no_place(std::int64_t case_ns) const {
+  if (!comparison_.alignment || form_.arrangement == Arrangement::kSideBySide) return false;
+  const sim::AlignedMoment* const moment = comparison_.alignment->at(case_ns);
+  return moment == nullptr || !moment->held();
+}
 
 void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
   const sim::PlanFrames::Kept& kept = frames_.at(moment.step, moment.plan_s);
-  const sim::Camera* const camera = comparison_.camera && form_.arrangement != Arrangement::kSideBySide
-                                        ? &comparison_.camera->camera_at(case_ns)
-                                        : nullptr;
+  if (has_no_place(case_ns)) {
+    // Nothing of the plan is laid where it would be a guess.
+    for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
+    rendered_frame_ = nullptr;
+    return;
+  }
+  const sim::Camera* camera = nullptr;
+  if (form_.arrangement != Arrangement::kSideBySide) {
+    if (comparison_.alignment) {
+      camera = &comparison_.alignment->at(case_ns)->camera;
+    } else if (comparison_.camera) {
+      camera = &comparison_.camera->camera_at(case_ns);
+    }
+  }
   if (&kept == rendered_frame_ && camera == rendered_camera_) return;
   if (camera != nullptr) plan_.set_camera(*camera);
   rendered_ = plan_.picture(kept.frame, *kept.mesh);
@@ -55,6 +73,7 @@ Caption PairedPictures::caption_at(std::int64_t case_ns) const {
   if (form_.arrangement != Arrangement::kSideBySide && comparison_.camera && comparison_.camera->lost_ns() &&
       case_ns >= *comparison_.camera->lost_ns())
     caption.step += "    (camera lost)";
+  if (has_no_place(case_ns)) caption.step += "    (organ not found here)";
   return caption;
 }
 

@@ -42,6 +42,8 @@ class PairedPictures {
   [[nodiscard]] Caption caption_at(std::int64_t case_ns) const;
 
  private:
+  /// Whether the plan is laid on the recording by an alignment, in which that moment is lost.
+  [[nodiscard]] bool has_no_place(std::int64_t case_ns) const;
   void render(const PlanMoment& moment, std::int64_t case_ns);
 
   const Comparison& comparison_;

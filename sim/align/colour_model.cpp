@@ -1,0 +1,145 @@
+#include "sim/align/colour_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+namespace kiroku::sim {
+namespace {
+
+constexpr int kSide = 16;
+
+/// Neighbouring cells share, so that noise does not make a colour unknown.
+std::array<float, kColours> smoothed(std::array<float, kColours> cells) {
+  for (const int step : {kSide * kSide, kSide, 1}) {
+    std::array<float, kColours> next{};
+    for (int cell = 0; cell < static_cast<int>(kColours); ++cell) {
+      const int place = cell / step % kSide;
+      const auto at = [&](int number) { return cells[static_cast<std::size_t>(number)]; };
+      const float before = place > 0 ? at(cell - step) : at(cell),
+                  after = place < kSide - 1 ? at(cell + step) : at(cell);
+      next[static_cast<std::size_t>(cell)] = (before + 2 * at(cell) + after) / 4;
+    }
+    cells = next;
+  }
+  return cells;
+}
+
+void compare_both(ColourModel& model) {
+  constexpr float kRare = 2e-5F, kMost = 3;
+  for (std::size_t cell = 0; cell < kColours; ++cell) {
+    const float ratio = (model.within[cell] + kRare) / (model.around[cell] + kRare);
+    model.evidence[cell] = std::clamp(std::log(ratio), -kMost, kMost);
+  }
+}
+
+}  // namespace
+
+ColourModel colours_of(const Picture& picture, const Silhouette& silhouette, double ring_px) {
+  constexpr float kSeamPx = 4;
+  cv::Mat outside(silhouette.height, silhouette.width, CV_8U), inside(outside.size(), CV_8U);
+  for (int y = 0; y < silhouette.height; ++y) {
+    for (int x = 0; x < silhouette.width; ++x) {
+      const bool covered = silhouette.at(x, y) > 0;
+      outside.at<std::uint8_t>(y, x) = covered ? 0 : 1;
+      inside.at<std::uint8_t>(y, x) = covered ? 1 : 0;
+    }
+  }
+  cv::Mat to_organ, to_border;
+  cv::distanceTransform(outside, to_organ, cv::DIST_L2, 3);
+  cv::distanceTransform(inside, to_border, cv::DIST_L2, 3);
+  ColourModel model;
+  double within = 0, around = 0;
+  const auto shrink = static_cast<float>(silhouette.shrink);
+  for (int y = 0; y < silhouette.height; ++y) {
+    for (int x = 0; x < silhouette.width; ++x) {
+      const std::size_t cell = colour_cell(picture.pixel(x * silhouette.shrink, y * silhouette.shrink));
+      if (silhouette.at(x, y) > 0) {
+        if (shrink * to_border.at<float>(y, x) < kSeamPx) continue;
+        model.within[cell] += 1;
+        within += 1;
+      } else {
+        const float off = shrink * to_organ.at<float>(y, x);
+        if (off < kSeamPx || off > ring_px) continue;
+        model.around[cell] += 1;
+        around += 1;
+      }
+    }
+  }
+  if (within == 0 || around == 0) return {};
+  for (float& share : model.within) share = static_cast<float>(share / within);
+  for (float& share : model.around) share = static_cast<float>(share / around);
+  model.within = smoothed(model.within);
+  model.around = smoothed(model.around);
+  compare_both(model);
+  return model;
+}
+
+ColourModel mixed(const ColourModel& old, const ColourModel& newer, double share) {
+  ColourModel model;
+  const auto part = static_cast<float>(share);
+  for (std::size_t cell = 0; cell < kColours; ++cell) {
+    model.within[cell] = (1 - part) * old.within[cell] + part * newer.within[cell];
+    model.around[cell] = (1 - part) * old.around[cell] + part * newer.around[cell];
+  }
+  compare_both(model);
+  return model;
+}
+
+KindsOfColour kinds_of_colour(const Picture& picture, int shrink) {
+  KindsOfColour kinds;
+  kinds.width = picture.width / shrink;
+  kinds.height = picture.height / shrink;
+  const auto count = static_cast<std::size_t>(kinds.width) * static_cast<std::size_t>(kinds.height);
+  // Means of each block: hue counts most, as light falls off towards the border.
+  std::vector<Eigen::Vector3d> colours(count);
+  for (int y = 0; y < kinds.height; ++y) {
+    for (int x = 0; x < kinds.width; ++x) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (int row = 0; row < shrink; ++row) {
+        for (int column = 0; column < shrink; ++column) {
+          const std::uint8_t* const rgb = picture.pixel(x * shrink + column, y * shrink + row);
+          sum += Eigen::Vector3d(rgb[0], rgb[1], rgb[2]);
+        }
+      }
+      constexpr double kDark = 24, kLight = 0.4 / 255;
+      const double light = sum.sum() / (shrink * shrink);
+      const Eigen::Vector3d mean = sum / (shrink * shrink);
+      colours[static_cast<std::size_t>(y * kinds.width + x)] = {
+          2 * mean.x() / (light + kDark), 2 * mean.y() / (light + kDark), kLight * light / 3};
+    }
+  }
+  // Lloyd's iterations, begun at colours that lie far apart.
+  std::vector<Eigen::Vector3d> means{colours[count / 2]};
+  std::vector<double> nearest(count, std::numeric_limits<double>::infinity());
+  while (means.size() < KindsOfColour::kKinds) {
+    std::size_t farthest = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      nearest[i] = std::min(nearest[i], (colours[i] - means.back()).squaredNorm());
+      if (nearest[i] > nearest[farthest]) farthest = i;
+    }
+    means.push_back(colours[farthest]);
+  }
+  kinds.kind.assign(count, 0);
+  constexpr int kRounds = 12;
+  for (int round = 0; round < kRounds; ++round) {
+    std::vector<Eigen::Vector3d> sums(means.size(), Eigen::Vector3d::Zero());
+    std::vector<double> members(means.size(), 0);
+    for (std::size_t i = 0; i < count; ++i) {
+      std::size_t best = 0;
+      for (std::size_t k = 1; k < means.size(); ++k) {
+        if ((colours[i] - means[k]).squaredNorm() < (colours[i] - means[best]).squaredNorm()) best = k;
+      }
+      kinds.kind[i] = static_cast<std::uint8_t>(best);
+      sums[best] += colours[i];
+      members[best] += 1;
+    }
+    for (std::size_t k = 0; k < means.size(); ++k) {
+      if (members[k] > 0) means[k] = sums[k] / members[k];
+    }
+  }
+  return kinds;
+}
+
+}  // namespace kiroku::sim

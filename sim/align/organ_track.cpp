@@ -1,0 +1,240 @@
+#include "sim/align/organ_track.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "base/error.h"
+#include "sim/align/surface_points.h"
+
+namespace kiroku::sim {
+namespace {
+
+// A place that is found anew must explain the picture well; one that is followed has its past to stand on.
+constexpr double kFoundMisfitPx = 3, kFoundSupported = 0.75, kFoundAgreement = 0.75, kFoundShare = 0.5;
+constexpr double kHeldBorderPx = 1.7, kHeldSupported = 0.6, kHeldAgreement = 0.5;
+// Another place is worse where its misfit is so much larger.
+constexpr double kRivalRatio = 1.25, kRivalPx = 0.25;
+
+bool explains(const OutlineFit& fit) {
+  return fit.misfit_px <= kFoundMisfitPx && fit.supported >= kFoundSupported &&
+         fit.agreement >= kFoundAgreement && fit.share_in_picture >= kFoundShare;
+}
+
+bool is_outlined(const OutlineFit& fit) {
+  return fit.supported >= kHeldSupported && fit.border_px <= kHeldBorderPx && fit.agreement >= kHeldAgreement;
+}
+
+bool rivals(double misfit_px, double best_px) { return misfit_px <= kRivalRatio * best_px + kRivalPx; }
+
+Picture scaled_down(const Picture& picture, int lesser_side) {
+  const int side = std::min(picture.width, picture.height);
+  if (side <= lesser_side) return picture;
+  const double scale = double(lesser_side) / side;
+  Picture small(static_cast<int>(std::lround(picture.width * scale)),
+                static_cast<int>(std::lround(picture.height * scale)));
+  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
+  cv::Mat to(small.height, small.width, CV_8UC3, small.rgb.data());
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+}  // namespace
+
+const char* name_of(WhyLost why) {
+  switch (why) {
+    case WhyLost::kNotLost:
+      return "held";
+    case WhyLost::kNoOrgan:
+      return "no-organ";
+    case WhyLost::kAlike:
+      return "two-places-alike";
+    case WhyLost::kMirrored:
+      return "mirrored";
+    case WhyLost::kHidden:
+      return "hidden";
+    case WhyLost::kUncertain:
+      return "uncertain";
+    case WhyLost::kContradictory:
+      return "contradictory";
+    case WhyLost::kNotLooked:
+      return "not-looked";
+  }
+  return "no-organ";
+}
+
+class OrganTrack::Following {
+ public:
+  Following(const TetMesh& mesh, double field_deg, const SearchRange& range)
+      : surface_(organ_surface(mesh)), mirror_(mirrored(surface_)), field_deg_(field_deg), range_(range) {
+    mirror_range_ = range;
+    mirror_range_.from.x() = -range.from.x();
+  }
+
+  AlignedMoment take(std::int64_t time_ns, const Picture& given) {
+    if (width_ == 0) {
+      width_ = given.width;
+      height_ = given.height;
+    }
+    if (given.width != width_ || given.height != height_)
+      throw Error("the organ cannot be followed into a picture of another size: " +
+                  std::to_string(given.width) + "x" + std::to_string(given.height) + " after " +
+                  std::to_string(width_) + "x" + std::to_string(height_));
+    const Picture picture = scaled_down(given, kLesserSidePx);
+    pinhole_ = pinhole_of(field_deg_, picture.width, picture.height);
+    points_.follow(picture);
+    AlignedMoment moment = place_ && !lost_ ? follow(picture) : find(picture);
+    moment.time_ns = time_ns;
+    moment.camera.half_extent = half_extent_of(field_deg_, width_, height_);
+    lost_ = !moment.held();
+    if (lost_) points_.drop();
+    return moment;
+  }
+
+ private:
+  static AlignedMoment lost(WhyLost why, const OutlineFit* fit = nullptr) {
+    AlignedMoment moment;
+    moment.why = why;
+    if (fit != nullptr) {
+      moment.misfit_px = fit->misfit_px;
+      moment.supported = fit->supported;
+    }
+    return moment;
+  }
+
+  /// Keeps the place and says so; lost where its error is too large.
+  AlignedMoment hold(const Picture& picture, const Expected& at, const OutlineFit& fit) {
+    AlignedMoment moment = lost(WhyLost::kNotLost, &fit);
+    moment.camera = at.camera;
+    moment.standard_error_m = standard_error_m(surface_, at.camera, at.covariance_m2);
+    if (!(moment.standard_error_m <= kLargestErrorM)) {
+      moment.why = WhyLost::kUncertain;
+      return moment;
+    }
+    place_ = at;
+    if (points_.worn()) points_.fix(surface_, pinhole_, at);
+    learn(picture, fit);
+    return moment;
+  }
+
+  void learn(const Picture& picture, const OutlineFit& fit) {
+    constexpr double kSure = 0.6, kShare = 0.1;
+    if (fit.supported < kSure) return;
+    const auto silhouette = silhouette_of(surface_, fit.camera, pinhole_, picture.width, picture.height, 2);
+    if (!silhouette) return;
+    const double ring_px =
+        0.5 * pinhole_.focal_px * surface_.radius_m / -fit.camera.view_m(surface_.middle_m).z();
+    const ColourModel seen = colours_of(picture, *silhouette, ring_px);
+    colours_ = colours_ ? mixed(*colours_, seen, kShare) : seen;
+  }
+
+  AlignedMoment follow(const Picture& picture) {
+    const std::optional<PointsFit> by_points = points_.fit(surface_, pinhole_);
+    constexpr double kAgree = 0.5, kMostPx = 1.5;
+    const bool flows = by_points && by_points->share >= kAgree && by_points->misfit_px <= kMostPx;
+    Expected expected = *place_;
+    // What the camera may have gone since the last picture, and by how much flow is wrong together: it
+    // follows highlights and what a codec makes of soft tissue, which no spread of its points shows.
+    constexpr double kUnseenM = 0.01, kFlowM = 0.002;
+    if (flows) {
+      expected = by_points->expected;
+      expected.covariance_m2 += kFlowM * kFlowM * MotionCovariance::Identity();
+    } else {
+      expected.covariance_m2 += kUnseenM * kUnseenM * MotionCovariance::Identity();
+    }
+    const ColourModel* const colours = colours_ ? &*colours_ : nullptr;
+    auto fit = fit_outline(picture, surface_, pinhole_, expected, colours, {16, 5, 6});
+    if (!fit || !is_outlined(*fit)) {
+      // Flow may have followed what shines, or a tool: once more from where the organ was, and wide.
+      const Expected before{place_->camera,
+                            place_->covariance_m2 + kUnseenM * kUnseenM * MotionCovariance::Identity()};
+      const auto wide = fit_outline(picture, surface_, pinhole_, before, colours, {32, 9, 6});
+      if (wide && (!fit || wide->misfit_px < fit->misfit_px)) fit = wide;
+    }
+    if (!fit || !is_outlined(*fit)) return lost(WhyLost::kHidden, fit ? &*fit : nullptr);
+    if (flows) {
+      // How far the outline is from where the points have it, against how well they know.
+      const double apart_m = way_between_m(surface_, fit->camera, expected.camera);
+      constexpr double kErrors = 4;
+      const double known_m = standard_error_m(surface_, expected.camera, expected.covariance_m2);
+      contradictions_ = apart_m > kErrors * known_m ? contradictions_ + 1 : 0;
+      constexpr int kMostContradictions = 3;
+      if (contradictions_ >= kMostContradictions) {
+        contradictions_ = 0;
+        return lost(WhyLost::kContradictory, &*fit);
+      }
+    }
+    return hold(picture, {fit->camera, fit->covariance_m2}, *fit);
+  }
+
+  AlignedMoment find(const Picture& picture) {
+    ++pictures_lost_;
+    // Close to where it was last, with the colours that it had.
+    if (place_ && colours_) {
+      Expected near = *place_;
+      constexpr double kAwayM = 0.03;
+      near.covariance_m2 += kAwayM * kAwayM * MotionCovariance::Identity();
+      const auto fit = fit_outline(picture, surface_, pinhole_, near, &*colours_, {40, 12, 6});
+      if (fit && explains(*fit)) return found(picture, *fit, 0);
+    }
+    if (pictures_lost_ <= searched_at_ + waits_) return lost(place_ ? WhyLost::kHidden : WhyLost::kNotLooked);
+    searched_at_ = pictures_lost_;
+    constexpr int kLongestWait = 80;
+    waits_ = std::min(kLongestWait, std::max(5, 2 * waits_));
+    return search(picture);
+  }
+
+  AlignedMoment search(const Picture& picture) {
+    const std::vector<OutlineFit> fits = search_pose(picture, surface_, pinhole_, range_);
+    if (fits.empty()) return lost(WhyLost::kNoOrgan);
+    const OutlineFit& best = fits.front();
+    const double rival_px = fits.size() > 1 ? fits[1].misfit_px : 0;
+    const auto not_found = [&](WhyLost why, double other_px) {
+      AlignedMoment moment = lost(why, &best);
+      moment.rival_px = other_px;
+      return moment;
+    };
+    const std::vector<OutlineFit> mirrors = search_pose(picture, mirror_, pinhole_, mirror_range_);
+    if (!mirrors.empty() && explains(mirrors.front()) && rivals(mirrors.front().misfit_px, best.misfit_px))
+      return not_found(WhyLost::kMirrored, mirrors.front().misfit_px);
+    if (!explains(best)) return not_found(WhyLost::kNoOrgan, rival_px);
+    if (fits.size() > 1 && rivals(rival_px, best.misfit_px)) return not_found(WhyLost::kAlike, rival_px);
+    return found(picture, best, rival_px);
+  }
+
+  AlignedMoment found(const Picture& picture, const OutlineFit& fit, double rival_px) {
+    AlignedMoment moment = hold(picture, {fit.camera, fit.covariance_m2}, fit);
+    moment.rival_px = rival_px;
+    if (moment.held()) {
+      points_.fix(surface_, pinhole_, *place_);
+      pictures_lost_ = searched_at_ = waits_ = 0;
+    }
+    return moment;
+  }
+
+  OrganSurface surface_, mirror_;
+  double field_deg_;
+  SearchRange range_, mirror_range_;
+  int width_ = 0, height_ = 0;
+  Pinhole pinhole_;
+  std::optional<Expected> place_;  // the last that was held
+  bool lost_ = true;
+  std::optional<ColourModel> colours_;
+  SurfacePoints points_;
+  int contradictions_ = 0;
+  int pictures_lost_ = 0, searched_at_ = 0, waits_ = 0;
+};
+
+OrganTrack::OrganTrack(const TetMesh& mesh, double field_deg, const SearchRange& range) {
+  if (!(field_deg >= kLeastFieldDeg && field_deg <= kGreatestFieldDeg))
+    throw UsageError("the field of view must be from 10 to 120 degrees");
+  following_ = std::make_unique<Following>(mesh, field_deg, range);
+}
+
+OrganTrack::~OrganTrack() = default;
+
+AlignedMoment OrganTrack::take(std::int64_t time_ns, const Picture& picture) {
+  return following_->take(time_ns, picture);
+}
+
+}  // namespace kiroku::sim

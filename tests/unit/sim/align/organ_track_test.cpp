@@ -1,0 +1,105 @@
+// A rendered organ whose place is known: found, followed, and lost where it cannot be seen.
+#include "sim/align/organ_track.h"
+
+#include <gmock/gmock.h>
+
+#include "base/error.h"
+#include "tests/support/endoscope_scene.h"
+
+namespace kiroku::sim {
+namespace {
+
+using test::EndoscopeScene;
+
+TetMesh plan_mesh() { return test::liver_like_mesh({16, 5, 12}); }
+
+class OrganTrackTest : public testing::Test {
+ protected:
+  EndoscopeScene::Look look(double azimuth_deg) const {
+    EndoscopeScene::Look seen;
+    seen.camera = scene_.camera(azimuth_deg, -18, 0.16, 5);
+    return seen;
+  }
+  EndoscopeScene scene_{test::liver_like_mesh({32, 10, 24})};
+  OrganSurface surface_ = organ_surface(plan_mesh());
+};
+
+TEST_F(OrganTrackTest, FindsAndFollowsAnOrganWithinThreeOfItsStatedErrors) {
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  for (int i = 0; i < 4; ++i) {
+    const EndoscopeScene::Look seen = look(8 + 2 * i);
+    const AlignedMoment moment = track.take(i, scene_.picture(seen));
+    ASSERT_TRUE(moment.held()) << i << ": " << name_of(moment.why) << ", misfit " << moment.misfit_px;
+    const double error_m = way_between_m(surface_, moment.camera, seen.camera);
+    EXPECT_LT(error_m, 2e-3) << i;
+    EXPECT_LT(error_m, 3 * moment.standard_error_m) << i;
+    EXPECT_LE(moment.standard_error_m, OrganTrack::kLargestErrorM);
+  }
+}
+
+TEST_F(OrganTrackTest, LosesTheOrganInSmokeAndFindsItAgain) {
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  ASSERT_TRUE(track.take(0, scene_.picture(look(8))).held());
+  EndoscopeScene::Look smoke = look(9);
+  smoke.smoke = 1;
+  const AlignedMoment hidden = track.take(1, scene_.picture(smoke));
+  EXPECT_EQ(hidden.why, WhyLost::kHidden) << name_of(hidden.why);
+  const EndoscopeScene::Look again = look(10);
+  const AlignedMoment moment = track.take(2, scene_.picture(again));
+  ASSERT_TRUE(moment.held()) << name_of(moment.why);
+  EXPECT_LT(way_between_m(surface_, moment.camera, again.camera), 3e-3);
+}
+
+TEST_F(OrganTrackTest, FindsNothingInAPictureWithoutTheOrgan) {
+  EndoscopeScene::Look empty = look(8);
+  empty.organ = false;
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  const AlignedMoment moment = track.take(0, scene_.picture(empty));
+  EXPECT_FALSE(moment.held());
+  // The next picture is not searched at once, and says so.
+  EXPECT_EQ(track.take(1, scene_.picture(empty)).why, WhyLost::kNotLooked);
+}
+
+TEST_F(OrganTrackTest, RefusesAMirroredPictureAndThePlanOfAnotherOrgan) {
+  const Picture picture = scene_.picture(look(8));
+  Picture mirror(picture.width, picture.height);
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x)
+      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirror.pixel(x, y));
+  }
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  const AlignedMoment mirrored = track.take(0, mirror);
+  EXPECT_EQ(mirrored.why, WhyLost::kMirrored) << name_of(mirrored.why);
+  EXPECT_GT(mirrored.misfit_px, mirrored.rival_px) << "the mirror image fits better";
+  OrganTrack kidney(test::kidney_like_mesh({8, 8, 14}), EndoscopeScene::kFieldDeg);
+  EXPECT_EQ(kidney.take(0, picture).why, WhyLost::kNoOrgan);
+}
+
+TEST(OrganTrack, RefusesWhatCannotBe) {
+  EXPECT_THROW(OrganTrack(plan_mesh(), 5), UsageError);
+  EXPECT_THROW(OrganTrack(TetMesh{}, 60), UsageError);
+  OrganTrack track(test::kidney_like_mesh({2, 2, 2}), 60);
+  (void)track.take(0, Picture(64, 48));
+  EXPECT_THROW((void)track.take(1, Picture(48, 64)), Error);
+}
+
+TEST(OrganSurface, MovesAsItsMotionSays) {
+  const OrganSurface surface = organ_surface(plan_mesh());
+  Camera camera;
+  camera.eye_m = surface.middle_m + Vector3(0.01, 0.02, 0.2);
+  Motion motion;
+  motion << 1e-4, -2e-4, 3e-4, -1e-4, 2e-4, 1e-4;
+  const Camera moved = after_motion(surface, camera, motion);
+  const double way_m = std::sqrt(motion.dot(squared_way(surface, camera) * motion));
+  EXPECT_NEAR(way_between_m(surface, camera, moved), way_m, 1e-3 * way_m);
+  // The derivative of a pixel, by differences.
+  const Pinhole pinhole = pinhole_of(60, 640, 480);
+  const Vector3 node = surface.nodes[7], before = camera.view_m(node);
+  const Eigen::Vector2d went = pinhole.pixel(moved.view_m(node)) - pinhole.pixel(before);
+  const Eigen::Vector2d said =
+      pinhole.derivative(before, camera.view_m(surface.middle_m), surface.radius_m) * motion;
+  EXPECT_LT((went - said).norm(), 0.02 * said.norm() + 1e-3);
+}
+
+}  // namespace
+}  // namespace kiroku::sim
