@@ -8,30 +8,6 @@
 namespace kiroku::sim {
 namespace {
 
-TEST(OtherLung, SlidesAlongItsWallsAndComesBackWhereItsBreathsDo) {
-  test::Chance chance(3);
-  const BreathingModel model = test::box_lung_model();
-  test::OtherMotion motion;
-  motion.drift_m_per_s = 0;
-  motion.rib_cage_rest_m = motion.rib_cage_depth_m = 0;
-  const test::OtherLung lung(model, test::IrregularBreaths(20, test::kProofBreathS, chance), motion);
-  const std::vector<Vector3> displacement_m = lung.displacement_m(3.1);
-  double down_m = 0, wall_m = 0, aside_m = 0;
-  for (std::size_t node = 0; node < model.groups.size(); ++node) {
-    const Vector3& at = model.mesh.nodes[node];
-    if (model.groups[node] == BoundaryGroup::kDiaphragm)
-      down_m = std::max(down_m, std::abs(displacement_m[node].z()));
-    // The side of the ribs, away from its edges: it goes along the wall, not through it.
-    if (model.groups[node] == BoundaryGroup::kRibCage && at.x() < -0.119 && at.z() > 0.05 && at.z() < 0.1) {
-      wall_m = std::max(wall_m, std::abs(displacement_m[node].x()));
-      aside_m = std::max(aside_m, std::abs(displacement_m[node].z()));
-    }
-  }
-  EXPECT_GT(down_m, 0.004);
-  EXPECT_LT(wall_m, 0.0008);
-  EXPECT_GT(aside_m, 2 * wall_m);
-}
-
 TEST(SeriesProof, ATumourIsFollowedThroughAnotherModelsMotionAndNoise) {
   const test::SeriesProof proof =
       test::prove_series(3e4, true, {0.008, -0.005, 0.009}, std::numbers::pi / 180 * Vector3(3, -4, 2));
