@@ -476,6 +476,7 @@ class SeriesFitter {
     normal_ = Eigen::MatrixXd::Zero(pose_count, pose_count);
     right_ = Eigen::VectorXd::Zero(pose_count);
     votes_ = Eigen::MatrixXd::Zero(pose_count, pose_count);
+    voters_ = used;
     for (std::size_t i = 0; i < used; ++i) {
       normal_ += normals[i];
       right_ += rights[i];
@@ -554,13 +555,15 @@ class SeriesFitter {
     const Eigen::MatrixXd inverse = normal.inverse();
     // What the pictures do not say stays as uncertain as it was before.
     const Eigen::MatrixXd prior = prior_of_pose().asDiagonal();
-    const Eigen::MatrixXd all = inverse * (votes_ + prior) * inverse;
+    fit_.pose_covariance = of_pose(inverse * (votes_ + prior) * inverse);
+    fit_.pose_uncertainty = of_pose((normal_ / static_cast<double>(voters_) + prior).inverse());
+  }
+  /// From a covariance of the unknowns.
+  static Eigen::Matrix<double, 6, 6> of_pose(const Eigen::MatrixXd& all) {
     Eigen::Matrix<double, 6, 6> covariance = all.topLeftCorner<6, 6>();
-    for (Eigen::Index i = 3; i < 6; ++i) {
-      covariance.row(i) /= kLeverM;
-      covariance.col(i) /= kLeverM;
-    }
-    fit_.pose_covariance = covariance;
+    covariance.bottomRows<3>() /= kLeverM;
+    covariance.rightCols<3>() /= kLeverM;
+    return covariance;
   }
 
   // What it comes to.
@@ -674,6 +677,7 @@ class SeriesFitter {
   std::vector<BreathingPictures> tables_;
   std::vector<PoseSlopes> slopes_;
   Eigen::MatrixXd normal_, votes_;
+  std::size_t voters_ = 1;
   Eigen::VectorXd right_;
   double damping_ = 1e-3;
   std::vector<double> misfits_ = std::vector<double>(moments_of(pictures_).size(), 0);

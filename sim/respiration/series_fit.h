@@ -45,6 +45,9 @@ struct SeriesFit {
   /// Of translation and rotation, by how the pictures' wishes differ (each picture one vote): their scatter
   /// alone, which is far smaller than the error of the pose.
   Eigen::Matrix<double, 6, 6> pose_covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  /// Of the same, as one moment tells them: what the model does not explain of the pictures is much the same
+  /// in all of them, so more moments do not make the pose surer. Zero where it was given.
+  Eigen::Matrix<double, 6, 6> pose_uncertainty = Eigen::Matrix<double, 6, 6>::Zero();
   std::vector<SeriesMoment> moments;
   double similarity_before = 0;  // mean pictures and the CT as it lies
   double similarity_posed = 0;   // and as the patient was found to lie, without breathing

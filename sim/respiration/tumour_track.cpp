@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "base/error.h"
 #include "base/number_text.h"
 #include "base/parallel.h"
 #include "sim/drr/registration.h"
@@ -29,6 +30,9 @@ constexpr float kUsualLungHu = -850;
 constexpr double kTrackShiftM = 0.002, kPriorResponse = 0.25, kPriorLagS = 0.15;
 /// No place is known better.
 constexpr double kFloorM = 0.0002;
+/// What the surroundings do to all sightings of a view alike, in pixels: their structure is much the same in
+/// each picture, so that many pictures do not average it away.
+constexpr double kSharedPixels = 0.25;
 
 /// The tumour's elements in a volume of what they have more than the lung around them.
 class TumourAlone {
@@ -225,7 +229,7 @@ Sighting look_for(std::span<const float> measured, std::span<const float> backgr
 
 /// A place seen, at the tumour's depth, along two axes across the ray, in the patient as the CT has them.
 struct SeenPlace {
-  std::size_t moment = 0;
+  std::size_t moment = 0, view = 0;
   Eigen::Matrix<double, 2, 3> across;  // of length 1 each
   Eigen::Vector2d offset_m;            // from where the lung has it
   Eigen::Matrix2d covariance_m2;
@@ -242,37 +246,55 @@ Eigen::Matrix<double, 3, kCorrections> corrections_of(const BreathState& state,
   corrections.rightCols<3>() = speed_m_per_s.asDiagonal();
   return corrections;
 }
-using CorrectionVector = Eigen::Matrix<double, kCorrections, 1>;
 
+/// What is known of the corrections, followed by what each view's sightings are off by, along both axes.
 struct Correction {
-  CorrectionVector mean = CorrectionVector::Zero();
-  Eigen::Matrix<double, kCorrections, kCorrections> covariance;
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd covariance;
   double left_m2 = kFloorM * kFloorM;  // of each axis, after it
 };
 
-CorrectionVector prior_deviation() {
-  CorrectionVector deviation;
-  deviation << Vector3::Constant(kTrackShiftM), Eigen::Matrix<double, 6, 1>::Constant(kPriorResponse),
-      Vector3::Constant(kPriorLagS);
-  return deviation;
+/// Before anything was seen. `pose_m2`: of the tumour's place by the pose, in the patient; `pixel_m`: of each
+/// view.
+Correction known_before(const Eigen::Matrix3d& pose_m2, std::span<const double> pixel_m) {
+  Correction known;
+  const Eigen::Index count = kCorrections + 2 * static_cast<Eigen::Index>(pixel_m.size());
+  known.mean = Eigen::VectorXd::Zero(count);
+  Eigen::VectorXd deviation(count);
+  deviation.head<kCorrections>() << Vector3::Constant(kTrackShiftM),
+      Eigen::Matrix<double, 6, 1>::Constant(kPriorResponse), Vector3::Constant(kPriorLagS);
+  for (std::size_t view = 0; view < pixel_m.size(); ++view)
+    deviation.segment<2>(kCorrections + 2 * static_cast<Eigen::Index>(view))
+        .setConstant(kSharedPixels * pixel_m[view]);
+  known.covariance = deviation.cwiseAbs2().asDiagonal();
+  known.covariance.topLeftCorner<3, 3>() += pose_m2;
+  return known;
+}
+
+/// How a place seen depends on what a view's sightings are off by, (2, 2 views).
+Eigen::MatrixXd shared_of(const SeenPlace& place, Eigen::Index columns) {
+  Eigen::MatrixXd shared = Eigen::MatrixXd::Zero(2, columns);
+  shared.middleCols<2>(2 * static_cast<Eigen::Index>(place.view)).setIdentity();
+  return shared;
 }
 
 /// Least squares with what is known before; places far from it lose their say (Geman and McClure).
-Correction correct(const std::vector<SeenPlace>& places,
+Correction correct(const Correction& before, const std::vector<SeenPlace>& places,
                    const std::vector<Eigen::Matrix<double, 3, kCorrections>>& of_moments) {
-  Correction correction;
-  correction.covariance = prior_deviation().cwiseAbs2().asDiagonal();
+  Correction correction = before;
   if (places.empty()) return correction;
+  const Eigen::MatrixXd prior = before.covariance.inverse();
+  const Eigen::Index count = before.mean.size();
   double scale_m2 = 0;
   for (const SeenPlace& place : places) scale_m2 += place.offset_m.squaredNorm() / 2 / double(places.size());
   constexpr int kRounds = 8;
   for (int round = 0; round < kRounds; ++round) {
-    Eigen::Matrix<double, kCorrections, kCorrections> normal =
-        prior_deviation().cwiseAbs2().cwiseInverse().asDiagonal();
-    CorrectionVector right = CorrectionVector::Zero();
+    Eigen::MatrixXd normal = prior;
+    Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
     double squares = 0, weights = 0;
     for (const SeenPlace& place : places) {
-      const Eigen::Matrix<double, 2, kCorrections> slope = place.across * of_moments[place.moment];
+      Eigen::MatrixXd slope(2, count);
+      slope << place.across * of_moments[place.moment], shared_of(place, count - kCorrections);
       const Eigen::Vector2d left = place.offset_m - slope * correction.mean;
       constexpr double kTimes = 9;  // three deviations
       const double part = 1 / (1 + left.squaredNorm() / 2 / (kTimes * scale_m2)), weight = part * part;
@@ -340,12 +362,17 @@ TumourTrack track_tumour(const BreathingModel& model, const BreathingScene& scen
   TumourTrack track;
   track.moments.resize(count);
   std::vector<std::vector<SeenPlace>> seen(count);
+  std::vector<double> pixels_m(views.size(), 0);  // at the tumour
   for (std::size_t view = 0; view < views.size(); ++view) {
     const std::size_t factor =
         std::max<std::size_t>(std::min(views[view].columns(), views[view].rows()) / kMostTrackPixels, 1);
     const ProjectionGeometry geometry = views[view].binned(factor).of_moved_patient(fit.pose);
     const ProjectionImage still = scene.still(geometry);
     const Vector3 origin = geometry.source_m();
+    const auto at_rest = geometry.project(rest_m);
+    if (!at_rest)
+      throw Error("the tumour is not in front of the source of geometry " + std::to_string(view + 1));
+    pixels_m[view] = at_rest->depth_m * geometry.pixel_rays().along_row.norm();
     for (std::size_t m = 0; m < count; ++m) {
       const SeriesMoment& moment = fit.moments[m];
       for (const std::size_t number : moment.pictures) {
@@ -369,6 +396,7 @@ TumourTrack track_tumour(const BreathingModel& model, const BreathingScene& scen
         ++told.views_seen;
         SeenPlace there;
         there.moment = m;
+        there.view = view;
         const Vector3 ray = (expected_m - origin).normalized();
         Vector3 along = geometry.pixel_rays().along_row;
         along = (along - along.dot(ray) * ray).normalized();
@@ -385,11 +413,21 @@ TumourTrack track_tumour(const BreathingModel& model, const BreathingScene& scen
   std::vector<SeenPlace> all;
   for (const std::vector<SeenPlace>& of_moment : seen)
     all.insert(all.end(), of_moment.begin(), of_moment.end());
-  const Correction correction = correct(all, corrections);
+  // How unsure the pose makes the tumour's place; along rays that is all that is known.
+  const Eigen::Matrix3d turn = fit.pose.linear();
+  Eigen::Matrix<double, 3, 6> by_pose;
+  const Vector3 arm_m = turn * (rest_m - scene.middle_m());
+  by_pose.leftCols<3>().setIdentity();
+  by_pose.rightCols<3>() << 0, arm_m.z(), -arm_m.y(), -arm_m.z(), 0, arm_m.x(), arm_m.y(), -arm_m.x(), 0;
+  const Eigen::Matrix3d pose_m2 =
+      turn.transpose() * by_pose * fit.pose_uncertainty * by_pose.transpose() * turn;
+  const Correction correction = correct(known_before(pose_m2, pixels_m), all, corrections);
   for (const SeenPlace& place : all) {
     track.before_correction_m += place.offset_m.squaredNorm() / 2;
     track.after_correction_m +=
-        (place.offset_m - place.across * corrections[place.moment] * correction.mean).squaredNorm() / 2;
+        (place.offset_m - place.across * corrections[place.moment] * correction.mean.head<kCorrections>())
+            .squaredNorm() /
+        2;
   }
   if (!all.empty()) {
     track.before_correction_m = std::sqrt(track.before_correction_m / double(all.size()));
@@ -404,7 +442,6 @@ TumourTrack track_tumour(const BreathingModel& model, const BreathingScene& scen
   constexpr double kTimes = 6;
   const double least = usual - std::max(kTimes * 1.4826 * median_of(deviations), usual / 4);
 
-  const Eigen::Matrix3d turn = fit.pose.linear();
   for (std::size_t m = 0; m < count; ++m) {
     TumourMoment& told = track.moments[m];
     const SeriesMoment& moment = fit.moments[m];
@@ -421,23 +458,29 @@ TumourTrack track_tumour(const BreathingModel& model, const BreathingScene& scen
     }
     Eigen::Matrix<double, 3, 2> responses;
     responses << by_rib_cage, by_diaphragm;
-    Eigen::Matrix3d covariance = corrections[m] * correction.covariance * corrections[m].transpose() +
-                                 responses * moment.covariance * responses.transpose() +
-                                 correction.left_m2 * Eigen::Matrix3d::Identity();
-    Vector3 offset_m = corrections[m] * correction.mean;
+    // The offset, then what each view's sightings are off by.
+    const Eigen::Index shared = correction.mean.size() - kCorrections;
+    Eigen::MatrixXd carried = Eigen::MatrixXd::Zero(3 + shared, correction.mean.size());
+    carried.topLeftCorner<3, kCorrections>() = corrections[m];
+    carried.bottomRightCorner(shared, shared).setIdentity();
+    Eigen::VectorXd offset_m = carried * correction.mean;
+    Eigen::MatrixXd covariance = carried * correction.covariance * carried.transpose();
+    covariance.topLeftCorner<3, 3>() += responses * moment.covariance * responses.transpose() +
+                                        correction.left_m2 * Eigen::Matrix3d::Identity();
     // What is seen now counts beside what is known from all.
     for (const SeenPlace& place : seen[m]) {
       const Eigen::Matrix2d noise =
           place.covariance_m2 + std::max(correction.left_m2, kFloorM * kFloorM) * Eigen::Matrix2d::Identity();
-      const Eigen::Matrix2d spread = place.across * covariance * place.across.transpose() + noise;
-      const Eigen::Matrix<double, 3, 2> gain = covariance * place.across.transpose() * spread.inverse();
-      offset_m += gain * (place.offset_m - place.across * offset_m);
-      covariance -= gain * place.across * covariance;
+      Eigen::MatrixXd slope(2, 3 + shared);
+      slope << place.across, shared_of(place, shared);
+      const Eigen::MatrixXd gain =
+          covariance * slope.transpose() * (slope * covariance * slope.transpose() + noise).inverse();
+      offset_m += gain * (place.offset_m - slope * offset_m);
+      covariance -= (gain * slope * covariance).eval();
     }
-    const Vector3 in_patient_m = rest_m + moved_m[m] + offset_m;
+    const Vector3 in_patient_m = rest_m + moved_m[m] + offset_m.head<3>();
     told.place_m = fit.pose * in_patient_m;
-    // Along the ray the pose is no better known than the pictures say.
-    told.covariance = turn * covariance * turn.transpose() + fit.pose_covariance.topLeftCorner<3, 3>();
+    told.covariance = turn * covariance.topLeftCorner<3, 3>() * turn.transpose();
   }
   return track;
 }

@@ -8,10 +8,10 @@ namespace kiroku::test {
 
 inline const sim::Vector3 kBoxTumourM(-0.07, 0.05, 0.09);
 
-/// 10 x 15 x 25 cm; region 2 is the tumour.
-inline sim::BreathingModel box_lung_model() {
+/// 10 x 15 x 25 cm; region 2 is the tumour. `cells`: along each side.
+inline sim::BreathingModel box_lung_model(const std::array<std::uint32_t, 3>& cells = {4, 6, 10}) {
   sim::BreathingModel model;
-  model.mesh = tet_grid({4, 6, 10}, {0.1, 0.15, 0.25});
+  model.mesh = tet_grid(cells, {0.1, 0.15, 0.25});
   for (sim::Vector3& node : model.mesh.nodes) node.x() -= 0.12;
   for (std::size_t t = 0; t < model.mesh.tetrahedra.size(); ++t) {
     sim::Vector3 centre = sim::Vector3::Zero();
