@@ -10,6 +10,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
 #include "base/error.h"
+#include "timestamp/certificate_text.h"
 #include "timestamp/token.h"
 #include "viewer/report/pdf_writer.h"
 #include "viewer/report/texts.h"
@@ -87,7 +88,8 @@ class ProofFiles {
     add(token.file, kToken, "attached.token", to_bytes(*answer));
     const std::string chain = std::string(archive::kAuthoritiesFolder) + "/" + token.authority + ".pem";
     const std::optional<std::string> pem = read(chain);
-    if (pem && pem->find("-----BEGIN CERTIFICATE-----") != std::string::npos)
+    // Nobody signs these files: text beside the certificates would be somebody's, in the report's name.
+    if (pem && timestamp::is_certificate_text(*pem))
       add(chain, kCertificates, "attached.chain", to_bytes(*pem));
   }
 
