@@ -6,34 +6,13 @@
 #include <limits>
 #include <utility>
 
+#include "base/csv_field.h"
 #include "base/error.h"
 
 namespace kiroku::media {
 namespace {
 
 constexpr std::size_t kPieceBytes = 256U << 10;
-
-/// What a spreadsheet would take for a formula, and obey: names come from whoever sent them.
-bool is_obeyed(std::string_view field) {
-  return !field.empty() && std::string_view("=+-@\t\r").find(field.front()) != std::string_view::npos;
-}
-
-void append_field(std::string& text, std::string_view field) {
-  const std::string as_text = is_obeyed(field) ? "'" + std::string(field) : "";
-  if (!as_text.empty()) field = as_text;
-  if (field.find_first_of(",\"\r\n") == std::string_view::npos) {
-    text += field;
-    return;
-  }
-  text += '"';
-  for (const char c : field) {
-    text += c;
-    if (c == '"') {
-      text += c;
-    }
-  }
-  text += '"';
-}
 
 /// Seconds with as many decimals as they need.
 void append_seconds(std::string& text, std::int64_t time_ns) {
@@ -64,17 +43,15 @@ void VitalsTable::add(const VitalSample& sample) {
   last_ns_ = sample.time_ns;
   const auto rest_with = [&](VitalQuality quality) {
     std::string rest;
-    append_field(rest, sample.code);
+    rest += csv_field(sample.code);
     for (const std::string_view field :
          {std::string_view(sample.unit), quality_name(quality), std::string_view(sample.source)}) {
       rest += ',';
-      append_field(rest, field);
+      rest += csv_field(field);
     }
     return std::make_shared<const std::string>(std::move(rest));
   };
-  std::string code;
-  append_field(code, sample.code);
-  const std::size_t code_bytes = code.size();
+  const std::size_t code_bytes = csv_field(sample.code).size();
   const auto shared = rest_with(sample.quality);
   std::shared_ptr<const std::string> missing;
   if (sample.is_waveform()) {

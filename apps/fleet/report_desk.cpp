@@ -28,6 +28,8 @@ constexpr std::size_t kThreads = 4, kRandomBytes = 16;
 /// Of a hospital group's appliances, each of which keeps one connection.
 constexpr std::size_t kMostConnections = 1000;
 constexpr std::string_view kEnrolPath = "/enrol";
+constexpr std::string_view kTooMany =
+    "too many requests to be enrolled came from this address: try again later";
 
 /// Half a sentence and its status.
 struct DeskRefusal {
@@ -45,6 +47,12 @@ std::string random_hex() {
   return crypto::to_hex(random);
 }
 
+/// As random_hex() makes one. Nothing else is asked of the database: it ends its connection, which all
+/// reports share, over text that is no UTF-8.
+bool is_id(const std::string& text) {
+  return text.size() == 2 * kRandomBytes && text.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
 std::string request_in(const Request& request) {
   const json body = parse_foreign_json(request.body);
   if (!body.is_object() || !body.contains("request") || !body["request"].is_string())
@@ -59,7 +67,8 @@ struct ReportDesk::State {
       : configuration(of),
         authority(fleet::FleetAuthority::open_or_make(of.authority, utc_now())),
         reports(of),
-        strangers({.memory = std::chrono::minutes(10)}) {
+        strangers({.memory = std::chrono::minutes(10)}),
+        guessers({.memory = std::chrono::minutes(10)}) {
     fleet::FleetAuthority::ServerIdentity identity = authority.issue_server_identity();
     http::ServerOptions options;
     options.listen = parse_listen_address(listen, kExamplePort);
@@ -95,7 +104,7 @@ struct ReportDesk::State {
     const std::string_view target = request.target;
     if (is_post && target == kEnrolPath) return enrol(request);
     if (request.method == "GET" && target.starts_with("/enrol/"))
-      return tell_enrolment(std::string(target.substr(std::string_view("/enrol/").size())));
+      return tell_enrolment(std::string(target.substr(std::string_view("/enrol/").size())), request.holder);
     if (is_post && target == "/report") return take_report(request);
     if (is_post && target == "/renew") return renew(request);
     throw DeskRefusal{404, "there is nothing for appliances at this address"};
@@ -103,11 +112,10 @@ struct ReportDesk::State {
 
   Response enrol(const Request& request) {
     const auto now = AttemptGuard::Clock::now();
-    if (strangers.wait(request.holder, now).count() > 0)
-      throw DeskRefusal{429, "too many requests to be enrolled came from this address: try again later"};
+    if (strangers.wait(request.holder, now).count() > 0) throw DeskRefusal{429, std::string(kTooMany)};
     strangers.failed(request.holder, now);
     fleet::PendingEnrolment asked;
-    asked.request_pem = request_in(request);
+    asked.request_pem = fleet::request_alone(request_in(request));
     asked.appliance = fleet::appliance_of_request(asked.request_pem);
     asked.id = random_hex();
     // Drawn now that the request is known: see enrolment_code().
@@ -121,11 +129,17 @@ struct ReportDesk::State {
                      {{"id", asked.id}, {"nonce", asked.nonce}, {"authority", authority.certificate_pem()}});
   }
 
-  Response tell_enrolment(const std::string& id) {
-    const std::optional<std::string> certificate =
-        reports.with([&](fleet::FleetReports& all) { return all.certificate_for(id); });
-    if (!certificate)
+  Response tell_enrolment(const std::string& id, const std::string& holder) {
+    const auto now = AttemptGuard::Clock::now();
+    if (guessers.wait(holder, now).count() > 0) throw DeskRefusal{429, std::string(kTooMany)};
+    std::optional<std::string> certificate;
+    if (is_id(id))
+      certificate = reports.with([&](fleet::FleetReports& all) { return all.certificate_for(id); });
+    if (!certificate) {
+      // Each costs a question to the database; an appliance that asked is told of once, and asks anew.
+      guessers.failed(holder, now);
       throw DeskRefusal{404, "nobody entered the code within ten minutes: run 'kiroku fleet enrol' again"};
+    }
     if (certificate->empty()) return answer_of(202, ordered_json::object());
     return answer_of(200, {{"certificate", *certificate}});
   }
@@ -187,7 +201,7 @@ struct ReportDesk::State {
   const FleetConfiguration& configuration;
   const fleet::FleetAuthority authority;
   SharedReports reports;
-  AttemptGuard strangers;
+  AttemptGuard strangers, guessers;
   ListenAddress address;
   std::optional<http::Server> server;  // last: uses the rest
 };

@@ -117,7 +117,11 @@ int enrol(const Request& request) {
     require_own(identity);
     identity.write(file);
     if (!request.json)
-      std::cout << "Enrolled. Next: 'kiroku fleet report --follow', which kiroku-report.service does.\n";
+      std::cout << "Enrolled, says the server at " << printable(request.url)
+                << ". If the hospital's page did not take the code, somebody else answered there: remove "
+                << printable(file.string())
+                << ", and enrol again.\nNext: 'kiroku fleet report --follow', which kiroku-report.service "
+                   "does.\n";
     return kDone;
   }
   throw UsageError("it was ended before anybody entered the code: nothing was changed here");

@@ -10,8 +10,8 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
+#include "base/csv_field.h"
 #include "crypto/encoding.h"
-#include "trainer/report/csv_field.h"
 #include "trainer/report/plot.h"
 
 namespace kiroku::apps {
@@ -389,8 +389,8 @@ std::string study_csv(const StudyResult& result) {
   text += ",plays,pictures,dropped,utc\r\n";
   for (const study::Rating& one : result.ratings) {
     text += std::to_string(one.reader + 1) + "," + std::to_string(one.place + 1) + "," +
-            trainer::csv_field(result.key.clips[one.clip].name) + "," +
-            trainer::csv_field(result.key.codings[one.coding].name) + "," + (one.again ? "1" : "0");
+            csv_field(result.key.clips[one.clip].name) + "," +
+            csv_field(result.key.codings[one.coding].name) + "," + (one.again ? "1" : "0");
     for (const int points : one.points) text += points == 0 ? "," : "," + std::to_string(points);
     text += "," + std::to_string(one.seen.plays) + "," + std::to_string(one.seen.pictures) + "," +
             std::to_string(one.seen.dropped) + "," + format_utc(one.utc) + "\r\n";

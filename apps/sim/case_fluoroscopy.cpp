@@ -3,12 +3,7 @@
 #include <cmath>
 #include <utility>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
-
 #include "base/error.h"
-#include "media/rgb_converter.h"
 #include "viewer/compare/fluoroscopy.h"
 #include "viewer/playback/picture_span.h"
 
@@ -61,7 +56,6 @@ CaseFluoroscopy read_case_fluoroscopy(const Home& home, const FoundFluoroscopy& 
   log_access(home, recording.folder(), "opened " + stream + " to fit a breathing lung");
   const std::int64_t begins_ns = recording.opening().begins_ns;
   playback::PictureSpan reader(recording, identities, stream, stretch.start_ns, stretch.end_ns);
-  media::RgbConverter converter;
   Thinning thinning(request.most_a_second);
   CaseFluoroscopy read{{recording.opening().case_id, stream, 0}, {}, 0};
   std::int64_t first_ns = 0;
@@ -72,9 +66,8 @@ CaseFluoroscopy read_case_fluoroscopy(const Home& home, const FoundFluoroscopy& 
     if (read.pictures++ == 0) first_ns = at_ns;
     const double time_s = static_cast<double>(at_ns - first_ns) / kNsPerS;
     if (!thinning.takes(time_s)) continue;
-    const AVFrame& frame = reader.frame();
-    const std::vector<std::uint8_t> rgb = converter.convert(frame);
-    sim::ProjectionImage image = compare::radiograph_of({frame.width, frame.height, 3, rgb}, polarity);
+    const std::vector<std::uint8_t> rgb = reader.rgb();
+    sim::ProjectionImage image = compare::radiograph_of({reader.width(), reader.height(), 3, rgb}, polarity);
     bytes += image.values.size() * sizeof(float);
     viewer::BreathingBench::require_memory_for(bytes);
     read.radiographs.push_back(

@@ -89,7 +89,8 @@ std::vector<Check> check_order(const std::optional<Home>& home, const archive::C
   }
   const archive::OpenEntry& open = recording.opening();
   return compare::check_sealed_before(compare::read_log_of_case(home->log_folder(), open, home->device()),
-                                      home->device().to_string(), open, recording.opened_at(), digest);
+                                      home->device().to_string(),
+                                      {open, recording.opened_at(), recording.opening_sha256()}, digest);
 }
 
 /// Whether the case says that it was recorded by this plan, and which came first.

@@ -10,13 +10,13 @@
 #include "apps/train/output_folder.h"
 #include "apps/train/person_at_device.h"
 #include "apps/train/train_command.h"
+#include "base/csv_field.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "media/png.h"
 #include "trainer/haptic_rate/experiment.h"
 #include "trainer/haptic_rate/plate_picture.h"
 #include "trainer/haptic_rate/sensing_subject.h"
-#include "trainer/report/csv_field.h"
 #include "trainer/report/plot.h"
 #include "trainer/results/training_database.h"
 
@@ -215,8 +215,8 @@ std::string trials_csv(const Outcome& outcome) {
   for (const trainer::RateSession& session : outcome.sessions) {
     std::size_t number = 0;
     for (const trainer::RateTrial& trial : session.trials) {
-      csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
-             trial.fingers.text() + "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
+      csv += csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") + trial.fingers.text() +
+             "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
              (trial.vibrating ? ",vibrating\n" : ",continuous\n");
     }
   }
@@ -229,10 +229,10 @@ std::string thresholds_csv(const Outcome& outcome) {
     const trainer::RateSession& session = outcome.sessions[s];
     for (std::size_t i = 0; i < session.thresholds.size(); ++i) {
       const trainer::RateThreshold& threshold = session.thresholds[i];
-      csv += trainer::csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") +
-             threshold.fingers.text() + "," + exact(threshold.estimate.hz) + "," +
-             exact(threshold.estimate.interval_hz.low) + "," + exact(threshold.estimate.interval_hz.high) +
-             "," + (threshold.own_hz ? exact(*threshold.own_hz) : "") + "," +
+      csv += csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") + threshold.fingers.text() +
+             "," + exact(threshold.estimate.hz) + "," + exact(threshold.estimate.interval_hz.low) + "," +
+             exact(threshold.estimate.interval_hz.high) + "," +
+             (threshold.own_hz ? exact(*threshold.own_hz) : "") + "," +
              (outcome.true_hz.empty() ? "" : exact(outcome.true_hz[s][i])) + "\n";
     }
   }
@@ -248,7 +248,7 @@ std::string comparison_csv(const trainer::RateComparison& comparison) {
       csv += exact(test.t) + "," + exact(test.degrees_of_freedom) + "," + exact(test.p) + "," +
              exact(*pair.adjusted_p) + "," + exact(test.hedges_g) + ",\n";
     } else {
-      csv += ",,,,," + trainer::csv_field(pair.of_log10.why_no_test) + "\n";
+      csv += ",,,,," + csv_field(pair.of_log10.why_no_test) + "\n";
     }
   }
   return csv;

@@ -75,6 +75,7 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       }
       reader.opening_ = std::move(*opening);
       reader.opened_at_ = entry.at;
+      reader.opening_sha256_ = crypto::sha256(bytes_of(line));
       require_case_of_name(folder, reader.opening_.case_id);
       first = false;
     } else if (auto* segment = std::get_if<SegmentEntry>(&entry.body)) {

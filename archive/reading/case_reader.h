@@ -22,6 +22,8 @@ class CaseReader {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const OpenEntry& opening() const { return opening_; }
   [[nodiscard]] const Moment& opened_at() const { return opened_at_; }
+  /// SHA-256 of the first line, as the appliance log states it of the case.
+  [[nodiscard]] const crypto::Sha256Digest& opening_sha256() const { return opening_sha256_; }
   [[nodiscard]] std::optional<CloseEntry> closing() const { return closing_; }
   /// Root (RFC 6962) over the lines that were read: VerificationReport::lines_root of a verification of the
   /// same ledger.
@@ -71,6 +73,7 @@ class CaseReader {
   std::filesystem::path folder_;
   OpenEntry opening_;
   Moment opened_at_;
+  crypto::Sha256Digest opening_sha256_{};
   std::optional<CloseEntry> closing_;
   std::vector<SegmentEntry> segments_;
   std::vector<GapEntry> gaps_;

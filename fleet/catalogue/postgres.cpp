@@ -4,6 +4,7 @@
 #include <libpq-fe.h>
 #include <string_view>
 
+#include "base/error.h"
 #include "base/printable.h"
 
 namespace kiroku::fleet {
@@ -83,7 +84,12 @@ Postgres::Postgres(const std::string& connection) : connection_(connect(connecti
 Postgres::Rows Postgres::ask(const std::string& statement, const std::vector<Value>& values) {
   std::vector<const char*> pointers;
   pointers.reserve(values.size());
-  for (const Value& value : values) pointers.push_back(value ? value->c_str() : nullptr);
+  for (const Value& value : values) {
+    // The database would take the part before it for the whole.
+    if (value && value->find('\0') != std::string::npos)
+      throw UsageError("a text with a zero byte cannot stand in the catalogue: leave it out");
+    pointers.push_back(value ? value->c_str() : nullptr);
+  }
   Rows rows(PQexecParams(connection_.get(), statement.c_str(), static_cast<int>(values.size()), nullptr,
                          pointers.data(), nullptr, nullptr, 0));
   // Freed with `rows`.

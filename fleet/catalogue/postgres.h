@@ -53,7 +53,8 @@ class Postgres {
   /// DatabaseError.
   explicit Postgres(const std::string& connection);
 
-  /// One statement, with $1, $2 and so on for `values`. Throws DatabaseError.
+  /// One statement, with $1, $2 and so on for `values`. Throws DatabaseError, and
+  /// kiroku::UsageError for a value with a zero byte, of which the database would take the part before it.
   Rows ask(const std::string& statement, const std::vector<Value>& values = {});
   /// All that `work` does, or nothing of it where it throws. Within another it is a part of that one.
   void together(const std::function<void()>& work);

@@ -54,6 +54,12 @@ crypto::Secret pem_of_key(EVP_PKEY* key) {
   return crypto::Secret::copy_of(text_in(memory));
 }
 
+std::string pem_of(X509_REQ* request) {
+  const crypto::BufferIo memory(BIO_new(BIO_s_mem()));
+  if (!memory || PEM_write_bio_X509_REQ(memory.get(), request) != 1) fail("write a request");
+  return std::string(text_in(memory));
+}
+
 std::string pem_of(X509* certificate) {
   const crypto::BufferIo memory(BIO_new(BIO_s_mem()));
   if (!memory || PEM_write_bio_X509(memory.get(), certificate) != 1) fail("write a certificate");
@@ -129,10 +135,8 @@ CertificateRequest make_certificate_request(const std::string& appliance) {
                                  static_cast<int>(appliance.size()), -1, 0) == 1 &&
       X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
       X509_REQ_sign(request.get(), key.get(), EVP_sha256()) > 0;
-  const crypto::BufferIo memory(BIO_new(BIO_s_mem()));
-  if (!is_made || !memory || PEM_write_bio_X509_REQ(memory.get(), request.get()) != 1)
-    fail("make a request for a certificate");
-  return {pem_of_key(key.get()), std::string(text_in(memory))};
+  if (!is_made) fail("make a request for a certificate");
+  return {pem_of_key(key.get()), pem_of(request.get())};
 }
 
 std::string appliance_of_request(std::string_view request_pem) {
@@ -151,6 +155,11 @@ std::string appliance_of_request(std::string_view request_pem) {
         "this request for a certificate names no appliance: its one common name must have 1 to 32 small "
         "letters, digits and hyphens");
   return name;
+}
+
+std::string request_alone(std::string_view request_pem) {
+  static_cast<void>(appliance_of_request(request_pem));
+  return pem_of(parse_request(request_pem).get());
 }
 
 std::string request_fingerprint(std::string_view request_pem) {

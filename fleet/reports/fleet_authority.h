@@ -30,6 +30,9 @@ CertificateRequest make_certificate_request(const std::string& appliance);
 /// The appliance that the request names. Throws kiroku::UsageError for what is no request of at most 4 KiB
 /// for one short name and a P-256 key, signed by that key.
 std::string appliance_of_request(std::string_view request_pem);
+/// The request alone, without what stands before and behind it in the text: that may be anything, such as a
+/// zero byte, at which a database ends a text. Throws as appliance_of_request().
+std::string request_alone(std::string_view request_pem);
 /// SHA-256 of the request's DER, as people compare it: "9F:86:D0:…".
 std::string request_fingerprint(std::string_view request_pem);
 

@@ -12,6 +12,7 @@ import json
 import os
 import pathlib
 import shutil
+import socket
 import ssl
 import stat
 import subprocess
@@ -180,6 +181,38 @@ def try_enrolling(servers, appliance, twin):
     require(refused.returncode == 2 and "revoke" in refused.stderr, f"a second or-1 hears {refused.stderr}")
     log = subprocess.run(appliance.command("log", "--home", str(servers[1].home)), capture_output=True, text=True, check=True).stdout
     require("enrols appliance or-1" in log, f"the log does not say who enrolled: {log}")
+
+
+def try_spoiling_enrolment(server, folder, appliance, psql):
+    """By whoever reaches the address for reports, without a certificate."""
+    url = server.reports
+    psql("DELETE FROM kiroku.enrolments")
+    # What stands before a request is not the request: a zero byte there must not end what the database keeps.
+    for before in ("\0\n", "\0"):
+        status, sentence = answer(report_desk(url), "/enrol", json.dumps({"request": before + certificate_request(folder, "or-9")}))
+        require(status in (202, 400), f"a request behind a zero byte is answered with {status} {sentence}")
+    process, _ = appliance.begin_to_enrol(url, "or-8")
+    try:
+        status, text = server.administrator.ask("fleet/enrolments", {"code": "0000-0000-0000-0000"})
+        require(b"no appliance that waits" in text, f"while a stranger's request waits, a code is answered with {status}: {text}")
+        # Text that is no UTF-8 would end the connection to the database that all reports share.
+        statuses = [raw_status(url, target) for target in (b"/enrol/\xff", b"/enrol/" + b"0" * 5000, b"/enrol/" + b"0" * 32, b"/enrol/'")]
+        require(statuses == [404] * 4, f"addresses of nobody are answered with {statuses}")
+        statuses = [raw_status(url, b"/enrol/" + b"1" * 32) for _ in range(8)]
+        require(429 in statuses, f"whoever guesses again and again is answered with {statuses}")
+    finally:
+        process.terminate()
+        process.communicate(timeout=60)
+
+
+def raw_status(url, target):
+    """Of a request whose address http.client would not send."""
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    host, _, port = url.removeprefix("https://").partition(":")
+    with socket.create_connection((host, int(port)), timeout=60) as plain, context.wrap_socket(plain) as tls:
+        tls.sendall(b"GET " + target + b" HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+        return int(tls.recv(100).split(b" ")[1])
 
 
 def try_reporting(servers, appliance, psql):
@@ -367,6 +400,7 @@ def try_everything(programs, folder, connection):
         # Of a server that was not asked too often, as the one that was attacked.
         servers.append(FleetServer(programs, folder / "page-4", configuration))
         try_enrolling_anew(servers[3], one, admit, psql)
+        try_spoiling_enrolment(servers[3], folder, twin, psql)
         listed = subprocess.run([programs / "kiroku-fleet", "rooms", "--config", configuration], capture_output=True, text=True, check=False)
         require("or-7" in listed.stdout, f"kiroku-fleet rooms says {listed.stdout}{listed.stderr}")
     finally:

@@ -117,10 +117,46 @@ class TakenSource {
   std::string manner_;
 };
 
+/// Jobs of who reads a stream's pictures, whose name says what is answered.
+class TakenSpan {
+ public:
+  explicit TakenSpan(media::Channel& channel) : channel_(channel) {}
+
+  [[noreturn]] void run(json job) {
+    for (;; job = json::parse(text_of(channel_.receive(kNoLimit, kMost)->body))) {
+      const std::string what = job.at("what");
+      if (what == "index") manner_ = job.at("with").at("name").get<std::string>();
+      if (what == "span-pixels") give_pixels();
+      const json told = what == "span-next" ? next() : json::object();
+      channel_.send(number(media::FromJobBox::kDone), told.dump());
+    }
+  }
+
+ private:
+  json next() {
+    ++given_;
+    if (manner_ == "backwards") return {{"time", 2 - given_}, {"width", kSide}, {"height", kSide}};
+    if (manner_ == "huge") return {{"time", given_}, {"width", 1 << 20}, {"height", kSide}};
+    if (manner_ == "far") return {{"time", INT64_MAX}, {"width", kSide}, {"height", kSide}};
+    if (manner_ == "text") return {{"time", "now"}, {"width", kSide}, {"height", kSide}};
+    return {{"time", given_}, {"width", kSide}, {"height", kSide}};
+  }
+  void give_pixels() {
+    const std::size_t right = std::size_t{3} * kSide * kSide;
+    const std::string bytes(manner_ == "short" ? right - 1 : right + 1, 'x');
+    channel_.send(number(media::FromJobBox::kBytes), bytes);
+  }
+
+  media::Channel& channel_;
+  std::string manner_;
+  std::int64_t given_ = 0;
+};
+
 /// A job that asks for the same again and again, or makes nothing without end.
 void do_jobs(media::Channel& channel) {
   channel.send(number(media::FromJobBox::kReady), "");
   const json job = json::parse(text_of(channel.receive(kNoLimit, kMost)->body));
+  if (job.at("what") == "index") TakenSpan(channel).run(job);
   for (;;) {
     if (job.at("what") == "make nothing") {
       channel.send(number(media::FromJobBox::kBytes), "");

@@ -1,13 +1,19 @@
 // Programs where the decoder's box is there, is not there, or is what the systemd unit leaves of it.
+#include <array>
 #include <csignal>
+#include <fcntl.h>
 #include <functional>
 #include <iterator>
 #include <map>
 #include <set>
+#include <spawn.h>
 #include <sstream>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <boost/asio/ip/tcp.hpp>
 
+#include "base/descriptor.h"
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/eventually.h"
@@ -96,6 +102,33 @@ TEST_F(Box, ARecorderHoldsNothingForOthers) {
   EXPECT_EQ(line_of_process(found[0], "status", "NoNewPrivs:"), "1");
   EXPECT_THAT(line_of_process(found[0], "limits", "Max core file size"), testing::StartsWith("0 "));
   EXPECT_THAT(daemon.out(), Not(HasSubstr("without a box")));
+}
+
+// Each opens segments with an identity, or signs.
+TEST(ProgramsThatHoldKeys, LeaveNoCoreAndGainNoRights) {
+  for (const char* const name : {"kiroku", "kirokud", "kiroku-verify"}) {
+    // It has begun once a byte comes, and waits for the rest to be read.
+    std::array<int, 2> ends{};
+    ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+    const Descriptor reading(ends[0]);
+    Descriptor writing(ends[1]);
+    ASSERT_GE(::fcntl(writing.number(), F_SETPIPE_SZ, 4096), 0);
+    posix_spawn_file_actions_t actions;
+    ASSERT_EQ(::posix_spawn_file_actions_init(&actions), 0);
+    ASSERT_EQ(::posix_spawn_file_actions_adddup2(&actions, writing.number(), STDOUT_FILENO), 0);
+    std::string program = built_file(name), help = "--help";
+    std::array<char*, 3> arguments{program.data(), help.data(), nullptr};
+    pid_t started = 0;
+    ASSERT_EQ(::posix_spawn(&started, program.c_str(), &actions, nullptr, arguments.data(), environ), 0);
+    ::posix_spawn_file_actions_destroy(&actions);
+    writing = Descriptor();
+    char first = 0;
+    EXPECT_EQ(::read(reading.number(), &first, 1), 1) << name;
+    EXPECT_EQ(line_of_process(started, "status", "NoNewPrivs:"), "1") << name;
+    EXPECT_THAT(line_of_process(started, "limits", "Max core file size"), testing::StartsWith("0 ")) << name;
+    ::kill(started, SIGKILL);
+    ASSERT_EQ(::waitpid(started, nullptr, 0), started);
+  }
 }
 
 TEST_F(Box, TheUnitLetsTheDecoderCloseItsBox) {

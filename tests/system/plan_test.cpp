@@ -190,6 +190,8 @@ TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
   EXPECT_EQ(nlohmann::json::parse(read_text(folder() / "plan.seal.json"))["files"][1]["name"], "cube.msh");
   EXPECT_REFUSED(kiroku({"plan", "seal", "plan.json"}), "is there already");
 
+  write_text(folder() / "unused.json", read_text(folder() / "plan.json") + "\n");
+  const nlohmann::json unused = kiroku_json({"plan", "seal", "unused.json", "--json"});
   const std::filesystem::path folder_of_case = record({"--plan", "plan.seal.json"});
   const std::string first_line = read_text(folder_of_case / "ledger.jsonl");
   EXPECT_THAT(first_line.substr(0, first_line.find('\n')),
@@ -221,6 +223,20 @@ TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
       kiroku({"plan", "verify", "later.seal.json", "--case", folder_of_case.string()});
   EXPECT_EQ(later.status, 1);
   EXPECT_THAT(later.out, HasSubstr("was recorded by another plan"));
+
+  // Whoever has the disk writes into the case that it was recorded by another plan, which was sealed in time.
+  const std::string ledger = read_text(folder_of_case / "ledger.jsonl");
+  std::string rewritten = ledger;
+  const std::string seal = sealed["sha256"];
+  rewritten.replace(rewritten.find(seal), seal.size(), unused["sha256"].get<std::string>());
+  write_text(folder_of_case / "ledger.jsonl", rewritten);
+  const ProcessResult claimed =
+      kiroku({"plan", "verify", "unused.seal.json", "--case", folder_of_case.string()});
+  EXPECT_EQ(claimed.status, 1) << claimed.out;
+  EXPECT_THAT(claimed.out, HasSubstr("is not the one that the appliance log states"));
+  EXPECT_EQ(kiroku({"verify", folder_of_case.string()}).status, 1);
+  write_text(folder_of_case / "ledger.jsonl", ledger);
+  EXPECT_EQ(verify(folder_of_case).status, 0);
 
   // What is changed afterwards, what is gone, and what nobody can tell.
   const std::string mesh = read_text(folder() / "cube.msh");

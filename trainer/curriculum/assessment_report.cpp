@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/csv_field.h"
 #include "base/number_text.h"
 #include "base/printable.h"
-#include "trainer/report/csv_field.h"
 
 namespace kiroku::trainer {
 namespace {

@@ -6,10 +6,10 @@
 #include <map>
 #include <set>
 
+#include "base/csv_field.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "trainer/curriculum/assessment_report.h"
-#include "trainer/report/csv_field.h"
 
 namespace kiroku::trainer {
 namespace {

@@ -2,12 +2,7 @@
 
 #include <algorithm>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
-
 #include "base/error.h"
-#include "media/rgb_converter.h"
 #include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
@@ -38,14 +33,12 @@ class Tracking {
 
   void run(const ComparisonProgress& progress) {
     if (progress.step) progress.step("following picked points");
-    media::RgbConverter converter;
     while (frames_->next()) {
-      const AVFrame& frame = frames_->frame();
-      const std::vector<std::uint8_t> rgb = converter.convert(frame);
-      const media::PictureView picture{frame.width, frame.height, 3, rgb};
+      const std::vector<std::uint8_t> rgb = frames_->rgb();
+      const media::PictureView picture{frames_->width(), frames_->height(), 3, rgb};
       if (!comparison_.camera) {
-        width_ = frame.width;
-        height_ = frame.height;
+        width_ = picture.width;
+        height_ = picture.height;
         comparison_.camera.emplace(*by_hand_.registration, width_, height_);
       }
       comparison_.camera->take(frames_->time_ns(), picture);

@@ -5,12 +5,7 @@
 #include <utility>
 #include <vector>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
-
 #include "base/error.h"
-#include "media/rgb_converter.h"
 #include "sim/drr/attenuation.h"
 #include "viewer/playback/picture_span.h"
 
@@ -95,20 +90,18 @@ Fluoroscopy compare_fluoroscopy(const archive::CaseReader& recording, const cryp
                                 PlanRadiographs& radiographs, const FluoroscopyRequest& request,
                                 const std::function<void(double share)>& progress) {
   playback::PictureSpan reader(recording, identities, request.stream, request.at_ns, request.at_ns + 1);
-  media::RgbConverter converter;
   std::optional<sim::ProjectionImage> recorded;
   std::int64_t at_ns = 0;
   while (reader.next() && (!recorded || reader.time_ns() <= request.at_ns)) {
-    const AVFrame& frame = reader.frame();
-    if (static_cast<std::size_t>(frame.width) != request.geometry.columns() ||
-        static_cast<std::size_t>(frame.height) != request.geometry.rows()) {
-      throw UsageError("the pictures of '" + request.stream + "' have " + std::to_string(frame.width) +
-                       " x " + std::to_string(frame.height) + " pixels, the geometry " +
+    if (static_cast<std::size_t>(reader.width()) != request.geometry.columns() ||
+        static_cast<std::size_t>(reader.height()) != request.geometry.rows()) {
+      throw UsageError("the pictures of '" + request.stream + "' have " + std::to_string(reader.width()) +
+                       " x " + std::to_string(reader.height()) + " pixels, the geometry " +
                        std::to_string(request.geometry.columns()) + " x " +
                        std::to_string(request.geometry.rows()) + ": say in it what the recording has");
     }
-    const std::vector<std::uint8_t> rgb = converter.convert(frame);
-    recorded = radiograph_of({frame.width, frame.height, 3, rgb}, request.polarity);
+    const std::vector<std::uint8_t> rgb = reader.rgb();
+    recorded = radiograph_of({reader.width(), reader.height(), 3, rgb}, request.polarity);
     at_ns = reader.time_ns();
   }
   if (!recorded) throw UsageError("stream '" + request.stream + "' holds no picture at that time");

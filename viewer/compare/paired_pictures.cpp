@@ -3,10 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
-
 #include "base/error.h"
 #include "viewer/compare/captions.h"
 #include "viewer/playback/picture_span.h"
@@ -22,7 +18,7 @@ PictureSize picture_size(const archive::CaseReader& recording, const crypto::Age
                          const std::string& stream, std::int64_t from_ns, int widest) {
   playback::PictureSpan reader(recording, identities, stream, from_ns);
   if (!reader.next()) throw Error("stream '" + stream + "' holds no picture at that time");
-  const double wide = reader.frame().width, high = reader.frame().height;
+  const double wide = reader.width(), high = reader.height();
   const double scale = std::min(1.0, widest / wide);
   return {even(wide * scale), even(high * scale)};
 }

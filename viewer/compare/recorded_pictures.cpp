@@ -11,13 +11,12 @@ RecordedPictures::RecordedPictures(const archive::CaseReader& recording,
 
 const sim::Picture& RecordedPictures::at(std::int64_t case_ns) {
   bool newer = false;
-  media::Frame newest;
   while (pending_ && reader_.time_ns() <= case_ns) {
-    newest = media::reference(reader_.frame());
     newer = true;
     pending_ = reader_.next();
   }
-  if (newer) picture_.rgb = converter_.convert(*newest, picture_.width, picture_.height);
+  // The reader is one picture ahead.
+  if (newer) picture_.rgb = reader_.rgb_of_one_before(picture_.width, picture_.height);
   return picture_;
 }
 

@@ -6,7 +6,6 @@
 
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
-#include "media/rgb_converter.h"
 #include "sim/render/picture.h"
 #include "viewer/playback/picture_span.h"
 
@@ -26,7 +25,6 @@ class RecordedPictures {
 
  private:
   playback::PictureSpan reader_;
-  media::RgbConverter converter_;
   bool pending_;  // the reader holds a picture that is still to come
   sim::Picture picture_;
 };

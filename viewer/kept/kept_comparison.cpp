@@ -217,9 +217,11 @@ KeptComparison read_kept(const KeptPlace& place, const crypto::AgeIdentities& id
   }
   const archive::OpenEntry& open = evidence.recording->opening();
   kept.plan_checks = {check_named(open, kept.made.plan_seal)};
-  std::ranges::move(check_sealed_before(*evidence.log, evidence.device, open, evidence.recording->opened_at(),
-                                        kept.made.plan_seal),
-                    std::back_inserter(kept.plan_checks));
+  const archive::CaseReader& recording = *evidence.recording;
+  std::ranges::move(
+      check_sealed_before(*evidence.log, evidence.device,
+                          {open, recording.opened_at(), recording.opening_sha256()}, kept.made.plan_seal),
+      std::back_inserter(kept.plan_checks));
   std::ranges::move(check_tokens(place.seal(), kept.made.plan_seal, evidence.trust),
                     std::back_inserter(kept.plan_checks));
   return kept;

@@ -50,8 +50,15 @@ LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archiv
   archive::for_each_log_line(log_folder, [&](const archive::LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     look_at_head();
-    if (line.type != "plan-sealed" && line.type != "access") return;
+    if (line.type != "plan-sealed" && line.type != "access" && line.type != "case-opened") return;
     const archive::LogEntryParse parsed = archive::parse_log_entry(line.json);
+    if (!parsed.entry) return;  // the log's verification says so
+    if (const auto* const opened = std::get_if<archive::CaseOpenedEntry>(&parsed.entry->body)) {
+      if (opened->case_id != open.case_id || (log.opening && log.opening->is_signed)) return;
+      const bool is_signed = archive::is_signed_entry(log_folder, device, line.seq, tree.root());
+      if (!log.opening || is_signed) log.opening = {opened->sha256, is_signed};
+      return;
+    }
     if (const auto* const plan = std::get_if<archive::PlanSealedEntry>(&parsed.entry->body)) {
       keep(log.sealed_plans, plan->sha256, line, {});
     } else if (const auto* const access = std::get_if<archive::AccessEntry>(&parsed.entry->body)) {
@@ -63,15 +70,31 @@ LogOfCase read_log_of_case(const std::filesystem::path& log_folder, const archiv
 }
 
 std::vector<Check> check_sealed_before(const LogOfCase& log, const std::string& device,
-                                       const archive::OpenEntry& open, const archive::Moment& opened,
-                                       const crypto::Sha256Digest& seal) {
+                                       const CaseOpening& opening, const crypto::Sha256Digest& seal) {
   using Answer = Check::Answer;
+  const archive::OpenEntry& open = opening.open;
+  const archive::Moment& opened = opening.at;
   if (device != open.device) {
     return {{"order", Answer::kUnknown,
              "which came first is known to the log of the appliance that recorded the case"}};
   }
+  if (!log.opening) {
+    return {{"opening", Answer::kUnknown,
+             "the appliance log does not know that " + open.case_id +
+                 " was opened, so nothing shows that its first entry is the recorded one"}};
+  }
+  if (log.opening->sha256 != opening.sha256) {
+    return {{"opening", log.opening->is_signed ? Answer::kDiffers : Answer::kUnknown,
+             "the first entry of " + open.case_id +
+                 ", which names the plan, is not the one that the appliance log states"}};
+  }
+  if (!log.opening->is_signed) {
+    return {{"opening", Answer::kUnknown,
+             "nobody signed in the appliance log that " + open.case_id +
+                 " was opened, before another entry followed there"}};
+  }
   if (!log.case_began_under_it) {
-    return {{"order", Answer::kDiffers,
+    return {{"opening", Answer::kDiffers,
              "the appliance log is not the one that " + open.case_id + " was begun under"}};
   }
   const auto record = log.sealed_plans.find(seal);

@@ -6,8 +6,14 @@
 
 #include <nlohmann/json.hpp>
 
+extern "C" {
+#include <libavutil/frame.h>
+}
+
 #include "base/error.h"
+#include "media/rgb_converter.h"
 #include "media/segment_input.h"
+#include "viewer/playback/picture_reader.h"
 #include "viewer/playback/viewing_jobs.h"
 #include "viewer/playback/viewing_piece.h"
 #include "viewer/playback/viewing_sound.h"
@@ -54,6 +60,42 @@ class AskedSegments : public SegmentOpener {
   std::map<std::string, std::size_t> numbers_;
 };
 
+/// The pictures of a part of the stream, in order, of which the newest two are kept.
+class SpanReading {
+ public:
+  SpanReading(const SegmentOpener& segments, const VideoIndex& index, const json& with)
+      : reader_(segments, index) {
+    if (const json& stop = with.at("stop"); !stop.is_null()) reader_.stop_before(stop.get<Ticks>());
+    if (const json& from = with.at("from"); !from.is_null())
+      static_cast<void>(reader_.seek(from.get<Ticks>()));
+    if (const json& after = with.at("after"); !after.is_null()) pass_over(after.get<Ticks>());
+  }
+
+  json next() {
+    before_ = std::move(newest_);
+    newest_ = ahead_ ? std::exchange(ahead_, std::nullopt) : reader_.next();
+    if (!newest_) return json::object();
+    return {{"time", newest_->time}, {"width", newest_->frame->width}, {"height", newest_->frame->height}};
+  }
+
+  Bytes pixels(bool of_before, int width, int height) {
+    const std::optional<ArchivedPicture>& of = of_before ? before_ : newest_;
+    if (!of) throw UsageError("there is no such picture");
+    const std::vector<std::uint8_t> rgb = converter_.convert(*of->frame, width, height);
+    return to_bytes(std::as_bytes(std::span(rgb)));
+  }
+
+ private:
+  void pass_over(Ticks time) {
+    static_cast<void>(reader_.seek(time));
+    while ((ahead_ = reader_.next()) && ahead_->time <= time) newest_ = std::move(ahead_);
+  }
+
+  PictureReader reader_;
+  media::RgbConverter converter_;
+  std::optional<ArchivedPicture> before_, newest_, ahead_;
+};
+
 /// What a box keeps from one job to the next.
 struct Shown {
   Shown(VideoIndex of, media::JobSegments& from)
@@ -61,6 +103,7 @@ struct Shown {
   const VideoIndex index;
   const AskedSegments segments;
   PictureStepper stepper;
+  std::optional<SpanReading> span = {};
 };
 
 }  // namespace
@@ -172,6 +215,16 @@ media::Jobs viewing_jobs() {
     if (found == nullptr) return json::object();
     segments.give(png_of_archived(*found->frame));
     return json{{"time_ns", ns_of_ticks(found->time)}};
+  };
+  jobs[kSpanJob] = [shown](const json& with, media::JobSegments&) {
+    Shown& of = **shown;
+    of.span.emplace(of.segments, of.index, with);
+    return json::object();
+  };
+  jobs[kSpanNextJob] = [shown](const json&, media::JobSegments&) { return (*shown)->span.value().next(); };
+  jobs[kSpanPixelsJob] = [shown](const json& with, media::JobSegments& segments) {
+    segments.give((*shown)->span.value().pixels(with.at("before"), with.at("width"), with.at("height")));
+    return json::object();
   };
   return jobs;
 }

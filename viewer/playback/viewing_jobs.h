@@ -17,6 +17,12 @@ inline constexpr const char* kSoundJob = "sound";             // {}; {} or {"for
 inline constexpr const char* kSoundPieceJob = "sound-piece";  // {"form", "number"}; {} and bytes
 inline constexpr const char* kThumbnailJob = "thumbnail";     // {"number"}; {} and bytes
 inline constexpr const char* kStillJob = "still";  // {"at_ns", "step"}; {} or {"time_ns"} and bytes
+// The pictures of a part, one after the other: where it begins, then each (picture_span.h). Times are ticks.
+// "from": the last key frame before it comes first; "after": the first picture after it does, and that one is
+// the one before.
+inline constexpr const char* kSpanJob = "span";           // {"from", "after", "stop"}, each may be null; {}
+inline constexpr const char* kSpanNextJob = "span-next";  // {}; {} or {"time", "width", "height"}
+inline constexpr const char* kSpanPixelsJob = "span-pixels";  // {"before", "width", "height"}; {} and bytes
 
 // What readers use of an index, and no more. Reading throws nlohmann::json::exception or kiroku::Error for
 // what cannot be: the box may say anything.

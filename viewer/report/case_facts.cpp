@@ -20,8 +20,6 @@ namespace {
 
 using archive::CaseFolder;
 
-constexpr std::size_t kLargestNote = 64U << 10U;
-
 archive::ReadableFile open_or_throw(const CaseFolder& folder, std::string_view name) {
   archive::FileOpening opening = folder.open_file(name);
   if (!opening.file) {
@@ -89,7 +87,8 @@ std::optional<StoredNote> find_last_checkpoint(const CaseFolder& folder) {
   }
   for (const auto& [size, path] : notes) {
     const archive::FileOpening opening = folder.open_file(path);
-    const auto text = opening.file ? archive::read_small(*opening.file, kLargestNote) : std::nullopt;
+    const auto text =
+        opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
     if (!text) continue;
     const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(*text, {}).text);
     if (checkpoint) return StoredNote{path, *text, checkpoint->size, checkpoint->root};

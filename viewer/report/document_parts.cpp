@@ -6,8 +6,6 @@
 #include <utility>
 
 #include "base/utc_time.h"
-#include "crypto/note_format.h"
-#include "crypto/signed_note.h"
 #include "viewer/report/figures_in_words.h"
 #include "viewer/report/texts.h"
 
@@ -224,11 +222,6 @@ std::string signature_words(const ReportInput& input) {
       break;
   }
   return say(input.language, "device.signatures.none");
-}
-
-std::string ml_dsa_line_of(const std::string& device) {
-  return std::string(crypto::kSignaturePrefix) +
-         crypto::MlDsaVerifierKey::name_of(device.substr(0, device.find('+'))) + ' ';
 }
 
 std::string device_trust_words(const ReportInput& input) {

@@ -30,8 +30,6 @@ void add_fact(Table& table, std::string name, std::string value, Face face = Fac
 std::string device_trust_words(const ReportInput& input);
 /// By which keys of the device its checkpoints were checked.
 std::string signature_words(const ReportInput& input);
-/// How the signature line by the device's ML-DSA key begins in a checkpoint, after a line feed.
-std::string ml_dsa_line_of(const std::string& device);
 /// A case's identifier begins with a time, which whoever made the case chose: says so where it is more than
 /// ten minutes from the opening's.
 std::string identifier_words(const ReportInput& input, const std::string& identifier);

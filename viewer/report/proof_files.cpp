@@ -12,6 +12,7 @@
 #include "archive/verify/folder_names.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "timestamp/certificate_text.h"
 #include "timestamp/token.h"
 #include "viewer/report/pdf_writer.h"
 #include "viewer/report/texts.h"
@@ -91,7 +92,8 @@ class ProofFiles {
     add(token.file, kToken, "attached.token", to_bytes(*answer));
     const std::string chain = std::string(archive::kAuthoritiesFolder) + "/" + token.authority + ".pem";
     const std::optional<std::string> pem = read(chain);
-    if (pem && pem->find("-----BEGIN CERTIFICATE-----") != std::string::npos)
+    // Nobody signs these files: text beside the certificates would be somebody's, in the report's name.
+    if (pem && timestamp::is_certificate_text(*pem))
       add(chain, kCertificates, "attached.chain", to_bytes(*pem));
   }
 

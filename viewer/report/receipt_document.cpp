@@ -1,7 +1,10 @@
+#include <algorithm>
 #include <utility>
 
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "crypto/note_format.h"
+#include "crypto/signed_note.h"
 #include "viewer/report/document_parts.h"
 #include "viewer/report/figures_in_words.h"
 #include "viewer/report/qr_figure.h"
@@ -9,6 +12,24 @@
 #include "viewer/report/texts.h"
 
 namespace kiroku::report {
+namespace {
+
+/// What the code holds of a note: its text and the device's own lines. Anybody who writes to the folder can
+/// add lines in other names, as many as no code holds. An ML-DSA signature alone has more bytes than that;
+/// where there is one, Ed25519's is all.
+std::string note_for_code(const std::string& note, const std::string& verifier_key) {
+  const std::string device = verifier_key.substr(0, verifier_key.find('+'));
+  const auto line_of = [&](const std::string& name) {
+    const std::string beginning = "\n" + std::string(crypto::kSignaturePrefix) + name + ' ';
+    const std::size_t at = note.rfind(beginning);
+    return at == std::string::npos ? std::string() : note.substr(at + 1, note.find('\n', at + 1) - at);
+  };
+  const std::string text = note.substr(0, note.rfind("\n\n") + 2);
+  const bool has_ml_dsa = !line_of(crypto::MlDsaVerifierKey::name_of(device)).empty();
+  return text + line_of(device) + (has_ml_dsa ? "" : line_of(crypto::HardwareVerifierKey::name_of(device)));
+}
+
+}  // namespace
 
 Document make_receipt(const ReportInput& input) {
   constexpr double kCodeSide = 118;
@@ -62,16 +83,15 @@ Document make_receipt(const ReportInput& input) {
   add_fact(table, words("device.signatures"), signature_words(input));
   add(std::move(table));
 
-  // An ML-DSA signature alone has more bytes than a QR code holds. It comes behind the other one.
-  const std::size_t ml_dsa = note.text.find(ml_dsa_line_of(input.verification.device));
-  const std::string code = note.text.substr(0, ml_dsa);
-  const bool whole = code.size() == note.text.size();
+  const std::string code = note_for_code(note.text, input.verification.device);
+  const bool whole = code == note.text;
+  const auto same = static_cast<std::size_t>(std::ranges::mismatch(code, note.text).in1 - code.begin());
   add(Picture{
       qr_figure(code, kCodeSide, words("qr.description")),
       words(whole ? TextKey("receipt.qr.caption") : TextKey("receipt.qr.caption.ed25519"), {note.file})});
   add(Heading{2, words("receipt.check")});
   add(Paragraph{words("receipt.check.scan")});
-  const std::string bytes = whole ? "" : "-n " + std::to_string(code.size()) + " ";
+  const std::string bytes = whole ? "" : "-n " + std::to_string(same) + " ";
   add(Listing{{"zbarimg --quiet --raw -Sbinary RECEIPT.png | cmp " + bytes + "- " + note.file}});
   add(Paragraph{words("receipt.check.verify")});
   add(Listing{

@@ -709,13 +709,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "QRコードには、症例フォルダー内の最後のチェックポイント（{0}"
      "）がそのまま入っています。症例番号・項目数・根に装置が署名したものです。"},
     {"receipt.qr.caption.ed25519",
-     "The QR code holds the beginning of the last checkpoint of the case as it lies in the folder ({0}): "
-     "case, "
-     "size and root, signed by the device with Ed25519. The ML-DSA signature behind it is too long for a QR "
-     "code.",
+     "The QR code holds the last checkpoint of the case as it lies in the folder ({0}): case, size and root, "
+     "signed by the device. Further signatures in that file are left out: they are too long for a QR code.",
      "QRコードには、症例フォルダー内の最後のチェックポイント（{0}"
-     "）の先頭部分が入っています。症例番号・項目数・根と装置の Ed25519 署名です。続く ML-DSA "
-     "署名はQRコードに収まりません。"},
+     "）の症例番号・項目数・根と、装置の署名が入っています。ファイル内のその他の署名は、QRコードに収まらない"
+     "ため"
+     "省かれています。"},
     {"receipt.check",
      "To check the recording against this page later:", "後日、記録をこの控えと照合するには："},
     {"receipt.check.scan",

@@ -67,6 +67,7 @@ AnswersOnDisk read_answers(const std::filesystem::path& folder, const StudyOnDis
   found.last = study.sha256;
   const std::filesystem::path file = folder / answers_name(reader);
   if (!std::filesystem::exists(file)) return found;
+  require_no_pipe(file);
   std::ifstream input(file, std::ios::binary);
   std::ostringstream all;
   if (std::filesystem::file_size(file) > kLargestAnswers)

@@ -43,6 +43,7 @@ Check check_file(const fs::path& folder, const std::string& name, std::uint64_t 
 }  // namespace
 
 FileHash hash_file(const fs::path& file) {
+  require_no_pipe(file);
   std::ifstream input(file, std::ios::binary);
   if (!input) throw IoError("open", file, errno == 0 ? ENOENT : errno);
   crypto::Sha256 hash;
@@ -114,6 +115,7 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
   }
   const fs::path file = folder / kSealedFile;
   constexpr std::size_t kLargest = 1U << 20;
+  require_no_pipe(file);
   std::ifstream input(file, std::ios::binary);
   std::string text(kLargest, '\0');
   input.read(text.data(), kLargest);

@@ -160,6 +160,15 @@ Study parse_study(std::string_view text, const std::string& name_for_errors) {
   return document(text, kStudyFormat, name_for_errors, "study", study_of);
 }
 
+void require_no_pipe(const std::filesystem::path& file) {
+  std::error_code unknown;
+  if (std::filesystem::exists(file, unknown) && !std::filesystem::is_regular_file(file, unknown)) {
+    throw UsageError(
+        file.string() +
+        " is no file but a folder, a pipe, a socket or a device: put the study's own file there");
+  }
+}
+
 StudyOnDisk read_study(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / kStudyFile;
   if (std::error_code failed; !std::filesystem::is_regular_file(file, failed)) {

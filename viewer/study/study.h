@@ -65,6 +65,10 @@ struct Study {
 std::string study_text(const Study& study);
 Study parse_study(std::string_view text, const std::string& name_for_errors);
 
+/// Whoever hands over a study's folder may have put a pipe or a device there, which gives no end of bytes, or
+/// none at all. Throws kiroku::UsageError for what is there and no file.
+void require_no_pipe(const std::filesystem::path& file);
+
 /// The study in `folder`, and the hash of its file. kiroku::UsageError, kiroku::IoError.
 struct StudyOnDisk {
   Study study;

@@ -34,6 +34,17 @@ TEST_F(FleetAuthorityTest, IssuesACertificateForTheNameAndKeyOfTheRequest) {
   EXPECT_TRUE(facts.is_to_be_renewed(now_ + 29h));
 }
 
+TEST_F(FleetAuthorityTest, KeepsNothingOfARequestButTheRequest) {
+  const CertificateRequest request = make_certificate_request("or-1");
+  using namespace std::string_literals;
+  for (const std::string& before : {"\0\n"s, "\xff\n"s, "\x1b[2J\n"s, "a line\n"s}) {
+    const std::string around = before + request.request_pem + "behind it\0"s;
+    EXPECT_EQ(request_alone(around), request.request_pem);
+    EXPECT_EQ(request_fingerprint(around), request_fingerprint(request.request_pem));
+  }
+  EXPECT_THROW(request_alone("x"), UsageError);
+}
+
 TEST_F(FleetAuthorityTest, IsTheSameWhenItIsOpenedAgain) {
   const FleetAuthority made = FleetAuthority::open_or_make(folder_.path() / "authority", now_);
   EXPECT_EQ(FleetAuthority::open_or_make(folder_.path() / "authority", now_).certificate_pem(),

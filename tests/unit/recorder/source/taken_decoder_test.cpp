@@ -20,7 +20,10 @@
 #include "tests/support/child_processes.h"
 #include "tests/support/eventually.h"
 #include "tests/support/moved_clock.h"
+#include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"
+#include "tests/support/temporary_folder.h"
+#include "viewer/playback/picture_span.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -259,6 +262,30 @@ TEST_F(TakenDecoder, AJobThatMakesNothingWithoutEndIsEnded) {
   } catch (const media::MediaError& error) {
     EXPECT_THAT(error.what(), HasSubstr("says what it may not"));
   }
+}
+
+/// Pictures of a stream whose name tells the decoder what to say, until it is not believed any more.
+std::string refusal_of_span(const std::string& manner) {
+  const test::TemporaryFolder folder;
+  const test::Reader reader = test::make_reader();
+  const auto recording = archive::CaseReader::open(test::record_case(
+      folder / "archive", {{manner, "video", "video/x-matroska", {Bytes(100)}, {25}}}, reader.recipients));
+  playback::PictureSpan pictures(recording, reader.identities, manner);
+  try {
+    while (pictures.next()) {
+      if (manner != "endless" && manner != "backwards") (void)pictures.rgb();
+    }
+  } catch (const media::MediaError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(TakenSpan, IsNotBelievedWhatCannotBe) {
+  std::signal(SIGPIPE, SIG_IGN);
+  for (const char* const manner : {"backwards", "huge", "far", "text", "short", "endless"})
+    EXPECT_THAT(refusal_of_span(manner), HasSubstr("its decoder says what cannot be")) << manner;
+  EXPECT_THAT(refusal_of_span("long"), HasSubstr("the decoder says what it may not"));
 }
 
 }  // namespace

@@ -20,14 +20,16 @@ class SealedBefore : public testing::Test {
     open_.appliance_log_size = 4;
     open_.begins_ns = 20 * kSecond;
     log_.case_began_under_it = true;
+    log_.opening = {first_line_, true};
   }
   [[nodiscard]] std::vector<Check> check(std::uint64_t seq, UtcTime sealed) {
     log_.sealed_plans[seal_] = {seq, sealed, {}, true};
-    return check_sealed_before(log_, "or3", open_, {opened_, 30 * kSecond}, seal_);
+    return check_sealed_before(log_, "or3", {open_, {opened_, 30 * kSecond}, first_line_}, seal_);
   }
 
   const UtcTime opened_{std::chrono::sys_days{std::chrono::year{2026} / 11 / 24} + 1h};
   const crypto::Sha256Digest seal_ = crypto::sha256(bytes_of("seal"));
+  const crypto::Sha256Digest first_line_ = crypto::sha256(bytes_of("first line"));
   archive::OpenEntry open_;
   LogOfCase log_;
 };
@@ -65,6 +67,22 @@ TEST_F(SealedBefore, IsNotWhatTheLogHasOnlyAfterTheCase) {
   const std::vector<Check> checks = check(4, opened_ - 1h);
   ASSERT_EQ(checks.size(), 1U);
   EXPECT_EQ(checks[0].answer, Answer::kDiffers);
+}
+
+// Whoever has the disk writes another plan's seal into the case's first entry.
+TEST_F(SealedBefore, OfAFirstEntryThatTheLogDoesNotStateIsNotToldAsSealedBefore) {
+  const auto answer = [&] {
+    const std::vector<Check> checks = check(3, opened_ - 1h);
+    return checks.size() == 1 && checks[0].what == "opening" ? checks[0].answer : Answer::kHolds;
+  };
+  log_.opening = {crypto::sha256(bytes_of("another line")), true};
+  EXPECT_EQ(answer(), Answer::kDiffers);
+  log_.opening->is_signed = false;
+  EXPECT_EQ(answer(), Answer::kUnknown);
+  log_.opening->sha256 = first_line_;
+  EXPECT_EQ(answer(), Answer::kUnknown) << "nobody signed that the case was opened";
+  log_.opening.reset();
+  EXPECT_EQ(answer(), Answer::kUnknown);
 }
 
 }  // namespace

@@ -1,8 +1,11 @@
 #include "viewer/playback/picture_span.h"
 
+#include <csignal>
+
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/child_processes.h"
 #include "tests/support/flipped_byte.h"
 #include "tests/support/media_maker.h"
 #include "tests/support/recorded_case.h"
@@ -71,6 +74,40 @@ TEST_F(PictureSpanTest, RefusesDamageAndWhatItCannotOpen) {
   EXPECT_THROW(closed.next(), Error);
   test::flip_byte(folder / "segments/room/00000000.ts.age", 5000);
   EXPECT_THROW(times(recording), Error);
+}
+
+TEST_F(PictureSpanTest, WhatWasRecordedIsDecodedInABox) {
+  const auto recording =
+      archive::CaseReader::open(record(film(test::make_matroska({}, "ffv1"), "video/x-matroska")));
+  PictureSpan frames(recording, reader_.identities, "room");
+  ASSERT_TRUE(frames.next());
+  std::vector<pid_t> boxes;
+  for (const pid_t child : test::child_processes()) {
+    if (test::line_of_process(child, "status", "Name:") != "kiroku-decoder") continue;
+    boxes.push_back(child);
+    EXPECT_EQ(test::line_of_process(child, "status", "Seccomp:"), "2");
+  }
+  ASSERT_EQ(boxes.size(), 1U) << "its pictures are decoded beside the identities";
+  // A decoder that somebody killed is no end of the stream.
+  ASSERT_EQ(::kill(boxes[0], SIGKILL), 0);
+  EXPECT_THROW(while (frames.next()){}, IoError);
+}
+
+TEST_F(PictureSpanTest, GivesSamplesOfAPictureAndOfTheOneBefore) {
+  const auto recording =
+      archive::CaseReader::open(record(film(test::make_matroska({}, "ffv1"), "video/x-matroska")));
+  PictureSpan frames(recording, reader_.identities, "room");
+  ASSERT_TRUE(frames.next());
+  const std::vector<std::uint8_t> first = frames.rgb();
+  EXPECT_EQ(first.size(), 3U * static_cast<unsigned>(frames.width() * frames.height()));
+  ASSERT_TRUE(frames.next());
+  const std::vector<std::uint8_t> second = frames.rgb();
+  EXPECT_NE(first, second);
+  EXPECT_EQ(frames.rgb_of_one_before(frames.width(), frames.height()), first);
+  EXPECT_EQ(frames.rgb(16, 8).size(), 3U * 16 * 8);
+  std::vector<std::uint8_t> last = second;
+  while (frames.next()) last = frames.rgb();
+  EXPECT_EQ(frames.rgb_of_one_before(frames.width(), frames.height()), last) << "also at the end";
 }
 
 }  // namespace

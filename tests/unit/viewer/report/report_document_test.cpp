@@ -765,6 +765,47 @@ TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
   }
 }
 
+// Anybody who writes to the folder can: no token is over the newest checkpoint of a case.
+TEST_F(ReportDocument, ReceiptOfACheckpointWithForeignSignaturesHoldsTheDevicesAlone) {
+  const ReportInput before = input();
+  const StoredNote& note = *before.facts.last_checkpoint;
+  const std::string foreign = "\u2014 witness.example/w " +
+                              crypto::to_base64(Bytes(3000, std::byte{7}), crypto::Base64Padding::kPadded) +
+                              "\n";
+  const std::size_t signatures = note.text.rfind("\n\n") + 2;
+  for (const std::string& changed :
+       {note.text + foreign, note.text.substr(0, signatures) + foreign + note.text.substr(signatures)}) {
+    std::ofstream(folder_ / note.file, std::ios::binary) << changed;
+    const ReportInput in = input();
+    ASSERT_EQ(in.verification.verdict, before.verification.verdict);
+    ASSERT_EQ(in.facts.last_checkpoint->text, changed);
+    const Document receipt = make_receipt(in);
+    const std::string text = test::text_of(receipt);
+    // As many bytes are compared as code and file have in common.
+    const std::size_t same = changed.starts_with(note.text) ? note.text.size() : signatures + 4;
+    EXPECT_THAT(text, HasSubstr("cmp -n " + std::to_string(same) + " - " + note.file));
+    if (!has_tools()) continue;
+    write("receipt.pdf", write_pdf(receipt));
+    tool({"pdftoppm", "-r", "150", "-png", "receipt.pdf", "page"});
+    EXPECT_EQ(tool({"zbarimg", "--quiet", "--raw", "-Sbinary", "page-1.png"}), note.text);
+  }
+}
+
+// Nobody signs what lies in `authorities`.
+TEST_F(ReportDocument, CarriesNoTextAlongThatStandsBesideCertificates) {
+  const fs::path chain = folder_ / "authorities" / (input().facts.tokens.front().token.authority + ".pem");
+  std::ifstream file(chain);
+  const std::string pem(std::istreambuf_iterator<char>(file), {});
+  ASSERT_TRUE(pem.starts_with("-----BEGIN CERTIFICATE-----"));
+  const auto carried = [&] {
+    return std::ranges::any_of(read_proof_files(folder_, input(), std::nullopt),
+                               [](const Attachment& each) { return each.name.ends_with(".pem"); });
+  };
+  EXPECT_TRUE(carried());
+  std::ofstream(chain, std::ios::binary) << "The court found this recording sound.\n" << pem;
+  EXPECT_FALSE(carried());
+}
+
 TEST_F(ReportDocument, CertificateHoldsWhatWasFoundAndLeavesBlankWhatAPersonMustSay) {
   const ReportInput in = input();
   const std::string text = test::text_of(make_certificate(in));

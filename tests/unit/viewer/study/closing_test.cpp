@@ -1,6 +1,7 @@
 #include "viewer/study/closing.h"
 
 #include <fstream>
+#include <sys/stat.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -99,6 +100,28 @@ TEST_F(StudyClosing, TakesNoSealThatLeavesAnythingOut) {
   EXPECT_THROW(check_closed(reading_, study_), UsageError);
   std::ofstream(file, std::ios::trunc) << "{}";
   EXPECT_THROW(check_closed(reading_, study_), UsageError);
+}
+
+// Whoever hands over a study may have put it there; reading it would never end.
+TEST_F(StudyClosing, ReadsNoPipeInThePlaceOfAFile) {
+  answer_all();
+  close_study(real_, reading_, study_, now());
+  const auto with_pipe = [&](const std::string& name) {
+    const std::filesystem::path file = reading_ / name, aside = folder_ / "aside";
+    std::filesystem::rename(file, aside);
+    ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+    if (name == kSealedFile || name == kKeyFile) {
+      EXPECT_THROW(check_closed(reading_, study_), UsageError);
+    } else {
+      EXPECT_THAT(differing(), testing::ElementsAre(HasSubstr(name + " is no file")));
+      EXPECT_THROW(read_answers(reading_, study_, 1), UsageError);
+    }
+    std::filesystem::remove(file);
+    std::filesystem::rename(aside, file);
+  };
+  for (const std::string& name : {std::string(kSealedFile), std::string(kKeyFile), answers_name(1)})
+    with_pipe(name);
+  EXPECT_EQ(verdict_of(check_closed(reading_, study_).checks), Check::Answer::kHolds);
 }
 
 TEST_F(StudyClosing, IsForOneProgramAtATime) {

@@ -55,6 +55,8 @@ export const planEn = {
   'proof.whole.radiographs': 'The film of the plan’s radiographs is the one that was made.',
   'proof.sealed.named.differs': 'The case was recorded by another plan.',
   'proof.sealed.named.could-not-check': 'The case names no plan.',
+  'proof.sealed.opening.differs': 'The first entry of this case does not fit what the appliance’s log states of it.',
+  'proof.sealed.opening.could-not-check': 'The appliance’s log does not show that the first entry of this case is the recorded one.',
   'proof.sealed.order.differs': 'The plan was sealed after the case began.',
   'proof.sealed.ahead.differs':
     'The plan was sealed before the case was opened. But pictures were recorded before that, and the seal is not older than they are, by the recorder’s clock.',
@@ -127,6 +129,8 @@ export const planJa: Record<keyof typeof planEn, string> = {
   'proof.whole.radiographs': '計画の X 線映像は作成されたものと同じです。',
   'proof.sealed.named.differs': 'この症例は別の計画に基づいて記録されました。',
   'proof.sealed.named.could-not-check': 'この症例は計画を特定していません。',
+  'proof.sealed.opening.differs': 'この症例の最初の項目は、装置ログの記載と一致しません。',
+  'proof.sealed.opening.could-not-check': 'この症例の最初の項目が記録時のものか、装置ログからは分かりません。',
   'proof.sealed.order.differs': '計画は症例の開始後に封印されました。',
   'proof.sealed.ahead.differs':
     '計画は症例を開く前に封印されました。しかしその前の映像も記録されており、記録装置の時計では、封印はその映像より前ではありません。',
