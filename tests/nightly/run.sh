@@ -18,6 +18,7 @@ steps=(
   "tidy       tests/lint/run.sh --tidy"
   "alone      tests/nightly/preset.sh debug -L hostile|unit"
   "scripts    tests/system/stock_tools_test.sh build/release/apps/kiroku . --every-profile"
+  "shared     env KIROKU_EVERY_FORGERY=1 ctest --preset release -R ^ForeignExchange$"
   "verifier   tests/nightly/preset.sh verify"
   "asan       tests/nightly/preset.sh asan address_sanitizer_nightly -L hostile|unit|threads|heavy|attack"
   "tsan       tests/nightly/preset.sh tsan thread_sanitizer_nightly -L threads"
