@@ -109,6 +109,7 @@ class ExportApi {
     if (streams.empty()) {
       for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);
     }
+    for (const std::string& stream : streams) (void)recording.stream(stream);  // refuses an unknown one
     const std::shared_ptr<Turns::Turn> download = begin_download(request);
     const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-excerpt";
