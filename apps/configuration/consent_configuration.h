@@ -13,7 +13,7 @@ struct ConsentConfiguration {
   /// Short names, [a-z0-9-]: they stand in the appliance log in the clear.
   std::vector<std::string> purposes{"treatment-record", "quality-assurance", "teaching", "research",
                                     "publication"};
-  /// 'kiroku export' of the home's cases needs a purpose, to which a consent must stand.
+  /// Exports and excerpts of the home's cases need a purpose, to which a consent must stand.
   bool demand_purpose = false;
   /// Purposes whose withdrawn consent makes a case due for erasure.
   std::vector<std::string> erase_when_withdrawn;

@@ -8,6 +8,7 @@
 #include "apps/common/time_option.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/reading/case_reader.h"
 #include "archive/reading/excerpt.h"
@@ -19,7 +20,7 @@ namespace {
 struct Request {
   std::string named, from, to, output;
   std::vector<std::string> streams, identities, recipients, recipient_files;
-  std::optional<std::string> home, author;
+  std::optional<std::string> home, author, purpose;
   bool json = false;
 };
 
@@ -49,8 +50,11 @@ int run(const Request& request) {
   }
   options.made_at = utc_now();
   options.made_by = request.author.value_or(user_name());
+  const bool is_entered =
+      enter_purpose(home, recording.folder(), request.purpose,
+                    rekey ? "excerpt for a new reader" : "took an excerpt, sealed as it is");
   const archive::ExcerptResult result = archive::make_excerpt(recording.folder(), options, request.output);
-  if (rekey) log_access(home, recording.folder(), "excerpt for a new reader");
+  if (rekey && !is_entered) log_access(home, recording.folder(), "excerpt for a new reader");
   if (request.json) {
     print_json({{"case", recording.opening().case_id},
                 {"excerpt", request.output},
@@ -83,12 +87,18 @@ void add_excerpt_command(Command& program) {
                  "identity that opens the case, to let the new reader in; in a --demo home its own");
   command.option("--by", "NAME", request->author, "who makes it, as excerpt.json shall state it",
                  "the name of your account");
+  command.option("--purpose", "P", request->purpose,
+                 "what for: teaching, research or another purpose of the site's; a consent to it must stand");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Without --to-recipient the segments stay sealed to whom they were. 'kiroku verify' judges an excerpt "
       "by the same rules as a case and says what part of the case it is; its verdict is 'intact-excerpt' at "
       "best, exit status 4, or 0 with --excerpt.");
+  command.explain(
+      "With --purpose nothing is written unless the appliance log states a consent of this case to that "
+      "purpose that was not withdrawn ('kiroku consent'); the purpose is entered in the log first. [consent] "
+      "of kiroku.toml may demand a purpose of every excerpt.");
   command.example("kiroku excerpt CASE --from 00:10:00 --to 00:12:30 -o for-the-court",
                   "two and a half minutes, with their proof");
   command.example(

@@ -33,25 +33,6 @@ struct Request {
   bool all = false, force = false, json = false;
 };
 
-/// Before the first byte leaves: with a purpose, a consent to it must stand, and the log says so from then
-/// on. Without one, the site must not demand any.
-void enter_purpose(const Request& request, const std::optional<Home>& home,
-                   const archive::CaseReader& recording, const std::string& what) {
-  if (request.purpose) {
-    if (!home) {
-      throw UsageError(
-          "--purpose goes by the consents in a home's appliance log, and there is no home: name it "
-          "with --home");
-    }
-    enter_use(*home, recording.folder(), *request.purpose, what);
-  } else if (home && home->holds(recording.folder()) && consent_configuration(*home).demand_purpose) {
-    throw UsageError(
-        "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
-        "--purpose, one of " +
-        consent_configuration(*home).known());
-  }
-}
-
 /// What an export reports to: draws, and ends it where that was asked for.
 class Watch {
  public:
@@ -75,14 +56,15 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
   options.output = request.output;
   options.overwrite = request.force;
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
-  enter_purpose(request, home, recording, "exported " + options.stream);
+  const bool is_entered =
+      enter_purpose(home, recording.folder(), request.purpose, "exported " + options.stream);
   media::ExportResult result;
   {
     Watch watch;
     options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
     result = media::export_stream(recording, identities, options);
   }
-  if (!request.purpose) log_access(home, recording.folder(), "exported " + options.stream);
+  if (!is_entered) log_access(home, recording.folder(), "exported " + options.stream);
   const std::int64_t begins_ns = recording.opening().begins_ns;
   if (request.json) {
     ordered_json told{{"case", recording.opening().case_id}, {"stream", options.stream}};
@@ -152,14 +134,14 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
   options.purpose = request.purpose;
   options.verification = verification_of(request, recording);
-  enter_purpose(request, home, recording, "exported every stream");
+  const bool is_entered = enter_purpose(home, recording.folder(), request.purpose, "exported every stream");
   media::CaseExportResult result;
   {
     Watch watch;
     options.progress = [&watch](std::uint64_t done, std::uint64_t total) { watch(done, total); };
     result = media::export_case(recording, identities, options);
   }
-  if (!request.purpose) log_access(home, recording.folder(), "exported every stream");
+  if (!is_entered) log_access(home, recording.folder(), "exported every stream");
   if (request.json) {
     print_json(result.manifest);
     return kDone;

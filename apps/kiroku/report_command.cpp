@@ -108,6 +108,9 @@ int run(const Request& request, const VerifyExtras& extras) {
   input.given = given_of(judged, request.judging);
   input.verification = std::move(judged.report);
   input.facts = report::read_case_facts(folder, input.verification);
+  if (judged.log) {
+    input.consents = report::read_stated_consents(*judged.log, judged.devices, input.verification.case_id);
+  }
   input.author = request.author.value_or(person());
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();

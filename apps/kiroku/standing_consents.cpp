@@ -43,4 +43,24 @@ void enter_use(const Home& home, const std::filesystem::path& case_folder, const
   log->access_for(purpose, case_id, what, user_name());
 }
 
+bool enter_purpose(const std::optional<Home>& home, const std::filesystem::path& case_folder,
+                   const std::optional<std::string>& purpose, const std::string& what) {
+  if (purpose && !home) {
+    throw UsageError(
+        "--purpose goes by the consents in a home's appliance log, and there is no home: name it with "
+        "--home");
+  }
+  if (purpose) {
+    enter_use(*home, case_folder, *purpose, what);
+    return true;
+  }
+  if (home && home->holds(case_folder) && consent_configuration(*home).demand_purpose) {
+    throw UsageError(
+        "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
+        "--purpose, one of " +
+        consent_configuration(*home).known());
+  }
+  return false;
+}
+
 }  // namespace kiroku::apps

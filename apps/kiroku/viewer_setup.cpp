@@ -4,6 +4,7 @@
 #include <unistd.h>
 #include <utility>
 
+#include "apps/kiroku/standing_consents.h"
 #include "base/error.h"
 #include "base/listen_address.h"
 
@@ -76,7 +77,13 @@ viewer::ViewerHome viewer_home(const Home& home, const Configuration& configurat
           .device_key = &device_key,
           .device = home.device(),
           .trust = &trust,
-          .identities = std::move(identities)};
+          .identities = std::move(identities),
+          .consent = {.purposes =
+                          [home] {
+                            ConsentConfiguration site = consent_configuration(home);
+                            return viewer::SitePurposes{std::move(site.purposes), site.demand_purpose};
+                          },
+                      .consents = [home] { return standing_consents(home); }}};
 }
 
 }  // namespace kiroku::apps

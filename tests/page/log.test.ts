@@ -61,6 +61,48 @@ describe('The appliance log', () => {
     await visitor.page.getByRole('button', { name: 'English' }).click();
   });
 
+  it('says what a case may be used for, and binds what is exported to it', async () => {
+    const { page } = visitor;
+    const id = appliance.cases()[0] as string;
+    const who = join(appliance.home, 'who.txt');
+    writeFileSync(who, 'Hana Mori, patient\n');
+    appendFileSync(join(appliance.home, 'kiroku.toml'), '\n[consent]\ndemand_purpose = true\n');
+    const openExport = async () => {
+      await page.goto(`${appliance.url}#/cases/${id}`);
+      await page.reload();
+      await page.getByRole('button', { name: 'Export', exact: true }).click();
+      await page.getByLabel('Purpose').waitFor();
+    };
+    const excerpt = (role: 'link' | 'button') => page.getByRole(role, { name: 'Save the excerpt' });
+
+    await openExport();
+    await page.getByText('No consent entered').waitFor();
+    await page.getByText('This site demands a purpose of every export: choose one.').waitFor();
+    await expect.poll(() => excerpt('button').isDisabled()).toBe(true);
+    await page.getByLabel('Purpose').selectOption('teaching');
+    await page.getByText('No consent to teaching was given for this case.').waitFor();
+    await expect.poll(() => excerpt('link').count()).toBe(0);
+
+    await appliance.kiroku('consent', 'give', id, '--purpose', 'teaching', '--person', who);
+    await openExport();
+    await page.getByText('Consent: teaching').waitFor();
+    await page.getByLabel('Purpose').selectOption('teaching');
+    expect(await seriousBarriers(page)).toEqual([]);
+    await keepPicture(page, 'export-for-a-purpose');
+    const [download] = await Promise.all([page.waitForEvent('download'), excerpt('link').click()]);
+    expect(readFileSync(await download.path()).toString('latin1')).toContain('excerpt.json');
+    const log = readFileSync(join(appliance.home, 'archive', 'log', 'ledger.jsonl'), 'utf8');
+    expect(log.trimEnd().split('\n').at(-1)).toMatch(/"what":"took an excerpt, sealed as it is".*"purpose":"teaching"/);
+
+    await appliance.kiroku('consent', 'withdraw', id, '--purpose', 'teaching', '--person', who);
+    await openExport();
+    await page.getByText('Withdrawn: teaching').waitFor();
+    await page.getByLabel('Purpose').selectOption('teaching');
+    await page.getByText('The consent to teaching was withdrawn').waitFor();
+    await expect.poll(() => excerpt('link').count()).toBe(0);
+    await page.keyboard.press('Escape');
+  });
+
   it('says in words that an entry was changed', async () => {
     const file = join(appliance.home, 'archive', 'log', 'ledger.jsonl');
     const whole = readFileSync(file, 'utf8');

@@ -199,10 +199,10 @@ story('A new trainee', (step) => {
     const { page } = visitor;
     await page.getByLabel('Fingers').selectOption('3');
     await page.getByLabel('Show an expert’s hand').check();
-    expect(await page.getByLabel('Colour what the fingers press').isChecked()).toBe(false);
+    await expect.poll(() => page.getByLabel('Colour what the fingers press').isChecked()).toBe(false);
     await page.getByRole('button', { name: 'Practise' }).click();
     await begun();
-    expect(await page.locator('.press-scale').count()).toBe(0);
+    await expect.poll(() => page.locator('.press-scale').count()).toBe(0);
     await page.getByText('von Mises stress, kPa; 100 counts as damage').waitFor();
     // The picture has what is left of the screen: 220 pixels of its height are for the rest.
     const field = (await page.locator('.attempt-field').boundingBox()) as { height: number };

@@ -144,13 +144,21 @@ TEST_F(ConsentTest, WithdrawnInALogThatWasCutBackWithItsCheckpointsLeavesATrace)
   EXPECT_THAT(kiroku({"log", "--verify", "--json"}).out, HasSubstr("consent-not-entered"));
 }
 
-TEST_F(ConsentTest, IsDemandedOfEveryExportWhereTheSiteSaysSo) {
+TEST_F(ConsentTest, IsDemandedOfEveryExportAndExcerptWhereTheSiteSaysSo) {
   configure("demand_purpose = true\n");
   const Arguments without{"export", name(), "--stream", "vitals", "-o", path("w.jsonl")};
   EXPECT_REFUSED(kiroku(without), "this site demands a purpose of every export");
   EXPECT_FALSE(fs::exists(path("w.jsonl")));
+  const Arguments excerpt{"excerpt", name(), "--from", "0:00", "--to", "0:01", "-o", path("part")};
+  Arguments excerpt_for = excerpt;
+  excerpt_for.insert(excerpt_for.end(), {"--purpose", "teaching"});
+  EXPECT_REFUSED(kiroku(excerpt), "this site demands a purpose of every export");
+  EXPECT_REFUSED(kiroku(excerpt_for), "no consent to the purpose teaching was given");
+  EXPECT_FALSE(fs::exists(path("part")));
   EXPECT_EQ(state("give", {"teaching"}).status, 0);
   EXPECT_EQ(export_for("teaching", "w.jsonl").status, 0);
+  EXPECT_EQ(kiroku(excerpt_for).status, 0);
+  EXPECT_THAT(read_text(log() / "ledger.jsonl"), HasSubstr("took an excerpt, sealed as it is"));
 }
 
 TEST_F(ConsentTest, WithdrawnErasesOnlyWhereTheSiteSaysSoAndNoHoldStands) {

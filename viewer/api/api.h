@@ -32,7 +32,9 @@ void add_comparison_routes(Router& router, ViewerContext& context);
 void add_matching_routes(Router& router, ViewerContext& context);
 /// Verifying in the background.
 void add_verification_routes(Router& router, ViewerContext& context);
-/// Plain media and sealed excerpts as files.
+/// To what a case's patient consented.
+void add_consent_routes(Router& router, ViewerContext& context);
+/// Plain media and sealed excerpts as files, for a purpose where the site demands one.
 void add_export_routes(Router& router, ViewerContext& context);
 void add_log_routes(Router& router, ViewerContext& context);
 void add_user_routes(Router& router, ViewerContext& context);

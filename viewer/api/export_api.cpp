@@ -80,6 +80,7 @@ class ExportApi {
     const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-" + stream + "." + std::string(form.name);
     const auto place = handouts_.make_place(sealed_bytes(recording, {stream}, stretch));
+    const bool is_entered = enter_purpose(request, "exported " + info.name);
     media::ExportOptions options;
     options.stream = stream;
     options.from_ns = stretch.from_ns;
@@ -87,7 +88,7 @@ class ExportApi {
     options.output = place->folder() / name;
     media::export_stream(recording, *identities, options);
     place->is_made();
-    context_.enter_access(request, request.parameter("case"), "exported " + info.name);
+    if (!is_entered) context_.enter_access(request, request.parameter("case"), "exported " + info.name);
     FileBody body = open_body(options.output);
     body.file = held_while_read(std::move(body.file), download);
     return Response::file(std::move(body), std::string(form.type)).as_download(name);
@@ -108,19 +109,35 @@ class ExportApi {
     if (streams.empty()) {
       for (const archive::StreamInfo& stream : recording.opening().streams) streams.push_back(stream.name);
     }
+    for (const std::string& stream : streams) (void)recording.stream(stream);  // refuses an unknown one
     const std::shared_ptr<Turns::Turn> download = begin_download(request);
     const Turns::Turn turn(turns_, request.session->person());
     const std::string name = request.parameter("case") + "-excerpt";
     const auto place = handouts_.make_place(sealed_bytes(recording, streams, stretch));
+    const bool is_entered = enter_purpose(request, "took an excerpt, sealed as it is");
     archive::make_excerpt(recording.folder(), options, place->folder() / name);
     place->is_made();
-    context_.enter_access(request, request.parameter("case"), "took an excerpt, sealed as it is");
+    if (!is_entered) {
+      context_.enter_access(request, request.parameter("case"), "took an excerpt, sealed as it is");
+    }
     return Response::stream(tar_stream(place->folder(), name, held_while_read(place, download)),
                             "application/x-tar")
         .as_download(name + ".tar");
   }
 
  private:
+  /// With a purpose, a consent to it must stand, and that the case is used for it is entered before anything
+  /// is made: true. Without one, the site must not demand any: false.
+  bool enter_purpose(const Request& request, const std::string& what) {
+    const std::optional<std::string> purpose = request.query_text("purpose");
+    if (purpose) {
+      context_.enter_use(request, request.parameter("case"), *purpose, what);
+    } else if (context_.site_purposes().are_demanded) {
+      throw Refusal(400, "this site demands a purpose of every export: say which with 'purpose'");
+    }
+    return purpose.has_value();
+  }
+
   static std::string required_stream(const Request& request) {
     const auto stream = request.query_text("stream");
     if (!stream) throw Refusal(400, "'stream' is missing from the address");

@@ -52,6 +52,7 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   }
   input.given.log = {{home.log_folder.string(), {}}};
   if (options.witnesses != nullptr) input.given.witnesses = {{"witnesses.txt", {}}};
+  input.consents = report::read_stated_consents(home.log_folder, options.devices, input.verification.case_id);
   input.author = request.session->user();
   input.program = "kiroku " KIROKU_VERSION;
   input.made = utc_now();

@@ -36,6 +36,7 @@ void add_routes(Router& router, ViewerContext& context, SignInLink& link) {
   add_matching_routes(router, context);
   add_verification_routes(router, context);
   add_report_routes(router, context);
+  add_consent_routes(router, context);
   add_export_routes(router, context);
   add_room_routes(router, context);
   add_live_routes(router, context);

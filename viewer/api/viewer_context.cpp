@@ -1,8 +1,12 @@
 #include "viewer/api/viewer_context.h"
 
+#include <algorithm>
+
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/holds.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -92,10 +96,46 @@ void ViewerContext::enter_access(const std::string& case_id, const std::string& 
   enter(case_id, what, who, peer);
 }
 
-void ViewerContext::enter(const std::string& case_id, const std::string& what, const std::string& who,
-                          const std::string& peer) {
+SitePurposes ViewerContext::site_purposes() const {
+  if (!home_.consent.purposes) return {};
   try {
-    log_->access(case_id, what, who + " (kiroku view, " + peer + ")");
+    return home_.consent.purposes();
+  } catch (const Error& error) {
+    throw Refusal(
+        500, std::string("the site's purposes cannot be read, so nothing is handed out: ") + error.what());
+  }
+}
+
+void ViewerContext::enter_use(const Request& request, const std::string& case_id, const std::string& purpose,
+                              const std::string& what) {
+  const SitePurposes site = site_purposes();
+  if (std::ranges::find(site.names, purpose) == site.names.end()) {
+    throw Refusal(400, "'" + printable(purpose) + "' is no purpose of this site: nothing was handed out");
+  }
+  require_pace(request.session->person());
+  // From the look at the consents to the entry: 'kiroku consent withdraw' waits for this turn.
+  const archive::ErasingTurn turn(home_.archive);
+  std::string why_not;
+  try {
+    const archive::Consents consents =
+        home_.consent.consents ? home_.consent.consents() : archive::Consents();
+    why_not = archive::why_not_consented(consents, case_id, purpose);
+  } catch (const Error& error) {
+    throw Refusal(422, std::string("could not check the consent, so nothing is handed out: ") + error.what());
+  }
+  if (!why_not.empty()) throw Refusal(403, why_not + ": nothing was handed out");
+  enter(case_id, what, request.session->user(), request.peer, purpose);
+}
+
+void ViewerContext::enter(const std::string& case_id, const std::string& what, const std::string& who,
+                          const std::string& peer, const std::optional<std::string>& purpose) {
+  const std::string from = who + " (kiroku view, " + peer + ")";
+  try {
+    if (purpose) {
+      log_->access_for(*purpose, case_id, what, from);
+    } else {
+      log_->access(case_id, what, from);
+    }
   } catch (const Error& error) {
     tell_(std::string("the appliance log cannot be written, so nothing is shown: ") + error.what());
     throw Refusal(500, "the appliance log cannot be written, so nothing is shown");

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@
 #include "crypto/signed_note.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/api/fleet_rooms.h"
+#include "viewer/api/site_consent.h"
 #include "viewer/api/stored_cases.h"
 #include "viewer/http/request.h"
 #include "viewer/people/deed_pace.h"
@@ -59,6 +61,8 @@ struct ViewerHome {
   std::shared_ptr<StoredCases> stored = nullptr;
   /// Rooms of many appliances; never null beside `stored`.
   std::shared_ptr<FleetRooms> fleet_rooms = nullptr;
+  /// For what cases may be used.
+  SiteConsent consent = {};
   /// By which sessions and invitations end and are swept, and whoever failed to sign in waits.
   const Clock* clock = &Clock::system();
 };
@@ -100,6 +104,14 @@ class ViewerContext {
   /// if that cannot be, so that nothing leaves unseen, and as require_pace(). Call it before the first byte
   /// does.
   void enter_access(const Request& request, const std::string& case_id, const std::string& what);
+  /// The same for a purpose of the site's: a consent of this home's case to it stands, and no withdrawal is
+  /// entered in between. Refusal 400 for a purpose that is none of the site's, 403 where no consent stands,
+  /// 422 where nobody can tell, 500 where the site's purposes cannot be read. Waits while something of the
+  /// archive is being erased.
+  void enter_use(const Request& request, const std::string& case_id, const std::string& purpose,
+                 const std::string& what);
+  /// What the site has now; Refusal 500 where that cannot be read.
+  [[nodiscard]] SitePurposes site_purposes() const;
   /// The same of somebody who has no session yet.
   void enter_access(const std::string& case_id, const std::string& what, const std::string& who,
                     const std::string& peer);
@@ -116,7 +128,7 @@ class ViewerContext {
 
  private:
   void enter(const std::string& case_id, const std::string& what, const std::string& who,
-             const std::string& peer);
+             const std::string& peer, const std::optional<std::string>& purpose = {});
 
   ViewerHome home_;
   Tell tell_;

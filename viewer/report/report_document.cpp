@@ -16,6 +16,7 @@ Document ReportMaker::make() {
   add_time();
   add_evidence();
   add_witnesses();
+  add_consents();
   add_device();
   add_hashes();
   add_attached();

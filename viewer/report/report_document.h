@@ -2,6 +2,7 @@
 // certificate that somebody signs (docs/reference/report.md). Pure functions of their input, thread-safe.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 #include "viewer/report/case_facts.h"
 #include "viewer/report/checks.h"
 #include "viewer/report/document.h"
+#include "viewer/report/stated_consents.h"
 
 namespace kiroku::report {
 
@@ -20,7 +22,8 @@ struct ReportInput {
   std::string program;  // "kiroku 0.1.0"
   UtcTime made;
   Language language = Language::kEnglish;
-  std::vector<Attachment> attachments = {};  // that the report carries along (proof_files.h)
+  std::vector<Attachment> attachments = {};     // that the report carries along (proof_files.h)
+  std::optional<StatedConsents> consents = {};  // of the log that was given; nothing: none was
 };
 
 /// Verdict in words, what was checked and what not, the chain, streams, gaps, times, every finding, keys,

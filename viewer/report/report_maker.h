@@ -112,6 +112,9 @@ class ReportMaker {
   /// By a policy of witnesses; nothing where none was given.
   void add_witnesses();
 
+  /// Consents and withdrawals of the case; nothing where no log was given, or it states none.
+  void add_consents();
+
   void add_device();
 
   void add_hashes();

@@ -103,6 +103,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"heading.clocks", "Clocks", "時計"},
     {"heading.evidence", "Evidence record", "証拠記録"},
     {"heading.witnesses", "Witnesses of the log", "装置ログの証人"},
+    {"heading.consent", "Consent to the use of the case", "症例の利用への同意"},
     {"heading.findings", "Findings", "所見"},
     {"heading.device", "Device key", "装置の鍵"},
     {"heading.hashes", "Hashes", "ハッシュ値"},
@@ -440,6 +441,24 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"witness.invalid", "a line in its name does not hold, or is of a time that has not come",
      "その名の署名行が成り立たないか、まだ来ていない時刻のもの"},
     {"witness.note", "The verifier says: {0}", "検証プログラムの説明：{0}"},
+    // -- consent
+    {"consent.lead",
+     "The appliance log states these consents to the use of the case, and their withdrawals. Who consented "
+     "is "
+     "sealed, and not in this report. The log proves what was entered and when, not that it is true.",
+     "装置ログには、症例の利用への同意とその撤回が次のとおり記されています。同意した人は封印されており、本書"
+     "に"
+     "は含まれません。ログが証明するのは記載の内容と時刻であり、その真実性ではありません。"},
+    {"consent.not-checked", "Could not check: {0}", "確認できませんでした：{0}"},
+    {"consent.entered", "Entered, by the device's clock", "記載（装置の時計）"},
+    {"consent.kind", "What", "内容"},
+    {"consent.purposes", "Purposes", "目的"},
+    {"consent.entry", "Entry", "項目"},
+    {"consent.given", "consent", "同意"},
+    {"consent.withdrawn", "withdrawn", "撤回"},
+    {"consent.unsigned", "consent that nobody signed in time, and that counts for nothing",
+     "署名が間に合わず、効力のない同意"},
+    {"consent.further", "{0} more are in the appliance log.", "ほかに {0} 件が装置ログにあります。"},
     // -- streams
     {"stream.name", "Stream", "系統"},
     {"stream.kind", "Kind", "種類"},

@@ -217,6 +217,112 @@ TEST_F(Viewer, UnlocksForOneSessionAndForgets) {
   EXPECT_EQ(ask("GET", "/api/session", surgeon).status, 401);
 }
 
+/// What leaves a case, by each way out of it, and what the case's consents say of that.
+class ViewerOfASiteWithPurposes : public Viewer {
+ protected:
+  void SetUp() override {
+    ASSERT_NO_FATAL_FAILURE(Viewer::SetUp());
+    // The viewer runs already: it is read anew.
+    write_text(home() / "kiroku.toml",
+               read_text(home() / "kiroku.toml") + "\n[consent]\ndemand_purpose = true\n");
+    write_text(path("who.txt"), "Hana Mori, patient\n");
+    surgeon_ = sign_in("a-surgeon");
+  }
+  void state(const std::string& kind, const std::string& purpose) const {
+    const ProcessResult stated =
+        kiroku({"consent", kind, case_id_, "--person", path("who.txt"), "--purpose", purpose});
+    EXPECT_EQ(stated.status, 0) << stated.err;
+  }
+  [[nodiscard]] HttpResponse take(const std::string& what, const std::string& purpose) const {
+    return ask("GET", case_path("/" + what + (purpose.empty() ? "" : "&purpose=" + purpose)), surgeon_);
+  }
+  /// The last use of the case for a purpose that the log has: "exported endoscope for teaching", or "".
+  [[nodiscard]] std::string last_use() const {
+    std::string last;
+    std::istringstream lines(read_text(home() / "archive/log/ledger.jsonl"));
+    for (std::string line; std::getline(lines, line);) {
+      const json entry = json::parse(line);
+      if (entry["type"] != "access" || !entry.contains("purpose")) continue;
+      EXPECT_EQ(entry["case"], case_id_);
+      last = entry["what"].get<std::string>() + " for " + entry["purpose"].get<std::string>();
+    }
+    return last;
+  }
+  [[nodiscard]] json consents() const {
+    return json::parse(ask("GET", case_path("/consents"), surgeon_).body);
+  }
+
+  static constexpr std::array<const char*, 2> kWaysOut{"export?stream=vitals&form=csv",
+                                                       "excerpt.tar?stream=vitals"};
+  std::string surgeon_;
+};
+
+TEST_F(ViewerOfASiteWithPurposes, HandsOutForAPurposeAsLongAsAConsentToItStands) {
+  for (const char* way : kWaysOut) {
+    const HttpResponse unnamed = take(way, "");
+    EXPECT_EQ(unnamed.status, 400);
+    EXPECT_THAT(unnamed.body, HasSubstr("this site demands a purpose of every export"));
+    const HttpResponse unknown = take(way, "billing");
+    EXPECT_EQ(unknown.status, 400);
+    EXPECT_THAT(unknown.body, HasSubstr("'billing' is no purpose of this site"));
+    const HttpResponse absent = take(way, "teaching");
+    EXPECT_EQ(absent.status, 403);
+    EXPECT_THAT(absent.body, HasSubstr("no consent to the purpose teaching was given for case " + case_id_));
+  }
+  EXPECT_EQ(last_use(), "") << "what was refused is no use";
+  state("give", "teaching");
+  EXPECT_EQ(take(kWaysOut[0], "teaching").status, 200);
+  EXPECT_EQ(last_use(), "exported vitals for teaching");
+  EXPECT_EQ(take(kWaysOut[1], "teaching").status, 200);
+  EXPECT_EQ(last_use(), "took an excerpt, sealed as it is for teaching");
+  EXPECT_EQ(take(kWaysOut[0], "research").status, 403);
+  state("withdraw", "teaching");
+  for (const char* way : kWaysOut) {
+    const HttpResponse withdrawn = take(way, "teaching");
+    EXPECT_EQ(withdrawn.status, 403);
+    EXPECT_THAT(withdrawn.body, HasSubstr("the consent to the purpose teaching was withdrawn"));
+  }
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+TEST_F(ViewerOfASiteWithPurposes, TellsWhatStandsAndWhenNobodyCanTell) {
+  EXPECT_EQ(consents()["purposes"], json::array());
+  EXPECT_EQ(consents()["demand_purpose"], true);
+  EXPECT_EQ(consents()["site_purposes"].size(), 5U);
+  state("give", "teaching");
+  state("give", "research");
+  const std::string before = read_text(home() / "archive/log/ledger.jsonl");
+  state("withdraw", "teaching");
+  json told = consents();
+  EXPECT_EQ(told["state"], "checked");
+  ASSERT_EQ(told["purposes"].size(), 2U);
+  EXPECT_EQ(told["purposes"][0]["purpose"], "research");
+  EXPECT_EQ(told["purposes"][0]["stands"], true);
+  EXPECT_EQ(told["purposes"][1]["purpose"], "teaching");
+  EXPECT_EQ(told["purposes"][1]["stands"], false);
+  EXPECT_EQ(told.dump().find("Mori"), std::string::npos);
+  // Somebody takes the withdrawal out of the log.
+  write_text(home() / "archive/log/ledger.jsonl", before);
+  told = consents();
+  EXPECT_EQ(told["state"], "could-not-check");
+  EXPECT_THAT(told["problem"].get<std::string>(), HasSubstr("nobody can tell what was consented to"));
+  EXPECT_EQ(told["purposes"], json::array());
+  for (const char* way : kWaysOut) {
+    const HttpResponse untold = take(way, "research");
+    EXPECT_EQ(untold.status, 422);
+    EXPECT_THAT(untold.body, HasSubstr("could not check the consent, so nothing is handed out"));
+  }
+}
+
+TEST_F(ViewerOfASiteWithPurposes, HandsNothingOutByAConfigurationThatCannotBeRead) {
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "purposes = [\"Teaching!\"]\n");
+  for (const char* way : kWaysOut) {
+    const HttpResponse refused = take(way, "");
+    EXPECT_EQ(refused.status, 500);
+    EXPECT_THAT(refused.body, HasSubstr("the site's purposes cannot be read, so nothing is handed out"));
+  }
+}
+
 TEST_F(Viewer, LocksWhoGuessesAndTellsNoNames) {
   const auto attempt = [&](const std::string& user) {
     return ask("POST", "/api/session", "", json{{"user", user}, {"password", "wrong password"}}.dump());

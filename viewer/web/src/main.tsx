@@ -13,6 +13,7 @@ import '@/styles/log.css';
 import '@/styles/live.css';
 import '@/styles/fleet.css';
 import '@/styles/subject.css';
+import '@/styles/consent.css';
 import '@/styles/pointing.css';
 import '@/styles/training.css';
 import '@/styles/planning.css';

@@ -9,6 +9,8 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/reading/excerpt.h"
+#include "archive/storage/file_system.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/utc_time.h"
 #include "crypto/encoding.h"
@@ -72,6 +74,45 @@ class ReportDocument : public testing::Test {
   test::SampleArchive archive_;
   fs::path folder_ = test::SampleCase::write(archive_);
 };
+
+TEST_F(ReportDocument, NamesConsentsAndWithdrawalsOfThisCaseAlone) {
+  const std::string id = folder_.filename().string();
+  const auto consents = [&] {
+    return read_stated_consents(archive_.log_folder(), archive_.options().devices, id);
+  };
+  ReportInput made = input();
+  made.consents = consents();
+  EXPECT_THAT(test::text_of(make_report(made)), Not(HasSubstr("Consent to the use of the case")));
+  const auto log = archive::ApplianceLog::open(archive::real_file_system(), archive_.log_folder(),
+                                               archive_.key(), archive_.device().name());
+  const auto statement = [](const std::string& case_id, std::vector<std::string> purposes) {
+    archive::ConsentStatement says;
+    says.case_id = case_id;
+    says.purposes = std::move(purposes);
+    says.who = "anna";
+    return says;
+  };
+  log->consent_given(statement(id, {"teaching", "research"}));
+  log->consent_given(statement("20200101T000000Z-00000000", {"publication"}));
+  log->consent_withdrawn(statement(id, {"teaching"}));
+  made.consents = consents();
+  const std::string text = test::text_of(make_report(made));
+  EXPECT_THAT(text, HasSubstr("Consent to the use of the case"));
+  EXPECT_THAT(text, HasSubstr(" | consent | teaching, research | "));
+  EXPECT_THAT(text, HasSubstr(" | withdrawn | teaching | "));
+  EXPECT_THAT(text, Not(HasSubstr("publication")));
+  made.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_report(made)), HasSubstr(" | 撤回 | teaching | "));
+}
+
+TEST_F(ReportDocument, SaysWhereNobodyCanTellWhatWasConsentedTo) {
+  fs::remove_all(archive_.log_folder() / "checkpoints");
+  ReportInput made = input();
+  made.consents =
+      read_stated_consents(archive_.log_folder(), archive_.options().devices, folder_.filename().string());
+  const std::string text = test::text_of(make_report(made));
+  EXPECT_THAT(text, HasSubstr("Could not check: nobody can tell what was consented to"));
+}
 
 TEST_F(ReportDocument, OfAnIntactCaseSaysSoAndWhatItRestsOn) {
   const std::string text = report(archive_.options());

@@ -1,6 +1,7 @@
 // The API as functions. Every failure is an ApiError with the server's sentence, in the language of the page.
 import type {
   ApplianceStatus,
+  CaseConsents,
   CaseInfo,
   CaseList,
   Comparison,
@@ -117,6 +118,7 @@ export const del = (path: string): Promise<void> => json<void>('DELETE', path);
 
 const part = encodeURIComponent;
 const caseOf = (id: string) => `cases/${part(id)}`;
+const forPurpose = (purpose: string) => (purpose === '' ? '' : `&purpose=${part(purpose)}`);
 const streamOf = (id: string, stream: string) => `${caseOf(id)}/streams/${part(stream)}`;
 
 export const session = {
@@ -138,6 +140,7 @@ export const cases = {
   /** One of the list, by what is no secret: without its subject. */
   row: async (id: string) => (await json<CaseList>('GET', `cases?${new URLSearchParams({ search: id, limit: '1' })}`)).cases.find((one) => one.id === id),
   subject: (id: string) => json<{ state: 'none' | 'shown' | 'not-yours'; subjects: Subject[] }>('GET', `${caseOf(id)}/subject`),
+  consents: (id: string) => json<CaseConsents>('GET', `${caseOf(id)}/consents`),
   get: (id: string) => json<CaseInfo>('GET', caseOf(id)),
   timeline: (id: string) => json<Timeline>('GET', `${caseOf(id)}/timeline`),
   vitals: (id: string, from_ns: number, to_ns: number, bins: number, signal?: AbortSignal) =>
@@ -183,9 +186,11 @@ export const cases = {
   },
   reportAddress: (id: string, language: string) => `/api/${caseOf(id)}/report.pdf?language=${language}`,
   receiptAddress: (id: string, language: string) => `/api/${caseOf(id)}/receipt.pdf?language=${language}`,
-  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number, form: 'mkv' | 'csv' | 'jsonl') =>
-    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=${form}`,
-  excerptAddress: (id: string, from_ns: number, to_ns: number) => `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}`,
+  /** `purpose`: '' where none is named. */
+  exportAddress: (id: string, stream: string, from_ns: number, to_ns: number, form: 'mkv' | 'csv' | 'jsonl', purpose: string) =>
+    `/api/${caseOf(id)}/export?stream=${part(stream)}&from_ns=${from_ns}&to_ns=${to_ns}&form=${form}${forPurpose(purpose)}`,
+  excerptAddress: (id: string, from_ns: number, to_ns: number, purpose: string) =>
+    `/api/${caseOf(id)}/excerpt.tar?from_ns=${from_ns}&to_ns=${to_ns}${forPurpose(purpose)}`,
 };
 
 export const appliance = {

@@ -30,6 +30,7 @@ export type FleetConcern = Schemas['FleetConcern'];
 export type FleetRoom = Schemas['FleetRoom'];
 export type FleetRooms = Schemas['FleetRooms'];
 export type CaseInfo = Schemas['Case'];
+export type CaseConsents = Schemas['CaseConsents'];
 export type StreamInfo = Schemas['Stream'];
 export type LogEntry = Schemas['LogEntry'];
 

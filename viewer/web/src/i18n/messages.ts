@@ -3,6 +3,7 @@
 import { breathingEn, breathingJa } from '@/i18n/breathing_messages';
 import { caseEn, caseJa } from '@/i18n/case_messages';
 import { casesEn, casesJa } from '@/i18n/cases_messages';
+import { consentEn, consentJa } from '@/i18n/consent_messages';
 import { fleetEn, fleetJa } from '@/i18n/fleet_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
@@ -29,6 +30,7 @@ const en = {
   ...fleetEn,
   ...verificationEn,
   ...caseEn,
+  ...consentEn,
   ...planEn,
   ...matchEn,
   ...pickEn,
@@ -55,6 +57,7 @@ const ja: Record<MessageKey, string> = {
   ...fleetJa,
   ...verificationJa,
   ...caseJa,
+  ...consentJa,
   ...planJa,
   ...matchJa,
   ...pickJa,

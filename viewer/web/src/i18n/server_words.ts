@@ -100,6 +100,20 @@ export const kServerSentences: readonly SentencePair[] = [
     'more was done than the appliance log takes of one person at a time: try again in {seconds} s',
     '短い時間に操作が多すぎます。{seconds} 秒後に再試行してください',
   ],
+  // Consent
+  ["this site demands a purpose of every export: say which with 'purpose'", 'この施設では書き出しごとに目的が必要です。目的を選んでください'],
+  ["'{purpose}' is no purpose of this site: nothing was handed out", '「{purpose}」はこの施設の目的にありません。何も書き出していません'],
+  [
+    'no consent to the purpose {purpose} was given for case {id}: nothing was handed out',
+    '症例 {id} には、目的「{purpose}」への同意がありません。何も書き出していません',
+  ],
+  [
+    'the consent to the purpose {purpose} was withdrawn for case {id} on {time} (entry {n} of the appliance log): nothing was handed out',
+    '症例 {id} の目的「{purpose}」への同意は {time} に撤回されました（装置ログの第 {n} 項目）。何も書き出していません',
+  ],
+  ['could not check the consent, so nothing is handed out: {why}', '同意を確認できなかったため、何も書き出しません：{why}'],
+  ["the site's purposes cannot be read, so nothing is handed out: {why}", '施設の目的を読み込めないため、何も書き出しません：{why}'],
+  ['{why}: nothing was handed out', '何も書き出していません：{why}'],
   ['this case has not been verified here as it is now', '現在の状態のこの症例は、まだここで検証されていません'],
   ['many cases wait to be verified: try again later', '検証待ちの症例が多いため、後で再試行してください'],
   ['the appliance log is being verified already', '装置ログはすでに検証中です'],

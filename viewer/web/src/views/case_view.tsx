@@ -7,6 +7,7 @@ import type { ComparedStep, Stroke, Timeline, Verdict } from '@/api/types';
 import { hrefOf, route } from '@/base/route';
 import type { Span } from '@/base/spans';
 import { fluoroscopies } from '@/compare/fluoroscopy';
+import { CaseConsents } from '@/consent/case_consents';
 import { isFleet, rowOf } from '@/fleet/fleet_api';
 import { shownCase } from '@/fleet/question';
 import { PickingStage } from '@/compare/picking_stage';
@@ -218,6 +219,7 @@ function Loaded({
           <h1>{formatMoment(model.info.opened)}</h1>
         </div>
         {unlocked && may(role, 'watch') && <CaseSubject id={id} />}
+        {mayExport && <CaseConsents id={id} />}
         {model.info.state === 'open' && (
           <span class="verdict verdict-recording">
             <Icon name="record" filled />
