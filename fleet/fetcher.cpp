@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/consent_layout.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
 #include "archive/reading/case_reader.h"
@@ -45,11 +46,12 @@ bool is_name_below(std::string_view path) {
 
 /// Whether files of cases lie so deep there: what lies elsewhere could keep a file of the case from its
 /// place.
-bool is_place_of_file(std::string_view path) {
+bool is_place_of_file(std::string_view path, bool of_log) {
   const std::size_t end = path.find('/');
   const std::string_view first = path.substr(0, end);
   const auto deep = std::ranges::count(path, '/');
   if (first == archive::kSegmentsFolder) return deep == 2;
+  if (of_log && archive::hash_of_consent_path(path)) return true;
   const bool is_folder = first == archive::kCheckpointsFolder || first == archive::kTokensFolder ||
                          first == archive::kAuthoritiesFolder;
   return deep == (is_folder ? 1 : 0);
@@ -145,7 +147,11 @@ class Fetching {
       }
     }
     if (!versions_.contains(std::string(archive::kLedgerFile))) join_parts();
-    if (case_id_ != kLog) take_what_the_ledger_names();
+    if (case_id_ == kLog) {
+      take_consents_of_their_names();
+    } else {
+      take_what_the_ledger_names();
+    }
     tell_of_choices();
     return std::move(result_);
   }
@@ -157,7 +163,7 @@ class Fetching {
     store_.for_each_version(of_case + beginning, [&](const ListedVersion& each) {
       const std::string path = each.key.substr(of_case.size());
       count();
-      if (!is_name_below(path) || !is_place_of_file(path)) {
+      if (!is_name_below(path) || !is_place_of_file(path, case_id_ == kLog)) {
         if (result_.remarks.size() >= kMostRemarks) return;
         result_.remarks.push_back("'" + printable(each.key) +
                                   "' was left out: nothing of Kiroku gives such a name");
@@ -280,32 +286,44 @@ class Fetching {
     ledger.finish();
   }
 
-  /// Whoever has the appliance's keys can put other versions; what the ledger names lies among the older
-  /// ones.
+  /// Whoever has the appliance's keys can put other versions; what is named by its hash lies among the older
+  /// ones. `who_names_it` ends the sentence.
+  void take_version_of(const std::string& path, const crypto::Sha256Digest& sha256,
+                       std::optional<std::uint64_t> bytes, const std::string& who_names_it) {
+    const std::string hash = crypto::to_hex(sha256);
+    const auto versions = versions_.find(path);
+    if (versions == versions_.end() || hashes_[path] == hash || !wanted_.insert(path).second) return;
+    const ListedVersion& first = of_first_choice(versions->second);
+    std::size_t tried = 0;
+    for (const ListedVersion& each : versions->second) {
+      if (&each == &first || (bytes && each.bytes != *bytes)) continue;
+      if (tried++ == kMostVersionsTried) {
+        result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
+                                  " other versions are not what " + who_names_it +
+                                  ", and the rest was not tried");
+        break;
+      }
+      take(path, each);
+      if (hashes_[path] != hash) continue;
+      result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
+                                " is not what " + who_names_it);
+      return;
+    }
+    if (versions->second.size() > 1) take(path, first);
+  }
+
+  /// Sealed statements of consent are named by their own hashes.
+  void take_consents_of_their_names() {
+    for (const auto& each : versions_) {
+      if (const auto sha256 = archive::hash_of_consent_path(each.first))
+        take_version_of(each.first, *sha256, std::nullopt, "its name says");
+    }
+  }
+
   void take_what_the_ledger_names() {
-    std::set<std::string> wanted;  // lines may name one file as often as their writer likes
     const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
                           std::optional<std::uint64_t> bytes) {
-      const std::string hash = crypto::to_hex(sha256);
-      const auto versions = versions_.find(path);
-      if (versions == versions_.end() || hashes_[path] == hash || !wanted.insert(path).second) return;
-      const ListedVersion& first = of_first_choice(versions->second);
-      std::size_t tried = 0;
-      for (const ListedVersion& each : versions->second) {
-        if (&each == &first || (bytes && each.bytes != *bytes)) continue;
-        if (tried++ == kMostVersionsTried) {
-          result_.remarks.push_back(
-              "of " + path + " " + std::to_string(kMostVersionsTried) +
-              " other versions are not what the ledger names, and the rest was not tried");
-          break;
-        }
-        take(path, each);
-        if (hashes_[path] != hash) continue;
-        result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
-                                  " is not what the ledger names");
-        return;
-      }
-      if (versions->second.size() > 1) take(path, first);
+      take_version_of(path, sha256, bytes, "the ledger names");
     };
     try {
       const archive::CaseReader reader = archive::CaseReader::open(folder_);
@@ -340,7 +358,8 @@ class Fetching {
     std::string one;
     for (const auto& [path, versions] : versions_) {
       if (path.starts_with(archive::kSegmentsFolder) || path.starts_with(archive::kTokensFolder) ||
-          versions.size() == 1 || (ledger_chosen_ && path == archive::kLedgerFile))
+          archive::hash_of_consent_path(path) || versions.size() == 1 ||
+          (ledger_chosen_ && path == archive::kLedgerFile))
         continue;
       if (++several == 1) one = path;
     }
@@ -361,6 +380,7 @@ class Fetching {
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
   std::map<std::string, ListedVersion> parts_;  // by their names, which sort as their bytes do
   std::map<std::string, std::string> hashes_;   // of what was taken last, hexadecimal
+  std::set<std::string> wanted_;                // lines may name one file as often as their writer likes
   FetchedCase result_;
 };
 

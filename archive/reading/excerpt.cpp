@@ -17,8 +17,10 @@
 #include "archive/storage/file_system.h"
 #include "archive/verify/authority_files.h"
 #include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/folder_names.h"
 #include "base/error.h"
 #include "base/near_miss.h"
+#include "base/printable.h"
 #include "crypto/age_file.h"
 #include "crypto/merkle_tree.h"
 
@@ -286,6 +288,17 @@ void copy_small(const CaseFolder& from, const std::string& file, ExcerptFolder& 
   to.write(file, bytes_of(*text));
 }
 
+/// The token's file where that is a token's and this one's. Whoever can change one line could have any file
+/// of the case copied to an outsider else: nothing was verified here.
+const std::string& require_token_path(const TokenEntry& token) {
+  const std::optional<TokenName> name = token_of_path(token.file);
+  if (!name || name->size != token.checkpoint || name->authority != token.authority) {
+    throw Error("cannot take an excerpt: the ledger names '" + printable(token.file) +
+                "' as a token, which is none of its names; 'kiroku verify' tells more");
+  }
+  return token.file;
+}
+
 /// Copies the lines that the proof is about; a ledger that changed since they were surveyed is refused.
 void copy_lines(const ReadableFile& ledger, const crypto::Sha256Digest& root, const ExcerptDocument& document,
                 ExcerptFolder& to) {
@@ -401,7 +414,7 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
   std::set<std::uint64_t> notes{document.size};
   for (const auto& [entry, token] : ledger.tokens) {
     if (entry >= document.first_entry && entry < document.size) {
-      copy_small(from, token.file, to);
+      copy_small(from, require_token_path(token), to);
       notes.insert(token.checkpoint);
     }
   }

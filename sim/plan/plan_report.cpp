@@ -5,19 +5,12 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/csv_field.h"
 #include "base/number_text.h"
 #include "sim/mesh/mesh_writer.h"
 
 namespace kiroku::sim {
 namespace {
-
-/// A field that holds a separator or a quotation mark is put into quotation marks.
-std::string csv_field(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
 
 void add_row(std::string& table, std::initializer_list<std::string> first,
              std::initializer_list<double> numbers) {

@@ -163,6 +163,10 @@ def try_everything(programs, folder, store, connection):
         toml.write_text(toml.read_text().replace('appliance = "or-1"', f'appliance = "{name}"'))
     recorded = {("or-1", appliances["or-1"].recorded(2)), ("or-1", appliances["or-1"].recorded(1)),
                 ("or-2", appliances["or-2"].recorded(1))}
+    # What a patient consented to lies beside the log, sealed, and is part of what the store's log must have.
+    consented = next(case for name, case in sorted(recorded) if name == "or-1")
+    (folder / "who").write_text("the patient herself\n")
+    appliances["or-1"].kiroku("consent", "give", consented, "--purpose", "teaching", "--person", str(folder / "who"))
     for appliance in appliances.values():
         appliance.kiroku("ship")
 
@@ -192,6 +196,8 @@ def try_everything(programs, folder, store, connection):
     done = [(each["appliance"], each["case"]) for part in found for each in part]
     require(sorted(done) == sorted(recorded), f"verified were {done}")
     require(all(row["verdict"] in ("intact", "intact-with-gaps") for row in fleet.tell("cases")["cases"]), "not intact")
+    (judged,) = fleet.tell("cases", "--appliance", "or-1", "--history", consented)["verifications"]
+    require("consent" not in json.dumps(judged), f"the log out of the store lacks a consent: {judged}")
     require(fleet.tell("verify")["cases"] == [], "what is not due was verified again")
     require(fleet.tell("status")["never_verified"] == 0, "something was never verified")
 

@@ -416,7 +416,7 @@ class Entries:
             return None, "", None
         try:
             response, imprint_of = stamp.stamped(entry["file"], response)
-            read = stamp.parse(response)
+            read = stamp.parse(response, shared=entry["file"].endswith(".ers"))
         except (stamp.Malformed, ValueError, IndexError, KeyError):
             self.report("token-refused", entry["file"])
             return None, "", None

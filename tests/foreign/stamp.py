@@ -103,8 +103,8 @@ class Stamp:
     ordered: bool
 
 
-def parse(response):
-    """The Stamp in the bytes of a TimeStampResp."""
+def parse(response, shared=False):
+    """The Stamp in the bytes of a TimeStampResp. The imprint of a shared token by another hash than SHA-256 is empty: no path leads to it."""
     begin, end = _only(response, 0, len(response), 0x30)
     parts = _children(response, begin, end)
     if len(parts) != 2 or parts[0][0] != 0x30 or parts[1][0] != 0x30:
@@ -128,7 +128,8 @@ def parse(response):
         raise Malformed("TSTInfo lacks fields")
     algorithm, digest = _children(response, *fields[2][1:])
     algorithm = _children(response, *algorithm[1:])
-    if response[algorithm[0][1]:algorithm[0][2]] != _SHA256:
+    by_sha256 = response[algorithm[0][1]:algorithm[0][2]] == _SHA256
+    if not by_sha256 and not shared:
         raise Malformed("the imprint is not SHA-256")
     shown = response[fields[4][1]:fields[4][2]].decode("ascii", "replace")
     found = re.fullmatch(r"(\d{14})(?:\.(\d{1,9}))?Z", shown)
@@ -143,7 +144,7 @@ def parse(response):
         elif tag == 0x01:
             ordered = response[inner_begin] != 0
     serial = f"{_whole(response, *fields[3][1:]):x}"
-    return Stamp(token, response[digest[1]:digest[2]], _oid(response[fields[1][1]:fields[1][2]]), serial,
+    return Stamp(token, response[digest[1]:digest[2]] if by_sha256 else b"", _oid(response[fields[1][1]:fields[1][2]]), serial,
                  int(moment.timestamp()) * _NANO + int((found[2] or "").ljust(9, "0")), accuracy, ordered)
 
 

@@ -36,8 +36,8 @@ class BreathingRoom {
   void tell(const std::string& sentence) const { tell_(sentence); }
   /// Null where models are not sealed here.
   [[nodiscard]] const ModelSealer& sealer() const { return sealer_; }
-  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken
-  /// and none is given back for the room's patience, which it blocks. Of several places one is always left
+  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken;
+  /// where their own are, after the room's patience, which it blocks. Of several places one is always left
   /// for others.
   std::unique_ptr<Turns::Turn> enter(const std::string& person);
   /// The right to compute a fit, which takes all cores: one at a time. Refusal 503 where another is computed.

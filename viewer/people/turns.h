@@ -4,6 +4,7 @@
 
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <mutex>
 #include <string>
@@ -19,7 +20,8 @@ class Turns {
  public:
   struct Limits {
     std::size_t all = 2, of_person = 1;
-    /// Whoever finds none waits so long for one to be given back.
+    /// Whoever has as many as may be waits so long for one of their own to be given back; nobody waits for
+    /// others'. Of several waits of one person the newest goes on: the pages of the others were left.
     Clock::Duration patience{0};
   };
   /// What whoever gets none is told, where all are taken or as many of their own as may be.
@@ -34,7 +36,8 @@ class Turns {
   /// One turn, from construction to destruction; `turns` must outlive it. `person` as Session::person().
   class Turn {
    public:
-    /// Blocks as long as the limits' patience; Refusal 503 where there is none even then.
+    /// Refusal 503 where there is none: where their own are in the way, after the limits' patience, which it
+    /// blocks.
     Turn(Turns& turns, std::string person);
     ~Turn();
     Turn(const Turn&) = delete;
@@ -48,6 +51,7 @@ class Turns {
  private:
   /// Why `person` gets none now; nullptr where there is one. The mutex must be held.
   [[nodiscard]] const std::string* refusal_of(const std::string& person) const;
+  void wait_for_own(const std::string& person, std::unique_lock<std::mutex>& lock);
 
   const Limits limits_;
   const Sentences sentences_;
@@ -56,6 +60,8 @@ class Turns {
   std::condition_variable given_back_;
   std::size_t taken_ = 0;
   std::map<std::string, std::size_t> of_person_;
+  std::map<std::string, std::uint64_t> waiting_;  // who waits, and the number of their newest wait
+  std::uint64_t waits_ = 0;
 };
 
 }  // namespace kiroku::viewer

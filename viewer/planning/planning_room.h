@@ -28,9 +28,9 @@ class PlanningRoom {
   [[nodiscard]] const PlanningOptions& options() const { return options_; }
   [[nodiscard]] const PlanFolder& folder() const { return folder_; }
 
-  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken
-  /// and none is given back for PlanningOptions::patience, which it blocks. Of
-  /// several places one is always left for others.
+  /// A place for `person` (Session::person()); the room must outlive it. Refusal 503 where all are taken;
+  /// where their own are, after PlanningOptions::patience, which it blocks. Of several places one is always
+  /// left for others.
   std::unique_ptr<Turns::Turn> enter(const std::string& person);
 
  private:

@@ -68,9 +68,19 @@ void TrainingRoom::require_pace(const std::string& user) {
 
 std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {
   std::unique_lock lock(places_mutex_);
-  options_.clock->wait_for(place_given_back_, lock, options_.patience, [&] {
-    return !training_.contains(trainee) && training_.size() < options_.at_once;
-  });
+  if (training_.contains(trainee) && options_.patience > Clock::Duration::zero()) {
+    // Of several waits of one trainee the newest goes on: the pages of the others were left.
+    const std::uint64_t number = waiting_[trainee] = ++waits_;
+    place_given_back_.notify_all();
+    const auto newest = [&] {
+      const auto wait = waiting_.find(trainee);
+      return wait != waiting_.end() && wait->second == number;
+    };
+    options_.clock->wait_for(place_given_back_, lock, options_.patience,
+                             [&] { return !newest() || !training_.contains(trainee); });
+    if (!newest()) throw Refusal(409, trainee + " is training already");
+    waiting_.erase(trainee);
+  }
   if (training_.contains(trainee)) throw Refusal(409, trainee + " is training already");
   if (training_.size() >= options_.at_once)
     throw Refusal(503, "all places for training are taken: try again when an attempt has ended");

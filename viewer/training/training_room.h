@@ -113,8 +113,8 @@ class TrainingRoom {
 
   /// Refusal 429 where one user began so many attempts that the next one has to wait; else this one counts.
   void require_pace(const std::string& user);
-  /// Refusal 409 where the trainee trains already, 503 where all places are taken: after
-  /// TrainingOptions::patience, which it blocks.
+  /// Refusal 409 where the trainee trains already, also after TrainingOptions::patience, which it blocks; 503
+  /// where others have all places.
   std::unique_ptr<Place> enter(const std::string& trainee);
 
  private:
@@ -141,6 +141,8 @@ class TrainingRoom {
   DeedPace pace_;
   std::mutex places_mutex_;
   std::condition_variable place_given_back_;
+  std::map<std::string, std::uint64_t> waiting_;  // who waits, and the number of their newest wait
+  std::uint64_t waits_ = 0;
   std::set<std::string> training_;
   std::mutex sealable_mutex_;
   std::map<std::string, Sealable> sealable_;  // by trainee

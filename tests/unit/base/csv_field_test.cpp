@@ -18,6 +18,7 @@ TEST(CsvField, IsNoFormulaOfASpreadsheet) {
     EXPECT_EQ(csv_field(formula), std::string("'") + formula);
   EXPECT_EQ(csv_field("=HYPERLINK(\"http://x\",A1)"), "\"'=HYPERLINK(\"\"http://x\"\",A1)\"");
   EXPECT_EQ(csv_field("a=b"), "a=b");
+  EXPECT_EQ(csv_field("x;=1+1;＠A1; y"), "x;'=1+1;'＠A1; y") << "where a semicolon begins the next cell";
 }
 
 TEST(CsvField, ShowsWhatATerminalWouldObey) {

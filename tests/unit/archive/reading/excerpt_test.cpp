@@ -382,6 +382,22 @@ TEST_F(Excerpt, IsRefusedWhereTheLedgerChangesMeanwhile) {
   }
 }
 
+TEST_F(Excerpt, TakesNoFileAlongThatALineCallsAToken) {
+  const fs::path ledger = folder_ / "ledger.jsonl";
+  std::string changed = read(ledger);
+  const std::string names = "\"file\":\"tokens/";
+  std::size_t lines = 0;
+  for (std::size_t at = 0; (at = changed.find(names, at)) != std::string::npos; ++lines) {
+    const std::size_t begin = at + names.size() - std::string_view("tokens/").size();
+    changed.replace(begin, changed.find('"', begin) - begin, "ledger.jsonl");
+  }
+  ASSERT_GT(lines, 0U);
+  write(ledger, changed);
+  EXPECT_THAT([&] { make_excerpt(folder_, middle(), excerpt()); },
+              ::testing::ThrowsMessage<Error>(::testing::HasSubstr("names 'ledger.jsonl' as a token")));
+  EXPECT_FALSE(fs::exists(excerpt()));
+}
+
 TEST_F(Excerpt, ASegmentThatChangesMeanwhileIsRefused) {
   const fs::path segment = folder_ / "segments/endoscope/00000001.ts.age";
   test::ObservedFileSystem files([&](const fs::path& file) {

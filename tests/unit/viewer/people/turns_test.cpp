@@ -49,12 +49,22 @@ TEST_F(TurnsTest, RefusesWhenNoneWasGivenBack) {
   clock.await_waiting(1);
   clock.move(5s);
   EXPECT_EQ(again.get(), "you have one");
+}
 
-  const Turn second(turns, "ben");
-  std::future<std::string> third = asks_beside("cara");
+TEST_F(TurnsTest, NobodyWaitsForOthers) {
+  const Turn first(turns, "anna"), second(turns, "ben");
+  EXPECT_EQ(asks("cara"), "all are taken");
+}
+
+TEST_F(TurnsTest, TheNewestWaitOfAPersonGoesOnAlone) {
+  auto first = std::make_unique<Turn>(turns, "anna");
+  std::future<std::string> left = asks_beside("anna");
   clock.await_waiting(1);
-  clock.move(5s);
-  EXPECT_EQ(third.get(), "all are taken");
+  std::future<std::string> shown = asks_beside("anna");
+  EXPECT_EQ(left.get(), "you have one");
+  clock.await_waiting(1);
+  first.reset();
+  EXPECT_EQ(shown.get(), "");
 }
 
 TEST(Turns, RefuseAtOnceWithoutPatience) {
