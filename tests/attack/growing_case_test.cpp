@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/upkeep/consents.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
@@ -31,6 +32,21 @@ class WhileTheLedgerIsOpened : public archive::FileReading {
  private:
   std::function<void()> go_on_;
   mutable int openings_ = 0;
+};
+
+/// Lets a recorder go on once, when the log's end was read.
+class WhenTheLogsEndWasRead : public archive::FileReading {
+ public:
+  explicit WhenTheLogsEndWasRead(std::function<void()> go_on) : go_on_(std::move(go_on)) {}
+  ssize_t read_at(int descriptor, std::uint64_t offset, std::span<std::byte> into,
+                  const fs::path& path) const override {
+    const ssize_t got = FileReading::read_at(descriptor, offset, into, path);
+    if (got == 0 && path.filename() == archive::kLedgerFile) std::exchange(go_on_, [] {})();
+    return got;
+  }
+
+ private:
+  mutable std::function<void()> go_on_;
 };
 
 class GrowingCase : public ::testing::Test {
@@ -81,6 +97,27 @@ TEST_F(GrowingCase, FromWhichIsErasedMeanwhileHasAStatedGap) {
   options.log = closed.log();
   const archive::VerificationReport report = archive::verify_case(closed.folder(), options);
   EXPECT_EQ(report.verdict, archive::Verdict::kIntactWithGaps) << details(report);
+}
+
+// A statement is sealed beside the log before its entry.
+TEST_F(GrowingCase, WhoseConsentIsEnteredWhileTheLogIsVerifiedLeavesNothingUnentered) {
+  sample_.record();
+  sample_.close();
+  const auto verdict = [&](const std::function<void()>& go_on) {
+    const WhenTheLogsEndWasRead files(go_on);
+    archive::VerifyOptions options = archive_.options();
+    options.files = &files;
+    return details(archive::verify_log(archive_.log_folder(), options));
+  };
+  archive::ConsentStatement says;
+  says.case_id = sample_.folder().filename().string();
+  says.purposes = {"teaching"};
+  says.who = "anna";
+  says.statement = archive::keep_sealed(archive::real_file_system(), archive_.log_folder(),
+                                        bytes_of("a statement"), archive_.recipients());
+  EXPECT_THAT(verdict([] {}), ::testing::HasSubstr("consent-not-entered"));
+  EXPECT_THAT(verdict([&] { sample_.log()->consent_given(says); }),
+              ::testing::Not(::testing::HasSubstr("consent-not-entered")));
 }
 
 // What does not hold is told, however often somebody writes to the ledger.
