@@ -329,7 +329,7 @@ void add_train_exclusion_command(Command& train) {
                  "0.5, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
                  "forces in three directions, or their part along each finger", "full");
-  command.choice("--touch", {"fingertips", "hand"}, request.touch,
+  command.choice("--touch", {"fingertips", "hand"}, request->touch,
                  "with fingertips alone, or with phalanges and palm, too", "fingertips");
   command.option("--ghost", "FILE", request->ghost,
                  "an expert's hand motion, shown beside the trainee's fingers");
