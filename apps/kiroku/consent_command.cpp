@@ -19,6 +19,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/standing_consents.h"
+#include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/format/consent_layout.h"
 #include "archive/storage/file_system.h"
@@ -96,22 +97,49 @@ void require_purposes(const std::vector<std::string>& purposes) {
   }
 }
 
-/// Those that stand, in the order of their names.
-std::vector<std::string> standing(const archive::Consents& consents, const std::string& name) {
+/// A case's purposes of which `is_wanted` holds, in the order of their names.
+std::vector<std::string> purposes_of(const archive::Consents& consents, const std::string& name,
+                                     bool (*is_wanted)(const archive::PurposeState&)) {
   std::vector<std::string> purposes;
   const auto found = consents.find(name);
   if (found == consents.end()) return purposes;
   for (const auto& [purpose, state] : found->second.purposes) {
-    if (state.stands) purposes.push_back(purpose);
+    if (is_wanted(state)) purposes.push_back(purpose);
   }
   return purposes;
 }
+bool stands(const archive::PurposeState& state) { return state.stands; }
 
-/// The home, its log, and the turn of this process to state something.
+bool is_among(const std::vector<std::string>& all, const std::string& purpose) {
+  return std::ranges::find(all, purpose) != all.end();
+}
+
+/// Who, since when, and the form, as they were handed in.
+struct Words {
+  std::string person, since;
+  std::optional<Bytes> form;
+};
+Words read_words(const Request& request) {
+  if (request.keep_form && !request.form) throw UsageError("--keep-form keeps the file of --form: name it");
+  Words words;
+  words.since = day_of(request.since);
+  words.person = read_person(request.person);
+  if (request.form) {
+    words.form = read_small_file(*request.form, "the form");
+    if (words.form->empty()) throw UsageError(*request.form + " is empty: it is no form that anybody signed");
+  }
+  return words;
+}
+
+/// The home, its log, and the turn of this process to state something. What somebody may still be typing, or
+/// a pipe may still hold back, is read before the turn: nothing is held or erased in it.
 struct Stating {
   explicit Stating(const Request& request)
       : home(Home::open(request.home)),
         name(case_of(home, request.case_name)),
+        site(consent_configuration(home)),
+        recipients(load_recipients(home.recipients_file())),
+        words(read_words(request)),
         key(home.signing_key()),
         log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
                                         home.device().name())),
@@ -125,38 +153,45 @@ struct Stating {
 
   Home home;
   std::string name;
+  ConsentConfiguration site;
+  crypto::AgeRecipients recipients;
+  Words words;
   crypto::SigningKey key;
   std::unique_ptr<archive::ApplianceLog> log;
   archive::ErasingTurn turn;
   archive::Consents consents;
 };
 
-/// Seals who, since when and by which form, and what the entry says of it in the clear.
-archive::ConsentStatement seal_statement(const Stating& stating, const Request& request,
-                                         const std::vector<std::string>& purposes, bool withdraws) {
-  if (request.keep_form && !request.form) throw UsageError("--keep-form keeps the file of --form: name it");
+/// Seals who, since when and by which form, and enters what is said of it in the clear; the entry's number.
+/// What was sealed for an entry that could not be made is removed.
+std::uint64_t enter(const Stating& stating, const Request& request, const std::vector<std::string>& purposes,
+                    bool withdraws) {
   archive::ConsentDocument document;
   document.case_id = stating.name;
   document.purposes = purposes;
   document.withdraws = withdraws;
-  document.since = day_of(request.since);
-  document.person = read_person(request.person);
-  const crypto::AgeRecipients recipients = load_recipients(stating.home.recipients_file());
+  document.since = stating.words.since;
+  document.person = stating.words.person;
+  const std::optional<Bytes>& form = stating.words.form;
+  if (form) document.form = archive::ConsentDocument::Form{form->size(), crypto::sha256(*form)};
   archive::FileSystem& files = archive::real_file_system();
+  std::vector<crypto::Sha256Digest> kept;
+  const auto keep = [&](ByteView plaintext) {
+    kept.push_back(archive::keep_sealed(files, stating.home.log_folder(), plaintext, stating.recipients));
+    return kept.back();
+  };
   archive::ConsentStatement statement;
-  if (request.form) {
-    const Bytes form = read_small_file(*request.form, "the form");
-    if (form.empty()) throw UsageError(*request.form + " is empty: it is no form that anybody signed");
-    document.form = archive::ConsentDocument::Form{form.size(), crypto::sha256(form)};
-    if (request.keep_form)
-      statement.form = archive::keep_sealed(files, stating.home.log_folder(), form, recipients);
-  }
   statement.case_id = stating.name;
   statement.purposes = purposes;
-  statement.statement = archive::keep_sealed(files, stating.home.log_folder(),
-                                             bytes_of(archive::to_json(document)), recipients);
   statement.who = user_name();
-  return statement;
+  try {
+    if (request.keep_form) statement.form = keep(form.value());
+    statement.statement = keep(bytes_of(archive::to_json(document)));
+    return withdraws ? stating.log->consent_withdrawn(statement) : stating.log->consent_given(statement);
+  } catch (...) {
+    archive::remove_unless_entered(files, stating.home.log_folder(), kept);
+    throw;
+  }
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -169,16 +204,15 @@ int give(const Request& request) {
   if (request.purposes.empty()) throw UsageError("say to what was consented with --purpose, once for each");
   require_purposes(request.purposes);
   const Stating stating(request);
-  const ConsentConfiguration site = consent_configuration(stating.home);
   for (const std::string& each : request.purposes) {
-    if (!site.knows(each)) {
+    if (!stating.site.knows(each)) {
       throw UsageError("'" + printable(each) + "' is no purpose of this site; [consent] of kiroku.toml has " +
-                       site.known());
+                       stating.site.known());
     }
   }
-  const std::vector<std::string> there = standing(stating.consents, stating.name);
+  const std::vector<std::string> there = purposes_of(stating.consents, stating.name, stands);
   for (const std::string& each : request.purposes) {
-    if (std::ranges::find(there, each) != there.end()) {
+    if (is_among(there, each)) {
       throw UsageError(
           "a consent of case " + stating.name + " to " + each + " stands already (entry " +
           std::to_string(stating.consents.at(stating.name).purposes.at(each).entry) +
@@ -186,8 +220,7 @@ int give(const Request& request) {
           "one first");
     }
   }
-  const std::uint64_t entry =
-      stating.log->consent_given(seal_statement(stating, request, request.purposes, false));
+  const std::uint64_t entry = enter(stating, request, request.purposes, false);
   if (request.json) {
     print_json({{"case", stating.name}, {"entry", entry}, {"given", request.purposes}});
   } else {
@@ -200,42 +233,49 @@ int give(const Request& request) {
 int withdraw(const Request& request) {
   require_purposes(request.purposes);
   const Stating stating(request);
-  const std::vector<std::string> there = standing(stating.consents, stating.name);
+  const std::vector<std::string> there =
+      purposes_of(stating.consents, stating.name, archive::may_be_withdrawn);
   for (const std::string& each : request.purposes) {
-    if (std::ranges::find(there, each) != there.end()) continue;
+    if (is_among(there, each)) continue;
     const auto reason = archive::why_not_consented(stating.consents, stating.name, each);
     throw UsageError(printable(reason) + ": there is nothing to withdraw, and nothing was entered");
   }
   if (there.empty())
     throw UsageError("no consent of case " + stating.name + " stands: there is nothing to withdraw");
   const std::vector<std::string> purposes = request.purposes.empty() ? there : request.purposes;
-  const std::uint64_t entry =
-      stating.log->consent_withdrawn(seal_statement(stating, request, purposes, true));
-  const ConsentConfiguration site = consent_configuration(stating.home);
-  const auto erases = std::ranges::find_if(purposes, [&](const std::string& each) {
-    return std::ranges::find(site.erase_when_withdrawn, each) != site.erase_when_withdrawn.end();
-  });
-  const bool due = erases != purposes.end();
-  // Nobody can tell: then 'erase' tells.
-  const std::string held =
-      due ? archive::why_held(archive::read_holds(stating.home.log_folder(), stating.home.device()),
-                              stating.name)
-          : "";
+  std::vector<std::string> still = purposes_of(stating.consents, stating.name, stands);
+  const std::uint64_t entry = enter(stating, request, purposes, true);
+  // It is entered: nothing that follows may look as if it were not.
+  std::erase_if(still, [&](const std::string& each) { return is_among(purposes, each); });
+  const bool due = std::ranges::any_of(
+      purposes, [&](const std::string& each) { return is_among(stating.site.erase_when_withdrawn, each); });
+  std::optional<std::string> held;  // nothing: nobody can tell
+  std::string why_unknown;
+  try {
+    held = due ? archive::why_held(standing_holds(stating.home), stating.name) : "";
+  } catch (const std::exception& error) {
+    why_unknown = printable(error.what());
+  }
   if (request.json) {
-    print_json({{"case", stating.name},
-                {"entry", entry},
-                {"withdrawn", purposes},
-                {"still_stands", standing(standing_consents(stating.home), stating.name)},
-                {"due_for_erasure", due && held.empty()},
-                {"held", !held.empty()}});
+    ordered_json told{
+        {"case", stating.name}, {"entry", entry}, {"withdrawn", purposes}, {"still_stands", still}};
+    told["due_for_erasure"] = held ? ordered_json(due && held->empty()) : ordered_json();
+    told["held"] = held ? ordered_json(!held->empty()) : ordered_json();
+    if (!held) told["problem"] = why_unknown;
+    print_json(told);
     return kDone;
   }
   std::cout << "consent of case " << stating.name << " to " << joined(purposes) << " is withdrawn (entry "
             << entry << " of the appliance log)\n";
   if (!due) {
     std::cout << "Nothing is erased: [consent] erase_when_withdrawn of kiroku.toml names none of these.\n";
-  } else if (!held.empty()) {
-    std::cout << "Nothing is erased: " << held << ", and a legal hold wins over a withdrawn consent.\n";
+  } else if (!held) {
+    std::cout
+        << "By [consent] erase_when_withdrawn of kiroku.toml the case is due. Whether a legal hold keeps it "
+           "could not be told: "
+        << why_unknown << "\n";
+  } else if (!held->empty()) {
+    std::cout << "Nothing is erased: " << *held << ", and a legal hold wins over a withdrawn consent.\n";
   } else {
     std::cout << "By [consent] erase_when_withdrawn of kiroku.toml the case is due: the next 'kiroku erase "
                  "--due' erases all its streams.\n";
@@ -250,6 +290,7 @@ ordered_json json_of(const archive::Consent& consent) {
                    {"purposes", consent.says.purposes},
                    {"who", consent.says.who},
                    {"counts", consent.withdraws || consent.is_signed},
+                   {"signed", consent.is_signed},
                    {"form_kept", consent.says.form.has_value()}};
   return out;
 }
@@ -316,8 +357,12 @@ int show(const Request& request) {
     std::string line = "entry " + std::to_string(each.entry) + "  " + format_local(each.at) + "  " +
                        (each.withdraws ? "withdrawn" : "given") + ": " + joined(each.says.purposes) +
                        ", entered by " + printable(each.says.who);
-    if (!each.withdraws && !each.is_signed)
-      line += "\n  Nobody signed this entry in time: it gives no consent.";
+    if (!each.is_signed) {
+      line += "\n  Nobody signed this entry in time: ";
+      line += each.withdraws ? "it forbids the use and erases nothing. If it is true, enter it again with "
+                               "'kiroku consent withdraw'; if not, with 'kiroku consent give'."
+                             : "it gives no consent.";
+    }
     if (opens) {
       try {
         const archive::ConsentDocument says = archive::open_statement(home.log_folder(), each, identities);

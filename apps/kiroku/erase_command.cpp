@@ -35,7 +35,7 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> case_name, older_than, home;
   std::string stream, policy;
-  bool due = false, only_copy = false, json = false;
+  bool due = false, only_copy = false, dry_run = false, json = false;
 };
 
 using MayGo = std::function<bool(const archive::OpenEntry&, const archive::Moment& opened)>;
@@ -74,6 +74,20 @@ bool has_something_left(const archive::CaseReader& reader, const std::string& st
     left.erase(left.lower_bound(gone->first_index), left.upper_bound(gone->last_index));
   });
   return !left.empty();
+}
+
+/// Whether erasing would find anything. Throws kiroku::UsageError where it would refuse the case as it is.
+bool would_erase(const Candidate& candidate) {
+  const archive::CaseReader reader = archive::CaseReader::open(candidate.folder);
+  const std::string name = candidate.folder.filename().string();
+  if (!reader.closing()) {
+    throw UsageError("case " + name + " was not brought to its end: nothing is erased from it before that");
+  }
+  if (std::ranges::none_of(reader.opening().streams,
+                           [&](const auto& each) { return each.name == candidate.stream; })) {
+    throw UsageError("case " + name + " has no stream " + printable(candidate.stream));
+  }
+  return has_something_left(reader, candidate.stream);
 }
 
 /// Cases of which nothing could be erased, with the reason: one that is damaged must not keep what is due in
@@ -126,15 +140,12 @@ void for_each_closed_case(const Home& home, Refusals& refusals,
 }
 
 /// Of a case, the withdrawn consent by which it is due, as a policy: "consent to … withdrawn (entry 12 of the
-/// appliance log)". Nothing where none is.
+/// appliance log)". Nothing where none is: a withdrawal that nobody signed erases nothing.
 std::optional<std::string> why_due_by_consent(const archive::Consents& consents, const std::string& case_id,
                                               const ConsentConfiguration& site) {
-  const auto of_case = consents.find(case_id);
-  if (of_case == consents.end()) return std::nullopt;
   for (const std::string& purpose : site.erase_when_withdrawn) {
-    const auto state = of_case->second.purposes.find(purpose);
-    if (state != of_case->second.purposes.end() && !state->second.stands) {
-      return "consent to " + purpose + " withdrawn (entry " + std::to_string(state->second.entry) +
+    if (const auto entry = archive::signed_withdrawal(consents, case_id, purpose)) {
+      return "consent to " + purpose + " withdrawn (entry " + std::to_string(*entry) +
              " of the appliance log)";
     }
   }
@@ -300,9 +311,13 @@ int run(const Request& request) {
   archive::Holds holds;
   if (!candidates.empty()) {
     holds = standing_holds(home);
-    eraser.emplace(home, configuration);
-    if (!request.only_copy) copies.emplace(home, configuration);
+    if (!request.dry_run) eraser.emplace(home, configuration);
   }
+  // Not before they are asked for: a store that does not answer keeps nothing back that waits for no copy.
+  const auto why_none_holds = [&](const Candidate& candidate) {
+    if (!copies) copies.emplace(home, configuration);
+    return copies->why_none_holds(candidate);
+  };
   ordered_json cases = ordered_json::array(), kept = ordered_json::array();
   const auto keep = [&](const Candidate& candidate, const std::string& reason, const std::string& sentence) {
     const std::string name = candidate.folder.filename().string();
@@ -319,11 +334,21 @@ int run(const Request& request) {
                                     : ""));
     const bool may_go = request.only_copy || candidate.by_consent ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
-    const auto only_copy = may_go ? std::nullopt : copies->why_none_holds(candidate);
+    const auto only_copy = may_go ? std::nullopt : why_none_holds(candidate);
     if (only_copy) {
       return keep(candidate, *only_copy,
                   ", for nothing else holds it (" + *only_copy + ")" +
                       (request.due ? "" : "; --only-copy erases it all the same"));
+    }
+    if (request.dry_run) {
+      const bool left = would_erase(candidate);
+      if (left) cases.push_back({{"case", name}, {"stream", candidate.stream}, {"policy", candidate.policy}});
+      if (!request.json)
+        std::cout << name
+                  << (left ? ": would erase " + candidate.stream + ", by the policy: " + candidate.policy
+                           : ": nothing of " + candidate.stream + " is left to erase")
+                  << "\n";
+      return;
     }
     const archive::Erasure erased = eraser->erase(candidate);
     cases.push_back({{"case", name},
@@ -344,7 +369,9 @@ int run(const Request& request) {
     }
   }
   if (request.json) {
-    print_json({{"cases", cases}, {"kept", kept}, {"refused", refusals.json()}});
+    ordered_json told{{"cases", cases}, {"kept", kept}, {"refused", refusals.json()}};
+    if (request.dry_run) told["dry_run"] = true;
+    print_json(told);
   } else if (candidates.empty() && refusals.empty()) {
     std::cout << (request.due ? "Nothing is due to be erased."
                               : "No closed case with a stream " + printable(request.stream) +
@@ -371,6 +398,7 @@ void add_erase_command(Command& program) {
   command.flag("--due", request->due,
                "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
   command.flag("--only-copy", request->only_copy, "also what nothing else holds");
+  command.flag("--dry-run", request->dry_run, "only tells what would go and what would be kept");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -390,6 +418,7 @@ void add_erase_command(Command& program) {
                   "erases the room camera of one case");
   command.example("kiroku erase --older-than 30d --stream room --policy 'room: 30 days'",
                   "erases the room camera of every case that is older than thirty days");
+  command.example("kiroku erase --due --dry-run", "tells what the next line would erase, and erases nothing");
   command.example("kiroku erase --due", "erases what kiroku.toml says may go, as the daily timer does");
   command.on_run([request] { return run(*request); });
 }

@@ -1,6 +1,7 @@
 #include "archive/upkeep/consents.h"
 
 #include <array>
+#include <set>
 #include <string_view>
 
 #include "archive/format/case_folder.h"
@@ -8,8 +9,10 @@
 #include "archive/format/json_writer.h"
 #include "archive/format/strict_json.h"
 #include "archive/upkeep/stated_log.h"
+#include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
+#include "crypto/encoding.h"
 
 namespace kiroku::archive {
 
@@ -22,11 +25,15 @@ constexpr std::size_t kMostStatementBytes = 16U << 10U;
 void take(Consents& consents, Consent consent) {
   CaseConsents& of_case = consents[consent.says.case_id];
   for (const std::string& purpose : consent.says.purposes) {
-    // A withdrawal of what was never given states nothing of the purpose.
-    if (consent.withdraws && of_case.purposes.contains(purpose)) {
-      of_case.purposes[purpose] = {false, consent.entry, consent.at};
-    } else if (!consent.withdraws && consent.is_signed && !of_case.purposes[purpose].stands) {
-      of_case.purposes[purpose] = {true, consent.entry, consent.at};
+    const auto known = of_case.purposes.find(purpose);
+    if (!consent.withdraws) {
+      if (consent.is_signed && (known == of_case.purposes.end() || !known->second.stands)) {
+        of_case.purposes[purpose] = {true, consent.entry, consent.at};
+      }
+    } else if (known != of_case.purposes.end() && (known->second.stands || consent.is_signed)) {
+      // A withdrawal of what was never given states nothing of the purpose. What nobody signed takes nothing
+      // back from a withdrawal that somebody did.
+      known->second = {false, consent.entry, consent.at, consent.is_signed};
     }
   }
   of_case.entries.push_back(std::move(consent));
@@ -79,6 +86,19 @@ std::string why_not_consented(const Consents& consents, const std::string& case_
          format_utc(state->since) + " (entry " + std::to_string(state->entry) + " of the appliance log)";
 }
 
+bool may_be_withdrawn(const PurposeState& state) { return state.stands || !state.withdrawal_signed; }
+
+std::optional<std::uint64_t> signed_withdrawal(const Consents& consents, const std::string& case_id,
+                                               const std::string& purpose) {
+  const auto of_case = consents.find(case_id);
+  if (of_case == consents.end()) {
+    return std::nullopt;
+  }
+  const auto state = of_case->second.purposes.find(purpose);
+  const bool withdrawn = state != of_case->second.purposes.end() && !state->second.stands;
+  return withdrawn && state->second.withdrawal_signed ? std::optional(state->second.entry) : std::nullopt;
+}
+
 std::string to_json(const ConsentDocument& document) {
   JsonWriter line;
   line.text("case", document.case_id)
@@ -129,6 +149,23 @@ crypto::Sha256Digest keep_sealed(FileSystem& files, const fs::path& log_folder, 
   make_folder_unless_there(files, log_folder / kConsentsFolder);
   files.write_durably(log_folder / consent_path(hash), sealed);
   return hash;
+}
+
+void remove_unless_entered(FileSystem& files, const fs::path& log_folder,
+                           const std::vector<crypto::Sha256Digest>& kept) noexcept {
+  try {
+    std::set<crypto::Sha256Digest> unnamed(kept.begin(), kept.end());
+    for_each_log_line(log_folder, [&](const LogLine& line) {
+      for (const crypto::Sha256Digest& each : kept) {
+        if (line.json.find(crypto::to_hex(each)) != std::string::npos) unnamed.erase(each);
+      }
+    });
+    for (const crypto::Sha256Digest& each : unnamed) {
+      files.remove(log_folder / consent_path(each));
+    }
+    if (!unnamed.empty()) files.sync_folder(log_folder / kConsentsFolder);
+  } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
+  }
 }
 
 Bytes open_sealed(const fs::path& log_folder, const crypto::Sha256Digest& sha256,

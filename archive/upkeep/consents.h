@@ -24,7 +24,8 @@ struct Consent {
   std::uint64_t entry = 0;
   UtcTime at;  // when it was entered
   bool withdraws = false;
-  /// It was signed before another entry followed. What was not gives no consent, and withdraws all the same.
+  /// It was signed before another entry followed. What was not gives no consent; it withdraws all the same,
+  /// and erases nothing.
   bool is_signed = false;
   ConsentStatement says;
 };
@@ -34,6 +35,9 @@ struct PurposeState {
   bool stands = false;
   std::uint64_t entry = 0;  // the newest that counts
   UtcTime since;
+  /// It was withdrawn by an entry that was signed before another followed. Only then anything may be erased
+  /// for it: any other line can be made up by whoever can write to the disk.
+  bool withdrawal_signed = false;
 };
 
 struct CaseConsents {
@@ -52,6 +56,15 @@ Consents read_consents(const std::filesystem::path& log_folder, const crypto::Ve
 /// consent to teaching was given for case …", "the consent … was withdrawn on …".
 std::string why_not_consented(const Consents& consents, const std::string& case_id,
                               const std::string& purpose);
+
+/// Whether a withdrawal of this case and purpose may be entered: a consent stands, or was withdrawn only by
+/// an entry that nobody signed in time.
+bool may_be_withdrawn(const PurposeState& state);
+
+/// The signed withdrawal by which this case lost the consent to the purpose; nothing where the consent
+/// stands, was never given, or was withdrawn only by an entry that nobody signed in time.
+std::optional<std::uint64_t> signed_withdrawal(const Consents& consents, const std::string& case_id,
+                                               const std::string& purpose);
 
 /// What stands in a sealed statement.
 struct ConsentDocument {
@@ -75,6 +88,11 @@ ConsentDocument parse_consent_document(std::string_view json);
 /// which is returned. Throws kiroku::IoError, and kiroku::UsageError beyond kMaximumConsentBytes.
 crypto::Sha256Digest keep_sealed(FileSystem& files, const std::filesystem::path& log_folder,
                                  ByteView plaintext, const crypto::AgeRecipients& recipients);
+
+/// Removes what keep_sealed() wrote for an entry that then could not be made, unless the log names it all the
+/// same, or cannot be read: what is named must stay. Never throws: the first error is the one to tell.
+void remove_unless_entered(FileSystem& files, const std::filesystem::path& log_folder,
+                           const std::vector<crypto::Sha256Digest>& kept) noexcept;
 
 /// The bytes that were sealed. Throws kiroku::Error where the file is not there, is not the one whose hash
 /// the entry states or does not open.

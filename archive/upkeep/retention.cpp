@@ -165,12 +165,13 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
                      " was not brought to its end: nothing is erased from it before that; `kiroku recover` "
                      "does it");
   }
+  const ErasingTurn turn(folder.parent_path());
+  // In the turn: what it goes by may be stated until then, such as a consent that is given again.
   if (options.may_go && !options.may_go(segments.opening, segments.opened)) {
     throw UsageError("case " + writer->case_id() +
                      " is not as it was when it was chosen, and may not go: nothing was erased; find out who "
                      "writes to the archive");
   }
-  const ErasingTurn turn(folder.parent_path());
   if (options.log != nullptr) {
     // Who removes the log removes its holds: what the device signs here must not say otherwise.
     if (segments.opening.appliance_log_size > 0 &&

@@ -2,6 +2,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/consent_layout.h"
+#include "archive/format/line_reader.h"
 #include "archive/verify/file_checker.h"
 #include "base/error.h"
 
@@ -67,17 +68,26 @@ void ConsentRules::take_statement(const ConsentStatement& says, bool withdraws, 
                        ", which the log does not say was opened before");
   }
   for (const std::string& purpose : says.purposes) {
-    const std::pair key(says.case_id, purpose);
-    if (withdraws) {
-      if (standing_.erase(key) == 0 && standing.is_signed) {
+    const Use key(says.case_id, purpose);
+    if (withdraws && !standing.is_signed) {
+      if (standing_.erase(key) > 0) {
+        doubted_.insert(key);
+      }
+    } else if (withdraws) {
+      // What was withdrawn by a line that nobody signed is entered again, signed.
+      const bool was_doubted = doubted_.erase(key) > 0;
+      if (standing_.erase(key) == 0 && !was_doubted) {
         findings_->add("consent-not-given", in_ledger(number),
                        at_entry(number) + " withdraws a consent of case " + says.case_id + " to " + purpose +
                            " that did not stand");
       }
-    } else if (standing.is_signed && !standing_.insert(key).second) {
-      findings_->add("consent-given-twice", in_ledger(number),
-                     at_entry(number) + " states a consent of case " + says.case_id + " to " + purpose +
-                         " that stood already");
+    } else if (standing.is_signed) {
+      doubted_.erase(key);
+      if (!standing_.insert(key).second) {
+        findings_->add("consent-given-twice", in_ledger(number),
+                       at_entry(number) + " states a consent of case " + says.case_id + " to " + purpose +
+                           " that stood already");
+      }
     }
   }
 }
@@ -90,7 +100,7 @@ void ConsentRules::followed() {
   unsigned_.reset();
   findings_->add("consent-doubted", in_ledger(number),
                  at_entry(number) + " states " +
-                     (withdraws ? "that a consent was withdrawn, which counts all the same"
+                     (withdraws ? "that a consent was withdrawn, which forbids its use and erases nothing"
                                 : "a consent, which counts for nothing") +
                      ": nobody signed it before another entry followed");
 }
@@ -102,14 +112,53 @@ void ConsentRules::name_file(const crypto::Sha256Digest& hash, std::uint64_t num
   }
 }
 
-void ConsentRules::finish(const std::vector<ListedFile>& listing) {
+std::set<std::string> ConsentRules::named_since(std::uint64_t entries) const {
+  std::set<std::string> named;
+  const FileOpening opening = folder_->open_file(kLedgerFile);
+  if (!opening.file) {
+    return named;
+  }
+  LineReader reader(*opening.file);
+  std::uint64_t number = 0;
+  for (LedgerLine line; reader.next(line) && !line.torn; ++number) {
+    if (number < entries || line.too_long) {
+      continue;
+    }
+    const LogEntryParse parse = parse_log_entry(line.text);
+    const ConsentStatement* says = nullptr;
+    if (parse.entry) {
+      if (const auto* given = std::get_if<ConsentGivenEntry>(&parse.entry->body)) says = given;
+      if (const auto* withdrawn = std::get_if<ConsentWithdrawnEntry>(&parse.entry->body)) says = withdrawn;
+    }
+    if (says != nullptr) {
+      named.insert(consent_path(says->statement));
+      if (says->form) named.insert(consent_path(*says->form));
+    }
+  }
+  return named;
+}
+
+void ConsentRules::report_unnamed(const std::vector<ListedFile>& listing, std::uint64_t entries) {
+  std::optional<std::set<std::string>> since;
   for (const ListedFile& each : listing) {
-    if (hash_of_consent_path(each.path) && each.kind == ListedFile::Kind::kRegular && !names(each.path)) {
+    if (!hash_of_consent_path(each.path) || each.kind != ListedFile::Kind::kRegular || names(each.path)) {
+      continue;
+    }
+    if (!since) {
+      since = named_since(entries);
+    }
+    if (!since->contains(each.path)) {
       findings_->add("consent-not-entered", {each.path},
                      each.path +
                          " is named by no entry of the log: the machine stopped before it was "
                          "entered, or its entry was removed");
     }
+  }
+}
+
+void ConsentRules::finish(const std::vector<ListedFile>& listing, std::uint64_t entries, bool log_itself) {
+  if (log_itself) {
+    report_unnamed(listing, entries);
   }
   for (const auto& [path, entry] : files_) {
     if (entry) {

@@ -34,17 +34,25 @@ class ConsentRules {
 
   /// Whether an entry names the path.
   [[nodiscard]] bool names(const std::string& path) const { return files_.contains(path); }
-  /// After the last entry: judges the files of consents/ by the folder's listing.
-  void finish(const std::vector<ListedFile>& listing);
+  /// After the last of `entries`: judges the files of consents/ by the folder's listing. Those that no entry
+  /// names are told only where the log itself is judged, since nothing says of which case they are, and once
+  /// the entries that were added meanwhile were read, too.
+  void finish(const std::vector<ListedFile>& listing, std::uint64_t entries, bool log_itself);
 
  private:
   void take_statement(const ConsentStatement& says, bool withdraws, std::uint64_t number, Standing standing);
   void name_file(const crypto::Sha256Digest& hash, std::uint64_t number, bool is_asked_for);
   void check_file(const std::string& path, std::uint64_t entry);
+  void report_unnamed(const std::vector<ListedFile>& listing, std::uint64_t entries);
+  /// What lines behind the first `entries` name: the file of an entry is there before it.
+  [[nodiscard]] std::set<std::string> named_since(std::uint64_t entries) const;
 
   const CaseFolder* folder_;
   FindingList* findings_;
-  std::set<std::pair<std::string, std::string>> standing_;  // case and purpose
+  using Use = std::pair<std::string, std::string>;  // case and purpose
+  std::set<Use> standing_;
+  /// Whose consent was withdrawn only by an entry that nobody signed in time: another withdrawal may follow.
+  std::set<Use> doubted_;
   std::optional<std::pair<std::uint64_t, bool>> unsigned_;  // the newest entry; whether it withdraws
   /// The first entry that names each file, where its case was asked for.
   std::map<std::string, std::optional<std::uint64_t>> files_;

@@ -142,7 +142,7 @@ LogContents LogWalk::run() {
   }
   judge_tail();
   check_names();
-  consents_.finish(listing_);
+  consents_.finish(listing_, tree_.size(), case_id_.empty());
   checkpoints_.judge_keys(tree_.size(), {});
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();

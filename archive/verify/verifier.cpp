@@ -554,7 +554,8 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
   VerificationReport report;
   report.case_id = "log";
   try {
-    const CaseFolder opened = CaseFolder::open(folder);
+    const CaseFolder opened =
+        CaseFolder::open(folder, options.files == nullptr ? real_reading() : *options.files);
     LogWalk walk(opened, options, findings, {});
     walk.compare_with(outside);
     const LogContents log = walk.run();

@@ -46,7 +46,8 @@ struct VerifyOptions {
   const crypto::AgeIdentities* identities = nullptr;
   SegmentInspector inspect;
   unsigned threads = 0;  // 0: one a core
-  /// How the case's own folder is read; null: as the operating system does. Must outlive the verification.
+  /// How the case's own folder is read, or the log's that is verified alone; null: as the operating system
+  /// does. Must outlive the verification.
   const FileReading* files = nullptr;
   std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)>
       progress;  // from any thread, serialised

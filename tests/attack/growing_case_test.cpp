@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/upkeep/consents.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
@@ -81,6 +82,28 @@ TEST_F(GrowingCase, FromWhichIsErasedMeanwhileHasAStatedGap) {
   options.log = closed.log();
   const archive::VerificationReport report = archive::verify_case(closed.folder(), options);
   EXPECT_EQ(report.verdict, archive::Verdict::kIntactWithGaps) << details(report);
+}
+
+// A statement is sealed beside the log before its entry.
+TEST_F(GrowingCase, WhoseConsentIsEnteredWhileTheLogIsVerifiedLeavesNothingUnentered) {
+  sample_.record();
+  sample_.close();
+  const auto verdict = [&](const std::function<void()>& go_on) {
+    // The second time is after all lines were read, to see what came meanwhile.
+    const WhileTheLedgerIsOpened files(go_on);
+    archive::VerifyOptions options = archive_.options();
+    options.files = &files;
+    return details(archive::verify_log(archive_.log_folder(), options));
+  };
+  archive::ConsentStatement says;
+  says.case_id = sample_.folder().filename().string();
+  says.purposes = {"teaching"};
+  says.who = "anna";
+  says.statement = archive::keep_sealed(archive::real_file_system(), archive_.log_folder(),
+                                        bytes_of("a statement"), archive_.recipients());
+  EXPECT_THAT(verdict([] {}), ::testing::HasSubstr("consent-not-entered"));
+  EXPECT_THAT(verdict([&] { sample_.log()->consent_given(says); }),
+              ::testing::Not(::testing::HasSubstr("consent-not-entered")));
 }
 
 // What does not hold is told, however often somebody writes to the ledger.

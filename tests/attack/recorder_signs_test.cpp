@@ -1,8 +1,11 @@
 // Whoever can write to the archive's disk, and has no key, prepares a case or the log and waits for the
 // recorder's next start: what that signs is believed everywhere.
 #include <algorithm>
+#include <cerrno>
+#include <fcntl.h>
 #include <memory>
 #include <string>
+#include <sys/file.h>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -15,6 +18,7 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
+#include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attacked_case.h"
@@ -679,6 +683,20 @@ TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {
   EXPECT_EQ(opened, SampleArchive::opened_at());
   EXPECT_TRUE(fs::exists(folder_ / kFirstSegment));
   EXPECT_EQ(summary(verify()), "intact");
+}
+
+// A consent may be given again until the turn to erase is taken: it is asked for in the turn, not before.
+TEST_F(Erasing, AsksWhetherACaseMayGoInItsTurn) {
+  write_case();
+  archive::RetentionOptions options;
+  bool in_turn = false;
+  options.may_go = [&](const archive::OpenEntry&, const archive::Moment&) {
+    const Descriptor archive(::open(archive_.folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    in_turn = ::flock(archive.number(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    return true;
+  };
+  EXPECT_GT(erase(options).segments, 0U);
+  EXPECT_TRUE(in_turn);
 }
 
 TEST_F(Erasing, RemovesNoOtherCasesFilmsThroughALink) {

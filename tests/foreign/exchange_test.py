@@ -101,6 +101,7 @@ class Exchange(unittest.TestCase):
         folder.mkdir(parents=True)
         given = make(dataclasses.replace(self.world, folder=folder))
         answers = self.of_ours(given, folder), None if given.identity else self.of_the_other(given, folder)
+        self.assertFalse(answers[0][1] & set(given.never), name)
         shutil.rmtree(folder)
         return answers
 

@@ -33,6 +33,7 @@ class Given:
     as_log: bool = False
     identity: str | None = None  # then our program alone judges
     unprivileged: bool = False   # judged by a user who may not read all
+    never: list = dataclasses.field(default_factory=list)  # codes that nobody may find
 
 
 def reaches(*codes):
@@ -1608,6 +1609,25 @@ def consent_withdrawn_twice_beside_its_case(world):
     return with_consents(world, change, with_log)
 
 
+@reaches("consent-doubted")
+def withdrawal_that_nobody_signed_entered_again(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, "consent-withdrawn", 91, sign=False)
+        consented(world, log, written, "consent-withdrawn", 92)
+    return dataclasses.replace(with_consents(world, change), never=["consent-not-given"])
+
+
+@reaches("consent-doubted", "consent-not-given")
+def withdrawal_that_nobody_signed_entered_again_twice(world):
+    def change(log, written):
+        consented(world, log, written)
+        consented(world, log, written, "consent-withdrawn", 91, sign=False)
+        consented(world, log, written, "consent-withdrawn", 92)
+        consented(world, log, written, "consent-withdrawn", 93)
+    return with_consents(world, change)
+
+
 @reaches("consent-case-unknown")
 def consent_of_an_unknown_case(world):
     return with_consents(world, lambda log, written: consented(world, log, written, of="20200101T000000Z-00000000"))
@@ -1636,6 +1656,13 @@ def consent_whose_entry_was_removed(world):
     def change(log, written):
         world.beside["log/consents/" + "a" * 64 + ".age"] = world.seal("lost", b"{}")
     return with_consents(world, change)
+
+
+@reaches()
+def consent_whose_entry_was_removed_says_nothing_of_this_case(world):
+    def change(log, written):
+        world.beside["log/consents/" + "a" * 64 + ".age"] = world.seal("lost", b"{}")
+    return with_consents(world, change, with_log)
 
 
 @reaches("file-unnamed")

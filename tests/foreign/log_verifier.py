@@ -37,7 +37,7 @@ class Consents:
     """Consents to the use of cases: what does not fit in their order, and the sealed files that they name."""
 
     def __init__(self, folder):
-        self.folder, self.standing, self.unsigned, self.files, self.found = folder, set(), None, {}, []
+        self.folder, self.standing, self.doubted, self.unsigned, self.files, self.found = folder, set(), set(), None, {}, []
 
     def take(self, number, entry, own, opened):
         kind, case = entry["type"], entry.get("case")
@@ -54,12 +54,19 @@ class Consents:
             self.found.append((case, "consent-case-unknown", number))
         for purpose in entry["purposes"]:
             key = (case, purpose)
-            if own and (kind == "consent-given") == (key in self.standing):
-                self.found.append((case, "consent-given-twice" if kind == "consent-given" else "consent-not-given", number))
+            stands = key in self.standing
+            if own and kind == "consent-given" and stands:
+                self.found.append((case, "consent-given-twice", number))
+            if own and kind == "consent-withdrawn" and not stands and key not in self.doubted:
+                self.found.append((case, "consent-not-given", number))
             if kind == "consent-withdrawn":
                 self.standing.discard(key)
+                if not own and stands:
+                    self.doubted.add(key)
             elif own:
                 self.standing.add(key)
+            if own:
+                self.doubted.discard(key)
 
     def followed(self):
         if self.unsigned:
@@ -69,15 +76,22 @@ class Consents:
     def names(self, file):
         return file.path == "consents" and file.kind == "folder" or file.kind != "folder" and bool(CONSENT_FILE.fullmatch(file.path)) and (file.kind == "regular" or file.path in self.files)
 
-    def finish(self):
-        for file in self.folder.listing:
-            if file.kind == "regular" and CONSENT_FILE.fullmatch(file.path) and file.path not in self.files:
-                self.found.append((None, "consent-not-entered", file.path))
+    def finish(self, lines):
+        """What no entry names, by the log as it is now: its first `lines` were judged, and more may have come meanwhile."""
+        unnamed = [file.path for file in self.folder.listing if file.kind == "regular" and CONSENT_FILE.fullmatch(file.path) and file.path not in self.files]
+        since = self._named_since(lines) if unnamed else ()
+        self.found += [(None, "consent-not-entered", path) for path in unnamed if path not in since]
+
+    def _named_since(self, lines):
+        added = (self.folder.read("ledger.jsonl") or b"").split(b"\n")[lines:-1]
+        entries = Ledger(b"".join(line + b"\n" for line in added), "appliance-log", 2, lambda code, where: None).entries
+        of_consents = [entry for entry in entries if entry is not None and entry["type"] in ("consent-given", "consent-withdrawn")]
+        return {f"consents/{digest}.age" for entry in of_consents for digest in filter(None, (entry["statement"], entry.get("form")))}
 
     def report_of(self, case, report):
-        """What was found of one case, or of all; what no entry names is of none, so it is said either way."""
+        """What was found of one case, or of the log itself; of which case a file is that no entry names, nothing says."""
         for name, code, where in self.found:
-            if case is None or name in (None, case):
+            if case is None or name == case:
                 report(code, f"{name}, {where}")
         for path, cases in sorted(self.files.items()):
             if case is None or case in cases:
@@ -177,7 +191,7 @@ class LogRead:
         if self.ledger.readable:
             self._judge_tail(to_be_followed)
             folder.judge_names(lambda file: "named" if self.consents.names(file) else _judge_name(file))
-            self.consents.finish()
+            self.consents.finish(len(self.ledger))
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device

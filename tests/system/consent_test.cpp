@@ -1,6 +1,10 @@
 // Written consent, by the program that people run.
+#include <fcntl.h>
 #include <filesystem>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include "base/descriptor.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -33,6 +37,23 @@ class ConsentTest : public ProgramTest {
   }
   void configure(const std::string& section) const {
     write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "\n[consent]\n" + section);
+  }
+  [[nodiscard]] std::size_t segments() const {
+    return static_cast<std::size_t>(std::distance(fs::directory_iterator(case_ / "segments/endoscope"), {}));
+  }
+  /// A withdrawal of what the newest entry gives, and a line behind it; nobody signs either.
+  void forge_withdrawal() const {
+    const std::string text = read_text(log() / "ledger.jsonl");
+    const std::string given = text.substr(text.rfind("{\"type\":\"consent-given\""));
+    const nlohmann::ordered_json entry = nlohmann::ordered_json::parse(given);
+    nlohmann::ordered_json withdrawn = entry;
+    withdrawn["type"] = "consent-withdrawn";
+    withdrawn["seq"] = entry["seq"].get<int>() + 1;
+    const nlohmann::ordered_json after{{"type", "shutdown"},
+                                       {"seq", entry["seq"].get<int>() + 2},
+                                       {"utc", entry["utc"]},
+                                       {"mono_ns", entry["mono_ns"]}};
+    write_text(log() / "ledger.jsonl", text + withdrawn.dump() + "\n" + after.dump() + "\n");
   }
 
   fs::path case_;
@@ -180,6 +201,109 @@ TEST_F(ConsentTest, WithdrawnErasesOnlyWhereTheSiteSaysSoAndNoHoldStands) {
   EXPECT_THAT(gone.out, HasSubstr("consent to treatment-record withdrawn"));
   EXPECT_FALSE(left());
   EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+// Whoever can write to the disk, and has no key, adds a withdrawal and another line behind it, so that the
+// recorder takes neither back.
+TEST_F(ConsentTest, WithdrawnByALineThatNobodySignedErasesNothing) {
+  configure("erase_when_withdrawn = [\"treatment-record\"]\n");
+  EXPECT_EQ(state("give", {"treatment-record"}).status, 0);
+  const std::size_t before = segments();
+  forge_withdrawal();
+  EXPECT_REFUSED(export_for("treatment-record", "f.jsonl"), "was withdrawn");
+  const ProcessResult nothing = kiroku({"erase", "--due"});
+  EXPECT_EQ(nothing.status, 0) << nothing.err;
+  EXPECT_THAT(nothing.out, HasSubstr("Nothing is due to be erased."));
+  EXPECT_EQ(segments(), before);
+  EXPECT_EQ(kiroku({"hold", name(), "--reason", "a line that the device signs behind it"}).status, 0);
+  EXPECT_EQ(kiroku({"release", name(), "--reason", "it did"}).status, 0);
+  EXPECT_EQ(kiroku({"erase", "--due"}).status, 0);
+  EXPECT_EQ(segments(), before);
+  EXPECT_THAT(kiroku({"consent", "show", name()}).out, HasSubstr("it forbids the use and erases nothing"));
+  // Who did withdraw has it entered again.
+  const ProcessResult again = state("withdraw", {});
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(kiroku({"erase", "--due"}).status, 0);
+  EXPECT_EQ(segments(), 0U);
+  const std::string found = kiroku({"log", "--verify", "--json"}).out;
+  EXPECT_THAT(found, HasSubstr("consent-doubted"));
+  EXPECT_THAT(found, Not(HasSubstr("consent-not-given")));
+}
+
+TEST_F(ConsentTest, WaitsForWhoTypesWithoutKeepingOthersWaiting) {
+  const std::string who = path("who.fifo");
+  ASSERT_EQ(::mkfifo(who.c_str(), 0600), 0);
+  Process giving(options({"consent", "give", name(), "--purpose", "teaching", "--person", who}));
+  // Opens once the program reads from it.
+  Descriptor typing(::open(who.c_str(), O_WRONLY | O_CLOEXEC));
+  ASSERT_TRUE(typing);
+  const ProcessResult held = run_process(options({"hold", name(), "--reason", "court"}));
+  EXPECT_FALSE(held.timed_out);
+  EXPECT_EQ(held.status, 0) << held.err;
+  const std::string line = "Hana Mori, patient\n";
+  ASSERT_EQ(::write(typing.number(), line.data(), line.size()), static_cast<ssize_t>(line.size()));
+  typing = Descriptor();
+  EXPECT_EQ(giving.wait().status, 0);
+}
+
+TEST_F(ConsentTest, IsWithdrawnWhollyOrNotAtAll) {
+  EXPECT_EQ(state("give", {"teaching"}).status, 0);
+  const std::vector<std::string> before = files_below(log());
+  const std::string toml = read_text(home() / "kiroku.toml");
+  configure("erase_when_withdrawn = [\"billing\"]\n");
+  EXPECT_REFUSED(state("withdraw", {"teaching"}), "which is none of the purposes");
+  EXPECT_EQ(files_below(log()), before);
+  EXPECT_THAT(read_text(log() / "ledger.jsonl"), Not(HasSubstr("consent-withdrawn")));
+  write_text(home() / "kiroku.toml", toml);
+  EXPECT_EQ(state("withdraw", {"teaching"}).status, 0);
+}
+
+// The checkpoint of the entry cannot be written: the entry is taken back, and what was sealed for it goes.
+TEST_F(ConsentTest, ThatCouldNotBeEnteredLeavesNothingBehind) {
+  EXPECT_EQ(state("give", {"research"}).status, 0);
+  const std::vector<std::string> sealed = files_below(log() / "consents");
+  const fs::path newest = files_below(log() / "checkpoints").back();
+  std::string next = std::to_string(std::stoull(newest.stem().string()) + 1);
+  next.insert(0, newest.stem().string().size() - next.size(), '0');
+  const fs::path in_the_way = log() / "checkpoints" / (next + newest.extension().string() + ".part");
+  fs::create_directories(in_the_way / "in the way");
+  EXPECT_EQ(state("give", {"teaching"}, {"--form", path("scan.pdf"), "--keep-form"}).status, 2);
+  EXPECT_EQ(files_below(log() / "consents"), sealed);
+  fs::remove_all(in_the_way);
+  EXPECT_EQ(state("give", {"teaching"}).status, 0);
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
+TEST_F(ConsentTest, TellsWhatWouldBeErasedBeforeAnythingIs) {
+  EXPECT_EQ(state("give", {"treatment-record"}).status, 0);
+  EXPECT_EQ(state("withdraw", {}).status, 0);
+  // Added afterwards: it reaches back to that withdrawal.
+  configure("erase_when_withdrawn = [\"treatment-record\"]\n");
+  const std::string before = read_text(log() / "ledger.jsonl");
+  const std::size_t segments_before = segments();
+  const ProcessResult told = kiroku({"erase", "--due", "--dry-run"});
+  EXPECT_EQ(told.status, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr(name() + ": would erase endoscope, by the policy: consent to "));
+  const nlohmann::json json = kiroku_json({"erase", "--due", "--dry-run", "--json"});
+  EXPECT_EQ(json["dry_run"], true);
+  EXPECT_EQ(json["cases"][0]["case"], name());
+  EXPECT_REFUSED(kiroku({"erase", name(), "--stream", "nobody", "--policy", "p", "--only-copy", "--dry-run"}),
+                 "has no stream nobody");
+  EXPECT_EQ(segments(), segments_before);
+  EXPECT_EQ(read_text(log() / "ledger.jsonl"), before);
+}
+
+// It waits for no copy, so a store that cannot be asked keeps nothing of it.
+TEST_F(ConsentTest, WithdrawnErasesAlsoWhereTheStoreCannotBeAsked) {
+  EXPECT_EQ(state("give", {"treatment-record"}).status, 0);
+  EXPECT_EQ(state("withdraw", {}).status, 0);
+  configure(
+      "erase_when_withdrawn = [\"treatment-record\"]\n\n[store]\n"
+      "endpoint = \"https://127.0.0.1:1\"\nbucket = \"recordings\"\nretain = \"3653d\"\n"
+      "credentials = \"not-there\"\n");
+  const ProcessResult gone = kiroku({"erase", "--due"});
+  EXPECT_EQ(gone.status, 0) << gone.out << gone.err;
+  EXPECT_EQ(segments(), 0U);
 }
 
 }  // namespace
