@@ -107,7 +107,7 @@ TEST(HandForces, OfAWholeHandTheWristBearsWhatPhalangesAndPalmFeel) {
     for (std::size_t i = 0; i < 2; ++i)
       poses[i].position_m = {i == 0 ? -0.03 : 0.03, 0.045, below_m - kFingertipMetres + lifted_m};
     hand.wrist_at(
-        {{0, -0.11, below_m - HandShape::kPalmRadiusMetres + lifted_m}, Eigen::Quaterniond::Identity()});
+        Pose{{0, -0.11, below_m - HandShape::kPalmRadiusMetres + lifted_m}, Eigen::Quaterniond::Identity()});
     for (HandForces* const each : {&fingers, &hand}) {
       ASSERT_TRUE(test::eventually([&] {
         each->forces(poses, 1e-3, each == &hand ? played_n : alone_n);
