@@ -137,10 +137,10 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
 
   // On the film's pictures. Nobody looked at what is outside of the stretch that was aligned.
   comparison.alignment->moments.resize(kPictures + 2);
-  constexpr int kWidth = 320, kHeight = 240;
+  constexpr int kFilmWidth = 320, kFilmHeight = 240;
   sim::Scene scene;
-  scene.width = kWidth;
-  scene.height = kHeight;
+  scene.width = kFilmWidth;
+  scene.height = kFilmHeight;
   scene.background = {0, 0, 0};
   const sim::Volume ct = test::volume_of({90, 40, 60}, 2e-3, sim::Vector3(-0.09, -0.04, -0.06),
                                          [](const sim::Vector3&) { return 100.0; });
@@ -149,8 +149,8 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
                                  ct, {sim::Vector3(-0.09, -0.04, -0.06), sim::Vector3(0.09, 0.04, 0.06)})),
                              sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
   CompositionForm form;
-  form.width = kWidth;
-  form.height = kHeight;
+  form.width = kFilmWidth;
+  form.height = kFilmHeight;
   form.arrangement = Arrangement::kOverlay;
   PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, 2 * kSecond);
   const auto caption = [&](std::int64_t at_ns) {
