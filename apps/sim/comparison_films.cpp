@@ -200,12 +200,16 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
           request.align_at.has_value()};
 }
 
+double alignment_field_deg(const ComparisonRequest& request) {
+  return parse_number(*request.field, "--field", sim::OrganTrack::kLeastFieldDeg,
+                      sim::OrganTrack::kGreatestFieldDeg);
+}
+
 compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
                                             const archive::CaseReader& recording,
                                             const compare::Comparison& comparison) {
   compare::AlignmentRequest asked;
-  asked.field_deg = parse_number(*request.field, "--field", sim::OrganTrack::kLeastFieldDeg,
-                                 sim::OrganTrack::kGreatestFieldDeg);
+  asked.field_deg = alignment_field_deg(request);
   const sim::Camera from =
       sim::camera_looking_at({}, sim::view_direction(request.view.value_or("front")), 1, 1);
   asked.range.from = from.to_view.row(2).transpose();

@@ -92,6 +92,8 @@ std::uint64_t write_radiograph_film(const std::filesystem::path& file, const sim
 compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request,
                                                 const archive::CaseReader& recording,
                                                 const compare::Comparison& comparison);
+/// Degrees; --field must be there. kiroku::UsageError for what is none of an endoscope.
+double alignment_field_deg(const ComparisonRequest& request);
 /// What the request says of aligning the plan's organ with the recorded pictures: --field, --view, and --from
 /// and --to, else what a film would show; all of the recording where no step was found. --field must be
 /// there.

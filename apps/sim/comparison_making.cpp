@@ -225,12 +225,25 @@ crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std:
 void require_alignment_options(const ComparisonRequest& request) {
   if (request.field && request.align != "auto")
     throw UsageError("--field is for --align auto: it says what the endoscope's pictures cover");
-  if (request.align == "auto" && !request.field) {
+  if (request.align != "auto") return;
+  if (!request.field) {
     throw UsageError(
         "--align needs the endoscope's field of view: say with --field how many degrees the lesser side of "
-        "its "
-        "pictures covers");
+        "its pictures covers");
   }
+  (void)alignment_field_deg(request);
+}
+
+/// Before anything is computed, as far as the case and what was matched by hand say it.
+void require_alignment_sense(const ComparisonRequest& request, const archive::CaseReader& recording,
+                             const compare::ByHand& by_hand) {
+  if (request.align != "auto") return;
+  if (by_hand.registration) {
+    throw UsageError(
+        "--align auto and the registration in --by-hand both say where the organ is: leave one of them out");
+  }
+  if (request.from && request.to)
+    compare::require_alignable(recording.parse_stretch(request.from, request.to));
 }
 
 void require_fluoroscopy_options(const ComparisonRequest& request) {
@@ -264,6 +277,7 @@ int make_comparison(const ComparisonRequest& request) {
   auto at_hand = read_plan_at_hand(*request.plan, request.json);
   if (!at_hand) return kRefused;
   const compare::ByHand by_hand = by_hand_of(request, recording, at_hand->plan);
+  require_alignment_sense(request, recording, by_hand);
   const crypto::AgeIdentities identities = identities_of(request, home);
   log_access(home, recording.folder(), "opened to compare it with a plan");
   ComparisonTold told(request.progress == "json");

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
-#include <string>
 
 #include "base/error.h"
 #include "sim/align/surface_points.h"
@@ -72,20 +71,22 @@ class OrganTrack::Following {
   }
 
   AlignedMoment take(std::int64_t time_ns, const Picture& given) {
-    if (width_ == 0) {
+    if (given.width != width_ || given.height != height_) {
+      // Nothing is followed from one size into another: it is sought anew, first where it was.
+      points_.drop();
+      lost_ = true;
       width_ = given.width;
       height_ = given.height;
     }
-    if (given.width != width_ || given.height != height_)
-      throw Error("the organ cannot be followed into a picture of another size: " +
-                  std::to_string(given.width) + "x" + std::to_string(given.height) + " after " +
-                  std::to_string(width_) + "x" + std::to_string(height_));
     const Picture picture = scaled_down(given, kLesserSidePx);
     pinhole_ = pinhole_of(field_deg_, picture.width, picture.height);
     points_.follow(picture);
     AlignedMoment moment = place_ && !lost_ ? follow(picture) : find(picture);
     moment.time_ns = time_ns;
     moment.camera.half_extent = half_extent_of(field_deg_, width_, height_);
+    const double scale = double(std::min(width_, height_)) / std::min(picture.width, picture.height);
+    moment.misfit_px *= scale;
+    moment.rival_px *= scale;
     lost_ = !moment.held();
     if (lost_) points_.drop();
     return moment;
@@ -177,7 +178,7 @@ class OrganTrack::Following {
       const auto fit = fit_outline(picture, surface_, pinhole_, near, &*colours_, {40, 12, 6});
       if (fit && explains(*fit)) return found(picture, *fit, 0);
     }
-    if (pictures_lost_ <= searched_at_ + waits_) return lost(place_ ? WhyLost::kHidden : WhyLost::kNotLooked);
+    if (pictures_lost_ <= searched_at_ + waits_) return lost(WhyLost::kNotLooked);
     searched_at_ = pictures_lost_;
     constexpr int kLongestWait = 80;
     waits_ = std::min(kLongestWait, std::max(5, 2 * waits_));

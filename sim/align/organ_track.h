@@ -19,11 +19,11 @@ enum class WhyLost {
   kNotLost,
   kNoOrgan,        // nothing in the picture has the organ's outline
   kAlike,          // two places explain the outline alike
-  kMirrored,       // the organ's mirror image explains it as well or better
+  kMirrored,       // the organ's mirror image explains it nearly as well or better
   kHidden,         // too little of the outline and of the surface is seen to follow it
   kUncertain,      // what is seen leaves a standard error above OrganTrack::kLargestErrorM
   kContradictory,  // outline and surface say different things
-  kNotLooked,      // not found yet, and this picture was not searched: searching takes a second
+  kNotLooked,      // lost before, and not searched for all over this picture: that takes a second
 };
 /// A word for documents: "no-organ".
 const char* name_of(WhyLost why);
@@ -33,9 +33,10 @@ struct AlignedMoment {
   WhyLost why = WhyLost::kNoOrgan;
   Camera camera;                // of a moment that is not lost
   double standard_error_m = 0;  // of the place of a point of the organ before the camera, likewise
-  double misfit_px = 0;         // between outline and border; of a search that failed, of the best it found
-  double supported = 0;         // share of the outline in the picture along which there is a border
-  double rival_px = 0;          // of a search: the misfit of the best other place, 0 for none
+  // Pixels of the picture that was given.
+  double misfit_px = 0;  // between outline and border; of a search that failed, of the best it found
+  double supported = 0;  // share of the outline in the picture along which there is a border
+  double rival_px = 0;   // of a search: the misfit of the best other place, 0 for none
   [[nodiscard]] bool held() const { return why == WhyLost::kNotLost; }
 };
 
@@ -50,7 +51,7 @@ class OrganTrack {
 
   /// The next picture, in order of time; some tenths of a second apart at most, so that it can be followed.
   /// A picture takes some hundredths of a second, a search some seconds: who wants to end does so between
-  /// two. kiroku::Error for a picture of another size than the first.
+  /// two. In a picture of another size than the one before the organ is sought anew.
   AlignedMoment take(std::int64_t time_ns, const Picture& picture);
 
   /// Larger pictures are scaled down to that many pixels of their lesser side.

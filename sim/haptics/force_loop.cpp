@@ -118,7 +118,7 @@ void ForceLoop::step(double period_s) {
     ++without_pose_;
     std::ranges::fill(forces_n_, Vector3::Zero());
   } else {
-    if (device_.has_wrist()) source_.wrist_at(device_.wrist());
+    source_.wrist_at(device_.has_wrist() ? std::optional(device_.wrist()) : std::nullopt);
     source_.forces(poses_, period_s, forces_n_);
     for (Vector3& force_n : forces_n_) limit(force_n, options_.most_force_n);
     if (device_.has_wrist()) {

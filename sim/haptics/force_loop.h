@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <thread>
 #include <vector>
@@ -22,8 +23,8 @@ class ForceSource {
   /// One pose and one force a tool; neither waits nor takes longer than the loop's period, as far as it can.
   /// `period_s` has passed since the last call. What it throws ends the loop.
   virtual void forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) = 0;
-  /// Where the wrist is at the next forces(). Called before it, for devices that have a wrist.
-  virtual void wrist_at(const Pose& /*wrist*/) {}
+  /// Where the wrist is at the next forces(); nothing where the device has none. Called before it.
+  virtual void wrist_at(const std::optional<Pose>& /*wrist*/) {}
   /// What a wrist at `wrist_m` bears of the last forces(): their sum before anything is left out of what the
   /// tools play, and its torque. Called after it, for devices that have a wrist. Nothing where no hand holds
   /// the tools.

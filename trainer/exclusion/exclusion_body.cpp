@@ -38,6 +38,12 @@ bool meets(const Vector3& eye, const Vector3& place, const Vector3& a, const Vec
 
 }  // namespace
 
+Eigen::Quaterniond ExclusionTask::lifting_hand() const {
+  Eigen::Matrix3d axes;
+  axes << aside, away(), lifts;
+  return Eigen::Quaterniond(axes).normalized();
+}
+
 ExclusionTask exclusion_task(ObjectKind kind) {
   ExclusionTask task;
   task.eye_m = {0, -0.4, 0.25};

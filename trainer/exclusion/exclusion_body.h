@@ -3,6 +3,8 @@
 
 #include <memory>
 
+#include <Eigen/Geometry>
+
 #include "sim/contact/contact_body.h"
 #include "sim/render/camera.h"
 #include "sim/render/surface_renderer.h"
@@ -35,6 +37,11 @@ struct ExclusionTask {
   /// Of a gloved fingertip on the organ, Coulomb's coefficient; 0: fingers glide. A parameter of the
   /// training.
   double friction = kFingertipFriction;
+
+  /// From the trainee on into the body, which is where fingers that lift point.
+  [[nodiscard]] sim::Vector3 away() const { return lifts.cross(aside); }
+  /// How fingers are held that lift, in the axes of HandShape: side by side, pointing away, pads up.
+  [[nodiscard]] Eigen::Quaterniond lifting_hand() const;
 };
 
 /// Of objects A and B: the eye of who stands at the object's side of -y and looks over its border, the line

@@ -136,7 +136,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   std::uint64_t step = 0, pictures = 0;
   for (bool goes_on = true; goes_on; ++step) {
     any = recorder.read(poses) || any;
-    if (any && recorder.has_wrist()) forces.wrist_at(recorder.wrist());
+    if (any) forces.wrist_at(recorder.has_wrist() ? std::optional(recorder.wrist()) : std::nullopt);
     if (any) forces.forces(poses, period_s, forces_n);
     if (any && recorder.has_wrist()) recorder.write_wrist(forces.wrist_force(recorder.wrist().position_m));
     recorder.write(forces_n);

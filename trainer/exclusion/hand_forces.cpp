@@ -88,7 +88,10 @@ HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback 
   all_n_.assign(all_poses_.size(), Vector3::Zero());
 }
 
-void HandForces::wrist_at(const sim::Pose& wrist) { wrist_ = wrist; }
+void HandForces::wrist_at(const std::optional<sim::Pose>& wrist) {
+  wrist_ = wrist;
+  if (!wrist_) now_.wrist_torque_nm.reset();
+}
 
 void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::span<Vector3> forces_n) {
   std::ranges::copy(poses, all_poses_.begin());

@@ -50,8 +50,8 @@ class HandForces : public sim::ForceSource {
  public:
   HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback,
              Touch touch = Touch::kFingertips);
-  /// Until it is told, and of devices without a wrist, that of HandShape::wrist_behind().
-  void wrist_at(const sim::Pose& wrist) override;
+  /// Of devices without a wrist it is that of HandShape::wrist_behind(), and has no torque.
+  void wrist_at(const std::optional<sim::Pose>& wrist) override;
   void forces(std::span<const sim::Pose> poses, double period_s, std::span<sim::Vector3> forces_n) override;
   /// Of the whole forces, whatever of them the fingers are played.
   sim::WristForce wrist_force(const sim::Vector3& wrist_m) override;

@@ -217,14 +217,20 @@ OrganTask organ_task(const sim::TetMesh& mesh, const sim::Constraints& constrain
 double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers, Touch touch) {
   constexpr int kSteps = 500, kRefreshEvery = 33;
   constexpr double kPeriodSeconds = 1e-3, kLiftMetres = 0.02;
+  const ExclusionTask& task = body.task();
   HandForces forces(body, fingers, Feedback::kFull, touch);
-  std::vector<sim::Pose> poses(fingers);
+  std::vector<sim::Pose> poses(fingers, sim::Pose{Vector3::Zero(), task.lifting_hand()});
+  // A whole hand grasps around the border: fingers are bent, and the palm's middle is where they are.
+  const Vector3 wrist_from_fingers_m = -HandShape::kPalmMiddleMetres * task.away() -
+                                       (HandShape::kPalmRadiusMetres - kFingertipMetres) * task.lifts;
   std::vector<Vector3> forces_n(fingers, Vector3::Zero());
   sim::LatencyHistogram taken;
   for (int step = 0; step < kSteps; ++step) {
+    const Vector3 middle_m = task.under_border_m + kLiftMetres * step / kSteps * task.lifts;
     for (std::size_t i = 0; i < fingers; ++i)
-      poses[i].position_m = body.task().under_border_m + side_by_side_m(fingers)[i] * body.task().aside +
-                            kLiftMetres * step / kSteps * body.task().lifts;
+      poses[i].position_m = middle_m + side_by_side_m(fingers)[i] * task.aside;
+    if (touch == Touch::kHand)
+      forces.wrist_at(sim::Pose{middle_m + wrist_from_fingers_m, task.lifting_hand()});
     if (step % kRefreshEvery == 0) (void)forces.refresh();
     const auto begun = std::chrono::steady_clock::now();
     forces.forces(poses, kPeriodSeconds, forces_n);

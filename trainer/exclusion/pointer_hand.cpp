@@ -53,6 +53,7 @@ PointerHand::PointerHand(const ExclusionBody& body, const sim::Camera& camera, s
     : body_(body),
       camera_(camera),
       period_s_(period_s),
+      held_(body.task().lifting_hand()),
       surface_(sim::faces_of(body.object().mesh).surface),
       fingers_(side_by_side_m(fingers).size()) {
   see({});
@@ -148,7 +149,7 @@ bool PointerHand::read(std::span<sim::Pose> poses) {
     fingers_[i].view_m += way_m * std::min(1.0, most_m / std::max(way_m.norm(), most_m));
     const Vector3& view_m = fingers_[i].view_m;
     poses[i].position_m = sim::from_depth_m(camera_, view_m);
-    poses[i].orientation.setIdentity();
+    poses[i].orientation = held_;
   }
   return true;
 }

@@ -89,6 +89,7 @@ class PointerHand : public sim::HapticDevice {
   const ExclusionBody& body_;
   sim::Camera camera_;
   double period_s_;
+  Eigen::Quaterniond held_;  // each finger
   std::vector<sim::Face> surface_;
   double free_m_ = 0;          // depth; nearer to the eye nothing can be touched
   double under_border_m_ = 0;  // depth

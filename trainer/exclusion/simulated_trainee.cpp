@@ -47,7 +47,8 @@ SimulatedTrainee::SimulatedTrainee(const ExclusionBody& body, LiftPlan plan, dou
       damage_pa_(body.task().damage_pa),
       lifts_(body.task().lifts),
       aside_(body.task().aside),
-      away_(lifts_.cross(aside_)),
+      away_(body.task().away()),
+      held_(body.task().lifting_hand()),
       begins_m_(body.task().under_border_m - kBeginBelowMetres * lifts_),
       side_by_side_m_(side_by_side_m(plan_.offset_m.size())),
       felt_n_(plan_.offset_m.size(), sim::Vector3::Zero()),
@@ -59,7 +60,7 @@ bool SimulatedTrainee::read(std::span<sim::Pose> poses) {
   // Uneven from the first touch on, not before.
   const double share = std::clamp(lifted_m_ / kBeginBelowMetres, 0.0, 1.0);
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    poses[i] = {};
+    poses[i].orientation = held_;
     poses[i].position_m = begins_m_ + (at_m_.x() + side_by_side_m_[i]) * aside_ + at_m_.y() * away_ +
                           (lifted_m_ + share * plan_.offset_m[i]) * lifts_;
   }

@@ -52,7 +52,8 @@ class SimulatedTrainee : public sim::HapticDevice {
   LiftPlan plan_;
   double period_s_, needed_share_, damage_pa_;
   sim::Vector3 lifts_, aside_, away_;
-  sim::Vector3 begins_m_;  // the middle of the hand
+  Eigen::Quaterniond held_;  // each finger
+  sim::Vector3 begins_m_;    // the middle of the hand
   std::span<const double> side_by_side_m_;
   std::vector<sim::Vector3> felt_n_;
   Doing doing_ = Doing::kLifts;

@@ -13,7 +13,36 @@ namespace kiroku::trainer {
 namespace {
 
 constexpr std::size_t kMostFingersOfAMotion = 16, kMostMoments = 10'000'000, kNumbersOfAPose = 7;
-constexpr std::string_view kFirstLine = "kiroku-hand-motion 1";
+constexpr std::string_view kFirstLine = "kiroku-hand-motion 1", kFirstLineWithWrist = "kiroku-hand-motion 2";
+
+sim::Pose between(const sim::Pose& from, const sim::Pose& to, double share) {
+  return {from.position_m + share * (to.position_m - from.position_m),
+          from.orientation.slerp(share, to.orientation).normalized()};
+}
+
+/// Where a time lies: so far behind a moment, 0 to 1 of the way to the next, which may be the same.
+struct Between {
+  std::size_t before = 0, next = 0;
+  double share = 0;
+};
+Between place_of(double time_s, const std::vector<double>& times_s) {
+  const auto after = std::ranges::upper_bound(times_s, time_s);
+  if (after == times_s.begin()) return {};
+  const auto next = static_cast<std::size_t>(after - times_s.begin());
+  if (after == times_s.end()) return {next - 1, next - 1, 0};
+  return {next - 1, next, (time_s - times_s[next - 1]) / (times_s[next] - times_s[next - 1])};
+}
+
+sim::Pose pose_of(const double* n) {
+  return {sim::Vector3(n[0], n[1], n[2]), Eigen::Quaterniond(n[3], n[4], n[5], n[6])};
+}
+
+void add_pose(std::string& text, const sim::Pose& pose) {
+  const Eigen::Quaterniond& q = pose.orientation;
+  for (const double number :
+       {pose.position_m.x(), pose.position_m.y(), pose.position_m.z(), q.w(), q.x(), q.y(), q.z()})
+    text += " " + exact_text(number);
+}
 
 /// The numbers of a line, nothing where it has something else.
 std::optional<std::vector<double>> numbers_of(std::string_view line) {
@@ -32,23 +61,25 @@ std::optional<std::vector<double>> numbers_of(std::string_view line) {
 }  // namespace
 
 std::vector<sim::Pose> HandMotion::at(double time_s) const {
-  const auto after = std::ranges::upper_bound(times_s, time_s);
-  if (after == times_s.begin()) return poses.front();
-  if (after == times_s.end()) return poses.back();
-  const auto next = static_cast<std::size_t>(after - times_s.begin());
-  const double share = (time_s - times_s[next - 1]) / (times_s[next] - times_s[next - 1]);
-  std::vector<sim::Pose> between = poses[next - 1];
-  for (std::size_t finger = 0; finger < fingers; ++finger) {
-    const sim::Pose& to = poses[next][finger];
-    between[finger].position_m += share * (to.position_m - between[finger].position_m);
-    between[finger].orientation = between[finger].orientation.slerp(share, to.orientation).normalized();
-  }
-  return between;
+  const auto [before, next, share] = place_of(time_s, times_s);
+  std::vector<sim::Pose> all = poses[before];
+  if (next == before) return all;
+  for (std::size_t finger = 0; finger < fingers; ++finger)
+    all[finger] = between(all[finger], poses[next][finger], share);
+  return all;
+}
+
+std::optional<sim::Pose> HandMotion::wrist_at(double time_s) const {
+  if (wrists.empty()) return std::nullopt;
+  const auto [before, next, share] = place_of(time_s, times_s);
+  if (next == before || !wrists[before] || !wrists[next]) return wrists[before];
+  return between(*wrists[before], *wrists[next], share);
 }
 
 HandMotion parse_hand_motion(std::string_view text, const std::string& file) {
   HandMotion motion;
   std::size_t line_number = 0;
+  bool may_have_wrist = false;
   const auto refuse = [&](const std::string& why) {
     throw Error(file + ", line " + std::to_string(line_number) + ": " + why);
   };
@@ -59,8 +90,10 @@ HandMotion parse_hand_motion(std::string_view text, const std::string& file) {
     begin = end + 1;
     ++line_number;
     if (line_number == 1) {
-      if (line != kFirstLine)
-        refuse("this is no hand motion: it must begin with '" + std::string(kFirstLine) + "'");
+      may_have_wrist = line == kFirstLineWithWrist;
+      if (line != kFirstLine && !may_have_wrist)
+        refuse("this is no hand motion: it must begin with '" + std::string(kFirstLine) + "' or '" +
+               std::string(kFirstLineWithWrist) + "'");
       continue;
     }
     if (line.empty() || line.starts_with('#')) continue;
@@ -75,37 +108,38 @@ HandMotion parse_hand_motion(std::string_view text, const std::string& file) {
     }
     const auto numbers = numbers_of(line);
     const std::size_t expected = 1 + kNumbersOfAPose * motion.fingers;
-    if (!numbers || numbers->size() != expected)
+    const bool has_wrist = may_have_wrist && numbers && numbers->size() == expected + kNumbersOfAPose;
+    if (!numbers || (numbers->size() != expected && !has_wrist))
       refuse("a moment of " + std::to_string(motion.fingers) + " fingers is " + std::to_string(expected) +
-             " finite numbers: seconds, then x y z and w x y z of each");
+             " finite numbers: seconds, then x y z and w x y z of each" +
+             (may_have_wrist ? ", and seven more where there is a wrist" : ""));
     if (numbers->front() < 0 || (!motion.times_s.empty() && numbers->front() <= motion.times_s.back()))
       refuse("times are seconds from 0 on, each later than the one before");
     std::vector<sim::Pose> poses(motion.fingers);
     for (std::size_t finger = 0; finger < motion.fingers; ++finger) {
-      const double* const n = numbers->data() + 1 + kNumbersOfAPose * finger;
-      poses[finger].position_m = {n[0], n[1], n[2]};
-      poses[finger].orientation = {n[3], n[4], n[5], n[6]};
+      poses[finger] = pose_of(numbers->data() + 1 + kNumbersOfAPose * finger);
       if (!poses[finger].sound())
         refuse("the quaternion of finger " + std::to_string(finger + 1) + " is not of length 1");
     }
     if (motion.times_s.size() == kMostMoments) refuse("a hand motion has at most 10 million moments");
     motion.times_s.push_back(numbers->front());
     motion.poses.push_back(std::move(poses));
+    if (!may_have_wrist) continue;
+    motion.wrists.push_back(has_wrist ? std::optional(pose_of(numbers->data() + expected)) : std::nullopt);
+    if (has_wrist && !motion.wrists.back()->sound()) refuse("the quaternion of the wrist is not of length 1");
   }
   if (motion.times_s.empty()) throw Error(file + " is a hand motion without a moment: record one first");
   return motion;
 }
 
 std::string text_of(const HandMotion& motion) {
-  std::string text = std::string(kFirstLine) + "\nfingers " + std::to_string(motion.fingers) + "\n";
+  const bool has_wrist = std::ranges::any_of(motion.wrists, &std::optional<sim::Pose>::has_value);
+  std::string text = std::string(has_wrist ? kFirstLineWithWrist : kFirstLine) + "\nfingers " +
+                     std::to_string(motion.fingers) + "\n";
   for (std::size_t moment = 0; moment < motion.times_s.size(); ++moment) {
     text += exact_text(motion.times_s[moment]);
-    for (const sim::Pose& pose : motion.poses[moment]) {
-      const Eigen::Quaterniond& q = pose.orientation;
-      for (const double number :
-           {pose.position_m.x(), pose.position_m.y(), pose.position_m.z(), q.w(), q.x(), q.y(), q.z()})
-        text += " " + exact_text(number);
-    }
+    for (const sim::Pose& pose : motion.poses[moment]) add_pose(text, pose);
+    if (has_wrist && motion.wrists[moment]) add_pose(text, *motion.wrists[moment]);
     text += "\n";
   }
   return text;
@@ -117,7 +151,9 @@ MotionPlayer::MotionPlayer(HandMotion motion, double period_s)
 }
 
 bool MotionPlayer::read(std::span<sim::Pose> poses) {
-  std::ranges::copy(motion_.at(static_cast<double>(steps_) * period_s_), poses.begin());
+  const double now_s = static_cast<double>(steps_) * period_s_;
+  std::ranges::copy(motion_.at(now_s), poses.begin());
+  wrist_ = motion_.wrist_at(now_s);
   return true;
 }
 
@@ -129,6 +165,7 @@ MotionRecorder::MotionRecorder(sim::HapticDevice& device, double period_s, doubl
   const auto moments = static_cast<std::size_t>(longest_s / kLeastSeconds) + 1;
   motion_.times_s.resize(moments);
   motion_.poses.assign(moments, std::vector<sim::Pose>(device.tools()));
+  motion_.wrists.resize(moments);
 }
 
 bool MotionRecorder::read(std::span<sim::Pose> poses) {
@@ -139,6 +176,7 @@ bool MotionRecorder::read(std::span<sim::Pose> poses) {
   if (due && kept_ < motion_.times_s.size()) {
     motion_.times_s[kept_] = now_s;
     std::ranges::copy(poses, motion_.poses[kept_].begin());
+    motion_.wrists[kept_] = device_.has_wrist() ? std::optional(device_.wrist()) : std::nullopt;
     ++kept_;
   }
   return true;
@@ -153,6 +191,7 @@ HandMotion MotionRecorder::motion() const {
   HandMotion kept = motion_;
   kept.times_s.resize(kept_);
   kept.poses.resize(kept_);
+  kept.wrists.resize(kept_);
   return kept;
 }
 

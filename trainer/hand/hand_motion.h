@@ -6,9 +6,11 @@
 //   0.01 ...
 //
 // A line a moment: seconds, strictly ascending, then for each finger x, y, z in metres and w, x, y, z of its
-// unit quaternion, in the mesh's frame. Lines that begin with # say nothing.
+// unit quaternion, in the mesh's frame. Lines that begin with # say nothing. Version 2 is of devices that
+// have a wrist: its seven numbers stand behind those of the fingers, in the moments that had one.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,15 +20,19 @@
 
 namespace kiroku::trainer {
 
-/// Plain data: (moments) times and (moments x fingers) poses.
+/// Plain data: (moments) times and (moments x fingers) poses; (moments) wrists, or none where no moment has
+/// one.
 struct HandMotion {
   std::size_t fingers = 0;
   std::vector<double> times_s;
   std::vector<std::vector<sim::Pose>> poses;
+  std::vector<std::optional<sim::Pose>> wrists = {};
 
   /// Between two moments along the straight line and turning evenly; before the first and after the last as
   /// these. At least one moment.
   [[nodiscard]] std::vector<sim::Pose> at(double time_s) const;
+  /// Likewise; between a moment with a wrist and one without, as the earlier one.
+  [[nodiscard]] std::optional<sim::Pose> wrist_at(double time_s) const;
   [[nodiscard]] double duration_s() const { return times_s.empty() ? 0 : times_s.back(); }
 };
 
@@ -35,7 +41,7 @@ HandMotion parse_hand_motion(std::string_view text, const std::string& file);
 /// What parse_hand_motion() reads back to the bit.
 std::string text_of(const HandMotion& motion);
 
-/// Plays a motion; every write() is `period_s` later. Not thread-safe.
+/// Plays a motion, with its wrist where it has one; every write() is `period_s` later. Not thread-safe.
 class MotionPlayer : public sim::HapticDevice {
  public:
   /// kiroku::UsageError for a motion without moments.
@@ -43,15 +49,18 @@ class MotionPlayer : public sim::HapticDevice {
   [[nodiscard]] std::size_t tools() const override { return motion_.fingers; }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
+  [[nodiscard]] bool has_wrist() const override { return wrist_.has_value(); }
+  [[nodiscard]] sim::Pose wrist() const override { return *wrist_; }
 
  private:
   HandMotion motion_;
   double period_s_;
   std::uint64_t steps_ = 0;
+  std::optional<sim::Pose> wrist_;
 };
 
-/// Passes on what a device does and keeps the motion of its fingers, a hundred moments a second at most. Not
-/// thread-safe.
+/// Passes on what a device does and keeps the motion of its fingers and wrist, a hundred moments a second at
+/// most. Not thread-safe.
 class MotionRecorder : public sim::HapticDevice {
  public:
   /// `device` must outlive it; every write() is `period_s` later. Room for `longest_s` is taken at once, so

@@ -14,7 +14,7 @@ namespace {
 
 /// The distal capsule ends this far behind the fingertip's middle: what the fingertip touches it does not.
 constexpr double kBehindTipMetres = 0.006;
-constexpr double kPalmHalfMetres = 0.028, kPalmMiddleMetres = 0.05, kPalmApartMetres = 0.022;
+constexpr double kPalmHalfMetres = 0.028, kPalmApartMetres = 0.022;
 
 /// A capsule of that length (its axis) that begins at `from` and goes towards `to`; `otherwise` where both
 /// are one.

@@ -18,7 +18,7 @@ namespace kiroku::trainer {
 class HandShape {
  public:
   static constexpr std::size_t kPhalanges = 3, kPalmCapsules = 3;
-  static constexpr double kKnuckleMetres = 0.09;  // from the wrist
+  static constexpr double kKnuckleMetres = 0.09, kPalmMiddleMetres = 0.05;  // from the wrist
   static constexpr double kKnucklesApartMetres = 0.022;
   static constexpr double kProximalMetres = 0.042, kMiddleMetres = 0.025, kDistalMetres = 0.018;
   static constexpr double kPhalanxRadiusMetres = 0.007, kPalmRadiusMetres = 0.012;

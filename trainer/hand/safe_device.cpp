@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "sim/haptics/rate_scheduler.h"
+#include "trainer/hand/hand_shape.h"
 
 namespace kiroku::trainer {
 
@@ -15,6 +16,16 @@ namespace {
 
 /// Devices round, and their poses come unevenly.
 constexpr double kJitterMetres = 2e-3;
+/// How far from where a pose is what turns with it is still felt: of a fingertip its phalanx, of the wrist
+/// the knuckles.
+constexpr double kFingertipLeverMetres = HandShape::kDistalMetres,
+                 kWristLeverMetres = HandShape::kKnuckleMetres;
+
+/// The way of the pose itself, or of what turns with it at the end of that lever: the longer one.
+double way_m(const sim::Pose& from, const sim::Pose& to, double lever_m) {
+  return std::max((to.position_m - from.position_m).norm(),
+                  lever_m * to.orientation.angularDistance(from.orientation));
+}
 
 }  // namespace
 
@@ -42,9 +53,8 @@ bool SafeDevice::read(std::span<sim::Pose> poses) {
   if (sound && any_seen_) {
     const double reach_m = limits_.most_speed_m_s * std::max(since_seen_s_, period_s_) + kJitterMetres;
     for (std::size_t tool = 0; tool < read_.size(); ++tool)
-      jumped = jumped || (read_[tool].position_m - seen_[tool].position_m).norm() > reach_m;
-    jumped =
-        jumped || (has_wrist && wrist_seen_ && (wrist.position_m - seen_wrist_.position_m).norm() > reach_m);
+      jumped = jumped || way_m(seen_[tool], read_[tool], kFingertipLeverMetres) > reach_m;
+    jumped = jumped || (has_wrist && wrist_seen_ && way_m(seen_wrist_, wrist, kWristLeverMetres) > reach_m);
   }
   if (!sound) ++faults_.unsound;
   if (jumped) ++faults_.jumps;

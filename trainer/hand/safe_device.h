@@ -20,9 +20,9 @@ struct SafetyLimits {
   double most_wrist_nm = 2, most_wrist_slope_nm_s = 80;
 };
 
-/// Poses that are not sound, or of a tool or wrist that moved faster than a hand, are a fault: from then on
-/// no pose is believed and forces go to zero as quickly as the slope allows, until poses made sense for
-/// `steady_s`. Not thread-safe, as every device.
+/// Poses that are not sound, or of a tool or wrist that moved or turned faster than a hand, are a fault: from
+/// then on no pose is believed and forces go to zero as quickly as the slope allows, until poses made sense
+/// for `steady_s`. Not thread-safe, as every device.
 class SafeDevice : public sim::HapticDevice {
  public:
   /// `device` must outlive it; every write() is `period_s` after the one before. kiroku::UsageError for

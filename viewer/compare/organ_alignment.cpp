@@ -1,14 +1,10 @@
 #include "viewer/compare/organ_alignment.h"
 
 #include <algorithm>
-#include <optional>
 
-extern "C" {
-#include <libavutil/frame.h>
-}
+#include <Eigen/Geometry>
 
 #include "base/error.h"
-#include "media/rgb_converter.h"
 #include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
@@ -17,11 +13,26 @@ std::size_t Alignment::held() const {
   return static_cast<std::size_t>(std::ranges::count_if(moments, &sim::AlignedMoment::held));
 }
 
-const sim::AlignedMoment* Alignment::at(std::int64_t case_ns) const {
+std::optional<sim::AlignedMoment> Alignment::at(std::int64_t case_ns) const {
   const auto after = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
-  if (after == moments.begin()) return nullptr;
-  const sim::AlignedMoment& last = *std::prev(after);
-  return case_ns - last.time_ns <= kAlignedMostNs ? &last : nullptr;
+  if (after == moments.begin()) return std::nullopt;
+  const sim::AlignedMoment& before = *std::prev(after);
+  if (before.time_ns == case_ns) return before;
+  if (after == moments.end() || after->time_ns - before.time_ns > kAlignedMostNs ||
+      after->camera.half_extent != before.camera.half_extent)
+    return std::nullopt;
+  if (!before.held()) return before;
+  if (!after->held()) return *after;
+  const double share = double(case_ns - before.time_ns) / double(after->time_ns - before.time_ns);
+  sim::AlignedMoment between = before;
+  between.time_ns = case_ns;
+  between.camera.eye_m += share * (after->camera.eye_m - before.camera.eye_m);
+  between.camera.to_view = Eigen::Quaterniond(before.camera.to_view)
+                               .slerp(share, Eigen::Quaterniond(after->camera.to_view))
+                               .normalized()
+                               .toRotationMatrix();
+  between.standard_error_m = std::max(before.standard_error_m, after->standard_error_m);
+  return between;
 }
 
 std::vector<Alignment::Lost> Alignment::lost() const {
@@ -46,7 +57,7 @@ std::string sentence_of(sim::WhyLost why) {
     case sim::WhyLost::kAlike:
       return "two places of the organ explain its outline alike";
     case sim::WhyLost::kMirrored:
-      return "the organ's mirror image explains the outline as well or better";
+      return "the organ's mirror image explains the outline nearly as well or better";
     case sim::WhyLost::kHidden:
       return "too little of the organ is seen";
     case sim::WhyLost::kUncertain:
@@ -54,21 +65,24 @@ std::string sentence_of(sim::WhyLost why) {
     case sim::WhyLost::kContradictory:
       return "its outline and its texture say different things";
     case sim::WhyLost::kNotLooked:
-      return "it was not found before, and not searched for here";
+      return "it was lost before, and this picture was not searched all over";
   }
   return "nothing is known";
+}
+
+void require_alignable(const archive::Span& span) {
+  if (span.end_ns - span.start_ns > kLongestAlignedNs) {
+    throw UsageError(
+        "the plan is aligned with an hour of a recording at most: say which with --from and --to");
+  }
 }
 
 Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                       const std::string& stream, const sim::TetMesh& mesh, const AlignmentRequest& request,
                       const std::function<void(double share)>& share) {
-  if (request.span.end_ns - request.span.start_ns > kLongestAlignedNs) {
-    throw UsageError(
-        "the plan is aligned with an hour of a recording at most: say which with --from and --to");
-  }
+  require_alignable(request.span);
   sim::OrganTrack track(mesh, request.field_deg, request.range);
   playback::PictureSpan frames(recording, identities, stream, request.span.start_ns, request.span.end_ns);
-  media::RgbConverter converter;
   Alignment alignment{request.span, request.field_deg, {}};
   const double all_ns = double(std::max<std::int64_t>(1, request.span.end_ns - request.span.start_ns));
   while (frames.next() && frames.time_ns() < request.span.end_ns) {
@@ -80,9 +94,9 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
         time_ns < alignment.moments.back().time_ns + kAlignedEveryNs - kJitterNs)
       continue;
     sim::Picture picture;
-    picture.width = frames.frame().width;
-    picture.height = frames.frame().height;
-    picture.rgb = converter.convert(frames.frame());
+    picture.width = frames.width();
+    picture.height = frames.height();
+    picture.rgb = frames.rgb();
     alignment.moments.push_back(track.take(time_ns, picture));
     if (share) share(double(time_ns - request.span.start_ns) / all_ns);
   }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,9 +26,11 @@ struct Alignment {
   std::vector<sim::AlignedMoment> moments;  // in order, kAlignedEveryNs apart at least
 
   [[nodiscard]] std::size_t held() const;
-  /// Of the last moment that is not later; nullptr before the first and where it is older than
-  /// kAlignedMostNs: then nothing is known.
-  [[nodiscard]] const sim::AlignedMoment* at(std::int64_t case_ns) const;
+  /// Where the organ was in the picture of that time. Between two moments in which it was held, evenly
+  /// between them, with the larger of their errors; lost where one of them was. Nothing before the first
+  /// moment, after the last, between two that are more than kAlignedMostNs apart, and between pictures of two
+  /// shapes: there nobody looked.
+  [[nodiscard]] std::optional<sim::AlignedMoment> at(std::int64_t case_ns) const;
   /// Successive moments that were lost for the same reason.
   struct Lost {
     archive::Span span;
@@ -42,6 +45,9 @@ std::string sentence_of(sim::WhyLost why);
 inline constexpr std::int64_t kAlignedEveryNs = 100'000'000, kAlignedMostNs = 300'000'000;
 /// An hour: a longer stretch would take a day, and its document hundreds of megabytes.
 inline constexpr std::int64_t kLongestAlignedNs = 3'600'000'000'000;
+
+/// kiroku::UsageError for a stretch that is longer than kLongestAlignedNs.
+void require_alignable(const archive::Span& span);
 
 /// Aligns the mesh, at rest and rigid, with the pictures of the stretch. kiroku::UsageError for a stretch
 /// that is longer than kLongestAlignedNs or holds no picture, and as sim::OrganTrack; kiroku::Error as

@@ -4,11 +4,27 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "viewer/compare/captions.h"
 #include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
 namespace {
+
+bool same(const std::optional<sim::Camera>& a, const std::optional<sim::Camera>& b) {
+  if (!a || !b) return !a && !b;
+  return a->eye_m == b->eye_m && a->to_view == b->to_view && a->half_extent == b->half_extent &&
+         a->centre == b->centre;
+}
+
+/// How well the organ is placed, for the caption.
+std::string words_of(const std::optional<sim::AlignedMoment>& place) {
+  if (!place) return "organ not looked for here";
+  if (place->why == sim::WhyLost::kNotLooked) return "organ lost before, not searched for here";
+  if (!place->held()) return "organ not found here";
+  constexpr double kMmPerM = 1000;
+  return "organ placed, standard error " + number_text(kMmPerM * place->standard_error_m, 2) + " mm";
+}
 
 int even(double side) { return std::max(16, 2 * static_cast<int>(std::lround(side / 2))); }
 
@@ -35,30 +51,32 @@ PairedPictures::PairedPictures(const archive::CaseReader& recording, const crypt
       recorded_(recording, identities, comparison.stream, from_ns, to_ns, form.width, form.height),
       rendered_(form.width, form.height) {}
 
-bool PairedPictures::has_no_place(std::int64_t case_ns) const {
-  if (!comparison_.alignment || form_.arrangement == Arrangement::kSideBySide) return false;
-  const sim::AlignedMoment* const moment = comparison_.alignment->at(case_ns);
-  return moment == nullptr || !moment->held();
+bool PairedPictures::is_aligned() const {
+  return comparison_.alignment && form_.arrangement != Arrangement::kSideBySide;
+}
+
+std::optional<sim::AlignedMoment> PairedPictures::aligned() const {
+  const std::optional<std::int64_t> taken_ns = recorded_.taken_ns();
+  return taken_ns ? comparison_.alignment->at(*taken_ns) : std::nullopt;
 }
 
 void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
   const sim::PlanFrames::Kept& kept = frames_.at(moment.step, moment.plan_s);
-  if (has_no_place(case_ns)) {
-    // Nothing of the plan is laid where it would be a guess.
-    for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
-    rendered_frame_ = nullptr;
-    return;
-  }
-  const sim::Camera* camera = nullptr;
-  if (form_.arrangement != Arrangement::kSideBySide) {
-    if (comparison_.alignment) {
-      camera = &comparison_.alignment->at(case_ns)->camera;
-    } else if (comparison_.camera) {
-      camera = &comparison_.camera->camera_at(case_ns);
+  std::optional<sim::Camera> camera;
+  if (is_aligned()) {
+    const std::optional<sim::AlignedMoment> place = aligned();
+    if (!place || !place->held()) {
+      // Nothing of the plan is laid where it would be a guess.
+      for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
+      rendered_frame_ = nullptr;
+      return;
     }
+    camera = place->camera;
+  } else if (comparison_.camera && form_.arrangement != Arrangement::kSideBySide) {
+    camera = comparison_.camera->camera_at(case_ns);
   }
-  if (&kept == rendered_frame_ && camera == rendered_camera_) return;
-  if (camera != nullptr) plan_.set_camera(*camera);
+  if (&kept == rendered_frame_ && same(camera, rendered_camera_)) return;
+  if (camera) plan_.set_camera(*camera);
   rendered_ = plan_.picture(kept.frame, *kept.mesh);
   rendered_frame_ = &kept;
   rendered_camera_ = camera;
@@ -66,10 +84,12 @@ void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
 
 Caption PairedPictures::caption_at(std::int64_t case_ns) const {
   Caption caption = compare::caption_at(comparison_, case_ns);
-  if (form_.arrangement != Arrangement::kSideBySide && comparison_.camera && comparison_.camera->lost_ns() &&
-      case_ns >= *comparison_.camera->lost_ns())
+  if (is_aligned()) {
+    caption.step += "    (" + words_of(aligned()) + ")";
+  } else if (form_.arrangement != Arrangement::kSideBySide && comparison_.camera &&
+             comparison_.camera->lost_ns() && case_ns >= *comparison_.camera->lost_ns()) {
     caption.step += "    (camera lost)";
-  if (has_no_place(case_ns)) caption.step += "    (organ not found here)";
+  }
   return caption;
 }
 

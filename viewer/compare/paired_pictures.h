@@ -38,12 +38,15 @@ class PairedPictures {
   /// Moments must not go back. Black where nothing was recorded yet; where a recording stops for a while, its
   /// last picture stays.
   sim::Picture at(std::int64_t case_ns);
-  /// What is done at that moment, and when that is on both clocks.
+  /// What is done at that moment, and when that is on both clocks. Where the plan is laid on the recording it
+  /// also says how well the organ is placed in the picture that at() gave last, or that it is not.
   [[nodiscard]] Caption caption_at(std::int64_t case_ns) const;
 
  private:
-  /// Whether the plan is laid on the recording by an alignment, in which that moment is lost.
-  [[nodiscard]] bool has_no_place(std::int64_t case_ns) const;
+  /// Whether the plan is laid on the recording by an alignment.
+  [[nodiscard]] bool is_aligned() const;
+  /// Where that has the organ in the recorded picture that is shown.
+  [[nodiscard]] std::optional<sim::AlignedMoment> aligned() const;
   void render(const PlanMoment& moment, std::int64_t case_ns);
 
   const Comparison& comparison_;
@@ -54,7 +57,7 @@ class PairedPictures {
   RecordedPictures recorded_;
   sim::Picture rendered_;
   const sim::PlanFrames::Kept* rendered_frame_ = nullptr;
-  const sim::Camera* rendered_camera_ = nullptr;
+  std::optional<sim::Camera> rendered_camera_;
 };
 
 }  // namespace kiroku::compare

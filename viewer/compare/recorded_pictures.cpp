@@ -13,6 +13,7 @@ const sim::Picture& RecordedPictures::at(std::int64_t case_ns) {
   bool newer = false;
   while (pending_ && reader_.time_ns() <= case_ns) {
     newer = true;
+    taken_ns_ = reader_.time_ns();
     pending_ = reader_.next();
   }
   // The reader is one picture ahead.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "archive/reading/case_reader.h"
@@ -22,11 +23,14 @@ class RecordedPictures {
   /// Moments must not go back. Black where nothing was recorded yet; where a recording stops for a while, its
   /// last picture stays.
   const sim::Picture& at(std::int64_t case_ns);
+  /// When the picture that at() gave last was taken; nothing where that was black.
+  [[nodiscard]] std::optional<std::int64_t> taken_ns() const { return taken_ns_; }
 
  private:
   playback::PictureSpan reader_;
   bool pending_;  // the reader holds a picture that is still to come
   sim::Picture picture_;
+  std::optional<std::int64_t> taken_ns_;
 };
 
 }  // namespace kiroku::compare

@@ -22,7 +22,7 @@ struct BeginMessage {
   std::size_t fingers = 1;
   bool test = false;
   bool expert = false;  // shows an expert's hand
-  bool press = false;   // colours what fingers press
+  bool press = false;   // colours what fingers press; not in a test
 };
 /// {"end": true}
 struct EndMessage {};

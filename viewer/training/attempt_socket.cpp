@@ -90,14 +90,16 @@ void AttemptSocket::begin(const BeginMessage& message) {
   if (is_kept) files_ = room_.options().sealer->keep(kept);
   trainer::ExclusionOptions options;
   options.shows_stress = record.stress_shown;
-  options.shows_press = message.press;
+  // A test is done without help.
+  const bool shows_press = message.press && !message.test;
+  options.shows_press = shows_press;
   options.picture_rate_hz = kPicturesPerSecond;
   options.most_s = practice_left_s;
   const auto expert = room_.options().experts.find(message.object);
   if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
   attempt_ = std::make_unique<trainer::LiveAttempt>(
       [this, object = message.object] { return room_.body(object); }, std::move(options), message.fingers,
-      listener(kept, record, message.press));
+      listener(kept, record, shows_press));
 }
 
 trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabase& results,

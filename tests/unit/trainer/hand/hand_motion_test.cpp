@@ -41,6 +41,38 @@ TEST(HandMotion, IsReadBackToTheBit) {
   }
 }
 
+/// A wrist came after the first moment.
+TEST(HandMotion, OfAWristIsReadBackToTheBitAndPlayed) {
+  HandMotion motion = turning();
+  motion.wrists = {std::nullopt, sim::Pose{{0.1, -0.2, 0.3}, motion.poses[1][0].orientation},
+                   sim::Pose{{0.3, -0.2, 0.3}, motion.poses[2][0].orientation}};
+  const std::string text = text_of(motion);
+  EXPECT_THAT(text, testing::StartsWith("kiroku-hand-motion 2\nfingers 2\n"));
+  const HandMotion again = parse_hand_motion(text, "a.hand");
+  ASSERT_EQ(again.wrists.size(), 3U);
+  EXPECT_FALSE(again.wrists[0]);
+  for (const std::size_t i : {1U, 2U}) {
+    ASSERT_TRUE(again.wrists[i]);
+    EXPECT_EQ(again.wrists[i]->position_m, motion.wrists[i]->position_m);
+    EXPECT_EQ(again.wrists[i]->orientation.coeffs(), motion.wrists[i]->orientation.coeffs());
+  }
+  EXPECT_FALSE(again.wrist_at(0.5));
+  EXPECT_TRUE(again.wrist_at(2)->position_m.isApprox(sim::Vector3(0.2, -0.2, 0.3)));
+  // Played a second a step, and kept again.
+  MotionPlayer player(again, 1);
+  MotionRecorder recorder(player, 1, 3);
+  std::vector<sim::Pose> poses(2);
+  for (const bool has_wrist : {false, true, true, true}) {
+    ASSERT_TRUE(recorder.read(poses));
+    EXPECT_EQ(recorder.has_wrist(), has_wrist);
+    recorder.write(std::vector<sim::Vector3>(2, sim::Vector3::Zero()));
+  }
+  const HandMotion kept = recorder.motion();
+  ASSERT_EQ(kept.wrists.size(), 4U);
+  EXPECT_FALSE(kept.wrists[0]);
+  EXPECT_EQ(kept.wrists[3]->position_m, motion.wrists[2]->position_m);
+}
+
 TEST(HandMotion, IsEvenBetweenItsMomentsAndStaysAtItsEnds) {
   const HandMotion motion = turning();
   EXPECT_TRUE(motion.at(2)[0].position_m.isApprox(sim::Vector3(2.0 / 3, 0.1, -2)));
@@ -58,6 +90,12 @@ TEST(HandMotion, TellsWhatIsWrongWithAFile) {
   EXPECT_THAT(refusal(head + "fingers 1\n0 0 0 0 2 0 0 0\n"), HasSubstr("finger 1 is not of length 1"));
   EXPECT_THAT(refusal(head + "fingers 1\n1 0 0 0 1 0 0 0\n1 0 0 0 1 0 0 0\n"), HasSubstr("line 4: times"));
   EXPECT_THAT(refusal(head + "fingers 1\n"), HasSubstr("without a moment"));
+  const std::string pose = " 0 0 0 1 0 0 0", second = "kiroku-hand-motion 2\n";
+  EXPECT_THAT(refusal(head + "fingers 1\n0" + pose + pose + "\n"), HasSubstr("of 1 fingers is 8"));
+  EXPECT_THAT(refusal(second + "fingers 1\n0" + pose + " 0\n"),
+              HasSubstr("seven more where there is a wrist"));
+  EXPECT_THAT(refusal(second + "fingers 1\n0" + pose + " 0 0 0 3 0 0 0\n"), HasSubstr("of the wrist is not"));
+  EXPECT_EQ(refusal(second + "fingers 1\n0" + pose + pose + "\n"), "nothing was refused");
 }
 
 TEST(HandMotion, WhatIsPlayedIsWhatIsRecorded) {

@@ -4,6 +4,7 @@
 
 #include "tests/support/eventually.h"
 #include "trainer/exclusion/hand_forces.h"
+#include "trainer/exclusion/simulated_trainee.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -106,7 +107,7 @@ TEST(HandForces, OfAWholeHandTheWristBearsWhatPhalangesAndPalmFeel) {
     for (std::size_t i = 0; i < 2; ++i)
       poses[i].position_m = {i == 0 ? -0.03 : 0.03, 0.045, below_m - kFingertipMetres + lifted_m};
     hand.wrist_at(
-        {{0, -0.11, below_m - HandShape::kPalmRadiusMetres + lifted_m}, Eigen::Quaterniond::Identity()});
+        Pose{{0, -0.11, below_m - HandShape::kPalmRadiusMetres + lifted_m}, Eigen::Quaterniond::Identity()});
     for (HandForces* const each : {&fingers, &hand}) {
       ASSERT_TRUE(test::eventually([&] {
         each->forces(poses, 1e-3, each == &hand ? played_n : alone_n);
@@ -133,6 +134,58 @@ TEST(HandForces, OfAWholeHandTheWristBearsWhatPhalangesAndPalmFeel) {
   // The palm bears what the fingertips would have to bear alone.
   EXPECT_GT(state.wrist_n.norm(), (alone_n[0] + alone_n[1]).norm());
   EXPECT_TRUE(fingers.state().parts_n.empty());
+}
+
+/// As of a program at a UDP device that is restarted and speaks of no wrist any more.
+TEST(HandForces, AWristThatGoesAwayIsTakenToBeBehindTheFingertipsAgain) {
+  const ExclusionBody body(make_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver));
+  HandForces hand(body, 2, Feedback::kFull, Touch::kHand);
+  const std::vector<Pose> poses = tips(2, 0.2, -0.3);
+  std::vector<Vector3> played_n(2);
+  hand.forces(poses, 1e-3, played_n);
+  const std::vector<Pose> behind = hand.state().parts;
+  hand.wrist_at(Pose{{0.1, 0, -0.3}, Eigen::Quaterniond::Identity()});
+  hand.forces(poses, 1e-3, played_n);
+  (void)hand.wrist_force({0.1, 0, -0.3});
+  EXPECT_GT((hand.state().parts.back().position_m - behind.back().position_m).norm(), 0.05);
+  EXPECT_TRUE(hand.state().wrist_torque_nm);
+  hand.wrist_at(std::nullopt);
+  hand.forces(poses, 1e-3, played_n);
+  EXPECT_EQ(hand.state().parts.back().position_m, behind.back().position_m);
+  EXPECT_FALSE(hand.state().wrist_torque_nm);
+}
+
+/// A patient's organ may be lifted another way than objects A and B are.
+TEST(SimulatedTrainee, ItsWholeHandComesFromWhereItsOwnerStands) {
+  for (const sim::Vector3& lifts : {Vector3(0, 0, 1), Vector3(0, -1, 0)}) {
+    // From the front, and from the feet, lifted towards the front.
+    ExclusionTask task = exclusion_task(ObjectKind::kLiver);
+    const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), lifts);  // about x
+    task.lifts = lifts;
+    task.under_border_m = turn * task.under_border_m;
+    OrganObject object = make_object(ObjectKind::kLiver, 900);
+    for (Vector3& node : object.mesh.nodes) node = turn * node;
+    const ExclusionBody body(std::move(object), task);
+    LiftPlan plan;
+    plan.offset_m = {0, 0, 0};
+    SimulatedTrainee trainee(body, plan, 2e-3);
+    std::vector<Pose> poses(3), parts(HandShape(3).parts());
+    ASSERT_TRUE(trainee.read(poses));
+    const Pose wrist = HandShape::wrist_behind(poses);
+    EXPECT_LT((wrist.orientation * Vector3::UnitY() - task.away()).norm(), 1e-9);
+    EXPECT_LT((wrist.orientation * Vector3::UnitZ() - task.lifts).norm(), 1e-9);
+    EXPECT_LT(task.away().dot(wrist.position_m - task.under_border_m), -0.15);
+    // Nothing of the hand touches before it lifts.
+    HandForces hand(body, 3, Feedback::kFull, Touch::kHand);
+    std::vector<Vector3> forces_n(3);
+    for (int i = 0; i < 5; ++i) {
+      (void)hand.refresh();
+      hand.forces(poses, 2e-3, forces_n);
+    }
+    EXPECT_EQ(hand.state().wrist_n, Vector3::Zero());
+    // The part that tangential feedback plays is the one that lifts.
+    EXPECT_LT((played_n(Feedback::kTangential, poses[0], lifts) - lifts).norm(), 1e-9);
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -32,6 +33,9 @@ class ScriptedDevice : public sim::HapticDevice {
     }
     ++steps;
   }
+  [[nodiscard]] bool has_wrist() const override { return wrist_now.has_value(); }
+  [[nodiscard]] sim::Pose wrist() const override { return *wrist_now; }
+  std::optional<sim::Pose> wrist_now;
   sim::Pose next;
   bool speaks = true;
   std::array<Vector3, 2> last_n{Vector3::Zero(), Vector3::Zero()};
@@ -89,6 +93,28 @@ TEST(SafeDevice, AJumpEndsForcesSmoothly) {
   setting.inner.speaks = false;  // what says nothing is not steady
   for (int i = 0; i < 1000; ++i) setting.step({0, 9, 0});
   EXPECT_FALSE(setting.safe.believes());
+}
+
+TEST(SafeDevice, WhatTurnsFasterThanAHandHasJumped) {
+  const Eigen::Quaterniond slightly(Eigen::AngleAxisd(0.02, Vector3::UnitX())),
+      far(Eigen::AngleAxisd(1.5, Vector3::UnitX()));
+  for (const bool is_wrist : {false, true}) {
+    Setting setting;
+    if (is_wrist) setting.inner.wrist_now = sim::Pose();
+    Eigen::Quaterniond& turned =
+        is_wrist ? setting.inner.wrist_now->orientation : setting.inner.next.orientation;
+    for (int i = 0; i < 100; ++i) {  // 20 rad/s
+      turned = (turned * slightly).normalized();
+      EXPECT_TRUE(setting.step({0, 5, 0})) << is_wrist;
+    }
+    turned = Eigen::Quaterniond(-turned.coeffs());  // the same
+    EXPECT_TRUE(setting.step({0, 5, 0})) << is_wrist;
+    turned = (turned * far).normalized();
+    EXPECT_FALSE(setting.step({0, 5, 0})) << is_wrist;
+    EXPECT_EQ(setting.safe.faults().jumps, 1U) << is_wrist;
+    for (int i = 0; i < 50; ++i) setting.step({0, 5, 0});
+    EXPECT_EQ(setting.inner.last_n[0], Vector3::Zero()) << is_wrist;
+  }
 }
 
 TEST(SafeDevice, LimitsHoldWhateverIsAskedFor) {

@@ -76,6 +76,12 @@ class TrainingApi : public testing::Test {
          {{"trainee", trainee}, {"object", object}, {"fingers", fingers}, {"test", test}, {"expert", false}}}}
         .dump();
   }
+  /// Of what asks for the colours of pressed tissue, too.
+  static std::string with_press(const std::string& asked) {
+    json message = json::parse(asked);
+    message["begin"]["press"] = true;
+    return message.dump();
+  }
   static std::string input(std::uint64_t number, double y) {
     return json{{"input", number}, {"pointers", {{{"finger", 0}, {"x", 0.5}, {"y", y}, {"push_m", 0}}}}}
         .dump();
@@ -119,8 +125,9 @@ TEST_F(TrainingApi, HasTheRoutesToWhichTheViewerLeadsAndNoOther) {
 
 TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   const auto client = connect();
-  client->send_text(begin("Aoki"));
+  client->send_text(with_press(begin("Aoki")));
   const json began = next_text(*client)["began"];
+  EXPECT_EQ(began["press_n"], json::parse("[0.5, 1.0]"));
   EXPECT_EQ(began["session"], 1);
   EXPECT_EQ(began["stress_shown"], true);
   EXPECT_EQ(began["hold_s"], 1);
@@ -192,8 +199,10 @@ TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
 TEST_F(TrainingApi, ATestShowsNoStressAndAnAttemptCanBeGivenUp) {
   practised("Aoki", 180);
   const auto client = connect();
-  client->send_text(begin("Aoki", true));
-  EXPECT_EQ(next_text(*client)["began"]["stress_shown"], false);
+  client->send_text(with_press(begin("Aoki", true)));
+  const json began = next_text(*client)["began"];
+  EXPECT_EQ(began["stress_shown"], false);
+  EXPECT_FALSE(began.contains("press_n"));  // nor how hard the fingers press
   client->send_text(R"({"end":true})");
   EXPECT_EQ(next_text(*client)["over"]["ending"], "given-up");
   EXPECT_TRUE(kept()[1].test);
