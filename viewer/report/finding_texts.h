@@ -232,7 +232,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"consent-case-unknown", Check::kLog,
      "装置ログは、それ以前に開始を記していない症例について、同意またはその撤回を記している。"},
     {"consent-doubted", Check::kLog,
-     "同意の項目に、次の項目が続く前に誰も署名していない。同意であれば無効とする。撤回であれば利用を禁じるが、それによって消去されるものはない。"},
+     "同意の項目に、次の項目が続く前に誰も署名していない。同意であれば無効とする。撤回であれば利用を禁じるが"
+     "、それによって消去されるものはない。"},
     {"access-without-consent", Check::kLog, "装置ログによれば、有効な同意のない目的のために症例が使われた。"},
     {"consent-file-missing", Check::kLog,
      "封印された同意の記載または書面がない。取り除かれたか、それを含まない写しである。"},
