@@ -158,6 +158,18 @@ struct ApplianceLog::State {
     return fs::symlink_status(folder / note_path(ledger->size()), error).type() == fs::file_type::not_found;
   }
 
+  /// A statement counts if it has a checkpoint of its own. Whoever can write to the disk adds two, of which
+  /// none is taken back; a checkpoint over the last would sign it. Behind another entry it stays unsigned.
+  void require_no_unsigned_statement() const {
+    if (ledger->size() == 0 || signing.back() == Signing::kNone || !lacks_note()) {
+      return;
+    }
+    throw Error(
+        "the newest entry of the appliance log in " + folder.string() +
+        " was not signed by whoever wrote it, so nothing is signed over it: 'kiroku log --verify' tells "
+        "more. Any later entry of the device makes an end of it: start kirokud, then try again");
+  }
+
   void take_back_unsigned_line() {
     if (!lacks_note()) {
       return;
@@ -314,6 +326,7 @@ ApplianceLog::StatedKeys ApplianceLog::state_keys() {
     if (!all_stated) {
       state_->append_locked(std::nullopt);
     }
+    state_->require_no_unsigned_statement();
     state_->checkpoint_locked();
   }
   return stated_keys();
@@ -422,6 +435,7 @@ void ApplianceLog::checkpoint() {
   const std::lock_guard guard(state_->mutex);
   const Ledger::Turn turn(*state_->ledger);
   state_->settle_locked();
+  state_->require_no_unsigned_statement();
   state_->checkpoint_locked();
 }
 

@@ -99,7 +99,8 @@ class ApplianceLog {
   enum class CaseState { kUnknown, kOpened, kClosed };
   /// What the log says of a case, as this object last saw it.
   [[nodiscard]] CaseState case_state(const std::string& case_id) const;
-  /// Signs the present state into checkpoints/, if no note of that size is there.
+  /// Signs the present state into checkpoints/, if no note of that size is there. Throws kiroku::Error where
+  /// that would sign a statement which its own writer did not sign.
   void checkpoint();
 
  private:

@@ -313,6 +313,24 @@ TEST_F(ApplianceLogTest, ALineThatSomebodyAddedIsCountedAndNotSigned) {
   EXPECT_FALSE(is_signed_entry(folder_ / "log", device, 1, root_of_first(1)));
 }
 
+TEST_F(ApplianceLogTest, NoStatementThatSomebodyAddedIsSignedByItself) {
+  open()->plan_sealed(digest_of_abc());
+  // Of two no crash can tell, so none is taken back.
+  for (const std::uint64_t seq : {2U, 3U}) {
+    std::ofstream(folder_ / "log" / "ledger.jsonl", std::ios::app)
+        << to_line(LogEntry{
+               seq, {parse_utc("2026-08-05T07:00:00Z").value(), 1}, PlanSealedEntry{crypto::sha256({})}})
+        << "\n";
+  }
+  EXPECT_THAT([&] { open()->checkpoint(); },
+              ::testing::ThrowsMessage<Error>(HasSubstr("was not signed by whoever wrote it")));
+  EXPECT_FALSE(note(4));
+  open()->shutdown();
+  open()->checkpoint();
+  EXPECT_FALSE(note(4)) << "behind another entry it stays unsigned";
+  EXPECT_TRUE(note(5));
+}
+
 TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
   for (const bool power : {false, true}) {
     for (std::size_t at = 0;; ++at) {
