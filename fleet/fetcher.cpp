@@ -287,16 +287,18 @@ class Fetching {
   }
 
   /// Whoever has the appliance's keys can put other versions; what is named by its hash lies among the older
-  /// ones. `who_names_it` ends the sentence.
+  /// ones. `who_names_it` ends the sentence; what is
+  /// longer than `most_bytes` is not fetched.
   void take_version_of(const std::string& path, const crypto::Sha256Digest& sha256,
-                       std::optional<std::uint64_t> bytes, const std::string& who_names_it) {
+                       std::optional<std::uint64_t> bytes, const std::string& who_names_it,
+                       std::uint64_t most_bytes = UINT64_MAX) {
     const std::string hash = crypto::to_hex(sha256);
     const auto versions = versions_.find(path);
     if (versions == versions_.end() || hashes_[path] == hash || !wanted_.insert(path).second) return;
     const ListedVersion& first = of_first_choice(versions->second);
     std::size_t tried = 0;
     for (const ListedVersion& each : versions->second) {
-      if (&each == &first || (bytes && each.bytes != *bytes)) continue;
+      if (&each == &first || (bytes && each.bytes != *bytes) || each.bytes > most_bytes) continue;
       if (tried++ == kMostVersionsTried) {
         result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
                                   " other versions are not what " + who_names_it +
@@ -316,7 +318,7 @@ class Fetching {
   void take_consents_of_their_names() {
     for (const auto& each : versions_) {
       if (const auto sha256 = archive::hash_of_consent_path(each.first))
-        take_version_of(each.first, *sha256, std::nullopt, "its name says");
+        take_version_of(each.first, *sha256, std::nullopt, "its name says", archive::kMaximumConsentBytes);
     }
   }
 

@@ -29,6 +29,8 @@ void take(Consents& consents, Consent consent) {
     if (!consent.withdraws) {
       if (consent.is_signed && (known == of_case.purposes.end() || !known->second.stands)) {
         of_case.purposes[purpose] = {true, consent.entry, consent.at};
+      } else if (!consent.is_signed && known != of_case.purposes.end() && !known->second.stands) {
+        known->second.doubted = true;
       }
     } else if (known != of_case.purposes.end() && (known->second.stands || consent.is_signed)) {
       // A withdrawal of what was never given states nothing of the purpose. What nobody signed takes nothing
@@ -96,7 +98,9 @@ std::optional<std::uint64_t> signed_withdrawal(const Consents& consents, const s
   }
   const auto state = of_case->second.purposes.find(purpose);
   const bool withdrawn = state != of_case->second.purposes.end() && !state->second.stands;
-  return withdrawn && state->second.withdrawal_signed ? std::optional(state->second.entry) : std::nullopt;
+  return withdrawn && state->second.withdrawal_signed && !state->second.doubted
+             ? std::optional(state->second.entry)
+             : std::nullopt;
 }
 
 std::string to_json(const ConsentDocument& document) {

@@ -38,6 +38,9 @@ struct PurposeState {
   /// It was withdrawn by an entry that was signed before another followed. Only then anything may be erased
   /// for it: any other line can be made up by whoever can write to the disk.
   bool withdrawal_signed = false;
+  /// After the withdrawal it was given again by an entry that nobody signed, or whose checkpoint is gone.
+  /// That permits nothing; nor is anything erased while nobody can tell.
+  bool doubted = false;
 };
 
 struct CaseConsents {

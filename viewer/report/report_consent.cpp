@@ -4,6 +4,16 @@
 #include "viewer/report/report_maker.h"
 
 namespace kiroku::report {
+namespace {
+
+TextKey key_of(const archive::Consent& consent) {
+  if (consent.withdraws) {
+    return consent.is_signed ? TextKey("consent.withdrawn") : TextKey("consent.withdrawn-unsigned");
+  }
+  return consent.is_signed ? TextKey("consent.given") : TextKey("consent.unsigned");
+}
+
+}  // namespace
 
 void ReportMaker::add_consents() {
   if (!in_.consents || (in_.consents->entries.empty() && in_.consents->problem.empty())) return;
@@ -22,12 +32,8 @@ void ReportMaker::add_consents() {
     if (table.rows.size() == kMost) break;
     std::string purposes;
     for (const std::string& each : consent.says.purposes) purposes += (purposes.empty() ? "" : ", ") + each;
-    table.rows.push_back({{utc_time(consent.at)},
-                          {words(consent.withdraws   ? TextKey("consent.withdrawn")
-                                 : consent.is_signed ? TextKey("consent.given")
-                                                     : TextKey("consent.unsigned"))},
-                          {plain_text(purposes)},
-                          {grouped(consent.entry)}});
+    table.rows.push_back(
+        {{utc_time(consent.at)}, {words(key_of(consent))}, {plain_text(purposes)}, {grouped(consent.entry)}});
   }
   const std::size_t all = in_.consents->entries.size();
   add(std::move(table));

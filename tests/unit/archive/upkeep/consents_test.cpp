@@ -98,6 +98,20 @@ TEST_F(ConsentsTest, OfAConsentThatWasGivenAgainTheOldWithdrawalErasesNothing) {
   EXPECT_EQ(erases(), std::nullopt);
 }
 
+TEST_F(ConsentsTest, WhoseCheckpointIsGoneErasesNothingAndPermitsNothing) {
+  give();
+  withdraw();
+  ASSERT_NE(erases(), std::nullopt);
+  give();
+  const std::uint64_t size = read_log(archive_.log_folder()).size();
+  open_log()->plan_sealed(crypto::sha256({}));
+  fs::remove(archive_.log_folder() / note_path(size));
+  EXPECT_THAT(why_not(), HasSubstr("was withdrawn"));
+  EXPECT_EQ(erases(), std::nullopt);
+  withdraw();
+  EXPECT_NE(erases(), std::nullopt) << "a later withdrawal that is signed counts";
+}
+
 TEST_F(ConsentsTest, WhatWasSealedForNoEntryIsRemovedAndNothingElse) {
   const crypto::Sha256Digest entered = keep("entered"), not_entered = keep("not entered"),
                              of_another = keep("of another");
