@@ -22,9 +22,9 @@ TEST(CsvField, IsNoFormulaOfASpreadsheet) {
 }
 
 TEST(CsvField, ShowsWhatATerminalWouldObey) {
-  EXPECT_EQ(csv_field("a\x1b[2Jb"), "a\\u{1B}[2Jb");
+  EXPECT_EQ(csv_field("a\x1b[2Jb"), "a\\u{001B}[2Jb");
   EXPECT_EQ(csv_field("\u202e51"), "\\u{202E}51");
-  EXPECT_EQ(csv_field("two\r\nlines"), "two\\u{D} lines");
+  EXPECT_EQ(csv_field("two\r\nlines"), "two\\u{000D} lines");
   EXPECT_EQ(csv_field("\t=1"), " =1");
 }
 

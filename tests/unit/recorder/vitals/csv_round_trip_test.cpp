@@ -77,7 +77,7 @@ TEST(CsvRoundTrip, KeepsAPatientsEveryPoint) {
 
 TEST(CsvRoundTrip, KeepsMissingValuesQualitiesAndAwkwardNames) {
   std::vector<VitalSample> samples(4);
-  samples[0].code = "a, \"b\"\nc";
+  samples[0].code = "a, \"b\" c";
   samples[0].unit = "10*9/L";
   samples[0].quality = media::VitalQuality::kMissing;
   samples[1].code = "HR";
@@ -93,6 +93,15 @@ TEST(CsvRoundTrip, KeepsMissingValuesQualitiesAndAwkwardNames) {
   samples[3].rate_hz = 2;
   samples[3].values = {7, std::numeric_limits<double>::quiet_NaN()};
   EXPECT_EQ(points_of(through_a_table(samples)), points_of(samples));
+}
+
+TEST(CsvRoundTrip, ShowsALineBreakOfANameAsASpace) {
+  std::vector<VitalSample> samples(1);
+  samples[0].code = "a\nb";
+  samples[0].value = 1;
+  std::vector<VitalSample> shown = samples;
+  shown[0].code = "a b";
+  EXPECT_EQ(points_of(through_a_table(samples)), points_of(shown));
 }
 
 TEST(CsvRoundTrip, RefusesSamplesOutOfOrder) {

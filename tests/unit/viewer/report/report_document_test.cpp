@@ -107,6 +107,7 @@ TEST_F(ReportDocument, NamesConsentsAndWithdrawalsOfThisCaseAlone) {
 
 TEST_F(ReportDocument, SaysWhereNobodyCanTellWhatWasConsentedTo) {
   fs::remove_all(archive_.log_folder() / "checkpoints");
+  fs::create_directory(archive_.log_folder() / "checkpoints");
   ReportInput made = input();
   made.consents =
       read_stated_consents(archive_.log_folder(), archive_.options().devices, folder_.filename().string());
