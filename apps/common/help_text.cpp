@@ -2,6 +2,7 @@
 #include <sstream>
 
 #include "apps/common/command_line.h"
+#include "base/joined.h"
 
 namespace kiroku::apps {
 namespace {
@@ -27,12 +28,6 @@ std::string wrap(const std::string& text, std::size_t indent, std::size_t used) 
     column += word.size();
     first = false;
   }
-  return out;
-}
-
-std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
-  std::string out;
-  for (const std::string& part : parts) out += (out.empty() ? "" : separator) + part;
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/consent_layout.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
@@ -14,11 +15,7 @@ bool ConsentConfiguration::knows(const std::string& purpose) const {
   return std::ranges::find(purposes, purpose) != purposes.end();
 }
 
-std::string ConsentConfiguration::known() const {
-  std::string names;
-  for (const std::string& each : purposes) names += (names.empty() ? "" : ", ") + each;
-  return names;
-}
+std::string ConsentConfiguration::known() const { return joined(purposes); }
 
 ConsentConfiguration parse_consent_configuration(std::string_view text, const std::string& name_for_errors) {
   ConsentConfiguration consent;

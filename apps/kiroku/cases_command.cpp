@@ -9,6 +9,7 @@
 #include "apps/kiroku/home.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/catalogue/catalogue_json.h"
+#include "base/joined.h"
 
 namespace kiroku::apps {
 namespace {
@@ -19,12 +20,6 @@ struct Request {
   std::optional<std::string> home;
   bool rebuild = false, json = false;
 };
-
-std::string joined(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
-  return out;
-}
 
 ordered_json row_json(const archive::CatalogueRow& row, const Home& home) {
   ordered_json out{{"case", row.case_id}, {"folder", (home.archive() / row.case_id).string()}};

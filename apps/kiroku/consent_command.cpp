@@ -28,6 +28,7 @@
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 
@@ -192,12 +193,6 @@ std::uint64_t enter(const Stating& stating, const Request& request, const std::v
     archive::remove_unless_entered(files, stating.home.log_folder(), kept);
     throw;
   }
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& each : words) text += (text.empty() ? "" : ", ") + each;
-  return text;
 }
 
 int give(const Request& request) {

@@ -19,6 +19,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/monitor_watch.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "recorder/control/control_client.h"
 #include "recorder/devices/plugged_devices.h"
 #include "recorder/source/source_address.h"
@@ -398,12 +399,6 @@ class Listing {
       }
       if (!one.problem.empty()) print_line(paint(Colour::kYellow, "problem"), one.problem);
     }
-  }
-
-  static std::string joined(const std::set<std::string>& names) {
-    std::string text;
-    for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-    return text;
   }
 
   const Request& request_;

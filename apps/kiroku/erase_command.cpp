@@ -167,9 +167,13 @@ void add_due_by_consent(const Home& home, const ConsentConfiguration& site, Refu
         return each.folder == reader.folder() && each.stream == stream.name;
       });
       if (!has_something_left(reader, stream.name)) continue;
-      // A consent may be given again between choosing and erasing.
-      const MayGo still = [&home, site, name](const archive::OpenEntry&, const archive::Moment&) {
-        return why_due_by_consent(standing_consents(home), name, site).has_value();
+      // A consent may be given again between choosing and erasing, lawfully.
+      const MayGo still = [&home, site, name, policy](const archive::OpenEntry&, const archive::Moment&) {
+        if (why_due_by_consent(standing_consents(home), name, site) == policy) return true;
+        throw UsageError(
+            "case " + name + " is no longer due by the " + *policy +
+            ": consents to its use were entered since it was chosen, and nothing was erased; the "
+            "next 'kiroku erase --due' goes by what stands then");
       };
       due.push_back({reader.folder(), stream.name, *policy, still, true});
     }

@@ -88,6 +88,23 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   return given;
 }
 
+/// The home's own log must go on from the checkpoint that witnesses cosigned: a withdrawal that was cut off
+/// behind it must not be missed.
+report::StatedConsents stated_consents(const Judged& judged, const fs::path& case_folder,
+                                       const VerifyExtras& extras) {
+  try {
+    const VerifyDefaults defaults = extras.defaults(case_folder);
+    std::optional<crypto::Checkpoint> seen;
+    if (defaults.witnessed_note && defaults.log == judged.log) {
+      const std::string& note = defaults.witnessed_note->text;
+      seen = crypto::Checkpoint::parse(crypto::open_note(note, defaults.devices).text);
+    }
+    return report::read_stated_consents(*judged.log, judged.devices, judged.report.case_id, seen);
+  } catch (const Error& error) {
+    return {{}, error.what()};
+  }
+}
+
 int run(const Request& request, const VerifyExtras& extras) {
   const fs::path output = request.output;
   const std::string ending = output.extension().string();
@@ -106,11 +123,9 @@ int run(const Request& request, const VerifyExtras& extras) {
 
   report::ReportInput input;
   input.given = given_of(judged, request.judging);
+  if (judged.log) input.consents = stated_consents(judged, folder, extras);
   input.verification = std::move(judged.report);
   input.facts = report::read_case_facts(folder, input.verification);
-  if (judged.log) {
-    input.consents = report::read_stated_consents(*judged.log, judged.devices, input.verification.case_id);
-  }
   input.author = request.author.value_or(person());
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();

@@ -54,11 +54,12 @@ bool enter_purpose(const std::optional<Home>& home, const std::filesystem::path&
     enter_use(*home, case_folder, *purpose, what);
     return true;
   }
-  if (home && home->holds(case_folder) && consent_configuration(*home).demand_purpose) {
+  if (!home || !home->holds(case_folder)) return false;
+  if (const ConsentConfiguration site = consent_configuration(*home); site.demand_purpose) {
     throw UsageError(
         "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
         "--purpose, one of " +
-        consent_configuration(*home).known());
+        site.known());
   }
   return false;
 }

@@ -75,6 +75,10 @@ void add_compare_command(Command& program) {
       "off");
   command.option("--field", "DEGREES", request->field,
                  "with --align: the angle that the lesser side of the recorded pictures covers");
+  command.option(
+      "--purpose", "P", request->purpose,
+      "of a film or page, what for: teaching, research or another purpose of the site's; a consent "
+      "to it must stand");
   command.option("--made-by", "NAME", request->made_by, "who compares", "the user of this machine");
   command.option("--asked-by", "NAME", request->asked_by,
                  "for whom a program compares; stands in the appliance log after the user of this machine");

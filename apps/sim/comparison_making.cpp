@@ -9,6 +9,7 @@
 #include "apps/kiroku/plan_seal.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/stamped_file.h"
+#include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/sim/comparison_films.h"
 #include "apps/sim/comparison_outputs.h"
@@ -267,6 +268,11 @@ int make_comparison(const ComparisonRequest& request) {
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
   const ComparisonOutput form = request.output ? output_form(*request.output) : ComparisonOutput::kKept;
+  // In the clear; what is kept for the viewer is sealed.
+  const bool pictures_leave =
+      !request.steps && (form == ComparisonOutput::kPage || form == ComparisonOutput::kFilm);
+  if (request.purpose && !pictures_leave)
+    throw UsageError("--purpose is for what holds recorded pictures: -o OUT.mp4 or OUT.html");
   if (request.output) require_free(request, document_of(*request.output));
   std::optional<Keeping> keeping;
   if (!request.output && !request.write_by_hand && !request.steps) {
@@ -279,7 +285,9 @@ int make_comparison(const ComparisonRequest& request) {
   const compare::ByHand by_hand = by_hand_of(request, recording, at_hand->plan);
   require_alignment_sense(request, recording, by_hand);
   const crypto::AgeIdentities identities = identities_of(request, home);
-  log_access(home, recording.folder(), "opened to compare it with a plan");
+  const bool is_entered = pictures_leave && enter_purpose(home, recording.folder(), request.purpose,
+                                                          "wrote a comparison with a plan");
+  if (!is_entered) log_access(home, recording.folder(), "opened to compare it with a plan");
   ComparisonTold told(request.progress == "json");
   SimulatedPlan frames(at_hand->plan, told);
   PlanCt ct(request, at_hand->plan, told);

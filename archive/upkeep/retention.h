@@ -20,7 +20,8 @@ struct RetentionOptions {
   std::function<UtcTime()> now = utc_now;
   /// Asked of the case's first entry when its ledger is held and its signatures were compared: whoever chose
   /// the case read it before, and it may have been changed for that moment. It is asked in the turn to erase,
-  /// so it must not take that. False: nothing is erased. May be empty.
+  /// so it must not take that. False: nothing is erased, as somebody changed the archive. It
+  /// throws kiroku::UsageError for any other reason. May be empty.
   std::function<bool(const OpenEntry&, const Moment& opened)> may_go;
 };
 

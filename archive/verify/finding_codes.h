@@ -289,7 +289,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the log states a consent or its withdrawal for a case that it does not say was opened before"},
     {"consent-doubted", Severity::kGap,
      "nobody signed an entry of a consent before another followed: the machine stopped at that moment, or "
-     "somebody made it up. A consent then counts for nothing, a withdrawal counts"},
+     "somebody made it up. A consent then counts for nothing; a withdrawal forbids the use and erases "
+     "nothing"},
     {"access-without-consent", Severity::kGap,
      "the log says that a case was used for a purpose to which no consent stood"},
     {"consent-file-missing", Severity::kGap,

@@ -82,14 +82,6 @@ OrganSurface organ_surface(const TetMesh& mesh) {
   return surface;
 }
 
-OrganSurface mirrored(const OrganSurface& surface) {
-  OrganSurface mirror = surface;
-  for (Vector3& node : mirror.nodes) node.x() = 2 * surface.middle_m.x() - node.x();
-  for (auto& face : mirror.faces) std::swap(face[1], face[2]);
-  measure(mirror);
-  return mirror;
-}
-
 Camera after_motion(const OrganSurface& surface, const Camera& camera, const Motion& motion) {
   const Vector3 turn = motion.tail<3>() / surface.radius_m;
   const double angle = turn.norm();

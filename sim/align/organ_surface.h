@@ -33,8 +33,6 @@ struct OrganSurface {
 
 /// kiroku::UsageError for a mesh without a surface, or one that is a point.
 OrganSurface organ_surface(const TetMesh& mesh);
-/// The organ as a mirror shows it: what a mirrored picture would fit.
-OrganSurface mirrored(const OrganSurface& surface);
 
 /// The camera that sees the organ as it is seen after it made that motion before this camera.
 Camera after_motion(const OrganSurface& surface, const Camera& camera, const Motion& motion);

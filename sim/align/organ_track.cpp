@@ -26,6 +26,14 @@ bool is_outlined(const OutlineFit& fit) {
 
 bool rivals(double misfit_px, double best_px) { return misfit_px <= kRivalRatio * best_px + kRivalPx; }
 
+Picture mirrored(const Picture& picture) {
+  Picture mirror(picture.width, picture.height);
+  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
+  cv::Mat to(mirror.height, mirror.width, CV_8UC3, mirror.rgb.data());
+  cv::flip(from, to, 1);
+  return mirror;
+}
+
 Picture scaled_down(const Picture& picture, int lesser_side) {
   const int side = std::min(picture.width, picture.height);
   if (side <= lesser_side) return picture;
@@ -65,10 +73,7 @@ const char* name_of(WhyLost why) {
 class OrganTrack::Following {
  public:
   Following(const TetMesh& mesh, double field_deg, const SearchRange& range)
-      : surface_(organ_surface(mesh)), mirror_(mirrored(surface_)), field_deg_(field_deg), range_(range) {
-    mirror_range_ = range;
-    mirror_range_.from.x() = -range.from.x();
-  }
+      : surface_(organ_surface(mesh)), field_deg_(field_deg), range_(range) {}
 
   AlignedMoment take(std::int64_t time_ns, const Picture& given) {
     if (given.width != width_ || given.height != height_) {
@@ -195,7 +200,7 @@ class OrganTrack::Following {
       moment.rival_px = other_px;
       return moment;
     };
-    const std::vector<OutlineFit> mirrors = search_pose(picture, mirror_, pinhole_, mirror_range_);
+    const std::vector<OutlineFit> mirrors = search_pose(mirrored(picture), surface_, pinhole_, range_);
     if (!mirrors.empty() && explains(mirrors.front()) && rivals(mirrors.front().misfit_px, best.misfit_px))
       return not_found(WhyLost::kMirrored, mirrors.front().misfit_px);
     if (!explains(best)) return not_found(WhyLost::kNoOrgan, rival_px);
@@ -213,9 +218,9 @@ class OrganTrack::Following {
     return moment;
   }
 
-  OrganSurface surface_, mirror_;
+  OrganSurface surface_;
   double field_deg_;
-  SearchRange range_, mirror_range_;
+  SearchRange range_;
   int width_ = 0, height_ = 0;
   Pinhole pinhole_;
   std::optional<Expected> place_;  // the last that was held

@@ -91,6 +91,34 @@ TEST_F(CompareProgram, MakesAPageWithoutAnythingFromElsewhere) {
   EXPECT_EQ(outputs[0]["name"], "out.html");
 }
 
+TEST_F(CompareProgram, HandsNoPicturesOutWithoutTheConsentThatTheSiteDemands) {
+  write_text(home() / "kiroku.toml",
+             read_text(home() / "kiroku.toml") + "\n[consent]\ndemand_purpose = true\n");
+  const auto made = [&](const std::string& output, const Arguments& more) {
+    Arguments arguments{"compare",   case_.string(), "plan.seal.json", "-o", output,
+                        "--by-hand", "hand.json",    "--gpu",          "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  const Arguments purpose{"--purpose", "teaching"};
+  for (const char* output : {"out.html", "out.mp4"}) {
+    EXPECT_REFUSED(made(output, {}), "this site demands a purpose");
+    EXPECT_REFUSED(made(output, purpose), "no consent to the purpose teaching was given");
+    EXPECT_FALSE(fs::exists(folder() / output));
+  }
+  EXPECT_REFUSED(made("out.json", purpose), "--purpose is for what holds recorded pictures");
+  EXPECT_EQ(made("out.json", {}).status, 0) << "a document holds no picture";
+  write_text(folder() / "who.txt", "Hana Mori, patient\n");
+  const nlohmann::json given = kiroku_json(
+      {"consent", "give", case_.string(), "--purpose", "teaching", "--person", "who.txt", "--json"});
+  EXPECT_EQ(given["given"][0], "teaching");
+  const ProcessResult page = made("out.html", purpose);
+  EXPECT_EQ(page.status, 0) << page.err;
+  const std::string log = read_text(home() / "archive/log/ledger.jsonl");
+  EXPECT_THAT(log, HasSubstr("wrote a comparison with a plan"));
+  EXPECT_THAT(log, HasSubstr("\"purpose\":\"teaching\""));
+}
+
 TEST_F(CompareProgram, MakesTheSameFilmEachTime) {
   const nlohmann::json made = compare("one.mp4", {"--speed", "2"});
   EXPECT_NEAR(made["pictures"].get<double>(), 25, 3);

@@ -1,4 +1,6 @@
 // To what a case's patient consented, as the appliance log states it in the clear: it names nobody.
+#include <chrono>
+#include <memory>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -6,6 +8,7 @@
 #include "base/error.h"
 #include "base/json_or_null.h"
 #include "viewer/api/api.h"
+#include "viewer/people/turns.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -23,8 +26,9 @@ ordered_json purposes_json(const archive::CaseConsents& of_case) {
   return purposes;
 }
 
-Response consents_of_case(const ViewerContext& context, const Request& request) {
+Response consents_of_case(const ViewerContext& context, Turns& readers, const Request& request) {
   (void)context.case_folder(request);  // 404 where there is none
+  const Turns::Turn turn(readers, request.session->person());
   const SitePurposes site = context.site_purposes();
   ordered_json purposes = ordered_json::array();
   std::optional<std::string> problem;
@@ -46,8 +50,14 @@ Response consents_of_case(const ViewerContext& context, const Request& request) 
 }  // namespace
 
 void add_consent_routes(Router& router, ViewerContext& context) {
-  router.add("GET", "api/cases/{case:case}/consents", Right::kReadCase,
-             [&context](const Request& request) { return consents_of_case(context, request); });
+  // Each reads the whole appliance log, which grows for years.
+  const auto readers = std::make_shared<Turns>(
+      Turns::Limits{.all = 2, .of_person = 1, .patience = std::chrono::seconds(5)},
+      Turns::Sentences{"others look at what was consented to: try again in a moment",
+                       "you look at what was consented to already, on another page: try again in a moment"});
+  router.add(
+      "GET", "api/cases/{case:case}/consents", Right::kReadCase,
+      [&context, readers](const Request& request) { return consents_of_case(context, *readers, request); });
 }
 
 }  // namespace kiroku::viewer

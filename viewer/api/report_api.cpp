@@ -28,6 +28,17 @@ namespace {
 
 enum class Kind { kReport, kReceipt };
 
+/// As the page states them: by a log that goes on from what witnesses cosigned.
+report::StatedConsents stated_consents(const ViewerHome& home, const std::string& case_id) {
+  if (!home.consent.consents) return {};
+  try {
+    archive::Consents all = home.consent.consents();
+    return {std::move(all[case_id].entries), ""};
+  } catch (const Error& error) {
+    return {{}, error.what()};
+  }
+}
+
 /// The case is verified anew: a document says what was there when it was made.
 report::ReportInput verify(const Request& request, const ViewerContext& context) {
   const ViewerHome& home = context.home();
@@ -52,7 +63,7 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
   }
   input.given.log = {{home.log_folder.string(), {}}};
   if (options.witnesses != nullptr) input.given.witnesses = {{"witnesses.txt", {}}};
-  input.consents = report::read_stated_consents(home.log_folder, options.devices, input.verification.case_id);
+  input.consents = stated_consents(home, input.verification.case_id);
   input.author = request.session->user();
   input.program = "kiroku " KIROKU_VERSION;
   input.made = utc_now();

@@ -24,9 +24,12 @@ class Turns {
     /// others'. Of several waits of one person the newest goes on: the pages of the others were left.
     Clock::Duration patience{0};
   };
-  /// What whoever gets none is told, where all are taken or as many of their own as may be.
+  /// What whoever gets none is told, where all are taken or as many of their own as may be; the latter may
+  /// begin with who they are.
   struct Sentences {
     std::string others, own;
+    bool own_names_person = false;
+    int own_status = 503;
   };
   /// `clock` must outlive it.
   Turns(Limits limits, Sentences sentences, const Clock& clock = Clock::system());
@@ -36,8 +39,8 @@ class Turns {
   /// One turn, from construction to destruction; `turns` must outlive it. `person` as Session::person().
   class Turn {
    public:
-    /// Refusal 503 where there is none: where their own are in the way, after the limits' patience, which it
-    /// blocks.
+    /// Refusal where there is none: 503, or Sentences::own_status where their own are in the way, and then
+    /// after the limits' patience, which it blocks.
     Turn(Turns& turns, std::string person);
     ~Turn();
     Turn(const Turn&) = delete;
@@ -49,8 +52,9 @@ class Turns {
   };
 
  private:
-  /// Why `person` gets none now; nullptr where there is one. The mutex must be held.
-  [[nodiscard]] const std::string* refusal_of(const std::string& person) const;
+  // With the mutex.
+  [[nodiscard]] bool has_all_of_own(const std::string& person) const;
+  [[noreturn]] void refuse_own(const std::string& person) const;
   void wait_for_own(const std::string& person, std::unique_lock<std::mutex>& lock);
 
   const Limits limits_;

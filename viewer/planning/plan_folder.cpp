@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/foreign_json.h"
+#include "base/joined.h"
 #include "sim/meshing/mesh_recipe.h"
 #include "sim/model/body_model.h"
 #include "sim/plan/plan_document.h"
@@ -39,15 +40,9 @@ ordered_json document_at(const fs::path& file) {
   }
 }
 
-std::string joined(const std::vector<std::string>& sentences) {
-  std::string all;
-  for (const std::string& sentence : sentences) all += (all.empty() ? "" : "; ") + sentence;
-  return all;
-}
-
 sim::Plan read(const ordered_json& document, const fs::path& file, const sim::MeshMaker& maker) {
   sim::PlanReading reading = sim::read_plan_text(document.dump(), file, maker);
-  if (!reading.plan) throw Refusal(422, joined(reading.errors));
+  if (!reading.plan) throw Refusal(422, joined(reading.errors, "; "));
   return std::move(*reading.plan);
 }
 

@@ -1,4 +1,5 @@
 // To which uses of the case somebody consented, as the appliance log states it.
+#include "base/joined.h"
 #include "viewer/report/document_parts.h"
 #include "viewer/report/figures_in_words.h"
 #include "viewer/report/report_maker.h"
@@ -30,10 +31,10 @@ void ReportMaker::add_consents() {
               {}};
   for (const archive::Consent& consent : in_.consents->entries) {
     if (table.rows.size() == kMost) break;
-    std::string purposes;
-    for (const std::string& each : consent.says.purposes) purposes += (purposes.empty() ? "" : ", ") + each;
-    table.rows.push_back(
-        {{utc_time(consent.at)}, {words(key_of(consent))}, {plain_text(purposes)}, {grouped(consent.entry)}});
+    table.rows.push_back({{utc_time(consent.at)},
+                          {words(key_of(consent))},
+                          {plain_text(joined(consent.says.purposes))},
+                          {grouped(consent.entry)}});
   }
   const std::size_t all = in_.consents->entries.size();
   add(std::move(table));

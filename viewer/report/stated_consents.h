@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,9 +19,10 @@ struct StatedConsents {
   std::string problem;
 };
 
-/// Of the log in a folder, by whichever of the devices its newest checkpoint is. Throws nothing of what lies
-/// there: that is the problem.
+/// Of the log in a folder, by whichever of the devices its newest checkpoint is; it must go on from `seen` as
+/// for archive::read_holds(). Throws nothing of what lies there: that is the problem.
 StatedConsents read_stated_consents(const std::filesystem::path& log_folder,
-                                    std::span<const crypto::VerifierKey> devices, const std::string& case_id);
+                                    std::span<const crypto::VerifierKey> devices, const std::string& case_id,
+                                    const std::optional<crypto::Checkpoint>& seen = {});
 
 }  // namespace kiroku::report

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "base/error.h"
+#include "base/joined.h"
 #include "viewer/http/http_fields.h"
 
 namespace kiroku::viewer {
@@ -118,12 +119,6 @@ Response error_of(const Dispatcher::Failure& failure) {
   Response out = Response::error(failure.status, failure.sentence);
   if (failure.retry_after.count() == 0) return out;
   return std::move(out).with("Retry-After", std::to_string(failure.retry_after.count()));
-}
-
-std::string joined(const std::vector<std::string>& names) {
-  std::string out;
-  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
-  return out;
 }
 
 }  // namespace

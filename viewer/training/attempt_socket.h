@@ -29,7 +29,7 @@ class AttemptSocket : public SocketHandler {
   TrainingUser user_;
   std::shared_ptr<SocketOutput> output_;
   std::unique_ptr<AttemptFiles> files_;            // until the attempt is over
-  std::unique_ptr<TrainingRoom::Place> place_;     // until the attempt is over
+  std::unique_ptr<Turns::Turn> place_;             // until the attempt is over
   std::unique_ptr<trainer::LiveAttempt> attempt_;  // last: over before what it uses
 };
 

@@ -22,7 +22,15 @@ bool may_train_as(const TrainingUser& user, const trainer::Trainee& trainee) {
 }
 
 TrainingRoom::TrainingRoom(TrainingOptions options)
-    : options_(std::move(options)), database_(options_.database), pace_(options_.pace) {
+    : options_(std::move(options)),
+      database_(options_.database),
+      pace_(options_.pace),
+      places_({.all = options_.at_once, .of_person = 1, .patience = options_.patience},
+              {.others = "all places for training are taken: try again when an attempt has ended",
+               .own = "is training already",
+               .own_names_person = true,
+               .own_status = 409},
+              *options_.clock) {
   made_["a"];
   made_["b"];
 }
@@ -66,26 +74,8 @@ void TrainingRoom::require_pace(const std::string& user) {
                 wait);
 }
 
-std::unique_ptr<TrainingRoom::Place> TrainingRoom::enter(const std::string& trainee) {
-  std::unique_lock lock(places_mutex_);
-  if (training_.contains(trainee) && options_.patience > Clock::Duration::zero()) {
-    // Of several waits of one trainee the newest goes on: the pages of the others were left.
-    const std::uint64_t number = waiting_[trainee] = ++waits_;
-    place_given_back_.notify_all();
-    const auto newest = [&] {
-      const auto wait = waiting_.find(trainee);
-      return wait != waiting_.end() && wait->second == number;
-    };
-    options_.clock->wait_for(place_given_back_, lock, options_.patience,
-                             [&] { return !newest() || !training_.contains(trainee); });
-    if (!newest()) throw Refusal(409, trainee + " is training already");
-    waiting_.erase(trainee);
-  }
-  if (training_.contains(trainee)) throw Refusal(409, trainee + " is training already");
-  if (training_.size() >= options_.at_once)
-    throw Refusal(503, "all places for training are taken: try again when an attempt has ended");
-  training_.insert(trainee);
-  return std::make_unique<Place>(*this, trainee);
+std::unique_ptr<Turns::Turn> TrainingRoom::enter(const std::string& trainee) {
+  return std::make_unique<Turns::Turn>(places_, trainee);
 }
 
 void TrainingRoom::keep_sealable(const std::string& trainee, Sealable sealable) {
@@ -185,14 +175,6 @@ Bytes TrainingRoom::certificate(const TrainingUser& user, std::int64_t attempt, 
   const trainer::ExclusionRecord record = require_may_seal(user, attempt);
   if (record.sealed_case.empty()) throw Refusal(404, "this attempt was not sealed");
   return options_.sealer->certificate(record.sealed_case, user.name, language);
-}
-
-void TrainingRoom::leave(const std::string& trainee) {
-  {
-    const std::lock_guard guard(places_mutex_);
-    training_.erase(trainee);
-  }
-  place_given_back_.notify_all();
 }
 
 }  // namespace kiroku::viewer

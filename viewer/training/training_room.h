@@ -1,7 +1,6 @@
 // What all attempts at a server share: organs, results, and who trains now. Thread-safe.
 #pragma once
 
-#include <condition_variable>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -77,18 +76,6 @@ class TrainingRoom {
   /// One of objects(). A and B are made by who asks first while the others wait: some seconds.
   std::shared_ptr<const trainer::ExclusionBody> body(const std::string& object);
 
-  /// A trainee's place; the room must outlive it.
-  class Place {
-   public:
-    Place(TrainingRoom& room, std::string trainee) : room_(room), trainee_(std::move(trainee)) {}
-    ~Place() { room_.leave(trainee_); }
-    Place(const Place&) = delete;
-    Place& operator=(const Place&) = delete;
-
-   private:
-    TrainingRoom& room_;
-    std::string trainee_;
-  };
   /// What an attempt that is over can be sealed from, until the trainee's next one is over.
   struct Sealable {
     std::int64_t attempt = 0;
@@ -113,9 +100,9 @@ class TrainingRoom {
 
   /// Refusal 429 where one user began so many attempts that the next one has to wait; else this one counts.
   void require_pace(const std::string& user);
-  /// Refusal 409 where the trainee trains already, also after TrainingOptions::patience, which it blocks; 503
-  /// where others have all places.
-  std::unique_ptr<Place> enter(const std::string& trainee);
+  /// A trainee's place; the room must outlive it. Refusal 409 where the trainee trains already, also after
+  /// TrainingOptions::patience, which it blocks; 503 where others have all places.
+  std::unique_ptr<Turns::Turn> enter(const std::string& trainee);
 
  private:
   struct Made {
@@ -123,7 +110,6 @@ class TrainingRoom {
     std::shared_ptr<const trainer::ExclusionBody> body;
   };
 
-  void leave(const std::string& trainee);
   /// What the attempt is sealed from, taken away until that is over.
   Sealable take_sealable(const TrainingUser& user, const std::string& trainee, std::int64_t attempt);
   /// The attempt, where its trainee is one whom the user may train as.
@@ -139,11 +125,7 @@ class TrainingRoom {
   trainer::TrainingDatabase database_;
   std::map<std::string, Made> made_;  // "a" and "b"
   DeedPace pace_;
-  std::mutex places_mutex_;
-  std::condition_variable place_given_back_;
-  std::map<std::string, std::uint64_t> waiting_;  // who waits, and the number of their newest wait
-  std::uint64_t waits_ = 0;
-  std::set<std::string> training_;
+  Turns places_;
   std::mutex sealable_mutex_;
   std::map<std::string, Sealable> sealable_;  // by trainee
   std::set<std::int64_t> sealing_;            // attempts whose case is being made

@@ -115,6 +115,16 @@ TEST_F(ReportDocument, SaysWhereNobodyCanTellWhatWasConsentedTo) {
   EXPECT_THAT(text, HasSubstr("Could not check: nobody can tell what was consented to"));
 }
 
+// Whoever cuts the newest entries off the log, with their checkpoint, cuts a withdrawal off.
+TEST_F(ReportDocument, SaysWhereTheLogEndsBeforeWhatWitnessesSaw) {
+  const crypto::Checkpoint seen{"kiroku/or3/log", 1000, crypto::sha256({})};
+  ReportInput made = input();
+  made.consents = read_stated_consents(archive_.log_folder(), archive_.options().devices,
+                                       folder_.filename().string(), seen);
+  EXPECT_THAT(test::text_of(make_report(made)),
+              HasSubstr("Could not check: nobody can tell what was consented to"));
+}
+
 TEST_F(ReportDocument, OfAnIntactCaseSaysSoAndWhatItRestsOn) {
   const std::string text = report(archive_.options());
   EXPECT_THAT(text, HasSubstr("✓ INTACT\n"));

@@ -191,6 +191,11 @@ export const kServerSentences: readonly SentencePair[] = [
     'as many people plan here as this machine can compute for ({n}): try again when somebody has left',
     'この機械で同時に計画できる人数（{n}）に達しています。誰かが終えてから再試行してください',
   ],
+  ['others look at what was consented to: try again in a moment', '他の人が同意の状況を確認中です。しばらくしてからもう一度お試しください'],
+  [
+    'you look at what was consented to already, on another page: try again in a moment',
+    'すでに別のページで同意の状況を確認中です。しばらくしてからもう一度お試しください',
+  ],
   ['you plan here already, on another page: close that first', 'すでに別のページで計画中です。先にそちらを閉じてください'],
   ['there are {n} plans here, as many as are kept: have some removed', '計画がすでに {n} 件あり、これ以上保存できません。不要な計画の削除を依頼してください'],
   ['this plan has more steps than one that can be opened again: undo some', '手順が多すぎて再び開けません。いくつか元に戻してください'],
