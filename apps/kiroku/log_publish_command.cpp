@@ -17,6 +17,7 @@
 #include "archive/storage/file_system.h"
 #include "base/error.h"
 #include "base/json_or_null.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 #include "witness/cosigning.h"
@@ -54,6 +55,23 @@ std::string entries(const std::optional<crypto::Checkpoint>& checkpoint) {
 /// Counts leaf hashes as the bytes that they have.
 std::function<void(std::uint64_t)> shown_by(Progress& progress) {
   return [&progress](std::uint64_t leaves) { progress.update(leaves * sizeof(crypto::Sha256Digest), 0); };
+}
+
+/// `older`: what an older state comes to.
+int status_of(Following what, int older) {
+  switch (what) {
+    case Following::kBegun:
+    case Following::kSame:
+    case Following::kGoesOn:
+      return kDone;
+    case Following::kOlder:
+      return older;
+    case Following::kTwoHistories:
+      return kAnswerIsNo;
+    case Following::kCouldNotTell:
+      break;
+  }
+  return kNoAnswer;
 }
 
 // ---- publish ----
@@ -100,18 +118,7 @@ int publish(const PublishRequest& request) {
   } else {
     std::cout << printable(published_text(followed, request.folder)) << "\n";
   }
-  switch (followed.what) {
-    case Following::kBegun:
-    case Following::kSame:
-    case Following::kGoesOn:
-      return kDone;
-    case Following::kOlder:
-    case Following::kTwoHistories:
-      return kAnswerIsNo;
-    case Following::kCouldNotTell:
-      break;
-  }
-  return kNoAnswer;
+  return status_of(followed.what, kAnswerIsNo);
 }
 
 // ---- follow ----
@@ -175,18 +182,7 @@ int follow(const FollowRequest& request) {
     for (const std::string& sentence : followed_text(followed, request.copy))
       std::cout << printable(sentence) << "\n";
   }
-  switch (followed.what) {
-    case Following::kBegun:
-    case Following::kSame:
-    case Following::kGoesOn:
-      return kDone;
-    case Following::kTwoHistories:
-      return kAnswerIsNo;
-    case Following::kOlder:
-    case Following::kCouldNotTell:
-      break;
-  }
-  return kNoAnswer;
+  return status_of(followed.what, kNoAnswer);
 }
 
 }  // namespace
