@@ -40,6 +40,8 @@ class MerkleTree {
  public:
   void append(const Sha256Digest& leaf_hash);
   [[nodiscard]] std::uint64_t size() const { return levels_.empty() ? 0 : levels_.front().size(); }
+  /// The hash of one leaf; index < size().
+  [[nodiscard]] const Sha256Digest& leaf(std::uint64_t index) const { return levels_.front().at(index); }
   /// Root of the first `size` leaves; `size` ≤ size().
   [[nodiscard]] Sha256Digest root(std::uint64_t size) const;
   /// RFC 6962 2.1.1: index < size ≤ size().

@@ -1,12 +1,8 @@
 #include "witness/cosigning.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
-#include <memory>
 #include <optional>
-
-#include <curl/curl.h>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
@@ -15,6 +11,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/note_format.h"
+#include "witness/http_exchange.h"
 
 namespace kiroku::witness {
 namespace {
@@ -23,57 +20,6 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kLargestAnswer = 64U << 10;
 constexpr long kOk = 200, kConflict = 409;
-
-struct EasyDeleter {
-  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
-};
-
-struct Received {
-  std::string body;
-  bool too_large = false;
-};
-
-std::size_t receive(char* data, std::size_t size, std::size_t count, void* user) {
-  auto& received = *static_cast<Received*>(user);
-  if (received.body.size() + size * count > kLargestAnswer) {
-    received.too_large = true;
-    return 0;
-  }
-  received.body.append(data, size * count);
-  return size * count;
-}
-
-WitnessReply post(const std::string& url, const std::string& body, std::chrono::milliseconds time_limit) {
-  static const CURLcode initialised = curl_global_init(CURL_GLOBAL_DEFAULT);
-  const std::unique_ptr<CURL, EasyDeleter> handle(initialised == CURLE_OK ? curl_easy_init() : nullptr);
-  if (!handle) throw Error("cannot start libcurl");
-  Received received;
-  std::array<char, CURL_ERROR_SIZE> reason{};
-  const auto set = [&](CURLoption option, auto value) {
-    if (const CURLcode result = curl_easy_setopt(handle.get(), option, value); result != CURLE_OK)
-      throw Error(std::string("cannot be asked: ") + curl_easy_strerror(result));
-  };
-  set(CURLOPT_URL, url.c_str());
-  set(CURLOPT_PROTOCOLS_STR, "http,https");
-  set(CURLOPT_NOSIGNAL, 1L);
-  set(CURLOPT_PROXY, "");
-  set(CURLOPT_NOPROXY, "");
-  set(CURLOPT_USERAGENT, "kiroku");
-  set(CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(body.size()));
-  set(CURLOPT_POSTFIELDS, body.c_str());
-  set(CURLOPT_TIMEOUT_MS, static_cast<long>(time_limit.count()));
-  set(CURLOPT_WRITEFUNCTION, receive);
-  set(CURLOPT_WRITEDATA, &received);
-  set(CURLOPT_ERRORBUFFER, reason.data());
-  const CURLcode result = curl_easy_perform(handle.get());
-  if (received.too_large) throw Error("answered with more than 64 KiB, which no witness does");
-  if (result != CURLE_OK)
-    throw Error(std::string("did not answer: ") +
-                (reason[0] != '\0' ? reason.data() : curl_easy_strerror(result)));
-  long status = 0;
-  curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &status);
-  return {status, std::move(received.body)};
-}
 
 /// The newest note of a log.
 std::string newest_note(const fs::path& folder) {
@@ -184,8 +130,10 @@ LogToShow read_log_to_show(const fs::path& folder) {
 }
 
 AskWitness ask_over_http(std::chrono::milliseconds time_limit) {
-  return
-      [time_limit](const std::string& url, const std::string& body) { return post(url, body, time_limit); };
+  return [time_limit](const std::string& url, const std::string& body) -> WitnessReply {
+    HttpReply reply = HttpExchange(time_limit).post(url, body, kLargestAnswer);
+    return {reply.status, std::move(reply.body)};
+  };
 }
 
 std::vector<CosigningOutcome> cosign_log(const LogToShow& log, const crypto::WitnessPolicy& policy,

@@ -16,6 +16,7 @@
 #include "apps/kiroku/log_compare_command.h"
 #include "apps/kiroku/log_lines.h"
 #include "apps/kiroku/log_prove_command.h"
+#include "apps/kiroku/log_publish_command.h"
 #include "apps/kiroku/witnessed_note.h"
 #include "apps/verify/judging.h"
 #include "apps/verify/outside_note.h"
@@ -194,6 +195,8 @@ void add_log_command(Command& program) {
   });
   add_log_compare_command(command);
   add_log_prove_command(command);
+  add_log_publish_command(command);
+  add_log_follow_command(command);
 }
 
 }  // namespace kiroku::apps

@@ -1,0 +1,232 @@
+#include "apps/kiroku/log_publish_command.h"
+
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "apps/common/format.h"
+#include "apps/common/json_output.h"
+#include "apps/common/progress.h"
+#include "apps/kiroku/commands.h"
+#include "apps/kiroku/home.h"
+#include "apps/verify/verify_command.h"
+#include "archive/storage/file_system.h"
+#include "base/error.h"
+#include "base/json_or_null.h"
+#include "base/number_text.h"
+#include "base/printable.h"
+#include "crypto/encoding.h"
+#include "witness/cosigning.h"
+#include "witness/following.h"
+#include "witness/tiles.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+using witness::Followed;
+using witness::Following;
+
+ordered_json as_json(const std::optional<crypto::Checkpoint>& checkpoint) {
+  if (!checkpoint) return nullptr;
+  return {
+      {"origin", checkpoint->origin}, {"size", checkpoint->size}, {"root", crypto::to_hex(checkpoint->root)}};
+}
+
+ordered_json as_json(const Followed& followed, const std::string& folder) {
+  return {{"folder", folder},
+          {"outcome", witness::following_name(followed.what)},
+          {"kept", as_json(followed.kept)},
+          {"shown", as_json(followed.shown)},
+          {"common_entries", or_null(followed.common)},
+          {"evidence", or_null(followed.evidence.string())},
+          {"why", or_null(followed.why)}};
+}
+
+std::string entries(const std::optional<crypto::Checkpoint>& checkpoint) {
+  return counted(checkpoint ? checkpoint->size : 0, "entry", "entries");
+}
+
+/// Counts leaf hashes as the bytes that they have.
+std::function<void(std::uint64_t)> shown_by(Progress& progress) {
+  return [&progress](std::uint64_t leaves) { progress.update(leaves * sizeof(crypto::Sha256Digest), 0); };
+}
+
+/// `older`: what an older state comes to.
+int status_of(Following what, int older) {
+  switch (what) {
+    case Following::kBegun:
+    case Following::kSame:
+    case Following::kGoesOn:
+      return kDone;
+    case Following::kOlder:
+      return older;
+    case Following::kTwoHistories:
+      return kAnswerIsNo;
+    case Following::kCouldNotTell:
+      break;
+  }
+  return kNoAnswer;
+}
+
+// ---- publish ----
+
+struct PublishRequest {
+  std::string folder;
+  std::optional<std::string> home;
+  bool json = false;
+};
+
+std::string published_text(const Followed& followed, const std::string& folder) {
+  switch (followed.what) {
+    case Following::kBegun:
+      return "published in " + folder + ": " + entries(followed.shown) + ", and nothing but their hashes";
+    case Following::kSame:
+      return "nothing came since: " + folder + " has the log's " + entries(followed.shown);
+    case Following::kGoesOn:
+      return "published in " + folder + ": " + entries(followed.shown) + ", " +
+             std::to_string(followed.shown->size - followed.kept->size) + " of them new";
+    case Following::kOlder:
+      return "NOT PUBLISHED: " + folder + " has " + entries(followed.kept) + ", and this home's log has " +
+             entries(followed.shown) + ": its end was removed, or this home is a copy from before";
+    case Following::kTwoHistories:
+      return "NOT PUBLISHED: " + folder + " has another history of this device's log, which is signed, too" +
+             (followed.common
+                  ? "; the first " + counted(*followed.common, "entry", "entries") + " are the same"
+                  : "") +
+             "; 'kiroku log compare' says more";
+    case Following::kCouldNotTell:
+      break;
+  }
+  return "NOT PUBLISHED: " + followed.why;
+}
+
+int publish(const PublishRequest& request) {
+  const Home home = Home::open(request.home);
+  const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
+  Progress progress("publishing");
+  const Followed followed = follow_log(*witness::tiles_of(log), archive::real_file_system(), request.folder,
+                                       {home.device()}, shown_by(progress));
+  progress.clear();
+  if (request.json) {
+    print_json(as_json(followed, request.folder));
+  } else {
+    std::cout << printable(published_text(followed, request.folder)) << "\n";
+  }
+  return status_of(followed.what, kAnswerIsNo);
+}
+
+// ---- follow ----
+
+struct FollowRequest {
+  std::string source, copy;
+  std::vector<std::string> devices;
+  bool json = false;
+};
+
+/// A sentence a line.
+std::vector<std::string> followed_text(const Followed& followed, const std::string& copy) {
+  switch (followed.what) {
+    case Following::kBegun:
+      return {"BEGUN: " + copy + " has the log's " + entries(followed.shown) + ".",
+              "Nothing was there to compare with. From now on the log must go on from these."};
+    case Following::kSame:
+      return {"SAME: the log has the " + entries(followed.shown) + " that it had."};
+    case Following::kGoesOn:
+      return {"GOES ON: the log has " + entries(followed.shown) + ", and its first " +
+              std::to_string(followed.kept->size) + " are what they were."};
+    case Following::kOlder:
+      return {
+          "OLDER: the log is shown with " + entries(followed.shown) + ", and had " + entries(followed.kept) +
+              " before.",
+          "What is shown is a beginning of what was. Ask once more later: if it stays so, somebody cut the "
+          "log off, or shows an old copy."};
+    case Following::kTwoHistories:
+      return {"TWO HISTORIES: one device signed both, and they cannot be one.",
+              followed.common ? "The first " + counted(*followed.common, "entry", "entries") +
+                                    " are the same. Behind that each goes its own way."
+                              : std::string("Where they part its tiles do not tell."),
+              "Nobody else than the holder of the device's key can have made both.",
+              "What was shown first: " + copy + ", " + entries(followed.kept),
+              "What is shown now: " + followed.evidence.string() + ", " + entries(followed.shown),
+              "Keep both."};
+    case Following::kCouldNotTell:
+      break;
+  }
+  return {"COULD NOT TELL: " + followed.why + ".", "The copy stays as it was."};
+}
+
+int follow(const FollowRequest& request) {
+  if (request.devices.empty())
+    throw UsageError(
+        "whose log it is must be known from elsewhere: give --device, the recorder's device.pub");
+  std::vector<crypto::VerifierKey> devices;
+  for (const std::string& device : request.devices) {
+    for (crypto::VerifierKey& key : load_device_keys(device)) devices.push_back(std::move(key));
+  }
+  const bool is_address = request.source.starts_with("http://") || request.source.starts_with("https://");
+  const std::unique_ptr<witness::TileSource> source =
+      is_address ? witness::tiles_over_http(request.source) : witness::tiles_in_folder(request.source);
+  Progress progress("following");
+  const Followed followed =
+      follow_log(*source, archive::real_file_system(), request.copy, devices, shown_by(progress));
+  progress.clear();
+  if (request.json) {
+    print_json(as_json(followed, request.copy));
+  } else {
+    for (const std::string& sentence : followed_text(followed, request.copy))
+      std::cout << printable(sentence) << "\n";
+  }
+  return status_of(followed.what, kNoAnswer);
+}
+
+}  // namespace
+
+void add_log_publish_command(Command& log) {
+  Command& command =
+      log.add_command("publish", "writes the log's tree as files that any web server can give out");
+  const auto request = std::make_shared<PublishRequest>();
+  command.argument("FOLDER", request->folder, "where to; it goes on from what was published there before");
+  add_home_option(command, request->home);
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "Hashes of the log's entries, and its newest checkpoint: the files of C2SP's tlog-tiles, without the "
+      "entries. They tell how many entries there are, and nothing of users, cases and patients. Put the "
+      "folder on a web server, or copy it to a store, and run the command again from time to time.");
+  command.explain(
+      "Nothing is published that does not go on from what was. Exit status: 0 it is published; 1 the folder "
+      "has more, or another history; 2 wrong usage or unreadable; 3 it could not be told.");
+  command.example("kiroku log publish /srv/www/or-3", "once an hour, by a timer");
+  command.on_run([request] { return publish(*request); });
+}
+
+void add_log_follow_command(Command& log) {
+  Command& command =
+      log.add_command("follow", "keeps a copy of a published log, and tells where it becomes another");
+  const auto request = std::make_shared<FollowRequest>();
+  command.argument("SOURCE", request->source,
+                   "where it is published: an address of http or https, or a folder");
+  command.argument("COPY", request->copy, "folder for the copy; made where it is not there");
+  command.option("--device", "FILE", request->devices, "the recorder's key, a device.pub or the key itself");
+  command.flag("--json", request->json, "prints one JSON object instead");
+  command.explain(
+      "For somebody else than who runs the recorder. Each time the log must go on from the copy. Whoever "
+      "holds the device's key and shows two people two logs is found out by either of them who follows one, "
+      "and is shown the other.");
+  command.explain(
+      "Exit status: 0 one history; 1 two histories that one device signed: the other one is kept in the "
+      "copy; 2 wrong usage or unreadable; 3 nothing follows: an older state, tiles that are not there or do "
+      "not fit, a checkpoint of another device.");
+  command.example("kiroku log follow https://www.hospital.example/or-3 or-3-log --device device.pub",
+                  "once a day, by a timer, at another hospital");
+  command.example("kiroku log follow from-the-court or-3-log --device device.pub",
+                  "whether what a court was shown is the same log");
+  command.on_run([request] { return follow(*request); });
+}
+
+}  // namespace kiroku::apps

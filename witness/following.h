@@ -1,0 +1,47 @@
+// Keeps a copy of a published log, and sees whether it still is one history. Functions; one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "archive/storage/file_system.h"
+#include "crypto/signed_note.h"
+#include "witness/tiles.h"
+
+namespace kiroku::witness {
+
+enum class Following {
+  kBegun,         // there was no copy; now there is
+  kSame,          // nothing came since
+  kGoesOn,        // the copy has what came since
+  kOlder,         // a beginning of what the copy has: nothing was taken
+  kTwoHistories,  // one device signed both, and they cannot be one
+  kCouldNotTell,  // nothing was taken
+};
+std::string_view following_name(Following what);  // "goes-on"
+
+struct Followed {
+  Following what = Following::kCouldNotTell;
+  std::optional<crypto::Checkpoint> kept;   // what the copy had before
+  std::optional<crypto::Checkpoint> shown;  // what the source shows now, signed by the device
+  /// Of kTwoHistories: so many entries are the same, from the first on; nothing where tiles do not tell.
+  std::optional<std::uint64_t> common;
+  /// Of kTwoHistories: where in the copy the other history was put, with its signed checkpoint.
+  std::filesystem::path evidence;
+  std::string why;  // kCouldNotTell, in half a sentence
+};
+
+/// Compares what `source` shows with the copy in `copy`, and brings the copy up to date where it goes on from
+/// there. The copy is a published log itself; its parent must be there. Of its checkpoint the signature is
+/// asked for only where it is to accuse somebody. `progress` is told how many leaf hashes were looked at.
+/// Throws kiroku::UsageError where the folder holds something else or another process is at work in it, and
+/// kiroku::IoError where it cannot be written. Whatever the source does is in the answer.
+Followed follow_log(const TileSource& source, archive::FileSystem& files, const std::filesystem::path& copy,
+                    const std::vector<crypto::VerifierKey>& devices,
+                    const std::function<void(std::uint64_t)>& progress = {});
+
+}  // namespace kiroku::witness
