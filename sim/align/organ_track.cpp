@@ -73,7 +73,7 @@ const char* name_of(WhyLost why) {
 class OrganTrack::Following {
  public:
   Following(const TetMesh& mesh, double field_deg, const SearchRange& range)
-      : surface_(organ_surface(mesh)), field_deg_(field_deg), range_(range) {}
+      : surface_(organ_surface(mesh)), field_deg_(field_deg), search_(surface_, range) {}
 
   AlignedMoment take(std::int64_t time_ns, const Picture& given) {
     if (given.width != width_ || given.height != height_) {
@@ -191,7 +191,7 @@ class OrganTrack::Following {
   }
 
   AlignedMoment search(const Picture& picture) {
-    const std::vector<OutlineFit> fits = search_pose(picture, surface_, pinhole_, range_);
+    const std::vector<OutlineFit> fits = search_.find(picture, pinhole_);
     if (fits.empty()) return lost(WhyLost::kNoOrgan);
     const OutlineFit& best = fits.front();
     const double rival_px = fits.size() > 1 ? fits[1].misfit_px : 0;
@@ -200,7 +200,7 @@ class OrganTrack::Following {
       moment.rival_px = other_px;
       return moment;
     };
-    const std::vector<OutlineFit> mirrors = search_pose(mirrored(picture), surface_, pinhole_, range_);
+    const std::vector<OutlineFit> mirrors = search_.find(mirrored(picture), pinhole_);
     if (!mirrors.empty() && explains(mirrors.front()) && rivals(mirrors.front().misfit_px, best.misfit_px))
       return not_found(WhyLost::kMirrored, mirrors.front().misfit_px);
     if (!explains(best)) return not_found(WhyLost::kNoOrgan, rival_px);
@@ -220,7 +220,7 @@ class OrganTrack::Following {
 
   OrganSurface surface_;
   double field_deg_;
-  SearchRange range_;
+  PoseSearch search_;
   int width_ = 0, height_ = 0;
   Pinhole pinhole_;
   std::optional<Expected> place_;  // the last that was held

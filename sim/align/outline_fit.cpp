@@ -10,7 +10,6 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr int kShrink = 2;       // of the silhouette
 constexpr double kMarginPx = 4;  // of the picture's border, where codecs and lenses are at their worst
 constexpr std::size_t kLeastLines = 24;
 constexpr double kLeastShare = 0.25;  // of the outline, in the picture
@@ -220,7 +219,7 @@ std::optional<OutlineFit> fit_outline(const Picture& picture, const OrganSurface
   ColourModel own;
   for (int round = 0; round <= options.rounds; ++round) {
     const auto silhouette =
-        silhouette_of(surface, fit.camera, pinhole, picture.width, picture.height, kShrink);
+        silhouette_of(surface, fit.camera, pinhole, picture.width, picture.height, options.shrink);
     if (!silhouette) return {};
     const Outline outline =
         outline_of(surface, fit.camera, pinhole, *silhouette, options.spacing_px, kMarginPx);

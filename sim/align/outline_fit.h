@@ -24,6 +24,7 @@ struct OutlineFitOptions {
   double reach_px = 16;  // how far along a normal the border is sought at first
   int rounds = 6;        // of seeking, each with a shorter reach
   double spacing_px = 6;
+  int shrink = 2;  // of the silhouette that is drawn in each round
 };
 
 struct OutlineFit {
