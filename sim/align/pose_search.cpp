@@ -26,7 +26,8 @@ class KindCounts {
       for (int x = 0; x < width_; ++x) {
         std::copy_n(row, KindsOfColour::kKinds, row + KindsOfColour::kKinds);
         row += KindsOfColour::kKinds;
-        ++row[kinds.kind[static_cast<std::size_t>(y * width_ + x)]];
+        const std::uint8_t kind = kinds.kind[static_cast<std::size_t>(y * width_ + x)];
+        if (kind != KindsOfColour::kCovered) ++row[kind];
       }
       for (int k = 0; k < KindsOfColour::kKinds; ++k) all_[static_cast<std::size_t>(k)] += row[k];
     }
@@ -244,7 +245,8 @@ PoseSearch::PoseSearch(const OrganSurface& surface, const SearchRange& range)
   constexpr double kRollDeg = 20;
   for (const Vector3& direction : directions_within(range.spread_deg)) {
     for (double roll_deg = 0; roll_deg < 360; roll_deg += kRollDeg) {
-      auto drawn = template_of(surface, view_from(about * direction, roll_deg * kRadians), kTemplateField, kTemplateSide);
+      auto drawn = template_of(surface, view_from(about * direction, roll_deg * kRadians), kTemplateField,
+                               kTemplateSide);
       if (drawn && !drawn->runs.empty()) bank_->templates.push_back(std::move(*drawn));
     }
   }
@@ -252,16 +254,17 @@ PoseSearch::PoseSearch(const OrganSurface& surface, const SearchRange& range)
 
 PoseSearch::~PoseSearch() = default;
 
-std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Pinhole& pinhole) const {
+std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& cover,
+                                         const Pinhole& pinhole) const {
   constexpr int kLesserSide = 60;
   const int shrink = std::max(1, std::min(picture.width, picture.height) / kLesserSide);
-  const KindCounts counts(kinds_of_colour(picture, shrink));
+  const KindCounts counts(kinds_of_colour(picture, cover, shrink));
   const MutualInformation information_of(counts.all());
   const double focal = pinhole.focal_px / shrink;
   std::vector<Hypothesis> hypotheses(bank_->templates.size());
   for_each_part(hypotheses.size(), cores(), [&](std::size_t i) {
-    hypotheses[i] = best_place(counts, information_of, surface_, bank_->templates[i], kTemplateSide, kTemplateField, focal,
-                               range_);
+    hypotheses[i] = best_place(counts, information_of, surface_, bank_->templates[i], kTemplateSide,
+                               kTemplateField, focal, range_);
   });
   std::erase_if(hypotheses, [](const Hypothesis& each) { return each.information <= 0; });
   std::ranges::stable_sort(hypotheses, std::greater{}, &Hypothesis::information);
@@ -273,7 +276,7 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Pinhole& 
   const auto fitted = [&](const std::vector<Camera>& from, const OutlineFitOptions& options) {
     std::vector<std::optional<OutlineFit>> each(from.size());
     for_each_part(from.size(), cores(), [&](std::size_t i) {
-      each[i] = fit_outline(picture, surface_, pinhole, {from[i], unknown_m2}, nullptr, options);
+      each[i] = fit_outline(picture, cover, surface_, pinhole, {from[i], unknown_m2}, nullptr, options);
     });
     std::vector<OutlineFit> fits;
     for (const auto& fit : each) {

@@ -30,8 +30,10 @@ class PoseSearch {
   ///
   /// Silhouettes from about a hundred directions, each turned and shifted over the picture at several sizes,
   /// are compared by the mutual information of silhouette and kind of colour (Viola and Wells, "Alignment by
-  /// Maximization of Mutual Information", IJCV 1997), which knows no colour beforehand.
-  [[nodiscard]] std::vector<OutlineFit> find(const Picture& picture, const Pinhole& pinhole) const;
+  /// Maximization of Mutual Information", IJCV 1997), which knows no colour beforehand. What is covered
+  /// is of no kind.
+  [[nodiscard]] std::vector<OutlineFit> find(const Picture& picture, const Cover& cover,
+                                             const Pinhole& pinhole) const;
 
  private:
   struct Bank;
