@@ -70,7 +70,8 @@ TEST(Cover, IsNotMadeBySinglePixels) {
 
 TEST(Cover, IsTakenOfTheSmallestPictures) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 7}, {5, 1}, {3, 3}}) {
-    const Picture picture(width, height);
+    Picture picture(width, height);
+    paint(picture, 0, 0, width, height, kLiver);
     EXPECT_FALSE(cover_of(picture).at(width - 1, height - 1)) << width << " x " << height;
   }
 }
