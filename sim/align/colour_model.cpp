@@ -36,7 +36,8 @@ void compare_both(ColourModel& model) {
 
 }  // namespace
 
-ColourModel colours_of(const Picture& picture, const Silhouette& silhouette, double ring_px) {
+ColourModel colours_of(const Picture& picture, const Cover& cover, const Silhouette& silhouette,
+                       double ring_px) {
   constexpr float kSeamPx = 4;
   cv::Mat outside(silhouette.height, silhouette.width, CV_8U), inside(outside.size(), CV_8U);
   for (int y = 0; y < silhouette.height; ++y) {
@@ -54,6 +55,7 @@ ColourModel colours_of(const Picture& picture, const Silhouette& silhouette, dou
   const auto shrink = static_cast<float>(silhouette.shrink);
   for (int y = 0; y < silhouette.height; ++y) {
     for (int x = 0; x < silhouette.width; ++x) {
+      if (cover.at(x * silhouette.shrink, y * silhouette.shrink)) continue;
       const std::size_t cell = colour_cell(picture.pixel(x * silhouette.shrink, y * silhouette.shrink));
       if (silhouette.at(x, y) > 0) {
         if (shrink * to_border.at<float>(y, x) < kSeamPx) continue;
@@ -87,51 +89,60 @@ ColourModel mixed(const ColourModel& old, const ColourModel& newer, double share
   return model;
 }
 
-KindsOfColour kinds_of_colour(const Picture& picture, int shrink) {
+KindsOfColour kinds_of_colour(const Picture& picture, const Cover& cover, int shrink) {
   KindsOfColour kinds;
   kinds.width = picture.width / shrink;
   kinds.height = picture.height / shrink;
   const auto count = static_cast<std::size_t>(kinds.width) * static_cast<std::size_t>(kinds.height);
   // Means of each block: hue counts most, as light falls off towards the border.
-  std::vector<Eigen::Vector3d> colours(count);
+  std::vector<Eigen::Vector3d> colours;
+  std::vector<std::size_t> blocks;  // the colours are theirs
+  colours.reserve(count);
+  blocks.reserve(count);
   for (int y = 0; y < kinds.height; ++y) {
     for (int x = 0; x < kinds.width; ++x) {
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      int seen = 0;
       for (int row = 0; row < shrink; ++row) {
         for (int column = 0; column < shrink; ++column) {
+          if (cover.at(x * shrink + column, y * shrink + row)) continue;
           const std::uint8_t* const rgb = picture.pixel(x * shrink + column, y * shrink + row);
+          ++seen;
           sum += Eigen::Vector3d(rgb[0], rgb[1], rgb[2]);
         }
       }
       constexpr double kDark = 24, kLight = 0.4 / 255;
-      const double light = sum.sum() / (shrink * shrink);
-      const Eigen::Vector3d mean = sum / (shrink * shrink);
-      colours[static_cast<std::size_t>(y * kinds.width + x)] = {
-          2 * mean.x() / (light + kDark), 2 * mean.y() / (light + kDark), kLight * light / 3};
+      if (2 * seen < shrink * shrink) continue;
+      const double light = sum.sum() / seen;
+      const Eigen::Vector3d mean = sum / seen;
+      colours.emplace_back(2 * mean.x() / (light + kDark), 2 * mean.y() / (light + kDark),
+                           kLight * light / 3);
+      blocks.push_back(static_cast<std::size_t>(y * kinds.width + x));
     }
   }
   // Lloyd's iterations, begun at colours that lie far apart.
-  std::vector<Eigen::Vector3d> means{colours[count / 2]};
-  std::vector<double> nearest(count, std::numeric_limits<double>::infinity());
+  kinds.kind.assign(count, KindsOfColour::kCovered);
+  if (colours.empty()) return kinds;
+  std::vector<Eigen::Vector3d> means{colours[colours.size() / 2]};
+  std::vector<double> nearest(colours.size(), std::numeric_limits<double>::infinity());
   while (means.size() < KindsOfColour::kKinds) {
     std::size_t farthest = 0;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < colours.size(); ++i) {
       nearest[i] = std::min(nearest[i], (colours[i] - means.back()).squaredNorm());
       if (nearest[i] > nearest[farthest]) farthest = i;
     }
     means.push_back(colours[farthest]);
   }
-  kinds.kind.assign(count, 0);
   constexpr int kRounds = 12;
   for (int round = 0; round < kRounds; ++round) {
     std::vector<Eigen::Vector3d> sums(means.size(), Eigen::Vector3d::Zero());
     std::vector<double> members(means.size(), 0);
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < colours.size(); ++i) {
       std::size_t best = 0;
       for (std::size_t k = 1; k < means.size(); ++k) {
         if ((colours[i] - means[k]).squaredNorm() < (colours[i] - means[best]).squaredNorm()) best = k;
       }
-      kinds.kind[i] = static_cast<std::uint8_t>(best);
+      kinds.kind[blocks[i]] = static_cast<std::uint8_t>(best);
       sums[best] += colours[i];
       members[best] += 1;
     }

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "sim/align/cover.h"
 #include "sim/align/silhouette.h"
 #include "sim/render/picture.h"
 
@@ -31,18 +32,20 @@ struct ColourModel {
 };
 
 /// Of the pixels within the silhouette and of those around it, a ring of `ring_px`; both without a seam along
-/// the outline. Without colours where one of the two is not in the picture.
-ColourModel colours_of(const Picture& picture, const Silhouette& silhouette, double ring_px);
+/// the outline and without what is covered. Without colours where one of the two is not in the picture.
+ColourModel colours_of(const Picture& picture, const Cover& cover, const Silhouette& silhouette,
+                       double ring_px);
 /// `share` of the newer.
 ColourModel mixed(const ColourModel& old, const ColourModel& newer, double share);
 
 /// A picture of few kinds of colour, found without knowing what is shown: for looking for an organ.
 struct KindsOfColour {
   static constexpr int kKinds = 8;
+  static constexpr std::uint8_t kCovered = 255;  // of none of them
   int width = 0, height = 0;
   std::vector<std::uint8_t> kind;  // (height x width)
 };
 /// The same picture gives the same kinds.
-KindsOfColour kinds_of_colour(const Picture& picture, int shrink);
+KindsOfColour kinds_of_colour(const Picture& picture, const Cover& cover, int shrink);
 
 }  // namespace kiroku::sim

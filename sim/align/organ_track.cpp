@@ -10,18 +10,20 @@ namespace kiroku::sim {
 namespace {
 
 // A place that is found anew must explain the picture well; one that is followed has its past to stand on.
-constexpr double kFoundMisfitPx = 3, kFoundSupported = 0.75, kFoundAgreement = 0.75, kFoundShare = 0.5;
-constexpr double kHeldBorderPx = 1.7, kHeldSupported = 0.6, kHeldAgreement = 0.5;
+constexpr double kFoundMisfitPx = 3, kFoundSupported = 0.75, kFoundAgreement = 0.75, kFoundShare = 0.5,
+                 kFoundSeen = 0.5;
+constexpr double kHeldBorderPx = 1.7, kHeldSupported = 0.6, kHeldAgreement = 0.5, kHeldSeen = 0.3;
 // Another place is worse where its misfit is so much larger.
 constexpr double kRivalRatio = 1.25, kRivalPx = 0.25;
 
 bool explains(const OutlineFit& fit) {
   return fit.misfit_px <= kFoundMisfitPx && fit.supported >= kFoundSupported &&
-         fit.agreement >= kFoundAgreement && fit.share_in_picture >= kFoundShare;
+         fit.agreement >= kFoundAgreement && fit.share_in_picture >= kFoundShare && fit.seen >= kFoundSeen;
 }
 
 bool is_outlined(const OutlineFit& fit) {
-  return fit.supported >= kHeldSupported && fit.border_px <= kHeldBorderPx && fit.agreement >= kHeldAgreement;
+  return fit.supported >= kHeldSupported && fit.border_px <= kHeldBorderPx &&
+         fit.agreement >= kHeldAgreement && fit.seen >= kHeldSeen;
 }
 
 bool rivals(double misfit_px, double best_px) { return misfit_px <= kRivalRatio * best_px + kRivalPx; }
@@ -73,7 +75,7 @@ const char* name_of(WhyLost why) {
 class OrganTrack::Following {
  public:
   Following(const TetMesh& mesh, double field_deg, const SearchRange& range)
-      : surface_(organ_surface(mesh)), field_deg_(field_deg), range_(range) {}
+      : surface_(organ_surface(mesh)), field_deg_(field_deg), search_(surface_, range) {}
 
   AlignedMoment take(std::int64_t time_ns, const Picture& given) {
     if (given.width != width_ || given.height != height_) {
@@ -85,7 +87,8 @@ class OrganTrack::Following {
     }
     const Picture picture = scaled_down(given, kLesserSidePx);
     pinhole_ = pinhole_of(field_deg_, picture.width, picture.height);
-    points_.follow(picture);
+    cover_ = cover_of(picture);
+    points_.follow(picture, cover_);
     AlignedMoment moment = place_ && !lost_ ? follow(picture) : find(picture);
     moment.time_ns = time_ns;
     moment.camera.half_extent = half_extent_of(field_deg_, width_, height_);
@@ -125,12 +128,12 @@ class OrganTrack::Following {
 
   void learn(const Picture& picture, const OutlineFit& fit) {
     constexpr double kSure = 0.6, kShare = 0.1;
-    if (fit.supported < kSure) return;
+    if (fit.supported < kSure || fit.seen < kFoundSeen) return;
     const auto silhouette = silhouette_of(surface_, fit.camera, pinhole_, picture.width, picture.height, 2);
     if (!silhouette) return;
     const double ring_px =
         0.5 * pinhole_.focal_px * surface_.radius_m / -fit.camera.view_m(surface_.middle_m).z();
-    const ColourModel seen = colours_of(picture, *silhouette, ring_px);
+    const ColourModel seen = colours_of(picture, cover_, *silhouette, ring_px);
     colours_ = colours_ ? mixed(*colours_, seen, kShare) : seen;
   }
 
@@ -149,12 +152,12 @@ class OrganTrack::Following {
       expected.covariance_m2 += kUnseenM * kUnseenM * MotionCovariance::Identity();
     }
     const ColourModel* const colours = colours_ ? &*colours_ : nullptr;
-    auto fit = fit_outline(picture, surface_, pinhole_, expected, colours, {16, 5, 6});
+    auto fit = fit_outline(picture, cover_, surface_, pinhole_, expected, colours, {16, 5, 6});
     if (!fit || !is_outlined(*fit)) {
       // Flow may have followed what shines, or a tool: once more from where the organ was, and wide.
       const Expected before{place_->camera,
                             place_->covariance_m2 + kUnseenM * kUnseenM * MotionCovariance::Identity()};
-      const auto wide = fit_outline(picture, surface_, pinhole_, before, colours, {32, 9, 6});
+      const auto wide = fit_outline(picture, cover_, surface_, pinhole_, before, colours, {32, 9, 6});
       if (wide && (!fit || wide->misfit_px < fit->misfit_px)) fit = wide;
     }
     if (!fit || !is_outlined(*fit)) return lost(WhyLost::kHidden, fit ? &*fit : nullptr);
@@ -180,18 +183,20 @@ class OrganTrack::Following {
       Expected near = *place_;
       constexpr double kAwayM = 0.03;
       near.covariance_m2 += kAwayM * kAwayM * MotionCovariance::Identity();
-      const auto fit = fit_outline(picture, surface_, pinhole_, near, &*colours_, {40, 12, 6});
+      const auto fit = fit_outline(picture, cover_, surface_, pinhole_, near, &*colours_, {40, 12, 6});
       if (fit && explains(*fit)) return found(picture, *fit, 0);
     }
     if (pictures_lost_ <= searched_at_ + waits_) return lost(WhyLost::kNotLooked);
     searched_at_ = pictures_lost_;
-    constexpr int kLongestWait = 80;
+    constexpr int kLongestWait = 20;
     waits_ = std::min(kLongestWait, std::max(5, 2 * waits_));
     return search(picture);
   }
 
   AlignedMoment search(const Picture& picture) {
-    const std::vector<OutlineFit> fits = search_pose(picture, surface_, pinhole_, range_);
+    std::vector<OutlineFit> fits = search_.find(picture, cover_, pinhole_);
+    // Under cover, each outline fits.
+    std::erase_if(fits, [](const OutlineFit& fit) { return fit.seen < kFoundSeen; });
     if (fits.empty()) return lost(WhyLost::kNoOrgan);
     const OutlineFit& best = fits.front();
     const double rival_px = fits.size() > 1 ? fits[1].misfit_px : 0;
@@ -200,7 +205,8 @@ class OrganTrack::Following {
       moment.rival_px = other_px;
       return moment;
     };
-    const std::vector<OutlineFit> mirrors = search_pose(mirrored(picture), surface_, pinhole_, range_);
+    const Picture mirror = mirrored(picture);
+    const std::vector<OutlineFit> mirrors = search_.find(mirror, cover_of(mirror), pinhole_);
     if (!mirrors.empty() && explains(mirrors.front()) && rivals(mirrors.front().misfit_px, best.misfit_px))
       return not_found(WhyLost::kMirrored, mirrors.front().misfit_px);
     if (!explains(best)) return not_found(WhyLost::kNoOrgan, rival_px);
@@ -220,9 +226,10 @@ class OrganTrack::Following {
 
   OrganSurface surface_;
   double field_deg_;
-  SearchRange range_;
+  PoseSearch search_;
   int width_ = 0, height_ = 0;
   Pinhole pinhole_;
+  Cover cover_;                    // of the picture that was taken last
   std::optional<Expected> place_;  // the last that was held
   bool lost_ = true;
   std::optional<ColourModel> colours_;

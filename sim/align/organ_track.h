@@ -50,7 +50,7 @@ class OrganTrack {
   OrganTrack& operator=(const OrganTrack&) = delete;
 
   /// The next picture, in order of time; some tenths of a second apart at most, so that it can be followed.
-  /// A picture takes some hundredths of a second, a search some seconds: who wants to end does so between
+  /// A picture takes some hundredths of a second, a search a second or two: who wants to end does so between
   /// two. In a picture of another size than the one before the organ is sought anew.
   AlignedMoment take(std::int64_t time_ns, const Picture& picture);
 

@@ -10,7 +10,6 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr int kShrink = 2;       // of the silhouette
 constexpr double kMarginPx = 4;  // of the picture's border, where codecs and lenses are at their worst
 constexpr std::size_t kLeastLines = 24;
 constexpr double kLeastShare = 0.25;  // of the outline, in the picture
@@ -22,7 +21,7 @@ struct Line {
   double off_px = 0;                       // of the border, outwards
   double variance_px2 = 0;
   double angle = 0;  // about the silhouette's middle: neighbours along the outline
-  bool supported = false;
+  bool supported = false, covered = false;
 };
 
 const std::uint8_t* pixel_at(const Picture& picture, const Eigen::Vector2d& at) {
@@ -32,14 +31,23 @@ const std::uint8_t* pixel_at(const Picture& picture, const Eigen::Vector2d& at) 
 }
 
 /// The border along one normal: each place is as likely as the evidence within it and against what is beyond.
-void seek_border(const Picture& picture, const ColourModel& model, const OutlinePoint& point, int reach,
-                 Line& line) {
+void seek_border(const Picture& picture, const Cover& cover, const ColourModel& model,
+                 const OutlinePoint& point, int reach, Line& line) {
   constexpr double kShared = 0.25;  // neighbouring pixels say the same: of four, one counts
   const int count = 2 * reach + 1;
   std::vector<double> evidence(static_cast<std::size_t>(count), 0);
+  std::vector<bool> shows_tissue(static_cast<std::size_t>(count), false);
+  int covered = 0;
   for (int i = 0; i < count; ++i) {
-    if (const auto* const rgb = pixel_at(picture, point.pixel + (i - reach) * point.outward))
-      evidence[static_cast<std::size_t>(i)] = model.evidence_of(rgb);
+    const Eigen::Vector2d at = point.pixel + (i - reach) * point.outward;
+    const auto* const rgb = pixel_at(picture, at);
+    if (rgb == nullptr) continue;
+    if (cover.at(static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y())))) {
+      ++covered;
+      continue;
+    }
+    evidence[static_cast<std::size_t>(i)] = model.evidence_of(rgb);
+    shows_tissue[static_cast<std::size_t>(i)] = true;
   }
   double all = 0;
   for (const double each : evidence) all += each;
@@ -70,17 +78,22 @@ void seek_border(const Picture& picture, const ColourModel& model, const Outline
   const int at = static_cast<int>(best_at);
   double inner = 0, outer = 0;
   int inner_count = 0, outer_count = 0;
-  for (int i = std::max(0, at - kSides); i < at; ++i, ++inner_count)
-    inner += evidence[static_cast<std::size_t>(i)];
-  for (int i = at; i < std::min(count, at + kSides); ++i, ++outer_count)
-    outer += evidence[static_cast<std::size_t>(i)];
+  const auto add = [&](int i, double& side, int& samples) {
+    if (!shows_tissue[static_cast<std::size_t>(i)]) return;
+    side += evidence[static_cast<std::size_t>(i)];
+    ++samples;
+  };
+  for (int i = std::max(0, at - kSides); i < at; ++i) add(i, inner, inner_count);
+  for (int i = at; i < std::min(count, at + kSides); ++i) add(i, outer, outer_count);
   line.supported =
       inner_count >= 3 && outer_count >= 3 && inner > kClear * inner_count && outer < -kClear * outer_count;
+  constexpr double kMuch = 0.3;
+  line.covered = !line.supported && covered >= kMuch * count;
 }
 
-std::vector<Line> lines_of(const Picture& picture, const OrganSurface& surface, const Pinhole& pinhole,
-                           const Camera& camera, const Outline& outline, const ColourModel& model,
-                           int reach) {
+std::vector<Line> lines_of(const Picture& picture, const Cover& cover, const OrganSurface& surface,
+                           const Pinhole& pinhole, const Camera& camera, const Outline& outline,
+                           const ColourModel& model, int reach) {
   const Vector3 middle = camera.view_m(surface.middle_m);
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   for (const OutlinePoint& point : outline.points) centre += point.pixel / double(outline.points.size());
@@ -91,7 +104,7 @@ std::vector<Line> lines_of(const Picture& picture, const OrganSurface& surface, 
     line.view_m = point.view_m;
     line.derivative = point.outward.transpose() * pinhole.derivative(point.view_m, middle, surface.radius_m);
     line.angle = std::atan2(point.pixel.y() - centre.y(), point.pixel.x() - centre.x());
-    seek_border(picture, model, point, reach, line);
+    seek_border(picture, cover, model, point, reach, line);
   }
   std::ranges::sort(lines, {}, &Line::angle);
   return lines;
@@ -181,25 +194,30 @@ MotionCovariance better_known(const MotionCovariance& a, const MotionCovariance&
   return inverse(axes * directions.eigenvalues().cwiseMax(1).asDiagonal() * axes.transpose());
 }
 
-void judge(const Picture& picture, const Silhouette& silhouette, const Outline& outline,
+void judge(const Picture& picture, const Cover& cover, const Silhouette& silhouette, const Outline& outline,
            const ColourModel& model, const std::vector<Line>& lines, OutlineFit& fit) {
   fit.lines = lines.size();
   fit.share_in_picture = outline.share_in_picture;
-  double supported = 0, square = 0, of_supported = 0;
+  double seen = 0, supported = 0, square = 0, of_supported = 0;
   for (const Line& line : lines) {
+    if (line.covered) continue;
+    seen += 1;
     supported += line.supported ? 1 : 0;
     const double off = line.supported ? std::min(std::abs(line.off_px), kWorstPx) : kWorstPx;
     square += off * off;
     if (line.supported) of_supported += off * off;
   }
-  fit.supported = supported / double(lines.size());
-  fit.misfit_px = std::sqrt(square / double(lines.size()));
+  fit.seen = seen / double(lines.size());
+  // Some are seen, as normal_of() had enough that show a border.
+  fit.supported = supported / seen;
+  fit.misfit_px = std::sqrt(square / seen);
   fit.border_px = supported > 0 ? std::sqrt(of_supported / supported) : kWorstPx;
   double with = 0, all = 0;
   constexpr int kStep = 2;
   for (int y = 0; y < silhouette.height; y += kStep) {
     for (int x = 0; x < silhouette.width; x += kStep) {
       if (!(silhouette.at(x, y) > 0)) continue;
+      if (cover.at(x * silhouette.shrink, y * silhouette.shrink)) continue;
       all += 1;
       if (model.evidence_of(picture.pixel(x * silhouette.shrink, y * silhouette.shrink)) > 0) with += 1;
     }
@@ -209,7 +227,7 @@ void judge(const Picture& picture, const Silhouette& silhouette, const Outline& 
 
 }  // namespace
 
-std::optional<OutlineFit> fit_outline(const Picture& picture, const OrganSurface& surface,
+std::optional<OutlineFit> fit_outline(const Picture& picture, const Cover& cover, const OrganSurface& surface,
                                       const Pinhole& pinhole, const Expected& expected,
                                       const ColourModel* model, const OutlineFitOptions& options) {
   OutlineFit fit;
@@ -220,23 +238,24 @@ std::optional<OutlineFit> fit_outline(const Picture& picture, const OrganSurface
   ColourModel own;
   for (int round = 0; round <= options.rounds; ++round) {
     const auto silhouette =
-        silhouette_of(surface, fit.camera, pinhole, picture.width, picture.height, kShrink);
+        silhouette_of(surface, fit.camera, pinhole, picture.width, picture.height, options.shrink);
     if (!silhouette) return {};
     const Outline outline =
         outline_of(surface, fit.camera, pinhole, *silhouette, options.spacing_px, kMarginPx);
     if (outline.points.size() < kLeastLines || outline.share_in_picture < kLeastShare) return {};
-    if (model == nullptr) own = colours_of(picture, *silhouette, ring_px);
+    if (model == nullptr) own = colours_of(picture, cover, *silhouette, ring_px);
     const ColourModel& colours = model != nullptr ? *model : own;
     constexpr double kLeastReach = 7;
     const int reach = static_cast<int>(
         std::max(kLeastReach, options.reach_px * (1 - double(round) / std::max(1, options.rounds))));
-    const std::vector<Line> lines = lines_of(picture, surface, pinhole, fit.camera, outline, colours, reach);
+    const std::vector<Line> lines =
+        lines_of(picture, cover, surface, pinhole, fit.camera, outline, colours, reach);
     const Normal normal = normal_of(lines);
     if (normal.scale_px == 0) return {};
     const double shared = correlation_length(normal.residuals);
     const Motion from_expected = motion_between(surface, expected.camera, fit.camera);
     if (round == options.rounds) {
-      judge(picture, *silhouette, outline, colours, lines, fit);
+      judge(picture, cover, *silhouette, outline, colours, lines, fit);
       // What residuals cannot show: a border seen so far outside, or inside, all along.
       constexpr double kSwellingPx = 0.5, kFloor = 1e-6;
       const MotionCovariance covariance =

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <thread>
 
 #include <Eigen/Geometry>
+
+#include "base/parallel.h"
 
 namespace kiroku::sim {
 namespace {
@@ -23,7 +26,8 @@ class KindCounts {
       for (int x = 0; x < width_; ++x) {
         std::copy_n(row, KindsOfColour::kKinds, row + KindsOfColour::kKinds);
         row += KindsOfColour::kKinds;
-        ++row[kinds.kind[static_cast<std::size_t>(y * width_ + x)]];
+        const std::uint8_t kind = kinds.kind[static_cast<std::size_t>(y * width_ + x)];
+        if (kind != KindsOfColour::kCovered) ++row[kind];
       }
       for (int k = 0; k < KindsOfColour::kKinds; ++k) all_[static_cast<std::size_t>(k)] += row[k];
     }
@@ -50,22 +54,36 @@ class KindCounts {
   Counts all_{};
 };
 
-double entropy_part(double count, double of) { return count > 0 ? count * std::log(count / of) : 0; }
-
 /// In nats a pixel, of belonging to the silhouette and kind of colour.
-double mutual_information(const KindCounts::Counts& within, const KindCounts::Counts& all) {
-  double sum = 0, pixels = 0, covered = 0;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    pixels += all[k];
-    covered += within[k];
+class MutualInformation {
+ public:
+  explicit MutualInformation(const KindCounts::Counts& all) : all_(all) {
+    for (const auto count : all) pixels_ += count;
+    times_log_.resize(static_cast<std::size_t>(pixels_) + 1);
+    for (std::size_t n = 2; n < times_log_.size(); ++n) times_log_[n] = double(n) * std::log(double(n));
+    for (const auto count : all) whole_ += of(count);
+    whole_ -= of(pixels_);
   }
-  if (covered <= 0 || covered >= pixels) return 0;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    sum += entropy_part(within[k], double(all[k]) * covered / pixels) +
-           entropy_part(double(all[k]) - within[k], double(all[k]) * (pixels - covered) / pixels);
+  [[nodiscard]] double operator()(const KindCounts::Counts& within) const {
+    KindCounts::Count covered = 0;
+    double sum = 0;
+    for (std::size_t k = 0; k < all_.size(); ++k) {
+      covered += within[k];
+      sum += of(within[k]) + of(all_[k] - within[k]);
+    }
+    if (covered <= 0 || covered >= pixels_) return 0;
+    return (sum - of(covered) - of(pixels_ - covered) - whole_) / pixels_;
   }
-  return sum / pixels;
-}
+
+ private:
+  [[nodiscard]] double of(KindCounts::Count count) const {
+    return times_log_[static_cast<std::size_t>(count)];
+  }
+  KindCounts::Counts all_;
+  KindCounts::Count pixels_ = 0;
+  std::vector<double> times_log_;  // n log n
+  double whole_ = 0;
+};
 
 /// A silhouette by its rows, about its own middle.
 struct Template {
@@ -150,11 +168,29 @@ Camera camera_off_axis(const OrganSurface& surface, const Template& of, double x
   return camera_before(surface, turn * of.to_view, ray.normalized() * depth_m);
 }
 
-/// The best places of one silhouette over the picture.
-Hypothesis best_place(const KindCounts& counts, const OrganSurface& surface, const Template& of, int side,
-                      double field, double focal, const SearchRange& range) {
+constexpr int kEachRow = 2, kShift = 4;
+
+/// The rows of a silhouette at another size, every second one, about its middle.
+std::vector<Template::Run> scaled_rows(const Template& of, double scale) {
+  std::vector<Template::Run> rows;
+  const int first = static_cast<int>(std::floor(scale * of.runs.front().y)) / kEachRow * kEachRow - kEachRow,
+            last = static_cast<int>(std::ceil(scale * (of.runs.back().y + 1))) + kEachRow;
+  auto run = of.runs.begin();
+  for (int y = first; y <= last; y += kEachRow) {
+    const auto source = static_cast<int>(std::lround(y / scale));
+    while (run != of.runs.end() && run->y < source) ++run;
+    for (auto same = run; same != of.runs.end() && same->y == source; ++same)
+      rows.push_back({y, static_cast<int>(std::lround(scale * same->from)),
+                      static_cast<int>(std::lround(scale * same->to))});
+  }
+  return rows;
+}
+
+/// The best place of one silhouette over the picture.
+Hypothesis best_place(const KindCounts& counts, const MutualInformation& information_of,
+                      const OrganSurface& surface, const Template& of, int side, double field, double focal,
+                      const SearchRange& range) {
   Hypothesis best;
-  constexpr int kEachRow = 2, kShift = 4;
   constexpr double kSizeStep = 1.2, kLeastInPicture = 0.45;
   const double template_focal = side / 2.0 / field;
   for (double depth_m = range.nearest_m; depth_m <= range.farthest_m; depth_m *= kSizeStep) {
@@ -163,31 +199,24 @@ Hypothesis best_place(const KindCounts& counts, const OrganSurface& surface, con
     const double area = of.area * scale * scale, pixels = double(counts.width()) * counts.height();
     constexpr double kLeastArea = 0.04, kMostArea = 1.5;
     if (area < kLeastArea * pixels || area > kMostArea * pixels) continue;
+    const std::vector<Template::Run> rows = scaled_rows(of, scale);
     for (int middle_y = 0; middle_y < counts.height(); middle_y += kShift) {
       for (int middle_x = 0; middle_x < counts.width(); middle_x += kShift) {
         KindCounts::Counts within{};
-        double covered = 0;
-        int last_row = -1;
-        for (const Template::Run& run : of.runs) {
-          const int y = middle_y + static_cast<int>(std::lround(scale * run.y));
-          // Of a silhouette that is drawn smaller some rows fall together.
-          if (y < 0 || y >= counts.height() || y % kEachRow != 0 || y < last_row) continue;
-          const int repeats = std::max(1, static_cast<int>(std::ceil(scale)));
-          last_row = y;
-          for (int row = y; row < std::min(counts.height(), y + repeats); row += kEachRow) {
-            const int from = std::clamp(middle_x + static_cast<int>(std::lround(scale * run.from)), 0,
-                                        counts.width()),
-                      to = std::clamp(middle_x + static_cast<int>(std::lround(scale * run.to)), 0,
-                                      counts.width());
-            if (from >= to) continue;
-            counts.add(row, from, to, within);
-            covered += to - from;
-          }
+        int covered = 0;
+        for (const Template::Run& run : rows) {
+          const int y = middle_y + run.y;
+          if (y < 0 || y >= counts.height()) continue;
+          const int from = std::clamp(middle_x + run.from, 0, counts.width()),
+                    to = std::clamp(middle_x + run.to, 0, counts.width());
+          if (from >= to) continue;
+          counts.add(y, from, to, within);
+          covered += to - from;
         }
         if (covered * kEachRow < kLeastInPicture * area) continue;
-        for (auto& count : within) count *= kEachRow;
-        for (std::size_t k = 0; k < within.size(); ++k) within[k] = std::min(within[k], counts.all()[k]);
-        const double information = mutual_information(within, counts.all());
+        for (std::size_t k = 0; k < within.size(); ++k)
+          within[k] = std::min(within[k] * kEachRow, counts.all()[k]);
+        const double information = information_of(within);
         if (information <= best.information) continue;
         best.information = information;
         best.camera = camera_off_axis(surface, of, (middle_x - counts.width() / 2.0) / focal,
@@ -198,60 +227,96 @@ Hypothesis best_place(const KindCounts& counts, const OrganSurface& surface, con
   return best;
 }
 
+constexpr int kTemplateSide = 48;
+constexpr double kTemplateField = 0.4;
+
+unsigned cores() { return std::max(1U, std::thread::hardware_concurrency()); }
+
 }  // namespace
 
-std::vector<OutlineFit> search_pose(const Picture& picture, const OrganSurface& surface,
-                                    const Pinhole& pinhole, const SearchRange& range) {
-  constexpr int kLesserSide = 60, kSide = 48;
-  const int shrink = std::max(1, std::min(picture.width, picture.height) / kLesserSide);
-  const KindCounts counts(kinds_of_colour(picture, shrink));
-  const double focal = pinhole.focal_px / shrink, field = 0.4;
+struct PoseSearch::Bank {
+  std::vector<Template> templates;
+};
+
+PoseSearch::PoseSearch(const OrganSurface& surface, const SearchRange& range)
+    : surface_(surface), range_(range), bank_(std::make_unique<Bank>()) {
   const Eigen::Matrix3d about =
       Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), range.from.normalized()).toRotationMatrix();
-  std::vector<Hypothesis> hypotheses;
   constexpr double kRollDeg = 20;
   for (const Vector3& direction : directions_within(range.spread_deg)) {
     for (double roll_deg = 0; roll_deg < 360; roll_deg += kRollDeg) {
-      const auto drawn =
-          template_of(surface, view_from(about * direction, roll_deg * kRadians), field, kSide);
-      if (!drawn) continue;
-      const Hypothesis best = best_place(counts, surface, *drawn, kSide, field, focal, range);
-      if (best.information > 0) hypotheses.push_back(best);
+      auto drawn = template_of(surface, view_from(about * direction, roll_deg * kRadians), kTemplateField,
+                               kTemplateSide);
+      if (drawn && !drawn->runs.empty()) bank_->templates.push_back(std::move(*drawn));
     }
   }
-  std::ranges::sort(hypotheses, std::greater{}, &Hypothesis::information);
+}
+
+PoseSearch::~PoseSearch() = default;
+
+std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& cover,
+                                         const Pinhole& pinhole) const {
+  constexpr int kLesserSide = 60;
+  const int shrink = std::max(1, std::min(picture.width, picture.height) / kLesserSide);
+  const KindCounts counts(kinds_of_colour(picture, cover, shrink));
+  const MutualInformation information_of(counts.all());
+  const double focal = pinhole.focal_px / shrink;
+  std::vector<Hypothesis> hypotheses(bank_->templates.size());
+  for_each_part(hypotheses.size(), cores(), [&](std::size_t i) {
+    hypotheses[i] = best_place(counts, information_of, surface_, bank_->templates[i], kTemplateSide,
+                               kTemplateField, focal, range_);
+  });
+  std::erase_if(hypotheses, [](const Hypothesis& each) { return each.information <= 0; });
+  std::ranges::stable_sort(hypotheses, std::greater{}, &Hypothesis::information);
   constexpr std::size_t kTried = 48;
   if (hypotheses.size() > kTried) hypotheses.resize(kTried);
 
-  std::vector<OutlineFit> fits;
-  const double unknown_m = 0.5 * range.farthest_m;
-  for (Hypothesis& hypothesis : hypotheses) {
-    hypothesis.camera.half_extent = {picture.width / 2.0 / pinhole.focal_px,
-                                     picture.height / 2.0 / pinhole.focal_px};
-    const Expected anywhere{hypothesis.camera, unknown_m * unknown_m * MotionCovariance::Identity()};
-    constexpr double kCoarse = 12;
-    OutlineFitOptions options;
-    options.spacing_px = kCoarse;
-    options.reach_px = std::min(picture.width, picture.height) / 14.0;
-    const auto coarse = fit_outline(picture, surface, pinhole, anywhere, nullptr, options);
-    if (coarse) fits.push_back(*coarse);
-  }
-  std::ranges::sort(fits, {}, &OutlineFit::misfit_px);
-  // The best few to their end; what comes to the same place is one.
-  constexpr std::size_t kFinished = 12;
-  std::vector<OutlineFit> finished;
-  for (std::size_t i = 0; i < fits.size() && i < kFinished; ++i) {
-    const Expected anywhere{fits[i].camera, unknown_m * unknown_m * MotionCovariance::Identity()};
-    const auto fine = fit_outline(picture, surface, pinhole, anywhere, nullptr, {16, 10, 5});
-    if (!fine) continue;
-    constexpr double kSame = 0.08;  // of the organ's radius
-    const bool known = std::ranges::any_of(finished, [&](const OutlineFit& other) {
-      return way_between_m(surface, other.camera, fine->camera) < kSame * surface.radius_m;
+  const double unknown_m = 0.5 * range_.farthest_m;
+  const MotionCovariance unknown_m2 = unknown_m * unknown_m * MotionCovariance::Identity();
+  const auto fitted = [&](const std::vector<Camera>& from, const OutlineFitOptions& options) {
+    std::vector<std::optional<OutlineFit>> each(from.size());
+    for_each_part(from.size(), cores(), [&](std::size_t i) {
+      each[i] = fit_outline(picture, cover, surface_, pinhole, {from[i], unknown_m2}, nullptr, options);
     });
-    if (!known) finished.push_back(*fine);
-  }
-  std::ranges::sort(finished, {}, &OutlineFit::misfit_px);
-  return finished;
+    std::vector<OutlineFit> fits;
+    for (const auto& fit : each) {
+      if (fit) fits.push_back(*fit);
+    }
+    std::ranges::stable_sort(fits, {}, &OutlineFit::misfit_px);
+    return fits;
+  };
+  // What comes to the same place is one, by that share of the organ's radius.
+  const auto different = [&](const std::vector<OutlineFit>& fits, double same, std::size_t most) {
+    std::vector<OutlineFit> kept;
+    for (const OutlineFit& fit : fits) {
+      const bool known = std::ranges::any_of(kept, [&](const OutlineFit& other) {
+        return way_between_m(surface_, other.camera, fit.camera) < same * surface_.radius_m;
+      });
+      if (!known && kept.size() < most) kept.push_back(fit);
+    }
+    return kept;
+  };
+  const auto cameras_of = [](const auto& all) {
+    std::vector<Camera> cameras;
+    for (const auto& each : all) cameras.push_back(each.camera);
+    return cameras;
+  };
+
+  std::vector<Camera> cameras = cameras_of(hypotheses);
+  for (Camera& camera : cameras)
+    camera.half_extent = {picture.width / 2.0 / pinhole.focal_px, picture.height / 2.0 / pinhole.focal_px};
+  OutlineFitOptions coarse;
+  coarse.spacing_px = 12;
+  coarse.shrink = 4;
+  coarse.reach_px = std::min(picture.width, picture.height) / 14.0;
+  // The best few to their end.
+  constexpr std::size_t kFinished = 12;
+  constexpr double kNearlySame = 0.04, kSame = 0.08;
+  const std::vector<OutlineFit> begun = different(fitted(cameras, coarse), kNearlySame, kFinished);
+  OutlineFitOptions fine;
+  fine.rounds = 10;
+  fine.spacing_px = 5;
+  return different(fitted(cameras_of(begun), fine), kSame, kFinished);
 }
 
 }  // namespace kiroku::sim

@@ -11,29 +11,50 @@ namespace {
 
 constexpr double kNearestM = 0.003;  // a lens touches what is nearer
 
-/// Pixels whose middle is within the triangle; depth runs evenly in its reciprocal.
+/// Twice the area of a triangle, positive where its corners go anticlockwise in a picture whose y goes down.
+double twice_area(const std::array<Eigen::Vector2d, 3>& at) {
+  return (at[1].y() - at[0].y()) * (at[2].x() - at[0].x()) -
+         (at[1].x() - at[0].x()) * (at[2].y() - at[0].y());
+}
+
+/// Pixels whose middle is within the triangle, row by row; depth runs evenly in its reciprocal.
 void draw(Silhouette& into, const std::array<Eigen::Vector2d, 3>& at, const std::array<double, 3>& depth_m) {
   const Eigen::Vector2d low = at[0].cwiseMin(at[1]).cwiseMin(at[2]),
                         high = at[0].cwiseMax(at[1]).cwiseMax(at[2]);
   if (high.x() < 0 || high.y() < 0 || low.x() > into.width - 1 || low.y() > into.height - 1) return;
-  const int left = std::max(0, static_cast<int>(std::ceil(low.x()))),
-            right = std::min(into.width - 1, static_cast<int>(std::floor(high.x()))),
-            top = std::max(0, static_cast<int>(std::ceil(low.y()))),
+  const int top = std::max(0, static_cast<int>(std::ceil(low.y()))),
             bottom = std::min(into.height - 1, static_cast<int>(std::floor(high.y())));
-  const auto twice_area = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b, double x, double y) {
-    return (b.x() - a.x()) * (y - a.y()) - (b.y() - a.y()) * (x - a.x());
-  };
-  const double whole = twice_area(at[0], at[1], at[2].x(), at[2].y());
-  if (whole == 0) return;
+  const double whole = twice_area(at);
+  // The reciprocal of depth is linear over the picture.
+  const double far0 = 1 / depth_m[0], of1 = 1 / depth_m[1] - far0, of2 = 1 / depth_m[2] - far0;
+  const auto [farthest, nearest] = std::minmax({far0, far0 + of1, far0 + of2});
+  const Eigen::Vector2d e1 = at[1] - at[0], e2 = at[2] - at[0];
+  const double by_x = (of2 * e1.y() - of1 * e2.y()) / whole, by_y = (of1 * e2.x() - of2 * e1.x()) / whole;
   for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
-      const double a = twice_area(at[1], at[2], x, y) / whole, b = twice_area(at[2], at[0], x, y) / whole,
-                   c = 1 - a - b;
-      if (a < 0 || b < 0 || c < 0) continue;
-      const auto depth = static_cast<float>(1 / (a / depth_m[0] + b / depth_m[1] + c / depth_m[2]));
-      float& kept = into.depth_m[static_cast<std::size_t>(y) * static_cast<std::size_t>(into.width) +
-                                 static_cast<std::size_t>(x)];
-      if (kept == 0 || depth < kept) kept = depth;
+    // Where the row enters and leaves; a little more, so that no pixel between two triangles is of neither.
+    constexpr double kSeam = 1e-6;
+    double enters = high.x(), leaves = low.x();
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Eigen::Vector2d &a = at[i], &b = at[(i + 1) % 3];
+      if ((a.y() < y && b.y() < y) || (a.y() > y && b.y() > y)) continue;
+      if (a.y() == b.y()) {
+        enters = std::min({enters, a.x(), b.x()});
+        leaves = std::max({leaves, a.x(), b.x()});
+        continue;
+      }
+      const double x = a.x() + (y - a.y()) / (b.y() - a.y()) * (b.x() - a.x());
+      enters = std::min(enters, x);
+      leaves = std::max(leaves, x);
+    }
+    const int left = std::max(0, static_cast<int>(std::ceil(enters - kSeam))),
+              right = std::min(into.width - 1, static_cast<int>(std::floor(leaves + kSeam)));
+    float* const row =
+        into.depth_m.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(into.width);
+    double reciprocal = far0 + by_x * (left - at[0].x()) + by_y * (y - at[0].y());
+    for (int x = left; x <= right; ++x, reciprocal += by_x) {
+      // In a sliver, rounding would lead far off the plane.
+      const auto depth = static_cast<float>(1 / std::clamp(reciprocal, farthest, nearest));
+      if (row[x] == 0 || depth < row[x]) row[x] = depth;
     }
   }
 }
@@ -76,8 +97,9 @@ std::optional<Silhouette> silhouette_of(const OrganSurface& surface, const Camer
     depth_m[i] = -view.z();
   }
   for (const auto& face : surface.faces) {
-    draw(made, {pixels[face[0]], pixels[face[1]], pixels[face[2]]},
-         {depth_m[face[0]], depth_m[face[1]], depth_m[face[2]]});
+    // What faces away lies behind what faces the eye, as the surface is closed and the eye outside of it.
+    const std::array<Eigen::Vector2d, 3> at{pixels[face[0]], pixels[face[1]], pixels[face[2]]};
+    if (twice_area(at) > 0) draw(made, at, {depth_m[face[0]], depth_m[face[1]], depth_m[face[2]]});
   }
   return made;
 }

@@ -30,6 +30,7 @@ struct FixedPoint {
 
 struct SurfacePoints::State {
   cv::Mat grey;
+  Cover cover;
   std::vector<cv::Mat> pyramid;
   std::vector<FixedPoint> points;
   std::size_t fixed = 0;
@@ -49,7 +50,7 @@ bool SurfacePoints::worn() const {
          state_->points.size() < 3 * kLeastPoints;
 }
 
-void SurfacePoints::follow(const Picture& picture) {
+void SurfacePoints::follow(const Picture& picture, const Cover& cover) {
   State& state = *state_;
   cv::Mat grey = grey_picture(picture);
   std::vector<cv::Mat> pyramid;
@@ -68,13 +69,16 @@ void SurfacePoints::follow(const Picture& picture) {
     for (std::size_t i = 0; i < from.size(); ++i) {
       const bool inside = to[i].x >= 2 && to[i].y >= 2 && to[i].x < static_cast<float>(picture.width - 2) &&
                           to[i].y < static_cast<float>(picture.height - 2);
-      if (found[i] != 0 && returned[i] != 0 && inside && cv::norm(back[i] - from[i]) <= kReturnPx)
+      if (found[i] != 0 && returned[i] != 0 && inside &&
+          !cover.at(static_cast<int>(to[i].x), static_cast<int>(to[i].y)) &&
+          cv::norm(back[i] - from[i]) <= kReturnPx)
         held.push_back({state.points[i].organ_m, to[i]});
     }
     state.points = std::move(held);
     ++state.pictures;
   }
   state.grey = std::move(grey);
+  state.cover = cover;
   state.pyramid = std::move(pyramid);
 }
 
@@ -150,7 +154,8 @@ void SurfacePoints::fix(const OrganSurface& surface, const Pinhole& pinhole, con
   cv::Mat covered(silhouette->height, silhouette->width, CV_8U);
   for (int y = 0; y < covered.rows; ++y) {
     for (int x = 0; x < covered.cols; ++x)
-      covered.at<std::uint8_t>(y, x) = silhouette->at(x, y) > 0 ? 255 : 0;
+      covered.at<std::uint8_t>(y, x) =
+          silhouette->at(x, y) > 0 && !state.cover.at(kShrink * x, kShrink * y) ? 255 : 0;
   }
   const cv::Mat around = cv::getStructuringElement(
       cv::MORPH_ELLIPSE, {2 * kFromBorderPx / kShrink + 1, 2 * kFromBorderPx / kShrink + 1});

@@ -30,8 +30,8 @@ class SurfacePoints {
   SurfacePoints& operator=(const SurfacePoints&) = delete;
 
   /// Follows the points into the next picture, of the same size; the first, and one after drop(), is only
-  /// kept.
-  void follow(const Picture& picture);
+  /// kept. A point that comes under cover is given up.
+  void follow(const Picture& picture, const Cover& cover);
   /// Fits a camera to the points in the picture that follow() took last. Nothing for fewer than kLeastPoints
   /// that agree. The covariance is what the organ's place had where the points were fixed, and what the
   /// points leave open since then.

@@ -1,17 +1,37 @@
-// An organ found and followed in pictures whose truth is known: rendered by the project's own renderer,
-// through MPEG-2 at 4 Mbit/s (the program ffmpeg), beside points picked without any error and followed by
-// optical flow.
+// An organ found and followed in sequences whose truth is known: rendered by the project's own renderer, each
+// of its own seed, through MPEG-2 at 4 Mbit/s (the program ffmpeg). Beside it, in the same run, points of
+// tissue followed by the alignment, by Lucas and Kanade's flow and, where OpenCV's contributed modules are
+// installed, by CSRT.
 //
-//   align_bench [--pictures N] [--only NAME] [--show FOLDER]
+//   align_bench [--first SEED] [--sequences N] [--pictures N] [--clip FILE] [--records FILE] [--show FOLDER]
+//   align_bench --tell FILE [--tell FILE]...
 //
-// The organ is rendered of many small cells, the plan's mesh has fewer. Ten pictures a second, 640x480.
+// Sequence after sequence is of another condition; after each six with truth one has nothing to be found. The
+// organ is rendered of many small cells, the plan's mesh has fewer. Ten pictures a second, 640x480. --clip: a
+// film of a real operation, whose pictures give organ and wall their texture in every second round of
+// conditions. Those with truth are told together, but for the lens.
+// --records keeps a line for each picture, from which --tell makes the tables of several runs together; time
+// is that of a processor, so that other work on the machine does not count.
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <iostream>
 #include <memory>
+#include <numbers>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <optional>
+#include <random>
+#include <sstream>
 #include <string>
+#ifdef KIROKU_HAS_CSRT
+#include <opencv2/tracking.hpp>
+#endif
 
 #include "base/error.h"
 #include "media/film_writer.h"
@@ -19,73 +39,93 @@
 #include "tests/bench/render_bench.h"
 #include "tests/support/endoscope_scene.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/compare/camera_track.h"
 
 namespace {
 
-using kiroku::bench::processor_seconds, kiroku::bench::seconds, kiroku::bench::write_png;
+using kiroku::bench::processor_seconds, kiroku::bench::write_png;
 using kiroku::test::EndoscopeScene;
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
-struct Scenario {
-  std::string name;
-  std::function<EndoscopeScene::Look(const EndoscopeScene&, double share)> look;
-  bool mirrored = false, other_organ = false;
-  [[nodiscard]] bool has_truth() const { return !mirrored && !other_organ && name != "no-organ"; }
+constexpr double kEveryS = 0.1;
+
+/// What a seed makes of a sequence.
+class Chance {
+ public:
+  explicit Chance(std::uint32_t seed) : random_(seed) {}
+  double between(double low, double high) {
+    return low + (high - low) * double(random_()) / double(std::mt19937::max());
+  }
+  int one_of(int count) { return std::min(count - 1, static_cast<int>(between(0, count))); }
+
+ private:
+  std::mt19937 random_;
 };
 
 /// A hand that holds the endoscope: around the organ, nearer and farther, never quite still.
-EndoscopeScene::Look hand(const EndoscopeScene& scene, double share, const Eigen::Vector2d& aside = {0, 0}) {
-  const double turn = 2 * std::numbers::pi * share;
-  EndoscopeScene::Look look;
-  look.camera =
-      scene.camera(12 + 14 * std::sin(turn), -18 + 7 * std::sin(1.6 * turn),
-                   0.16 + 0.02 * std::sin(1.3 * turn + 1), 8 * std::sin(0.8 * turn),
-                   aside + Eigen::Vector2d(0.1 * std::sin(2.1 * turn), 0.08 * std::cos(1.7 * turn)));
-  look.seed = static_cast<std::uint32_t>(1 + 1000 * share);
-  return look;
-}
+struct Hand {
+  explicit Hand(Chance& chance)
+      : azimuth_deg(chance.between(-22, 30)),
+        elevation_deg(chance.between(-32, -5)),
+        distance_m(chance.between(0.14, 0.2)),
+        roll_deg(chance.between(-20, 20)),
+        aside(chance.between(-0.15, 0.15), chance.between(-0.12, 0.12)) {
+    for (double& each : phase) each = chance.between(0, 2 * std::numbers::pi);
+    for (double& each : rate) each = chance.between(0.5, 1.3);
+  }
+  [[nodiscard]] Camera camera(const EndoscopeScene& scene, double s, double away = 0) const {
+    const auto sway = [&](std::size_t i) { return std::sin(rate[i] * s + phase[i]); };
+    return scene.camera(azimuth_deg + 8 * sway(0), elevation_deg + 5 * sway(1), distance_m + 0.012 * sway(2),
+                        roll_deg + 6 * sway(3),
+                        aside + Eigen::Vector2d(0.09 * sway(4) + away, 0.07 * sway(5)));
+  }
+  double azimuth_deg, elevation_deg, distance_m, roll_deg;
+  Eigen::Vector2d aside;
+  std::array<double, 6> phase{}, rate{};
+};
 
-/// From 0 to 1 and back around the middle of the film.
+/// A shaft whose tip goes to and fro before the organ, in the picture from the first moment on.
+struct Instrument {
+  Instrument(Chance& chance, double organ_m) {
+    constexpr std::array<Rgb, 3> kColours{{{150, 152, 158}, {26, 26, 28}, {60, 92, 150}}};
+    colour = kColours[static_cast<std::size_t>(chance.one_of(3))];
+    const double side = chance.one_of(2) == 0 ? -1 : 1;
+    from = Vector3(side * chance.between(0.6, 1), chance.between(-0.6, 0.3), chance.between(0.2, 0.6));
+    tip_m = Vector3(side * chance.between(-0.01, 0.03), chance.between(-0.035, 0.03),
+                    -chance.between(0.6, 0.8) * organ_m);
+    sway_m = chance.between(0.004, 0.02);
+    rate = chance.between(1, 3);
+    phase = chance.between(0, 6);
+  }
+  [[nodiscard]] MarkedSolid at(const Camera& camera, double s) const {
+    const Vector3 sway(std::sin(rate * s + phase), 0.7 * std::cos(1.3 * rate * s), 0);
+    return EndoscopeScene::tool(camera, tip_m + sway_m * sway, from, colour);
+  }
+  Rgb colour{};
+  Vector3 from, tip_m;
+  double sway_m = 0, rate = 0, phase = 0;
+};
+
+/// From 0 to 1 and back.
 double bump(double share, double from, double to) {
   return share <= from || share >= to
              ? 0
              : std::pow(std::sin(std::numbers::pi * (share - from) / (to - from)), 0.7);
 }
 
-std::vector<Scenario> scenarios() {
-  const auto plain = [](const EndoscopeScene& scene, double share) { return hand(scene, share); };
-  return {
-      {"clear", plain},
-      {"tools",
-       [](const EndoscopeScene& scene, double share) {
-         EndoscopeScene::Look look = hand(scene, share);
-         const double swing = std::sin(7 * share);
-         look.tools.push_back(EndoscopeScene::tool(look.camera, {-0.02 + 0.03 * swing, 0.01, -0.11}));
-         look.tools.push_back(
-             EndoscopeScene::tool(look.camera, {0.01 - 0.03 * swing, -0.03 + 0.02 * swing, -0.12}));
-         return look;
-       }},
-      {"smoke",
-       [](const EndoscopeScene& scene, double share) {
-         EndoscopeScene::Look look = hand(scene, share);
-         look.smoke = std::min(1.0, 1.15 * bump(share, 0.3, 0.75));
-         return look;
-       }},
-      {"leaves",
-       [](const EndoscopeScene& scene, double share) {
-         return hand(scene, share, {2.6 * bump(share, 0.35, 0.75), 0});
-       }},
-      {"no-organ",
-       [](const EndoscopeScene& scene, double share) {
-         EndoscopeScene::Look look = hand(scene, share);
-         look.organ = false;
-         look.tools.push_back(EndoscopeScene::tool(look.camera, {-0.02, 0.01, -0.11}));
-         return look;
-       }},
-      {"mirrored", plain, true, false},
-      {"other-organ", plain, false, true},
-  };
+constexpr std::array<const char*, 7> kWithTruth{"clear",  "tools",      "smoke", "shine",
+                                                "leaves", "everything", "barrel"};
+constexpr std::array<const char*, 3> kWithout{"no organ", "mirrored", "another organ"};
+
+constexpr const char *kBarrel = "barrel", *kOfFilm = "film";
+
+/// Seven with truth, then one without.
+std::string condition_of(std::uint32_t seed) {
+  constexpr std::size_t kRound = kWithTruth.size() + 1;
+  const std::size_t place = (seed - 1) % kRound, round = (seed - 1) / kRound;
+  return place < kWithTruth.size() ? kWithTruth[place] : kWithout[round % kWithout.size()];
+}
+bool has_truth(const std::string& condition) {
+  return std::ranges::find(kWithout, condition) == kWithout.end();
 }
 
 Picture mirror_of(const Picture& picture) {
@@ -94,6 +134,27 @@ Picture mirror_of(const Picture& picture) {
     for (int x = 0; x < picture.width; ++x)
       std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, made.pixel(x, y));
   }
+  return made;
+}
+
+/// As a lens shows it that draws the corners in by a twentieth.
+Picture through_barrel_lens(const Picture& picture) {
+  constexpr double kDrawnIn = 0.05;
+  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
+  cv::Mat x(from.size(), CV_32F), y(from.size(), CV_32F);
+  const double middle_x = (picture.width - 1) / 2.0, middle_y = (picture.height - 1) / 2.0,
+               corner2 = middle_x * middle_x + middle_y * middle_y;
+  for (int row = 0; row < from.rows; ++row) {
+    for (int column = 0; column < from.cols; ++column) {
+      const double s = column - middle_x, t = row - middle_y,
+                   scale = 1 + kDrawnIn * (s * s + t * t) / corner2;
+      x.at<float>(row, column) = static_cast<float>(middle_x + scale * s);
+      y.at<float>(row, column) = static_cast<float>(middle_y + scale * t);
+    }
+  }
+  Picture made(picture.width, picture.height);
+  cv::Mat to(from.size(), CV_8UC3, made.rgb.data());
+  cv::remap(from, to, x, y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   return made;
 }
 
@@ -121,26 +182,172 @@ std::vector<Picture> through_mpeg2(const std::vector<Picture>& pictures) {
   return decoded;
 }
 
-struct Outcome {
-  std::size_t pictures = 0, held = 0, confident = 0;  // beyond three standard errors
-  std::vector<double> errors_mm, stated_mm;
-  double seconds = 0, processor_seconds = 0;
+/// Some pictures of a film, as large as the rendered ones.
+std::vector<Picture> pictures_of(const std::string& clip) {
+  std::vector<Picture> pictures;
+  if (clip.empty()) return pictures;
+  const std::string size =
+      std::to_string(EndoscopeScene::kWidth) + ":" + std::to_string(EndoscopeScene::kHeight);
+  const std::string command =
+      "ffmpeg -nostdin -v error -i '" + clip + "' -vf fps=1,scale=" + size + " -f rawvideo -pix_fmt rgb24 -";
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(popen(command.c_str(), "r"), pclose);
+  for (;;) {
+    Picture picture(EndoscopeScene::kWidth, EndoscopeScene::kHeight);
+    if (!pipe || std::fread(picture.rgb.data(), 1, picture.rgb.size(), pipe.get()) != picture.rgb.size())
+      break;
+    pictures.push_back(std::move(picture));
+  }
+  if (pictures.empty()) throw kiroku::Error("ffmpeg read no picture of " + clip);
+  return pictures;
+}
 
-  void take(double error_m, double stated_m) {
-    ++held;
-    errors_mm.push_back(1000 * error_m);
-    stated_mm.push_back(1000 * stated_m);
-    if (error_m > 3 * stated_m) ++confident;
+struct Sequence {
+  std::vector<Picture> pictures;
+  std::vector<Camera> truth;
+};
+
+Sequence rendered(EndoscopeScene& scene, std::uint32_t seed, const std::string& condition, int count) {
+  Chance chance(seed);
+  const Hand hand(chance);
+  const bool everything = condition == "everything";
+  std::vector<Instrument> instruments;
+  if (condition == "tools" || everything) {
+    const int many = 1 + chance.one_of(3);
+    for (int i = 0; i < many; ++i) instruments.emplace_back(chance, hand.distance_m);
   }
-  void add(const Outcome& other) {
-    pictures += other.pictures;
-    held += other.held;
-    confident += other.confident;
-    errors_mm.insert(errors_mm.end(), other.errors_mm.begin(), other.errors_mm.end());
-    stated_mm.insert(stated_mm.end(), other.stated_mm.begin(), other.stated_mm.end());
-    seconds += other.seconds;
-    processor_seconds += other.processor_seconds;
+  const double thick = chance.between(0.5, 1.1), shines = chance.between(1.2, 1.9),
+               leaves = chance.between(1.5, 2.6);
+  Sequence made;
+  for (int i = 0; i < count; ++i) {
+    const double s = kEveryS * i, share = double(i) / count;
+    EndoscopeScene::Look look;
+    look.camera = hand.camera(scene, s, condition == "leaves" ? leaves * bump(share, 0.25, 0.75) : 0);
+    look.seed = 1000 * seed + static_cast<std::uint32_t>(i);
+    look.organ = condition != "no organ";
+    for (const Instrument& each : instruments) look.tools.push_back(each.at(look.camera, s));
+    if (condition == "smoke") look.smoke = std::min(1.0, thick * bump(share, 0.2, 0.8));
+    if (everything) look.smoke = 0.2 * thick * (1 + std::sin(s));
+    if (condition == "shine" || everything) look.shine = shines;
+    made.truth.push_back(look.camera);
+    Picture picture = scene.picture(look);
+    if (condition == "mirrored") picture = mirror_of(picture);
+    if (condition == "barrel") picture = through_barrel_lens(picture);
+    made.pictures.push_back(std::move(picture));
   }
+  made.pictures = through_mpeg2(made.pictures);
+  return made;
+}
+
+/// A place of tissue, followed by everybody from the first picture in which the organ was held.
+struct TissuePoint {
+  Vector3 true_m;     // of the organ that was rendered
+  Vector3 aligned_m;  // where the alignment has it on the plan's organ
+  cv::Point2f begun;
+};
+
+struct PointErrors {
+  std::vector<double> aligned_px, flow_px, csrt_px;
+  std::size_t seen = 0;  // so often a point was in sight
+};
+
+cv::Mat as_image(const Picture& picture) {
+  return {picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data())};
+}
+
+/// Points spread over the organ's visible side, in the picture in which it was first held.
+std::vector<TissuePoint> tissue_points(const OrganSurface& rendered_surface, const OrganSurface& plan,
+                                       const Camera& truth, const Camera& aligned, const Pinhole& pinhole) {
+  const int width = EndoscopeScene::kWidth, height = EndoscopeScene::kHeight;
+  const auto seen = silhouette_of(rendered_surface, truth, pinhole, width, height, 1),
+             thought = silhouette_of(plan, aligned, pinhole, width, height, 1);
+  std::vector<TissuePoint> points;
+  if (!seen || !thought) return points;
+  const auto on_organ = [&](const Silhouette& silhouette, const Camera& camera, int x, int y) -> Vector3 {
+    return camera.eye_m +
+           camera.to_view.transpose() * pinhole.place_m({double(x), double(y)}, silhouette.at(x, y));
+  };
+  constexpr int kApart = 96;
+  for (int y = kApart / 2; y < height; y += kApart) {
+    for (int x = kApart / 2; x < width; x += kApart) {
+      if (!(seen->at(x, y) > 0) || !(thought->at(x, y) > 0)) continue;
+      points.push_back({on_organ(*seen, truth, x, y),
+                        on_organ(*thought, aligned, x, y),
+                        {static_cast<float>(x), static_cast<float>(y)}});
+    }
+  }
+  return points;
+}
+
+PointErrors follow_points(const OrganSurface& rendered_surface, const OrganSurface& plan,
+                          const Sequence& sequence, const std::vector<AlignedMoment>& moments) {
+  PointErrors errors;
+  const auto first =
+      static_cast<std::size_t>(std::ranges::find_if(moments, &AlignedMoment::held) - moments.begin());
+  if (first == moments.size()) return errors;
+  const int width = EndoscopeScene::kWidth, height = EndoscopeScene::kHeight;
+  const Pinhole pinhole = pinhole_of(EndoscopeScene::kFieldDeg, width, height);
+  const auto points =
+      tissue_points(rendered_surface, plan, sequence.truth[first], moments[first].camera, pinhole);
+  if (points.empty()) return errors;
+  std::vector<cv::Point2f> flowed;
+  for (const TissuePoint& point : points) flowed.push_back(point.begun);
+  std::vector<bool> flows(points.size(), true);
+#ifdef KIROKU_HAS_CSRT
+  constexpr int kBox = 40;
+  const cv::Rect whole(0, 0, width, height);
+  std::vector<cv::Ptr<cv::tracking::TrackerCSRT>> trackers;
+  for (const TissuePoint& point : points) {
+    trackers.push_back(cv::tracking::TrackerCSRT::create());
+    const cv::Rect box(static_cast<int>(point.begun.x) - kBox / 2, static_cast<int>(point.begun.y) - kBox / 2,
+                       kBox, kBox);
+    trackers.back()->init(as_image(sequence.pictures[first]), box & whole);
+  }
+#endif
+  cv::Mat before;
+  cv::cvtColor(as_image(sequence.pictures[first]), before, cv::COLOR_RGB2GRAY);
+  for (std::size_t i = first + 1; i < moments.size(); ++i) {
+    cv::Mat grey;
+    cv::cvtColor(as_image(sequence.pictures[i]), grey, cv::COLOR_RGB2GRAY);
+    std::vector<cv::Point2f> next;
+    std::vector<unsigned char> found;
+    cv::calcOpticalFlowPyrLK(before, grey, flowed, next, found, cv::noArray(), {21, 21}, 3);
+    const auto depth = silhouette_of(rendered_surface, sequence.truth[i], pinhole, width, height, 1);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      flows[k] = flows[k] && found[k] != 0;
+#ifdef KIROKU_HAS_CSRT
+      cv::Rect box;
+      const bool followed = trackers[k]->update(as_image(sequence.pictures[i]), box);
+#endif
+      const Vector3 view = sequence.truth[i].view_m(points[k].true_m);
+      if (!depth || !(view.z() < 0)) continue;
+      const Eigen::Vector2d at = pinhole.pixel(view);
+      const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
+      constexpr double kBehindM = 0.003;
+      if (x < 0 || y < 0 || x >= width || y >= height || !(depth->at(x, y) > 0) ||
+          -view.z() > depth->at(x, y) + kBehindM)
+        continue;
+      ++errors.seen;
+      if (moments[i].held())
+        errors.aligned_px.push_back(
+            (pinhole.pixel(moments[i].camera.view_m(points[k].aligned_m)) - at).norm());
+      if (flows[k]) errors.flow_px.push_back((Eigen::Vector2d(next[k].x, next[k].y) - at).norm());
+#ifdef KIROKU_HAS_CSRT
+      if (followed) {
+        const Eigen::Vector2d middle(box.x + (box.width - 1) / 2.0, box.y + (box.height - 1) / 2.0);
+        errors.csrt_px.push_back((middle - at).norm());
+      }
+#endif
+    }
+    flowed = next;
+    before = grey;
+  }
+  return errors;
+}
+
+/// A line of --records: what it is of, the condition, and numbers.
+struct Record {
+  std::string of, condition;  // of: picture, aligned, flow, csrt; the spaces of a condition are underlines
+  double held = 0, error = 0, stated = 0, seconds = 0;
 };
 
 double mean_of(const std::vector<double>& values) {
@@ -155,121 +362,215 @@ double share_of(std::vector<double> values, double share) {
   return values[std::min(values.size() - 1, static_cast<std::size_t>(share * double(values.size())))];
 }
 
-void print(const std::string& name, const Outcome& outcome) {
-  const double held = double(std::max<std::size_t>(1, outcome.held));
+/// What is entered with docs/results/record.py: "tools_mean=0.41".
+class Figures {
+ public:
+  void add(const std::string& id, double value) {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), "%.3g", value);
+    line_ += " " + id + "=" + text.data();
+  }
+  [[nodiscard]] const std::string& line() const { return line_; }
+
+ private:
+  std::string line_;
+};
+
+void tell_pictures(const std::string& name, const std::vector<Record>& records,
+                   const std::function<bool(const Record&)>& counts, Figures* figures = nullptr) {
+  std::vector<double> errors_mm, stated_mm;
+  double pictures = 0, beyond = 0, seconds = 0;
+  for (const Record& record : records) {
+    if (record.of != "picture" || !counts(record)) continue;
+    pictures += 1;
+    seconds += record.seconds;
+    if (record.held == 0) continue;
+    errors_mm.push_back(1000 * record.error);
+    stated_mm.push_back(1000 * record.stated);
+    if (record.error > 3 * record.stated) beyond += 1;
+  }
+  if (pictures == 0) return;
+  const double held = double(errors_mm.size()), lost_percent = 100 * (1 - held / pictures),
+               beyond_percent = held > 0 ? 100 * beyond / held : 0;
   std::printf(
-      "%-22s %4zu pictures  lost %5.1f %%  error %6.2f mm mean %6.2f mm 95 %%  stated %5.2f mm  beyond 3 "
-      "errors %5.1f %%"
-      "  %5.1f pictures/s, %5.1f a second of a processor\n",
-      name.c_str(), outcome.pictures,
-      100 * (1 - double(outcome.held) / double(std::max<std::size_t>(1, outcome.pictures))),
-      mean_of(outcome.errors_mm), share_of(outcome.errors_mm, 0.95), mean_of(outcome.stated_mm),
-      100 * double(outcome.confident) / held,
-      outcome.seconds > 0 ? double(outcome.pictures) / outcome.seconds : 0,
-      outcome.processor_seconds > 0 ? double(outcome.pictures) / outcome.processor_seconds : 0);
-  std::fflush(stdout);
+      "%-14s %5.0f pictures  lost %5.1f %%  error %5.2f mm mean %5.2f 95 %% %5.2f most  stated %5.2f  ",
+      name.c_str(), pictures, lost_percent, mean_of(errors_mm), share_of(errors_mm, 0.95),
+      share_of(errors_mm, 1), mean_of(stated_mm));
+  std::printf("beyond 3 stated %5.2f %%  %5.1f pictures a second of a processor\n", beyond_percent,
+              pictures / seconds);
+  if (figures == nullptr) return;
+  std::string id = name;
+  std::ranges::replace(id, ' ', '_');
+  figures->add(id + "_pictures", pictures);
+  figures->add(id + "_lost", lost_percent);
+  figures->add(id + "_speed", pictures / seconds);
+  // Where nothing was held there is no error.
+  if (held == 0) return;
+  figures->add(id + "_mean", mean_of(errors_mm));
+  figures->add(id + "_95", share_of(errors_mm, 0.95));
+  figures->add(id + "_most", share_of(errors_mm, 1));
+  figures->add(id + "_stated", mean_of(stated_mm));
+  figures->add(id + "_beyond", beyond_percent);
 }
 
-/// What was known so far: points picked on organ and picture, here without any error, followed by flow.
-Outcome by_picked_points(const OrganSurface& surface, const std::vector<Picture>& pictures,
-                         const std::vector<Camera>& truth) {
-  Outcome outcome;
-  outcome.pictures = pictures.size();
-  const Pinhole pinhole =
-      pinhole_of(EndoscopeScene::kFieldDeg, EndoscopeScene::kWidth, EndoscopeScene::kHeight);
-  const auto silhouette =
-      silhouette_of(surface, truth[0], pinhole, EndoscopeScene::kWidth, EndoscopeScene::kHeight, 1);
-  kiroku::compare::PickedRegistration picked;
-  picked.field_deg = EndoscopeScene::kFieldDeg;
-  for (int y = 20; y < EndoscopeScene::kHeight - 20; y += 40) {
-    for (int x = 20; x < EndoscopeScene::kWidth - 20; x += 40) {
-      if (!(silhouette->at(x, y) > 0)) continue;
-      const Vector3 view = pinhole.place_m({double(x), double(y)}, silhouette->at(x, y));
-      picked.points.push_back({truth[0].eye_m + truth[0].to_view.transpose() * view, {double(x), double(y)}});
+void tell(const std::vector<Record>& records) {
+  Figures figures, nothing, points;
+  for (const char* const condition : kWithTruth)
+    tell_pictures(
+        condition, records, [&](const Record& record) { return record.condition == condition; }, &figures);
+  tell_pictures(
+      kOfFilm, records, [](const Record& record) { return record.condition == kOfFilm; }, &figures);
+  // A lens that draws the corners in is one that the alignment does not know.
+  tell_pictures(
+      "all", records,
+      [](const Record& record) { return has_truth(record.condition) && record.condition != kBarrel; },
+      &figures);
+  for (const char* const condition : kWithout) {
+    double pictures = 0, placed = 0, seconds = 0;
+    for (const Record& record : records) {
+      if (record.of != "picture" || record.condition != condition) continue;
+      pictures += 1;
+      placed += record.held;
+      seconds += record.seconds;
     }
+    if (pictures == 0) continue;
+    std::printf("%-14s %5.0f pictures, %.0f placed all the same  %5.1f pictures a second of a processor\n",
+                condition, pictures, placed, pictures / seconds);
+    std::string id = condition;
+    std::ranges::replace(id, ' ', '_');
+    nothing.add(id + "_pictures", pictures);
+    nothing.add(id + "_placed", placed);
+    nothing.add(id + "_speed", pictures / seconds);
   }
-  kiroku::compare::CameraTrack track(picked, EndoscopeScene::kWidth, EndoscopeScene::kHeight);
-  const double begin = seconds(), processor_begin = processor_seconds();
-  for (std::size_t i = 0; i < pictures.size(); ++i)
-    track.take(static_cast<std::int64_t>(i), {pictures[i].width, pictures[i].height, 3, pictures[i].rgb});
-  track.finish();
-  outcome.seconds = seconds() - begin;
-  outcome.processor_seconds = processor_seconds() - processor_begin;
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
-    const auto at = static_cast<std::int64_t>(i);
-    if (track.held_at(at)) outcome.take(way_between_m(surface, track.camera_at(at), truth[i]), 1);
+  for (const char* const by : {"aligned", "flow", "csrt"}) {
+    std::vector<double> px;
+    double seen = 0;
+    for (const Record& record : records) {
+      if (record.of == by) px.push_back(record.error);
+      if (record.of == "seen") seen += record.held;
+    }
+    if (px.empty()) continue;
+    std::printf("points by %-8s %6zu of %6.0f places followed  error %6.2f px mean %6.2f px 95 %%\n", by,
+                px.size(), seen, mean_of(px), share_of(px, 0.95));
+    points.add(std::string(by) + "_followed", 100 * double(px.size()) / seen);
+    points.add(std::string(by) + "_mean", mean_of(px));
+    points.add(std::string(by) + "_95", share_of(px, 0.95));
   }
-  outcome.stated_mm.clear();
-  return outcome;
+  std::printf("docs/results/record.py align --machine NAME%s\n", figures.line().c_str());
+  std::printf("docs/results/record.py align-nothing --machine NAME%s\n", nothing.line().c_str());
+  std::printf("docs/results/record.py align-points --machine NAME%s\n", points.line().c_str());
 }
 
-void run(int count, const std::string& only, const std::string& show) {
-  EndoscopeScene scene(kiroku::test::liver_like_mesh({44, 12, 30}));
-  const TetMesh plan = kiroku::test::liver_like_mesh({20, 6, 14}),
+struct Settings {
+  std::uint32_t first = 1;
+  int sequences = 8, pictures = 30;
+  std::string clip, records, show;
+  std::vector<std::string> told;
+};
+
+void run(const Settings& settings) {
+  const TetMesh fine = kiroku::test::liver_like_mesh({44, 12, 30}),
+                plan = kiroku::test::liver_like_mesh({20, 6, 14}),
                 other = kiroku::test::kidney_like_mesh({8, 8, 14});
-  const OrganSurface surface = organ_surface(plan);
-  Outcome all, all_points, wrong;
-  for (const Scenario& scenario : scenarios()) {
-    if (!only.empty() && only != scenario.name) continue;
-    std::vector<Picture> pictures;
-    std::vector<Camera> truth;
-    for (int i = 0; i < count; ++i) {
-      const EndoscopeScene::Look look = scenario.look(scene, double(i) / count);
-      truth.push_back(look.camera);
-      pictures.push_back(scene.picture(look));
-      if (scenario.mirrored) pictures.back() = mirror_of(pictures.back());
-    }
-    pictures = through_mpeg2(pictures);
-    OrganTrack track(scenario.other_organ ? other : plan, EndoscopeScene::kFieldDeg);
-    Outcome outcome;
-    outcome.pictures = pictures.size();
-    const double begin = seconds(), processor_begin = processor_seconds();
+  const OrganSurface surface = organ_surface(plan), rendered_surface = organ_surface(fine);
+  const std::vector<Picture> clip = pictures_of(settings.clip);
+  std::vector<Record> records;
+  std::ofstream file;
+  if (!settings.records.empty()) file.open(settings.records, std::ios::app);
+  const auto keep = [&](const Record& record) {
+    records.push_back(record);
+    std::string condition = record.condition;
+    std::ranges::replace(condition, ' ', '_');
+    if (file.is_open())
+      file << record.of << ' ' << condition << ' ' << record.held << ' ' << record.error << ' '
+           << record.stated << ' ' << record.seconds << '\n';
+  };
+  for (int n = 0; n < settings.sequences; ++n) {
+    const std::uint32_t seed = settings.first + static_cast<std::uint32_t>(n);
+    const std::string condition = condition_of(seed);
+    // Each round of conditions has a texture of its own.
+    const std::size_t round = (seed - 1) / (kWithTruth.size() + 1);
+    std::optional<Picture> texture;
+    if (!clip.empty() && round % 2 == 1) texture = clip[round / 2 % clip.size()];
+    EndoscopeScene scene(fine, texture);
+    const std::string told_as = texture && has_truth(condition) && condition != kBarrel ? kOfFilm : condition;
+    const Sequence sequence = rendered(scene, seed, condition, settings.pictures);
+    OrganTrack track(condition == "another organ" ? other : plan, EndoscopeScene::kFieldDeg);
     std::vector<AlignedMoment> moments;
-    for (std::size_t i = 0; i < pictures.size(); ++i)
-      moments.push_back(track.take(static_cast<std::int64_t>(i) * 100'000'000, pictures[i]));
-    outcome.seconds = seconds() - begin;
-    outcome.processor_seconds = processor_seconds() - processor_begin;
-    for (std::size_t i = 0; i < pictures.size(); ++i) {
-      const double error_m =
-          moments[i].held() && scenario.has_truth() ? way_between_m(surface, moments[i].camera, truth[i]) : 0;
-      if (moments[i].held()) outcome.take(scenario.has_truth() ? error_m : 1, moments[i].standard_error_m);
-      if (show.empty()) continue;
-      std::printf("%3zu %-16s error %6.2f stated %5.2f misfit %5.2f supported %4.2f rival %5.2f\n", i,
-                  name_of(moments[i].why), 1000 * error_m, 1000 * moments[i].standard_error_m,
-                  moments[i].misfit_px, moments[i].supported, moments[i].rival_px);
-      if (show != "-" && i % 10 == 0)
-        write_png(show + "/" + scenario.name + std::to_string(i) + ".png", pictures[i]);
+    std::vector<Record> of_this;
+    for (std::size_t i = 0; i < sequence.pictures.size(); ++i) {
+      const double begin = processor_seconds();
+      moments.push_back(track.take(static_cast<std::int64_t>(1e9 * kEveryS) * static_cast<std::int64_t>(i),
+                                   sequence.pictures[i]));
+      const AlignedMoment& moment = moments.back();
+      Record record{"picture",
+                    told_as,
+                    moment.held() ? 1.0 : 0.0,
+                    0,
+                    moment.standard_error_m,
+                    processor_seconds() - begin};
+      // Where there is no truth, each place is wrong by more than any stated error.
+      if (moment.held())
+        record.error = has_truth(condition) ? way_between_m(surface, moment.camera, sequence.truth[i]) : 1;
+      if (!settings.show.empty()) {
+        std::printf("%3zu %-16s error %6.2f stated %5.2f misfit %5.2f supported %4.2f rival %5.2f %5.0f ms\n",
+                    i, name_of(moment.why), 1000 * record.error, 1000 * record.stated, moment.misfit_px,
+                    moment.supported, moment.rival_px, 1000 * record.seconds);
+        if (settings.show != "-" && i % 10 == 0)
+          write_png(settings.show + "/" + std::to_string(seed) + "-" + std::to_string(i) + ".png",
+                    sequence.pictures[i]);
+      }
+      keep(record);
+      of_this.push_back(record);
     }
-    print(scenario.name, outcome);
-    if (scenario.has_truth()) {
-      all.add(outcome);
-      const Outcome points = by_picked_points(surface, pictures, truth);
-      print("  picked points, LK", points);
-      all_points.add(points);
-    } else {
-      wrong.add(outcome);
+    if (has_truth(condition) && condition != kBarrel) {
+      const PointErrors errors = follow_points(rendered_surface, surface, sequence, moments);
+      keep({"seen", told_as, double(errors.seen)});
+      for (const double px : errors.aligned_px) keep({"aligned", told_as, 1, px});
+      for (const double px : errors.flow_px) keep({"flow", told_as, 1, px});
+      for (const double px : errors.csrt_px) keep({"csrt", told_as, 1, px});
+    }
+    file.flush();
+    tell_pictures(std::to_string(seed) + " " + condition, of_this, [](const Record&) { return true; });
+    std::fflush(stdout);
+  }
+  tell(records);
+}
+
+std::vector<Record> records_of(const std::vector<std::string>& files) {
+  std::vector<Record> records;
+  for (const std::string& name : files) {
+    std::ifstream file(name);
+    if (!file) throw kiroku::Error("cannot read " + name);
+    Record record;
+    while (file >> record.of >> record.condition >> record.held >> record.error >> record.stated >>
+           record.seconds) {
+      std::ranges::replace(record.condition, '_', ' ');
+      records.push_back(record);
     }
   }
-  print("all with truth", all);
-  print("  picked points, LK", all_points);
-  std::printf("of points, no error is stated, so none can be beyond it\n");
-  std::printf("nothing to be found    %4zu pictures, %zu of them placed all the same\n", wrong.pictures,
-              wrong.held);
+  return records;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
-    int count = 40;
-    std::string only, show;
+    Settings settings;
     for (int i = 1; i + 1 < argc; i += 2) {
-      const std::string name = argv[i];
-      if (name == "--pictures") count = std::stoi(argv[i + 1]);
-      if (name == "--only") only = argv[i + 1];
-      if (name == "--show") show = argv[i + 1];
+      const std::string name = argv[i], value = argv[i + 1];
+      if (name == "--first") settings.first = static_cast<std::uint32_t>(std::stoul(value));
+      if (name == "--sequences") settings.sequences = std::stoi(value);
+      if (name == "--pictures") settings.pictures = std::stoi(value);
+      if (name == "--clip") settings.clip = value;
+      if (name == "--records") settings.records = value;
+      if (name == "--show") settings.show = value;
+      if (name == "--tell") settings.told.push_back(value);
     }
-    run(count, only, show);
+    if (settings.told.empty())
+      run(settings);
+    else
+      tell(records_of(settings.told));
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';
     return 2;

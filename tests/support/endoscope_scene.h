@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -61,9 +62,20 @@ struct EndoscopeScene {
   static constexpr int kWidth = 640, kHeight = 480;
   static constexpr double kFieldDeg = 60;
 
-  explicit EndoscopeScene(const sim::TetMesh& mesh) : mesh_(mesh), renderer_(mesh, sim::GpuUse::kOff) {
+  /// `clip`: a picture of a real operation. The organ then has its light and dark, and the wall behind its
+  /// colours.
+  explicit EndoscopeScene(const sim::TetMesh& mesh, std::optional<sim::Picture> clip = {})
+      : surface_(sim::organ_surface(mesh)), renderer_(mesh, sim::GpuUse::kOff), clip_(std::move(clip)) {
+    double mean = 0;
+    if (clip_) {
+      for (const std::uint8_t value : clip_->rgb) mean += value / double(clip_->rgb.size());
+    }
     for (const sim::Vector3& node : mesh.nodes) {
-      const double light = 1 + 0.16 * spots(node, 0.03) + 0.14 * spots(node, 0.014);
+      double light = 1 + 0.16 * spots(node, 0.03) + 0.14 * spots(node, 0.014);
+      if (clip_) {
+        const auto [red, green, blue] = clip_at({node.x() / 0.1, node.z() / 0.1});
+        light = std::clamp((red + green + blue) / 3 / mean, 0.65, 1.5);
+      }
       const double red = 158 * light, green = (64 + 8 * spots(node, 0.05)) * light, blue = 54 * light;
       colours_.push_back({level(red), level(green), level(blue)});
     }
@@ -75,6 +87,7 @@ struct EndoscopeScene {
     std::vector<sim::MarkedSolid> tools;
     double smoke = 0;  // 0 to 1: how much of the picture is smoke alone
     double noise = 4;  // standard deviation, of 255
+    double shine = 1;  // 0: dull; the larger, the more of the organ shines
     std::uint32_t seed = 1;
   };
 
@@ -84,31 +97,33 @@ struct EndoscopeScene {
                                    double roll_deg,
                                    const Eigen::Vector2d& aside = Eigen::Vector2d::Zero()) const {
     constexpr double kRadians = std::numbers::pi / 180;
-    const sim::OrganSurface surface = sim::organ_surface(mesh_);
     sim::Camera made =
-        sim::camera_looking_at({surface.middle_m, 0.05}, {azimuth_deg, elevation_deg}, kWidth, kHeight);
+        sim::camera_looking_at({surface_.middle_m, 0.05}, {azimuth_deg, elevation_deg}, kWidth, kHeight);
     const double half = std::tan(kFieldDeg / 2 * kRadians);
     const Eigen::Matrix3d turn = (Eigen::AngleAxisd(roll_deg * kRadians, sim::Vector3::UnitZ()) *
                                   Eigen::AngleAxisd(std::atan(half * aside.x()), sim::Vector3::UnitY()) *
                                   Eigen::AngleAxisd(-std::atan(half * aside.y()), sim::Vector3::UnitX()))
                                      .toRotationMatrix();
-    made.eye_m = surface.middle_m + distance_m * made.to_view.row(2).transpose();
+    made.eye_m = surface_.middle_m + distance_m * made.to_view.row(2).transpose();
     made.to_view = turn.transpose() * made.to_view;
     made.half_extent = sim::half_extent_of(kFieldDeg, kWidth, kHeight);
     return made;
   }
 
-  /// A shaft that comes from the picture's right border to a place in the view's axes.
-  static sim::MarkedSolid tool(const sim::Camera& camera, const sim::Vector3& tip_view_m) {
+  /// A shaft that comes to a place in the view's axes, from the picture's right border unless `from` says
+  /// another direction.
+  static sim::MarkedSolid tool(const sim::Camera& camera, const sim::Vector3& tip_view_m,
+                               const sim::Vector3& from = {0.9, -0.2, 0.45},
+                               const sim::Rgb& colour = {150, 152, 158}) {
     sim::MarkedSolid made;
-    const sim::Vector3 towards = sim::Vector3(0.9, -0.2, 0.45).normalized();
+    const sim::Vector3 towards = from.normalized();
     constexpr double kHalfLengthM = 0.15;
     made.solid.shape = sim::Capsule{0.004, kHalfLengthM};
     made.solid.pose.position_m =
         camera.eye_m + camera.to_view.transpose() * (tip_view_m + kHalfLengthM * towards);
     made.solid.pose.orientation =
         Eigen::Quaterniond::FromTwoVectors(sim::Vector3::UnitZ(), camera.to_view.transpose() * towards);
-    made.solid.colour = {150, 152, 158};
+    made.solid.colour = colour;
     made.mark = 1;
     return made;
   }
@@ -137,7 +152,8 @@ struct EndoscopeScene {
         const double s = (2.0 * x + 1) / kWidth - 1, t = 1 - (2.0 * y + 1) / kHeight;
         const double fall_off = 1 - 0.35 * (s * s + t * t) / 2;
         const auto behind = background(look.camera, s, t);
-        const double shine = highlight(look.camera, s, t, shade.pixel(x, y)[1], on_black.pixel(x, y));
+        const double shine =
+            look.shine * highlight(look.camera, s, t, shade.pixel(x, y)[1], on_black.pixel(x, y), look.shine);
         const double veil = std::clamp(look.smoke * (1 + 0.25 * spots({s, t, 0.1 * look.seed}, 0.8)), 0.0,
                                        look.smoke >= 1 ? 1 : 0.97);
         for (std::size_t c = 0; c < 3; ++c) {
@@ -167,13 +183,18 @@ struct EndoscopeScene {
   }
 
   /// Fat and muscle on a wall behind the organ.
-  static std::array<double, 3> background(const sim::Camera& camera, double s, double t) {
+  [[nodiscard]] std::array<double, 3> background(const sim::Camera& camera, double s, double t) const {
     const sim::Vector3 view(s * camera.half_extent.x(), t * camera.half_extent.y(), -1);
     const sim::Vector3 ray = camera.to_view.transpose() * view;
     constexpr double kWallM = 0.06;
     const double along = (kWallM - camera.eye_m.y()) / ray.y();
     const double far = along > 0 ? std::min(along, 1.0) : 1.0;
     const sim::Vector3 at = camera.eye_m + far * ray;
+    if (clip_) {
+      const auto [red, green, blue] = clip_at({at.x() / 0.16, at.z() / 0.16});
+      const double light = std::clamp(0.24 / far, 0.3, 1.2);
+      return {light * red, light * green, light * blue};
+    }
     const double fat = 0.5 + 0.5 * std::tanh(3 * spots(at, 0.09));
     const double light = (0.75 + 0.15 * spots(at, 0.02)) * std::clamp(0.24 / far, 0.3, 1.2);
     return {light * (fat * 222 + (1 - fat) * 178), light * (fat * 184 + (1 - fat) * 104),
@@ -182,16 +203,34 @@ struct EndoscopeScene {
 
   /// Where the wet surface faces the light, broken up by its texture.
   static double highlight(const sim::Camera& camera, double s, double t, std::uint8_t shade,
-                          const std::uint8_t* on_black) {
+                          const std::uint8_t* on_black, double shine) {
     if (on_black[0] <= on_black[2] + 20) return 0;  // none of the organ
     const sim::Vector3 ray =
         camera.to_view.transpose() * sim::Vector3(s * camera.half_extent.x(), t * camera.half_extent.y(), -1);
     const double facing = shade / 255.0 + 0.02 * spots(0.1 * (camera.eye_m + ray), 0.004);
-    return std::clamp((facing - 0.985) / 0.02, 0.0, 0.9);
+    return std::clamp((facing - 0.985 + 0.02 * (shine - 1)) / 0.02, 0.0, 0.9 / std::max(1.0, shine));
   }
 
-  sim::TetMesh mesh_;
+  /// The clip's picture, spread over the plane and mirrored at its borders; between its pixels evenly.
+  [[nodiscard]] std::array<double, 3> clip_at(const Eigen::Vector2d& at) const {
+    const auto folded = [](double value, int size) {
+      const double turn = std::abs(std::remainder(value + 0.5, 2.0)) * (size - 1.001);
+      return std::clamp(turn, 0.0, size - 1.001);
+    };
+    const double x = folded(at.x(), clip_->width), y = folded(at.y(), clip_->height);
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    const double a = x - left, b = y - top;
+    std::array<double, 3> colour{};
+    for (std::size_t c = 0; c < 3; ++c) {
+      colour[c] = (1 - b) * ((1 - a) * clip_->pixel(left, top)[c] + a * clip_->pixel(left + 1, top)[c]) +
+                  b * ((1 - a) * clip_->pixel(left, top + 1)[c] + a * clip_->pixel(left + 1, top + 1)[c]);
+    }
+    return colour;
+  }
+
+  sim::OrganSurface surface_;
   sim::SurfaceRenderer renderer_;
+  std::optional<sim::Picture> clip_;
   std::vector<sim::Rgb> colours_;
 };
 

@@ -71,6 +71,42 @@ TEST_F(OrganTrackTest, StatesItsMisfitInPixelsOfThePictureThatWasGiven) {
   EXPECT_NEAR(large.misfit_px, 2 * small.misfit_px, 1e-6);
 }
 
+TEST_F(OrganTrackTest, FindsAnOrganBehindInstrumentsAndHighlightsFromTheFirstPictureOn) {
+  constexpr Rgb kSteelTool{150, 152, 158}, kBlackTool{26, 26, 28}, kBlueTool{60, 92, 150};
+  for (const Rgb& colour : {kSteelTool, kBlackTool, kBlueTool}) {
+    OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+    for (int i = 0; i < 3; ++i) {
+      EndoscopeScene::Look seen = look(8 + i);
+      seen.shine = 1.5;
+      const double sway = 0.004 * i;
+      seen.tools = {
+          EndoscopeScene::tool(seen.camera, {-0.02 + sway, 0.01, -0.11}, {0.9, -0.2, 0.45}, colour),
+          EndoscopeScene::tool(seen.camera, {0.02, -0.02 + sway, -0.12}, {-0.9, -0.4, 0.4}, kSteelTool)};
+      const AlignedMoment moment = track.take(i, scene_.picture(seen));
+      ASSERT_TRUE(moment.held()) << i << ": " << name_of(moment.why) << ", misfit " << moment.misfit_px
+                                 << ", tool " << int(colour[0]);
+      const double error_m = way_between_m(surface_, moment.camera, seen.camera);
+      EXPECT_LT(error_m, 3e-3) << i;
+      EXPECT_LT(error_m, 3 * moment.standard_error_m) << i;
+    }
+  }
+}
+
+TEST_F(OrganTrackTest, SaysNothingOfAnOrganThatIsCoveredAlmostWhole) {
+  const EndoscopeScene::Look seen = look(8);
+  Picture picture = scene_.picture(seen);
+  // A gauze over the left three quarters.
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < 3 * picture.width / 4; ++x) std::fill_n(picture.pixel(x, y), 3, 200);
+  }
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  EXPECT_FALSE(track.take(0, picture).held());
+  // Also where it was known before.
+  OrganTrack followed(plan_mesh(), EndoscopeScene::kFieldDeg);
+  ASSERT_TRUE(followed.take(0, scene_.picture(seen)).held());
+  EXPECT_EQ(followed.take(1, picture).why, WhyLost::kHidden);
+}
+
 TEST_F(OrganTrackTest, LosesTheOrganInSmokeAndFindsItAgain) {
   OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
   ASSERT_TRUE(track.take(0, scene_.picture(look(8))).held());
