@@ -51,11 +51,6 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
-  std::optional<crypto::VerifierKey> signer;
-  const auto signer_of = [&](const std::string& text) {
-    const crypto::VerifierKey stated = crypto::VerifierKey::parse(text);
-    return stated == device ? device : stated;
-  };
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (tree.size() == newest) {
@@ -65,19 +60,14 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
       root_at_seen = tree.root();
     }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
-    const bool names_signer = line.type == "boot" || line.type == "device-key-changed";
-    if (!names_signer && std::ranges::find(question.types, line.type) == question.types.end()) {
+    if (std::ranges::find(question.types, line.type) == question.types.end()) {
       return;
     }
     const LogEntry entry = parse_log_entry(line.json).entry.value();
-    if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
-      signer = signer_of(boot->device);
-    } else if (const auto* change = std::get_if<DeviceKeyChangedEntry>(&entry.body)) {
-      signer = signer_of(change->device);
-    } else {
-      question.visit({entry, line.seq,
-                      [&] { return signer && is_signed_entry(log_folder, *signer, line.seq, tree.root()); }});
-    }
+    // By no key that the log names instead: whoever can write to the disk adds a start of the machine that
+    // names theirs, and the recorder's next entry signs over it.
+    question.visit(
+        {entry, line.seq, [&] { return is_signed_entry(log_folder, device, line.seq, tree.root()); }});
   });
   if (newest > tree.size()) {
     throw_unknown(question, log_folder,

@@ -19,7 +19,8 @@ namespace kiroku::archive {
 struct StatedEntry {
   const LogEntry& entry;
   std::uint64_t number = 0;  // its line's, from 0
-  /// Whether the device that the log names then signed it before another entry followed.
+  /// Whether the home's device signed it before another entry followed. A key that the log names does not
+  /// count: it is for whoever wrote to the disk to choose.
   std::function<bool()> is_signed;
 };
 

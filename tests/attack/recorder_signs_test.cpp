@@ -14,6 +14,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/replica.h"
+#include "archive/upkeep/holds.h"
 #include "archive/upkeep/recovery.h"
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
@@ -668,6 +669,28 @@ class Erasing : public NextStart {
     return archive::erase_stream(archive::real_file_system(), options, folder_, "endoscope", "room: 30 days");
   }
 };
+
+// Whoever can write to the disk has a key of their own. They let the log name it by a start of the machine,
+// and sign with it.
+TEST_F(NextStart, AKeyThatTheLogNamesInsteadReleasesNoHold) {
+  write_case();
+  const std::string case_id = folder_.filename().string();
+  const std::uint64_t hold = open_log()->case_held(case_id, "a court order", "anna");
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  const std::string name = "or3-b";
+  add_log_line(archive::BootEntry{"another boot", crypto::verifier_key_of(name, key).to_string()});
+  add_log_line(archive::CaseReleasedEntry{case_id, hold, "released", "anna"});
+  const std::uint64_t size = lines(archive_.log_folder()).size();
+  const crypto::Checkpoint text{archive::log_origin(name), size,
+                                archive::root_of_log(archive_.log_folder(), size)};
+  write_file(archive_.log_folder() / archive::note_path(size), crypto::sign_note(text.to_text(), name, key));
+  // The next start signs over both.
+  const auto log = open_log();
+  log->boot("the next start");
+  log->shutdown();
+  const archive::Holds holds = archive::read_holds(archive_.log_folder(), archive_.device());
+  EXPECT_THAT(archive::why_held(holds, case_id), HasSubstr("a court order"));
+}
 
 // Whoever chooses cases by their age reads ledgers that nobody verified: one that looks old for that moment.
 TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {
