@@ -33,6 +33,7 @@ using archive::CaseRecovery;
 using archive::Verdict;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::ThrowsMessage;
 
 constexpr const char* kFirstSegment = "segments/endoscope/00000000.ts.age";
 
@@ -690,6 +691,23 @@ TEST_F(NextStart, AKeyThatTheLogNamesInsteadReleasesNoHold) {
   log->shutdown();
   const archive::Holds holds = archive::read_holds(archive_.log_folder(), archive_.device());
   EXPECT_THAT(archive::why_held(holds, case_id), HasSubstr("a court order"));
+}
+
+// What the log lost with its checkpoints, a case that was opened later still states.
+TEST_F(NextStart, ALogThatWasCutBackBeforeALaterCaseReleasesNothing) {
+  write_case();
+  const std::string case_id = folder_.filename().string();
+  const std::uint64_t before = lines(archive_.log_folder()).size();
+  open_log()->case_held(case_id, "a court order", "anna");
+  const fs::path later = SampleCase::write(archive_);
+  cut_back(archive_.log_folder(), before);
+  const auto read = [&] { archive::read_holds(archive_.log_folder(), archive_.device()); };
+  EXPECT_THAT(read,
+              ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
+  // Nor where the log has grown again.
+  for (int more = 0; more < 20; ++more) open_log()->access(case_id, "watched", "anna");
+  EXPECT_THAT(read,
+              ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
 }
 
 // Whoever chooses cases by their age reads ledgers that nobody verified: one that looks old for that moment.
