@@ -56,7 +56,8 @@ Consents read_consents(const std::filesystem::path& log_folder, const crypto::Ve
                        const std::optional<crypto::Checkpoint>& seen = {});
 
 /// "" where a consent of this case to the purpose stands; else why not, a sentence without its beginning: "no
-/// consent to teaching was given for case …", "the consent … was withdrawn on …".
+/// consent to teaching was given for case …", "the consent … was withdrawn on …", "entry 12 … withdraws the
+/// consent …, and nobody signed that entry in time".
 std::string why_not_consented(const Consents& consents, const std::string& case_id,
                               const std::string& purpose);
 

@@ -86,11 +86,11 @@ TEST_F(ConsentsTest, ASignedWithdrawalForbidsAndErases) {
 TEST_F(ConsentsTest, AWithdrawalThatNobodySignedForbidsAndErasesNothing) {
   give();
   forge(ConsentWithdrawnEntry{teaching()});
-  EXPECT_THAT(why_not(), HasSubstr("was withdrawn"));
+  EXPECT_THAT(why_not(), HasSubstr("nobody signed that entry in time"));
   EXPECT_EQ(erases(), std::nullopt);
   // The next entry's checkpoint covers it, and is not its own.
   open_log()->access(case_id_, "exported vitals", "anna");
-  EXPECT_THAT(why_not(), HasSubstr("was withdrawn"));
+  EXPECT_THAT(why_not(), HasSubstr("nobody signed that entry in time"));
   EXPECT_EQ(erases(), std::nullopt);
   EXPECT_TRUE(may_withdraw());
   const std::uint64_t entry = withdraw();
@@ -110,7 +110,7 @@ TEST_F(ConsentsTest, OfAConsentThatWasGivenAgainTheOldWithdrawalErasesNothing) {
   give();
   EXPECT_EQ(erases(), std::nullopt);
   forge(ConsentWithdrawnEntry{teaching()});
-  EXPECT_THAT(why_not(), HasSubstr("was withdrawn"));
+  EXPECT_THAT(why_not(), HasSubstr("nobody signed that entry in time"));
   EXPECT_EQ(erases(), std::nullopt);
 }
 
