@@ -297,9 +297,13 @@ int list(const Request& request) {
     ordered_json purposes = ordered_json::object();
     std::string text;
     for (const auto& [purpose, state] : of_case.purposes) {
-      purposes[purpose] = {
-          {"stands", state.stands}, {"entry", state.entry}, {"since", format_utc(state.since)}};
-      text += "  " + purpose + (state.stands ? " since " : " withdrawn ") + format_local(state.since);
+      const bool is_signed = state.stands || state.withdrawal_signed;
+      purposes[purpose] = {{"stands", state.stands},
+                           {"entry", state.entry},
+                           {"since", format_utc(state.since)},
+                           {"signed", is_signed}};
+      text += "  " + purpose + (state.stands ? " since " : " withdrawn ") + format_local(state.since) +
+              (is_signed ? "" : " by an entry that nobody signed in time");
     }
     rows.push_back({{"case", name}, {"purposes", purposes}});
     if (!request.json) std::cout << name << text << "\n";

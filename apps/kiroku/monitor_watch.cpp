@@ -94,9 +94,10 @@ HeardMonitors listen_for_monitors(const std::string& address, std::chrono::nanos
   Heard heard(tell);
   recorder::MllpServer server(
       options,
-      [&heard](std::string_view message, const std::string& peer) -> std::optional<std::string> {
+      [&heard](std::string_view message,
+               const std::string& peer) -> std::optional<recorder::MllpServer::Answer> {
         heard.take(message, peer);
-        return "";
+        return recorder::MllpServer::Answer{};
       },
       [&heard](const std::string&, const std::string& text, const std::string& peer) {
         heard.complain(text, peer);

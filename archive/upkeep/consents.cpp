@@ -84,6 +84,12 @@ std::string why_not_consented(const Consents& consents, const std::string& case_
   if (state->stands) {
     return "";
   }
+  // Anybody who can write to the disk may have made it up: that the patient withdrew is not said of it.
+  if (!state->withdrawal_signed) {
+    return "entry " + std::to_string(state->entry) +
+           " of the appliance log withdraws the consent to the purpose " + purpose + " for case " + case_id +
+           ", and nobody signed that entry in time";
+  }
   return "the consent to the purpose " + purpose + " was withdrawn for case " + case_id + " on " +
          format_utc(state->since) + " (entry " + std::to_string(state->entry) + " of the appliance log)";
 }

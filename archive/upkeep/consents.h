@@ -49,14 +49,15 @@ struct CaseConsents {
 };
 using Consents = std::map<std::string, CaseConsents>;  // by case
 
-/// Reads the whole log. A consent counts only with a checkpoint of its own by the device that the log names
-/// then, a withdrawal with or without one: what somebody adds to the log permits nothing. `device` and `seen`
-/// as for read_holds(). Throws kiroku::Error where nobody knows what was consented to, as read_stated() does.
+/// Reads the whole log. A consent counts only with a checkpoint of its own by `device`, a withdrawal with or
+/// without one: what somebody adds to the log permits nothing. `device` and `seen` as for read_holds().
+/// Throws kiroku::Error where nobody knows what was consented to, as read_stated() does.
 Consents read_consents(const std::filesystem::path& log_folder, const crypto::VerifierKey& device,
                        const std::optional<crypto::Checkpoint>& seen = {});
 
 /// "" where a consent of this case to the purpose stands; else why not, a sentence without its beginning: "no
-/// consent to teaching was given for case …", "the consent … was withdrawn on …".
+/// consent to teaching was given for case …", "the consent … was withdrawn on …", "entry 12 … withdraws the
+/// consent …, and nobody signed that entry in time".
 std::string why_not_consented(const Consents& consents, const std::string& case_id,
                               const std::string& purpose);
 

@@ -25,8 +25,8 @@ struct Hold {
 /// released.
 using Holds = std::map<std::string, std::vector<Hold>>;
 
-/// Reads the whole log. A hold counts with or without a checkpoint of its own, a release only with one by the
-/// device that the log names then: what somebody adds to the log releases nothing. `device` is the home's.
+/// Reads the whole log. A hold counts with or without a checkpoint of its own, a release only with one by
+/// `device`, the home's: what somebody adds to the log releases nothing, whatever key they let the log name.
 /// `seen` is a checkpoint of the log that others saw. Throws kiroku::Error where nobody knows what is held:
 /// the log does not fit its newest checkpoint or `seen`, is shorter than `seen`, tells of more than starts of
 /// the machine without any checkpoint, that is not signed by `device`, or the log is not there while a case

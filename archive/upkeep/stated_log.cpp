@@ -1,8 +1,13 @@
 #include "archive/upkeep/stated_log.h"
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
+#include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/line_reader.h"
 #include "archive/reading/case_reader.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
@@ -35,6 +40,34 @@ bool has_case_with_log(const fs::path& archive) {
   return false;
 }
 
+/// What the device's cases in the archive state of its log: of each size the root, and a case that says so.
+/// Whoever cuts the log back would have to take these cases away, too.
+std::map<std::uint64_t, std::pair<crypto::Sha256Digest, std::string>> stated_by_cases(
+    const fs::path& archive, const crypto::VerifierKey& device) {
+  std::map<std::uint64_t, std::pair<crypto::Sha256Digest, std::string>> stated;
+  std::error_code ignored;
+  for (const fs::directory_entry& each : fs::directory_iterator(archive, ignored)) {
+    const std::string name = each.path().filename().string();
+    if (!is_case_id(name)) continue;
+    try {
+      // What is no ledger of this device says nothing of its log; verification of the case tells more.
+      const FileOpening ledger = CaseFolder::open(each.path()).open_file(kLedgerFile);
+      if (!ledger.file) continue;
+      LineReader reader(*ledger.file);
+      LedgerLine line;
+      if (!reader.next(line) || line.torn || line.too_long) continue;
+      const EntryParse first = parse_case_entry(line.text);
+      const auto* const open = first.entry ? std::get_if<OpenEntry>(&first.entry->body) : nullptr;
+      if (open == nullptr || open->case_id != name || crypto::VerifierKey::parse(open->device) != device)
+        continue;
+      stated.try_emplace(open->appliance_log_size, open->appliance_log_root, name);
+    } catch (const Error&) {
+      continue;
+    }
+  }
+  return stated;
+}
+
 }  // namespace
 
 void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
@@ -46,16 +79,14 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     }
     return;
   }
-  // Before the lines are read: another process may add lines and checkpoints meanwhile.
+  // Before the lines are read: another process may add lines and checkpoints, and open cases, meanwhile.
   const std::uint64_t newest = newest_note(log_folder);
+  const auto by_cases = stated_by_cases(log_folder.parent_path(), device);
+  auto next_by_case = by_cases.begin();
+  std::optional<std::string> contradicted_by;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
-  std::optional<crypto::VerifierKey> signer;
-  const auto signer_of = [&](const std::string& text) {
-    const crypto::VerifierKey stated = crypto::VerifierKey::parse(text);
-    return stated == device ? device : stated;
-  };
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (tree.size() == newest) {
@@ -64,25 +95,31 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     if (seen && tree.size() == seen->size) {
       root_at_seen = tree.root();
     }
+    for (; next_by_case != by_cases.end() && next_by_case->first <= tree.size(); ++next_by_case) {
+      const auto& [size, stated] = *next_by_case;
+      if (size == tree.size() && stated.first != tree.root() && !contradicted_by)
+        contradicted_by = stated.second;
+    }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
-    const bool names_signer = line.type == "boot" || line.type == "device-key-changed";
-    if (!names_signer && std::ranges::find(question.types, line.type) == question.types.end()) {
+    if (std::ranges::find(question.types, line.type) == question.types.end()) {
       return;
     }
     const LogEntry entry = parse_log_entry(line.json).entry.value();
-    if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
-      signer = signer_of(boot->device);
-    } else if (const auto* change = std::get_if<DeviceKeyChangedEntry>(&entry.body)) {
-      signer = signer_of(change->device);
-    } else {
-      question.visit({entry, line.seq,
-                      [&] { return signer && is_signed_entry(log_folder, *signer, line.seq, tree.root()); }});
-    }
+    // By no key that the log names instead: whoever can write to the disk adds a start of the machine that
+    // names theirs, and the recorder's next entry signs over it.
+    question.visit(
+        {entry, line.seq, [&] { return is_signed_entry(log_folder, device, line.seq, tree.root()); }});
   });
   if (newest > tree.size()) {
     throw_unknown(question, log_folder,
                   "has " + std::to_string(tree.size()) + " entries where one was signed over " +
                       std::to_string(newest));
+  }
+  if (next_by_case != by_cases.end()) contradicted_by = by_cases.rbegin()->second.second;
+  if (contradicted_by) {
+    throw_unknown(question, log_folder,
+                  "does not go on from the entries that it had when case " + *contradicted_by +
+                      " was opened: its end was removed, or it was rewritten");
   }
   if (newest == 0 && !only_starts) {
     throw_unknown(question, log_folder, "has no checkpoint");

@@ -19,7 +19,8 @@ namespace kiroku::archive {
 struct StatedEntry {
   const LogEntry& entry;
   std::uint64_t number = 0;  // its line's, from 0
-  /// Whether the device that the log names then signed it before another entry followed.
+  /// Whether the home's device signed it before another entry followed. A key that the log names does not
+  /// count: it is for whoever wrote to the disk to choose.
   std::function<bool()> is_signed;
 };
 
@@ -32,7 +33,8 @@ struct StatedQuestion {
 
 /// Reads the whole log and visits the entries of those types, in order. `device` is the home's. `seen` is a
 /// checkpoint of the log that others saw. Throws kiroku::Error where nobody can tell what the log said: it
-/// does not fit its newest checkpoint or `seen`, is shorter than `seen`, tells of more than starts of the
+/// does not fit its newest checkpoint or `seen`, is shorter than `seen`, does not go on from what a case of
+/// `device` in the archive states of it, tells of more than starts of the
 /// machine without any checkpoint, that is not signed by `device`, or the log is not there while a case that
 /// was recorded beside one lies in the archive. What was visited until then counts for nothing. An archive
 /// without log and cases states nothing.

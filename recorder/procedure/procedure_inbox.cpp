@@ -52,7 +52,7 @@ struct ProcedureInbox::State {
         time(its_time) {}
 
   /// On the server's thread.
-  std::string take(std::string_view bytes) {
+  MllpServer::Answer take(std::string_view bytes) {
     const UtcTime now = time.utc();
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
@@ -79,7 +79,8 @@ struct ProcedureInbox::State {
       ++(message ? taken : refused);
       if (message) book.take(std::move(*message), now);
     }
-    return make_acknowledgement(parsed.message.get(), answer, why, now);
+    const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
+    return {make_acknowledgement(parsed.message.get(), answer, why, now), is_to_sender};
   }
 
   void complain(const std::string& name) {

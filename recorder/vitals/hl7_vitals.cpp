@@ -168,6 +168,7 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     problem = problem_of_names(*parsed.message);
     if (problem.empty()) source = parsed.message->sender() + at;
     if (!senders_.takes(*parsed.message)) return refuse(*parsed.message, source, arrival_ns, now);
+    taken.is_of_sender = problem.empty();
     const std::string type = parsed.message->type();
     if (!problem.empty()) {
       taken.answer = "AE";

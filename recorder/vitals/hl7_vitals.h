@@ -41,6 +41,7 @@ class Hl7Vitals {
     /// "AA" taken (also if it came before), "AE" not readable, "AR" not of a kind that is recorded.
     std::string answer;
     std::string acknowledgement;  // without framing; "" if none is wanted
+    bool is_of_sender = false;    // HL7 of somebody who may send here, taken or not
   };
   /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>@<peer>".
   /// `arrival_ns` must not decrease.

@@ -188,7 +188,7 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
           return;
         case MllpDeframer::Event::Kind::kStray:
           // A page of anybody's can make a browser post a message here, behind a head of its own.
-          if (!delivered_ && !is_white(event->text)) {
+          if (!framed_ && !is_white(event->text)) {
             end("sent '" + printable(event->text) + "' before its first message, as " +
                 what_sends(event->text) + " does");
             return;
@@ -212,10 +212,11 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
 
   void offer() {
     limit_.cancel();  // what the recorder takes its time for is not the monitor's fault
-    std::optional<std::string> answer;
+    std::optional<MllpServer::Answer> answer;
     try {
       answer = shared_.taker(offered_, peer_);
-      if (answer) {
+      framed_ = framed_ || answer;
+      if (answer && answer->is_to_sender) {
         if (!delivered_) shared_.note_message(address_holder(peer_));
         delivered_ = true;
         if (place_) place_->note(ConnectionPlaces::Standing::kSpoken);
@@ -233,11 +234,11 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
       });
       return;
     }
-    if (answer->empty()) {
+    if (answer->text.empty()) {
       proceed();
       return;
     }
-    answer_ = mllp_frame(*answer);
+    answer_ = mllp_frame(answer->text);
     watch(shared_.options.stall_limit, "does not read its acknowledgements");
     asio::async_write(stream_, asio::buffer(answer_),
                       [self = this->shared_from_this(), this](const error_code& error, std::size_t) {
@@ -277,7 +278,8 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
   std::string_view unread_;  // of buffer_
   std::string offered_, answer_;
   std::unique_ptr<ConnectionPlaces::Place> place_;  // none once it is closed
-  bool delivered_ = false;                          // a message
+  bool framed_ = false;                             // something in a frame, whatever it was
+  bool delivered_ = false;                          // a message of somebody who may send
 };
 
 }  // namespace

@@ -44,10 +44,16 @@ class MllpServer {
     /// issued by one of those is let in.
     std::string certificate, key, clients;
   };
-  /// Takes one message and says what to answer, "" for nothing. Nothing where there is no room for it now: it
+  struct Answer {
+    std::string text;  // "" for none
+    /// The message is HL7 of somebody who may send here. Only that shows a connection to be a monitor's:
+    /// whatever else is answered, anybody who reaches the port can send.
+    bool is_to_sender = true;
+  };
+  /// Takes one message and says what to answer. Nothing where there is no room for it now: it
   /// is offered again a little later, and its connection read no further meanwhile. Called on the server's
   /// thread; what is answered is sent after it returned.
-  using Taker = std::function<std::optional<std::string>(std::string_view message, const std::string& peer)>;
+  using Taker = std::function<std::optional<Answer>(std::string_view message, const std::string& peer)>;
   /// What a person should know of a connection: name of the notice, sentence, peer. Ever fewer of the same
   /// name and address are told (base/tally.h): of peers who delivered no message yet from the second on, of
   /// others from the thousandth.

@@ -96,7 +96,7 @@ class MllpSource : public VitalSource {
 
  private:
   // Both on the server's thread.
-  std::optional<std::string> take(std::string_view message, const std::string& peer) {
+  std::optional<MllpServer::Answer> take(std::string_view message, const std::string& peer) {
     std::int64_t now_ns = 0;
     {
       const std::lock_guard lock(mutex_);
@@ -113,7 +113,7 @@ class MllpSource : public VitalSource {
       throw;
     }
     push(std::move(taken.lines));
-    return std::move(taken.acknowledgement);
+    return MllpServer::Answer{std::move(taken.acknowledgement), taken.is_of_sender};
   }
 
   void complain(const std::string& name, const std::string& text, const std::string& peer) {

@@ -198,7 +198,7 @@ TEST(MonitorAttack, BytesThatAreNoMessageFillNoRecord) {
   options.address = "127.0.0.1";
   options.port = 0;
   MllpServer server(
-      options, [](std::string_view, const std::string&) { return std::optional<std::string>("ACK"); },
+      options, [](std::string_view, const std::string&) { return std::optional(MllpServer::Answer{"ACK"}); },
       [&](const std::string&, const std::string&, const std::string&) { ++told; });
   server.start();
   MllpClient client("127.0.0.1", server.port());
@@ -228,7 +228,7 @@ TEST(MonitorAttack, APageInABrowserDeliversNoMessage) {
       options,
       [&](std::string_view, const std::string&) {
         ++taken;
-        return std::optional<std::string>("ACK");
+        return std::optional(MllpServer::Answer{"ACK"});
       },
       [&](const std::string& name, const std::string& text, const std::string&) {
         const std::lock_guard guard(mutex);
@@ -302,7 +302,7 @@ TEST(MonitorAttack, AMonitorThatAsksToResumeItsSessionIsServed) {
   options.certificate = options.key = authority.issue("recorder");
   options.clients = authority.file();
   MllpServer server(
-      options, [](std::string_view, const std::string&) { return std::optional<std::string>("ACK"); },
+      options, [](std::string_view, const std::string&) { return std::optional(MllpServer::Answer{"ACK"}); },
       [](const std::string&, const std::string&, const std::string&) {});
   server.start();
   namespace asio = boost::asio;
@@ -343,7 +343,7 @@ TEST(MonitorAttack, TlsConnectionsThatBringNoMessageAreSlowedDown) {
   options.handshakes.free_failures = 4;
   options.handshakes.first_wait = options.handshakes.longest_wait = 1h;
   MllpServer server(
-      options, [](std::string_view, const std::string&) { return std::optional<std::string>("ACK"); },
+      options, [](std::string_view, const std::string&) { return std::optional(MllpServer::Answer{"ACK"}); },
       [](const std::string&, const std::string&, const std::string&) {});
   server.start();
   namespace asio = boost::asio;

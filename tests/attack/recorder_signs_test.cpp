@@ -14,6 +14,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/replica.h"
+#include "archive/upkeep/holds.h"
 #include "archive/upkeep/recovery.h"
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
@@ -32,6 +33,7 @@ using archive::CaseRecovery;
 using archive::Verdict;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::ThrowsMessage;
 
 constexpr const char* kFirstSegment = "segments/endoscope/00000000.ts.age";
 
@@ -668,6 +670,45 @@ class Erasing : public NextStart {
     return archive::erase_stream(archive::real_file_system(), options, folder_, "endoscope", "room: 30 days");
   }
 };
+
+// Whoever can write to the disk has a key of their own. They let the log name it by a start of the machine,
+// and sign with it.
+TEST_F(NextStart, AKeyThatTheLogNamesInsteadReleasesNoHold) {
+  write_case();
+  const std::string case_id = folder_.filename().string();
+  const std::uint64_t hold = open_log()->case_held(case_id, "a court order", "anna");
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  const std::string name = "or3-b";
+  add_log_line(archive::BootEntry{"another boot", crypto::verifier_key_of(name, key).to_string()});
+  add_log_line(archive::CaseReleasedEntry{case_id, hold, "released", "anna"});
+  const std::uint64_t size = lines(archive_.log_folder()).size();
+  const crypto::Checkpoint text{archive::log_origin(name), size,
+                                archive::root_of_log(archive_.log_folder(), size)};
+  write_file(archive_.log_folder() / archive::note_path(size), crypto::sign_note(text.to_text(), name, key));
+  // The next start signs over both.
+  const auto log = open_log();
+  log->boot("the next start");
+  log->shutdown();
+  const archive::Holds holds = archive::read_holds(archive_.log_folder(), archive_.device());
+  EXPECT_THAT(archive::why_held(holds, case_id), HasSubstr("a court order"));
+}
+
+// What the log lost with its checkpoints, a case that was opened later still states.
+TEST_F(NextStart, ALogThatWasCutBackBeforeALaterCaseReleasesNothing) {
+  write_case();
+  const std::string case_id = folder_.filename().string();
+  const std::uint64_t before = lines(archive_.log_folder()).size();
+  open_log()->case_held(case_id, "a court order", "anna");
+  const fs::path later = SampleCase::write(archive_);
+  cut_back(archive_.log_folder(), before);
+  const auto read = [&] { archive::read_holds(archive_.log_folder(), archive_.device()); };
+  EXPECT_THAT(read,
+              ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
+  // Nor where the log has grown again.
+  for (int more = 0; more < 20; ++more) open_log()->access(case_id, "watched", "anna");
+  EXPECT_THAT(read,
+              ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
+}
 
 // Whoever chooses cases by their age reads ledgers that nobody verified: one that looks old for that moment.
 TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {

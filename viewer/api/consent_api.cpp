@@ -21,7 +21,8 @@ ordered_json purposes_json(const archive::CaseConsents& of_case) {
     purposes.push_back({{"purpose", purpose},
                         {"stands", state.stands},
                         {"since", format_utc(state.since)},
-                        {"entry", state.entry}});
+                        {"entry", state.entry},
+                        {"signed", state.stands || state.withdrawal_signed}});
   }
   return purposes;
 }

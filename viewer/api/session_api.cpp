@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "base/network_address.h"
 #include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "crypto/identity_text.h"
 #include "viewer/api/api.h"
 #include "viewer/http/http_fields.h"
@@ -218,8 +219,12 @@ class SessionApi {
     throw Refusal(403, "this one-time password was used already: ask an administrator for another");
   }
 
-  /// Failures of somebody who has signed in are counted apart: they lock nobody else out.
-  static std::string own_key(const Request& request) { return "own-password:" + request.session->user(); }
+  /// Failures of somebody who has signed in are counted by session: they lock nobody else out, and whoever
+  /// took one session over does not keep its owner, in another, from choosing a new password.
+  [[nodiscard]] std::string own_key(const Request& request) const {
+    const std::string token = cookie_value(request.header("cookie"), cookie_name_).value_or("");
+    return "own-password:" + crypto::to_hex(crypto::sha256(bytes_of(token)));
+  }
 
   Response change_password(const Request& request, const crypto::Secret& password,
                            const crypto::Secret& chosen) {

@@ -444,11 +444,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     // -- consent
     {"consent.lead",
      "The appliance log states these consents to the use of the case, and their withdrawals. Who consented "
-     "is "
-     "sealed, and not in this report. The log proves what was entered and when, not that it is true.",
+     "is sealed, and not in this report. The log proves what was entered and when, not that it is true. A "
+     "copy "
+     "of the log that is older, or that was cut off, states less.",
      "装置ログには、症例の利用への同意とその撤回が次のとおり記されています。同意した人は封印されており、本書"
-     "に"
-     "は含まれません。ログが証明するのは記載の内容と時刻であり、その真実性ではありません。"},
+     "には含まれません。ログが証明するのは記載の内容と時刻であり、その真実性ではありません。古い写しや末尾を"
+     "切られたログでは、記載がこれより少なくなります。"},
     {"consent.not-checked", "Could not check: {0}", "確認できませんでした：{0}"},
     {"consent.entered", "Entered, by the device's clock", "記載（装置の時計）"},
     {"consent.kind", "What", "内容"},

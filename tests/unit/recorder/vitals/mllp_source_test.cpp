@@ -273,6 +273,25 @@ TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {
       << "nobody fills the record with their visits";
 }
 
+// An answer is no trust: what is refused makes nobody a monitor.
+TEST(MllpSource, IsNotShutToAMonitorByConnectionsWhoseMessagesAreRefused) {
+  Running running("?connections=8&of_address=2&sender=MON");
+  MllpClient monitor("127.0.0.1", running.port(), "127.0.5.1");
+  monitor.send_message(message(1));
+  EXPECT_EQ(acknowledged(monitor), "AA 1");
+  std::vector<std::unique_ptr<MllpClient>> strangers;
+  for (int i = 0; i < 30; ++i) {
+    strangers.push_back(
+        std::make_unique<MllpClient>("127.0.0.1", running.port(), "127.0.6." + std::to_string(1 + i % 15)));
+    MllpClient& stranger = *strangers.back();
+    stranger.send_message(i % 2 == 0 ? "no HL7" : "MSH|^~\\&|OTHER||||2026||ORU^R01|9|P|2.6\r");
+    EXPECT_TRUE(stranger.receive()) << i;
+  }
+  monitor.send_message(message(2));
+  EXPECT_EQ(acknowledged(monitor), "AA 2") << "what delivers keeps its connection";
+  EXPECT_EQ(lines_of<VitalSample>(running.finish()).size(), 2U);
+}
+
 TEST(MllpSource, OneAddressTakesFromItsOwnConnectionsAlone) {
   Running running("?connections=20&of_address=2");
   MllpClient other("127.0.0.1", running.port(), "127.0.5.1");
@@ -338,8 +357,8 @@ TEST(MllpServer, OffersAMessageAgainWhereThereIsNoRoomForItYet) {
   options.port = 0;
   MllpServer server(
       options,
-      [&](std::string_view bytes, const std::string&) -> std::optional<std::string> {
-        return ++offered < 5 ? std::nullopt : std::optional("MSH|" + std::string(bytes));
+      [&](std::string_view bytes, const std::string&) -> std::optional<MllpServer::Answer> {
+        return ++offered < 5 ? std::nullopt : std::optional(MllpServer::Answer{"MSH|" + std::string(bytes)});
       },
       [](const std::string&, const std::string&, const std::string&) {});
   server.start();

@@ -344,6 +344,28 @@ TEST_F(SignIn, AChangeThatIsUnderWayDoesNotUndoAnAdministrators) {
   EXPECT_EQ(sign_in({"192.0.2.8", ""}, "given by hand").status, 200);
 }
 
+// Whoever took a session over and knows no password keeps its owner from nothing.
+TEST_F(SignIn, WrongPasswordsInOneSessionDoNotKeepAnotherFromChoosingANewOne) {
+  const UtcTime credential = context.users().find("anna")->changed;
+  const auto thief = context.sessions().open("anna", Role::kSurgeon, credential);
+  const auto owner = context.sessions().open("anna", Role::kSurgeon, credential);
+  const auto choose = [&](const SessionStore::Opened& opened, const std::string& password) {
+    RequestHead head{"POST",
+                     "/api/session/password",
+                     "192.0.2.7",
+                     {{"host", "or-3"}, {"x-kiroku-request", "1"}, {"content-type", "application/json"}}};
+    head.headers["cookie"] = std::string(kSessionCookie) + "=" + opened.token;
+    Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    admission.request.body = json{{"password", password}, {"new_password", "the owner's new one"}}.dump();
+    Response response = dispatcher.answer(admission);
+    while (response.costly) response = response.costly->work();
+    return response.status;
+  };
+  for (int i = 0; i < 20; ++i) choose(thief, "a guess");
+  EXPECT_EQ(choose(thief, "a guess"), 429) << "guesses wait";
+  EXPECT_EQ(choose(owner, kPassword), 200);
+}
+
 TEST_F(SignIn, WhoIsDemotedWhileTheirPasswordIsHashedComesInWithoutTheRole) {
   context.users().add("carla", Role::kAdministrator, crypto::Secret::copy_of(std::string_view(kPassword)));
   for (const std::string name : {"demoted", "removed"}) {

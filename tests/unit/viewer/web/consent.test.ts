@@ -2,6 +2,7 @@
 import { describe, expect, it } from 'vitest';
 import type { CaseConsents } from '@/api/types';
 import { obstacleTo, purposeAmong } from '@/consent/consent_model';
+import { obstacleInWords } from '@/consent/purpose_choice';
 
 const kSince = '2026-08-01T09:00:00.000000Z';
 const stated = (more: Partial<CaseConsents> = {}): CaseConsents => ({
@@ -10,8 +11,8 @@ const stated = (more: Partial<CaseConsents> = {}): CaseConsents => ({
   state: 'checked',
   problem: null,
   purposes: [
-    { purpose: 'research', stands: true, since: kSince, entry: 7 },
-    { purpose: 'teaching', stands: false, since: kSince, entry: 9 },
+    { purpose: 'research', stands: true, since: kSince, entry: 7, signed: true },
+    { purpose: 'teaching', stands: false, since: kSince, entry: 9, signed: true },
   ],
   ...more,
 });
@@ -25,8 +26,13 @@ describe('An export', () => {
     for (const demand_purpose of [true, false]) {
       expect(obstacleTo(stated({ demand_purpose }), 'research')).toBeUndefined();
       expect(obstacleTo(stated({ demand_purpose }), 'publication')).toEqual({ why: 'not-given', purpose: 'publication' });
-      expect(obstacleTo(stated({ demand_purpose }), 'teaching')).toEqual({ why: 'withdrawn', purpose: 'teaching', since: kSince });
+      expect(obstacleTo(stated({ demand_purpose }), 'teaching')).toEqual({ why: 'withdrawn', purpose: 'teaching', since: kSince, signed: true });
     }
+  });
+  it('is not said to be withdrawn by the patient where nobody signed that', () => {
+    const purposes = [{ purpose: 'teaching', stands: false, since: kSince, entry: 9, signed: false }];
+    const obstacle = obstacleTo(stated({ purposes }), 'teaching');
+    expect(obstacle && obstacleInWords(obstacle)).toContain('nobody signed that entry in time');
   });
   it('for a purpose is not made where nobody can tell', () => {
     const untold = stated({ state: 'could-not-check', problem: 'nobody can tell', purposes: [], demand_purpose: false });

@@ -31,17 +31,19 @@ export function CaseConsents({ id }: { id: string }) {
   // A site that asks for no consents is told of none.
   if (now.purposes.length === 0) return now.demand_purpose ? <p class="consents muted">{t('consent.none')}</p> : null;
   const standing = now.purposes.filter((one) => one.stands);
-  const withdrawn = now.purposes.filter((one) => !one.stands);
+  const withdrawn = now.purposes.filter((one) => !one.stands && one.signed);
+  const doubted = now.purposes.filter((one) => !one.stands && !one.signed);
   return (
     <details class="consents">
       <summary>
         {standing.length > 0 && <span>{t('consent.stands', { purposes: named(standing) })}</span>}
         {withdrawn.length > 0 && <span class="consents-withdrawn">{t('consent.withdrawn', { purposes: named(withdrawn) })}</span>}
+        {doubted.length > 0 && <span class="consents-withdrawn">{t('consent.unsigned', { purposes: named(doubted) })}</span>}
       </summary>
       <ul>
         {now.purposes.map((one) => (
           <li key={one.purpose}>
-            {t(one.stands ? 'consent.since' : 'consent.withdrawnOn', { purpose: word('purpose', one.purpose), moment: formatMoment(one.since) })}
+            {t(one.stands ? 'consent.since' : one.signed ? 'consent.withdrawnOn' : 'consent.withdrawnUnsigned', { purpose: word('purpose', one.purpose), moment: formatMoment(one.since) })}
           </li>
         ))}
       </ul>

@@ -7,7 +7,7 @@ export const lastPurpose = signal('');
 
 /** Why nothing may be exported for a purpose; the server goes by the same rules. */
 export type Obstacle =
-  { why: 'demanded' } | { why: 'not-given'; purpose: string } | { why: 'withdrawn'; purpose: string; since: string } | { why: 'not-checked'; problem: string };
+  { why: 'demanded' } | { why: 'not-given'; purpose: string } | { why: 'withdrawn'; purpose: string; since: string; signed: boolean } | { why: 'not-checked'; problem: string };
 
 /** `purpose`: '' where none is named. Undefined where nothing is in the way. */
 export function obstacleTo(consents: CaseConsents, purpose: string): Obstacle | undefined {
@@ -15,7 +15,7 @@ export function obstacleTo(consents: CaseConsents, purpose: string): Obstacle | 
   if (consents.state === 'could-not-check') return { why: 'not-checked', problem: consents.problem ?? '' };
   const state = consents.purposes.find((one) => one.purpose === purpose);
   if (!state) return { why: 'not-given', purpose };
-  return state.stands ? undefined : { why: 'withdrawn', purpose, since: state.since };
+  return state.stands ? undefined : { why: 'withdrawn', purpose, since: state.since, signed: state.signed };
 }
 
 /** The remembered purpose where the site has it, else none. */

@@ -111,6 +111,10 @@ export const kServerSentences: readonly SentencePair[] = [
     'the consent to the purpose {purpose} was withdrawn for case {id} on {time} (entry {n} of the appliance log): nothing was handed out',
     '症例 {id} の目的「{purpose}」への同意は {time} に撤回されました（装置ログの第 {n} 項目）。何も書き出していません',
   ],
+  [
+    'entry {n} of the appliance log withdraws the consent to the purpose {purpose} for case {id}, and nobody signed that entry in time: nothing was handed out',
+    '装置ログの第 {n} 項目が症例 {id} の目的「{purpose}」への同意を撤回していますが、署名が間に合っていません。何も書き出していません',
+  ],
   ['could not check the consent, so nothing is handed out: {why}', '同意を確認できなかったため、何も書き出しません：{why}'],
   ["the site's purposes cannot be read, so nothing is handed out: {why}", '施設の目的を読み込めないため、何も書き出しません：{why}'],
   ['{why}: nothing was handed out', '何も書き出していません：{why}'],
