@@ -19,7 +19,7 @@ using sim::Vector3;
 
 /// Of handles along a line, in mean edges of the surface: nearer ones would bend the curve more finely than
 /// the mesh can follow.
-constexpr double kApartInEdges = 3, kLeastLineInEdges = 0.25, kNearestInEdges = 0.25;
+constexpr double kApartInEdges = 1.5, kLeastLineInEdges = 0.25, kNearestInEdges = 0.25;
 constexpr std::size_t kMostDrawnHandles = 9;
 /// A handle lies so deep in a cut at most, and so far behind what is seen, in mean edges of the surface.
 constexpr double kInsideInEdges = 1, kBehindInEdges = 1;

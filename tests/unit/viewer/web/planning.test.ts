@@ -162,10 +162,13 @@ describe('Handles of a cut', () => {
     handles.wasSent(9);
     handles.show([cut], 8);
     expect(handles.asHeld[0]?.handles[0]?.x).toBeCloseTo(0.2);
+    expect(handles.deed, 'nothing is sent twice').toBeUndefined();
     handles.show([cut], 9);
     expect(handles.asHeld[0]?.handles[0]?.x).toBe(0.3);
     expect(handles.deed).toBeUndefined();
     expect(handles.chosen).toEqual({ step: 2, handle: 0 });
+    handles.setDepth(0.01);
+    expect(handles.deed, 'it is as deep already').toBeUndefined();
     // What could not be sent is put back at once.
     handles.key('ArrowLeft', false);
     handles.wasSent(0);

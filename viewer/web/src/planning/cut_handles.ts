@@ -24,6 +24,7 @@ export interface HandleDeed extends HandleName, Partial<Place> {
 const kStep = 0.01;
 const kDepthStep_m = 0.001;
 const kLeastDepth_m = 0.001;
+const kSameDepth_m = 1e-6;
 export const kMostDepth_m = 0.1;
 /** A pointer that moves by less has chosen the handle, not moved it. */
 const kMoves = 0.004;
@@ -95,6 +96,7 @@ export class CutHandles {
     const { beside, from } = this.drag;
     if (!this.at && Math.hypot(x - from.x, y - from.y) < kMoves) return false;
     this.at = { x: within(x + beside.x, 0, 1), y: within(y + beside.y, 0, 1) };
+    this.sent = 0;
     return true;
   }
   /** Whether the pointer had moved it. */
@@ -104,7 +106,10 @@ export class CutHandles {
     return this.at !== undefined;
   }
   setDepth(depth_m: number): void {
-    if (this.chosen) this.depth_m = within(depth_m, kLeastDepth_m, kMostDepth_m);
+    const held = this.held;
+    if (!held || Math.abs(depth_m - held.depth_m) < kSameDepth_m) return;
+    this.depth_m = within(depth_m, kLeastDepth_m, kMostDepth_m);
+    this.sent = 0;
   }
   /** Whether the key moves the chosen handle or changes its depth: arrows, Page Up and Page Down; with Shift further. */
   key(key: string, further: boolean): boolean {
@@ -114,7 +119,9 @@ export class CutHandles {
     const moves: Record<string, [number, number]> = { ArrowLeft: [-by, 0], ArrowRight: [by, 0], ArrowUp: [0, -by], ArrowDown: [0, by] };
     const move = moves[key];
     if (move) {
-      if (!handle.hidden) this.at = { x: within(handle.x + kStep * move[0], 0, 1), y: within(handle.y + kStep * move[1], 0, 1) };
+      if (handle.hidden) return true;
+      this.sent = 0;
+      this.at = { x: within(handle.x + kStep * move[0], 0, 1), y: within(handle.y + kStep * move[1], 0, 1) };
     } else if (key === 'PageUp' || key === 'PageDown') {
       this.setDepth(handle.depth_m + (key === 'PageUp' ? by : -by) * kDepthStep_m);
     } else {
@@ -122,9 +129,9 @@ export class CutHandles {
     }
     return true;
   }
-  /** What is to be sent; undefined where nothing was changed. */
+  /** What is to be sent; undefined where nothing was changed, or that was sent already. */
   get deed(): HandleDeed | undefined {
-    if (!this.chosen || !this.isHeld) return undefined;
+    if (!this.chosen || !this.isHeld || this.sent !== 0) return undefined;
     return { ...this.chosen, ...this.at, ...(this.depth_m === undefined ? {} : { depth_m: this.depth_m }) };
   }
   /** It was sent under that number, 0 for not at all: until a picture has it the handle stays where it was dragged to. */
