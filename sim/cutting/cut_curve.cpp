@@ -197,4 +197,11 @@ std::vector<BladePose> blade_along(const CutCurve& curve, const TetMesh& mesh, d
   return path;
 }
 
+std::vector<Vector3> on_surface(const TetMesh& mesh, const std::vector<Vector3>& points_m) {
+  const OrganSurface surface(mesh);
+  std::vector<Vector3> nearest_m;
+  for (const Vector3& point_m : points_m) nearest_m.push_back(surface.nearest(point_m).point_m);
+  return nearest_m;
+}
+
 }  // namespace kiroku::sim

@@ -34,4 +34,7 @@ struct CutCurve {
 std::vector<BladePose> blade_along(const CutCurve& curve, const TetMesh& mesh, double edge_m,
                                    double spacing_m);
 
+/// The points of the mesh's surface that are nearest to these. kiroku::Error where it has none.
+std::vector<Vector3> on_surface(const TetMesh& mesh, const std::vector<Vector3>& points_m);
+
 }  // namespace kiroku::sim

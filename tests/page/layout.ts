@@ -28,6 +28,7 @@ const kNarrow = 900;
 const kSmall: readonly { selector: string; why: string }[] = [
   { selector: '.step-flag', why: 'as wide as the moment it stands on; 44 pixels around it take the finger, and the list of steps has buttons for the same' },
   { selector: '.pick-mark', why: 'its middle is the point that was picked; 44 pixels around it take the finger' },
+  { selector: '.cut-handle', why: 'its middle is a place on the organ; 44 pixels around it take the finger' },
   { selector: '.chain-link', why: 'a part of a drawing, which is wider than 44 pixels wherever it can be chosen' },
 ];
 

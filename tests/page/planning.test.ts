@@ -288,6 +288,104 @@ story('A person who plans', (step) => {
     await expect.poll(picture).toBe(shown);
   });
 
+  const handle = (n: number) => visitor.page.getByRole('button', { name: new RegExp(`^Handle ${n} of \\d+ of the cut of step`) });
+  const depthOf_mm = async (n: number) => Number(/, (\d+) mm deep/.exec((await handle(n).getAttribute('aria-label')) ?? '')?.[1]);
+  /** Where the handle is on the picture, 0 to 1. */
+  const placeOf = async (n: number): Promise<[number, number]> => {
+    const [mark, box] = await Promise.all([handle(n).boundingBox(), field().boundingBox()]);
+    if (!mark || !box) throw new Error('there is no such handle');
+    return [(mark.x + mark.width / 2 - box.x) / box.width, (mark.y + mark.height / 2 - box.y) / box.height];
+  };
+  /** The picture once it is whole: while something moves it is smaller. */
+  const still = async () => {
+    for (let last = await picture(); ;) {
+      await visitor.page.waitForTimeout(1_000);
+      const now = await picture();
+      if (now === last) return now;
+      last = now;
+    }
+  };
+  const settled = () => expect.poll(() => field().getAttribute('data-waits')).toBe('false');
+
+  step('draws an incision on the organ, and changes it by its handles: mouse, finger, keys and depth', async () => {
+    const { page } = visitor;
+    await page.keyboard.press('Control+z');
+    await settled();
+    const before = (await steps()).length;
+    await page.keyboard.press('c');
+    await page.getByRole('slider', { name: 'Depth of the cut' }).fill('12');
+    await drag([0.42, 0.4], [0.5, 0.42], [0.58, 0.4]);
+    await page.mouse.up();
+    await expect.poll(async () => (await steps()).length).toBe(before + 1);
+    await expect.poll(() => handle(1).count()).toBe(1);
+    const all = await page.locator('.cut-handle').count();
+    expect(all).toBeGreaterThanOrEqual(2);
+    expect(await depthOf_mm(1)).toBe(12);
+    expect(await seriousBarriers(page)).toEqual([]);
+    const drawn = await still();
+    const drawnAt = await placeOf(all);
+
+    // By the mouse: the cut is made anew where the handle was dragged to, and no step is added.
+    const from = await placeOf(all);
+    await drag(from, [from[0] + 0.04, from[1] + 0.06]);
+    await page.mouse.up();
+    await settled();
+    await expect.poll(async () => (await placeOf(all))[1]).toBeCloseTo(from[1] + 0.06, 1);
+    await expect.poll(picture).not.toBe(drawn);
+    expect((await steps()).length).toBe(before + 1);
+
+    // By a finger.
+    const first = await placeOf(1);
+    const touched = async (x: number, y: number) => [{ ...(await onPicture(x, y)), id: 0 }];
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: await touched(...first) });
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: await touched(first[0] - 0.02, first[1] + 0.03) });
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: await touched(first[0] - 0.03, first[1] + 0.06) });
+    await touch.send('Input.dispatchTouchEvent', { type: 'touchEnd', touchPoints: [] });
+    await settled();
+    await expect.poll(async () => (await placeOf(1))[1] - first[1]).toBeGreaterThan(0.03);
+
+    // By keys: farther up, deeper, and made anew by Enter; Escape puts back.
+    await handle(1).focus();
+    const [, low] = await placeOf(1);
+    for (const key of ['ArrowUp', 'ArrowUp', 'ArrowUp', 'PageUp', 'PageUp', 'PageUp', 'PageUp']) await page.keyboard.press(key);
+    expect(await depthOf_mm(1)).toBe(16);
+    await page.keyboard.press('Escape');
+    expect(await depthOf_mm(1)).toBe(12);
+    for (const key of ['ArrowUp', 'ArrowUp', 'ArrowUp', 'PageUp', 'PageUp', 'PageUp', 'PageUp', 'Enter']) await page.keyboard.press(key);
+    await settled();
+    await expect.poll(async () => low - (await placeOf(1))[1]).toBeGreaterThan(0.015);
+    expect([await depthOf_mm(1), await depthOf_mm(2)]).toEqual([16, 12]);
+
+    // By the slider, at the handle that is chosen.
+    await page.getByRole('slider', { name: 'Depth at handle 1' }).fill('8');
+    await settled();
+    await expect.poll(() => depthOf_mm(1)).toBe(8);
+    while ((await page.locator('.notice button').count()) > 0) await page.locator('.notice button').first().click();
+    const changed = await still();
+    await keepPicture(page, 'planning-handles');
+
+    // One at a time undone, and done again; the whole plan has one step more than before.
+    for (let i = 0; i < 4; ++i) await page.keyboard.press('Control+z');
+    await settled();
+    await expect.poll(() => depthOf_mm(1)).toBe(12);
+    await expect.poll(() => placeOf(all)).toEqual(drawnAt);
+    await expect.poll(picture).toBe(drawn);
+    expect((await steps()).length).toBe(before + 1);
+    for (let i = 0; i < 4; ++i) await page.keyboard.press('Control+Shift+z');
+    await expect.poll(picture).toBe(changed);
+
+    // Beside the organ: a sentence, and the cut as it was.
+    const last = await placeOf(all);
+    await drag(last, [0.02, 0.02]);
+    await page.mouse.up();
+    await page.getByText(`handle ${all} would leave the organ: drag it to a place on its surface`).first().waitFor();
+    await settled();
+    await expect.poll(async () => (await placeOf(all))[0]).toBeCloseTo(last[0], 2);
+    await expectFits(visitor, 'planning-handles');
+    await touch.send('Emulation.setTouchEmulationEnabled', { enabled: true, maxTouchPoints: 5 });
+    await field().focus();
+  });
+
   step('plans with keys alone', async () => {
     const { page } = visitor;
     const before = (await steps()).length;

@@ -395,7 +395,7 @@ TEST_F(PlanProgram, CarriesOutTheWorkedPlans) {
   fs::create_symlink(shared_data("sim/lung-ct/mask_totalsegmentator.nii.gz"),
                      folder() / "totalsegmentator.nii.gz");
   for (const char* name : {"liver-retraction", "kidney-opening", "kidney-drawn-cut", "two-finger-exclusion",
-                           "lung-bulla", "kidney-turning"}) {
+                           "lung-bulla", "kidney-turning", "liver-held-cut"}) {
     const std::string plan = std::string(name) + ".json";
     fs::copy_file(source_folder() / "docs/plans" / plan, folder() / plan);
     EXPECT_EQ(kiroku({"plan", "check", plan}).status, 0) << name;

@@ -27,6 +27,13 @@ struct CutDeed {
   std::vector<Eigen::Vector2d> line;  // as PlanPointer's x and y
   double depth_m = 0;
 };
+/// Moves a handle of the cut that is this step of the plan to a place of the picture, changes the depth
+/// there, or both; the cut is made anew.
+struct HandleDeed {
+  std::size_t step = 0, handle = 0;
+  std::optional<Eigen::Vector2d> at;  // as PlanPointer's x and y
+  std::optional<double> depth_m;
+};
 struct HoldDeed {
   double duration_s = 0;
 };
@@ -44,8 +51,8 @@ struct RedoDeed {};
 struct StressDeed {
   std::optional<double> largest_pa;
 };
-using Deed = std::variant<ViewDeed, PointDeed, CutDeed, HoldDeed, ReleaseDeed, CloseDeed, UndoDeed, RedoDeed,
-                          StressDeed>;
+using Deed = std::variant<ViewDeed, PointDeed, CutDeed, HandleDeed, HoldDeed, ReleaseDeed, CloseDeed,
+                          UndoDeed, RedoDeed, StressDeed>;
 
 inline constexpr std::size_t kMostPlanPointers = 5;
 

@@ -73,10 +73,19 @@ CutDeed cut_of(const json& cut) {
   return deed;
 }
 
+HandleDeed handle_of(const json& handle) {
+  HandleDeed deed{message_count(handle, "step"), message_count(handle, "handle"), {}, {}};
+  if (handle.contains("x") || handle.contains("y")) deed.at = {place(handle, "x"), place(handle, "y")};
+  if (handle.contains("depth_m")) deed.depth_m = message_number(handle, "depth_m", 1e-4, kMostDepthM);
+  if (!deed.at && !deed.depth_m) throw Refusal(400, "'handle' must have 'x' and 'y', 'depth_m', or both");
+  return deed;
+}
+
 Deed deed_of(const json& object) {
   if (object.contains("view")) return view_of(object["view"]);
   if (object.contains("pointers")) return pointers_of(object);
   if (object.contains("cut")) return cut_of(object["cut"]);
+  if (object.contains("handle")) return handle_of(object["handle"]);
   if (object.contains("hold"))
     return HoldDeed{message_number(object["hold"], "duration_s", 1e-3, kMostHoldS)};
   if (object.contains("release")) return ReleaseDeed{message_text(object["release"], "tool")};
@@ -93,8 +102,8 @@ Deed deed_of(const json& object) {
   }
   throw Refusal(
       400,
-      "a message must have 'open', 'view', 'pointers', 'cut', 'hold', 'release', 'close', 'undo', 'redo', "
-      "'stress' or 'save'");
+      "a message must have 'open', 'view', 'pointers', 'cut', 'handle', 'hold', 'release', 'close', 'undo', "
+      "'redo', 'stress' or 'save'");
 }
 
 double ms(std::chrono::nanoseconds time) { return static_cast<double>(time.count()) / 1e6; }
@@ -123,6 +132,19 @@ ordered_json tools_json(const PlanningTable& table) {
                             {"left", grip.left}};
   }
   return tools;
+}
+
+ordered_json cuts_json(const PlanningTable& table) {
+  ordered_json cuts = ordered_json::array();
+  for (const ShownCut& cut : table.cuts()) {
+    ordered_json handles = ordered_json::array();
+    for (const ShownHandle& handle : cut.handles) {
+      handles.push_back(
+          {{"x", handle.x}, {"y", handle.y}, {"depth_m", handle.depth_m}, {"hidden", handle.hidden}});
+    }
+    cuts.push_back({{"step", cut.step}, {"smooth", cut.smooth}, {"handles", std::move(handles)}});
+  }
+  return cuts;
 }
 
 }  // namespace
@@ -180,6 +202,7 @@ Bytes moment_message(const PlanningMoment& moment) {
                           {"time_s", frame.time_s},
                           {"moves", moment.moves},
                           {"tools", tools_json(*moment.table)},
+                          {"cuts", cuts_json(*moment.table)},
                           {"largest_von_mises_pa", largest_pa},
                           {"largest_displacement_m", moved_m},
                           {"computing_ms", ms(moment.computing)},

@@ -79,17 +79,24 @@ void PlanningTable::cut(const CutDeed& cut) {
   std::vector<Eigen::Vector2d> slopes;
   slopes.reserve(cut.line.size());
   for (const Eigen::Vector2d& at : cut.line) slopes.push_back(sim::slope_of(camera_, at.x(), at.y()));
-  // Depths of the surface; beside the organ that of the nearest place which is on it.
-  std::vector<Vector3> places_m;
+  std::vector<Vector3> places_m, rest_m;
   std::vector<std::ptrdiff_t> met;
   const std::vector<Eigen::Vector2d> even = evenly(slopes, edge_m / depth_m);
+  const SeenOrgan organ(session_, camera_);
   for (const Eigen::Vector2d& slope : even) {
     const Eigen::Vector2d at = (slope - camera_.centre).cwiseQuotient(camera_.half_extent);
-    const auto place_m = pointers_.on_organ((1 + at.x()) / 2, (1 - at.y()) / 2);
-    if (place_m) met.push_back(static_cast<std::ptrdiff_t>(places_m.size()));
-    places_m.push_back(place_m.value_or(Vector3::Zero()));
+    const auto place = organ.at((1 + at.x()) / 2, (1 - at.y()) / 2);
+    places_m.push_back(place ? place->there_m : Vector3::Zero());
+    if (!place) continue;
+    met.push_back(static_cast<std::ptrdiff_t>(places_m.size()) - 1);
+    rest_m.push_back(place->rest_m);
   }
   if (met.empty()) throw Error("the line does not cross the organ: draw it over the organ");
+  const auto tool = static_cast<std::size_t>(scalpel - tools.begin());
+  const bool on_it = met.front() == 0 && met.back() + 1 == static_cast<std::ptrdiff_t>(even.size());
+  if (on_it) return session_.cut(tool, curve_through(rest_m, cut.depth_m, session_.plan().body.mesh));
+  // Over the border the organ is divided, for which the surface has no place. Beside the organ the depth is
+  // that of the nearest place which is on it.
   Vector3 towards_m = Vector3::Zero();
   for (std::size_t i = 0; i < even.size(); ++i) {
     const auto nearest = *std::ranges::min_element(
@@ -107,7 +114,16 @@ void PlanningTable::cut(const CutDeed& cut) {
     pose.position_m = place_m - cut.depth_m * towards_m;
     path.push_back(pose);
   }
-  session_.cut(static_cast<std::size_t>(scalpel - tools.begin()), path);
+  session_.cut(tool, path);
+  remarks_.emplace_back(
+      "the line goes over the organ's border: it is cut straight down and has no handles; draw it on the "
+      "organ "
+      "alone to change it afterwards");
+}
+
+void PlanningTable::change(const HandleDeed& handle) {
+  session_.change_cut(handle.step, changed_curve(session_, camera_, handle));
+  remarked_ = std::min(remarked_, handle.step);
 }
 
 std::size_t PlanningTable::tool_named(const std::string& name) const {
@@ -127,6 +143,8 @@ void PlanningTable::apply(const Deed& deed) {
   pointers_.release();
   if (const auto* line = std::get_if<CutDeed>(&deed)) {
     cut(*line);
+  } else if (const auto* handle = std::get_if<HandleDeed>(&deed)) {
+    change(*handle);
   } else if (const auto* hold = std::get_if<HoldDeed>(&deed)) {
     session_.hold(std::max(hold->duration_s, session_.plan().time_step_s));
   } else if (const auto* release = std::get_if<ReleaseDeed>(&deed)) {
@@ -140,7 +158,7 @@ void PlanningTable::apply(const Deed& deed) {
 }
 
 std::vector<std::string> PlanningTable::take_remarks() {
-  std::vector<std::string> remarks;
+  std::vector<std::string> remarks = std::exchange(remarks_, {});
   for (const std::string& name : pointers_.take_missed())
     remarks.push_back("'" + name + "' never touched the tissue, so that it is in no step: push deeper");
   if (session_.moving()) return remarks;
@@ -157,10 +175,7 @@ sim::Picture PlanningTable::picture(double share) {
 }
 
 Eigen::Vector2d PlanningTable::on_picture(const Vector3& place_m) const {
-  const Vector3 seen_m = sim::in_depth_m(camera_, place_m);
-  const Eigen::Vector2d at =
-      (seen_m.head<2>() / seen_m.z() - camera_.centre).cwiseQuotient(camera_.half_extent);
-  return {(1 + at.x()) / 2, (1 - at.y()) / 2};
+  return sim::on_picture(camera_, place_m);
 }
 
 nlohmann::ordered_json PlanningTable::document(const std::string& name) {

@@ -8,6 +8,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "sim/render/plan_pictures.h"
+#include "viewer/planning/cut_handles.h"
 #include "viewer/planning/plan_folder.h"
 #include "viewer/planning/planning_deeds.h"
 
@@ -42,12 +43,15 @@ class PlanningTable {
   [[nodiscard]] std::string renderer() const { return pictures_.renderer().renderer(); }
   /// Where a place is on the picture, as PlanPointer's x and y.
   [[nodiscard]] Eigen::Vector2d on_picture(const sim::Vector3& place_m) const;
+  /// Cuts with their handles, as the picture of now has them.
+  [[nodiscard]] std::vector<ShownCut> cuts() const { return shown_cuts(session_, camera_); }
   /// Lets go of what moves, and writes down the plan as it is now.
   [[nodiscard]] nlohmann::ordered_json document(const std::string& name);
 
  private:
   void look(const ViewDeed& view);
   void cut(const CutDeed& cut);
+  void change(const HandleDeed& handle);
   [[nodiscard]] std::size_t tool_named(const std::string& name) const;
 
   TableOptions options_;
@@ -57,7 +61,8 @@ class PlanningTable {
   sim::Camera camera_;
   sim::PlanPictures pictures_;
   double spacing_m_;
-  std::size_t remarked_ = 0;  // steps whose remarks were told
+  std::size_t remarked_ = 0;          // steps whose remarks were told
+  std::vector<std::string> remarks_;  // that come of no step
 };
 
 }  // namespace kiroku::viewer

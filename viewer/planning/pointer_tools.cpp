@@ -12,6 +12,7 @@
 #include "base/number_text.h"
 #include "sim/mesh/length_unit.h"
 #include "sim/render/picking.h"
+#include "viewer/planning/cut_handles.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -89,18 +90,9 @@ std::vector<Vector3> PointerTools::surface_places() const {
 }
 
 std::optional<Vector3> PointerTools::on_organ(double x, double y) const {
-  const sim::TetMesh& mesh = session_.mesh();
-  const Eigen::VectorXd& moved_m = session_.frame().displacement_m;
-  std::vector<Vector3> places_m(mesh.nodes.size());
-  for (std::size_t node = 0; node < mesh.nodes.size(); ++node) {
-    places_m[node] =
-        sim::in_depth_m(camera_, mesh.nodes[node] + moved_m.segment<3>(static_cast<Eigen::Index>(3 * node)));
-  }
-  const std::vector<sim::Face> surface = sim::faces_of(mesh).surface;
-  const Eigen::Vector2d slope = sim::slope_of(camera_, x, y);
-  const auto depth_m = sim::depth_along(surface, places_m, slope);
-  if (!depth_m) return {};
-  return sim::from_depth_m(camera_, {slope.x() * *depth_m, slope.y() * *depth_m, *depth_m});
+  const auto place = SeenOrgan(session_, camera_).at(x, y);
+  if (!place) return {};
+  return place->there_m;
 }
 
 std::optional<std::size_t> PointerTools::holder_at(const Vector3& place_m) const {

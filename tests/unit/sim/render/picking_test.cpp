@@ -26,9 +26,18 @@ TEST(Picking, FindsWhereALineFirstMeetsTheSurface) {
     const auto depth_m = depth_along(surface, places, slope);
     ASSERT_TRUE(depth_m.has_value());
     EXPECT_NEAR(*depth_m, place_m.z(), 1e-9);
+    const auto met = first_met(surface, places, slope);
+    ASSERT_TRUE(met.has_value());
+    Vector3 there_m = Vector3::Zero();
+    for (std::size_t corner = 0; corner < 3; ++corner)
+      there_m +=
+          met->weights[static_cast<Eigen::Index>(corner)] * box.nodes[surface[met->face].nodes[corner]];
+    EXPECT_LT((there_m - seen_m).norm(), 1e-9) << "weights are those of the face in space";
     // The same place of the picture.
     const Eigen::Vector2d at = (slope - camera.centre).cwiseQuotient(camera.half_extent);
     EXPECT_LT((slope_of(camera, (1 + at.x()) / 2, (1 - at.y()) / 2) - slope).norm(), 1e-12);
+    const Eigen::Vector2d on = on_picture(camera, seen_m);
+    EXPECT_LT((slope_of(camera, on.x(), on.y()) - slope).norm(), 1e-12);
   }
   EXPECT_FALSE(depth_along(surface, places, slope_of(camera, 0.01, 0.01)).has_value());
 }

@@ -178,6 +178,10 @@ TEST_F(PlanningApi, RefusesWhatIsNoMessage) {
        "'x' must be"},
       {R"({"input": 1, "use": "press", "pointers": [1,2,3,4,5,6]})", "at most 5"},
       {R"({"input": 1, "cut": {"line": [{"x": 0, "y": 0}], "depth_m": 0.01}})", "2 to 1000 places"},
+      {R"({"input": 1, "handle": {"step": 0, "handle": 1}})", "'handle' must have 'x' and 'y', 'depth_m'"},
+      {R"({"input": 1, "handle": {"step": 0, "handle": 1, "x": 0.5}})", "'y' is missing"},
+      {R"({"input": 1, "handle": {"step": -1, "handle": 1, "depth_m": 0.01}})", "'step' must be"},
+      {R"({"input": 1, "handle": {"step": 0, "handle": 1, "depth_m": 4}})", "'depth_m' must be"},
       {R"({"input": 1, "save": {"file": "x"}})", "'name' is missing"}};
   for (const auto& [message, sentence] : bad) {
     const auto client = connect();

@@ -322,6 +322,99 @@ TEST_F(PlanningTableTest, ShowsStressSizeAndCuts) {
   EXPECT_EQ(planned->picture(1).rgb, plain.rgb);
 }
 
+TEST_F(PlanningTableTest, ACutThatWasDrawnIsChangedByItsHandlesOnThePicture) {
+  const auto planned = table();
+  planned->apply(CutDeed{{{0.46, 0.4}, {0.46, 0.5}, {0.46, 0.6}}, 0.006});
+  ASSERT_THAT(planned->cuts(), SizeIs(1));
+  const ShownCut drawn = planned->cuts()[0];
+  ASSERT_GE(drawn.handles.size(), 2U);
+  const std::size_t last = drawn.handles.size() - 1;
+  EXPECT_NEAR(drawn.handles[0].x, 0.46, 0.01);
+  EXPECT_NEAR(drawn.handles[0].y, 0.4, 0.01);
+  EXPECT_NEAR(drawn.handles[last].x, 0.46, 0.01);
+  EXPECT_NEAR(drawn.handles[last].y, 0.6, 0.01);
+  for (const ShownHandle& handle : drawn.handles) {
+    EXPECT_NEAR(handle.depth_m, 0.006, 1e-9);
+    EXPECT_FALSE(handle.hidden);
+  }
+  const sim::Picture as_drawn = planned->picture(1);
+  planned->apply(HandleDeed{0, last, Eigen::Vector2d(0.56, 0.62), {}});
+  planned->apply(HandleDeed{0, 0, {}, 0.009});
+  const ShownCut changed = planned->cuts()[0];
+  EXPECT_NEAR(changed.handles[last].x, 0.56, 0.01);
+  EXPECT_NEAR(changed.handles[last].y, 0.62, 0.01);
+  EXPECT_NEAR(changed.handles[last].depth_m, 0.006, 1e-9);
+  EXPECT_NEAR(changed.handles[0].x, drawn.handles[0].x, 0.01);
+  EXPECT_NEAR(changed.handles[0].depth_m, 0.009, 1e-9);
+  EXPECT_NE(planned->picture(1).rgb, as_drawn.rgb);
+  EXPECT_THAT(actions(*planned), ElementsAre("cut"));
+  // As if it had been drawn so on the body that was never cut.
+  const auto at_once = table();
+  const sim::PlanStep& step = planned->session().plan().steps[0];
+  sim::PlanSession session(at_once->session().plan());
+  session.cut(step.motions.front().tool, *step.curve);
+  EXPECT_EQ(session.mesh().tetrahedra, planned->session().mesh().tetrahedra);
+  EXPECT_EQ(session.mesh().nodes, planned->session().mesh().nodes);
+  EXPECT_EQ(session.frame().displacement_m, planned->session().frame().displacement_m);
+  expect_saved_plan_ends_here(*planned, "changed");
+  planned->apply(UndoDeed{});
+  EXPECT_NEAR(planned->cuts()[0].handles[0].depth_m, 0.006, 1e-9);
+  EXPECT_NEAR(planned->cuts()[0].handles[last].x, 0.56, 0.01);
+  planned->apply(UndoDeed{});
+  EXPECT_EQ(planned->picture(1).rgb, as_drawn.rgb);
+  planned->apply(RedoDeed{});
+  planned->apply(RedoDeed{});
+  EXPECT_EQ(session.frame().displacement_m, planned->session().frame().displacement_m);
+}
+
+TEST_F(PlanningTableTest, HandlesMoveWithTheOrganAndHideBehindIt) {
+  const auto planned = table(false);
+  planned->apply(CutDeed{{{0.46, 0.45}, {0.46, 0.6}}, 0.004});
+  const sim::CutCurve& curve = *planned->session().plan().steps.back().curve;
+  const auto handles = [&] { return planned->cuts()[0].handles; };
+  const double before_y = handles()[0].y;
+  // The clamp holds the block's end, and lifts it.
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.72, 0.42, 0}}});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.72, 0.3, 0}}});
+  settle(*planned);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  ASSERT_GT(planned->session().frame().displacement_m.lpNorm<Eigen::Infinity>(), 0.004);
+  EXPECT_LT(handles()[0].y, before_y - 0.01) << "the handle lies on the organ as it lies";
+  for (const ShownHandle& handle : handles()) EXPECT_FALSE(handle.hidden);
+  // Dragged nowhere it stays where it was in the rest shape, however the organ lies.
+  const sim::Vector3 rest_m = curve.handles_m[0];
+  const ShownHandle first = handles()[0];
+  planned->apply(HandleDeed{2, 0, Eigen::Vector2d(first.x, first.y), {}});
+  EXPECT_LT((planned->session().plan().steps[2].curve->handles_m[0] - rest_m).norm(), 1e-3);
+  planned->apply(ViewDeed{180, 0, 1, 0, 0});
+  for (const ShownHandle& handle : handles()) EXPECT_TRUE(handle.hidden);
+}
+
+TEST_F(PlanningTableTest, RefusesHandlesThatLeaveTheOrganAndKeepsTheCut) {
+  const auto planned = table();
+  planned->apply(CutDeed{{{0.46, 0.4}, {0.46, 0.6}}, 0.006});
+  const Eigen::VectorXd before = planned->session().frame().displacement_m;
+  const auto curve = planned->session().plan().steps[0].curve;
+  const std::size_t last = curve->handles_m.size() - 1;
+  EXPECT_THAT(refusal(*planned, HandleDeed{0, last, Eigen::Vector2d(0.02, 0.02), {}}),
+              testing::Eq("handle " + std::to_string(last + 1) +
+                          " would leave the organ: drag it to a place on its surface"));
+  const ShownHandle first = planned->cuts()[0].handles[0];
+  EXPECT_THAT(refusal(*planned, HandleDeed{0, last, Eigen::Vector2d(first.x, first.y), {}}),
+              HasSubstr("would lie at handle 1: leave at least"));
+  EXPECT_THAT(refusal(*planned, HandleDeed{0, 0, {}, 0.2}), HasSubstr("needs a blade whose edge is longer"));
+  EXPECT_THAT(refusal(*planned, HandleDeed{0, last + 1, {}, 0.01}), HasSubstr("that handle is gone"));
+  EXPECT_THAT(refusal(*planned, HandleDeed{3, 0, {}, 0.01}), HasSubstr("that handle is gone"));
+  EXPECT_EQ(planned->session().frame().displacement_m, before);
+  EXPECT_EQ(planned->session().plan().steps[0].curve->handles_m, curve->handles_m);
+  // Over the border the organ is divided, without handles; on it too short a line is none.
+  planned->apply(UndoDeed{});
+  EXPECT_THAT(refusal(*planned, CutDeed{{{0.46, 0.5}, {0.4601, 0.5}}, 0.006}), HasSubstr("too short"));
+  planned->apply(CutDeed{{{0.46, 0.1}, {0.46, 0.9}}, 0.006});
+  EXPECT_THAT(planned->cuts(), IsEmpty());
+  EXPECT_THAT(planned->take_remarks(), testing::Contains(HasSubstr("goes over the organ's border")));
+}
+
 TEST_F(PlanningTableTest, OpensAndSavesWithinItsFolderOnly) {
   ASSERT_THAT(plans_.plans(), SizeIs(1));
   EXPECT_EQ(plans_.plans()[0].file, "block/plan.json");

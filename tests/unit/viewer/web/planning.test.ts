@@ -1,7 +1,8 @@
 // Planning by hand: views, pointers and drawn lines, as the server gets them.
 import { describe, expect, it } from 'vitest';
+import { CutHandles, curveThrough, type ShownCut } from '@/planning/cut_handles';
 import { kFirstView, OrbitDrag, panned, turned, viewByKey, zoomed, zoomedByWheel } from '@/planning/orbit';
-import { DrawnLine, PlanPointers } from '@/planning/plan_pointers';
+import { DrawnLine, type Place, PlanPointers } from '@/planning/plan_pointers';
 
 describe('A view', () => {
   it('turns with a drag, round and round, and up to the poles', () => {
@@ -119,5 +120,108 @@ describe('A drawn line', () => {
       { x: 0.3, y: 0.2 },
     ]);
     expect(line.places).toEqual([]);
+  });
+});
+
+describe('Handles of a cut', () => {
+  const cut: ShownCut = {
+    step: 2,
+    smooth: true,
+    handles: [
+      { x: 0.3, y: 0.4, depth_m: 0.01, hidden: false },
+      { x: 0.5, y: 0.5, depth_m: 0.02, hidden: false },
+      { x: 0.7, y: 0.4, depth_m: 0.01, hidden: true },
+    ],
+  };
+  const shown = () => {
+    const handles = new CutHandles();
+    handles.show([cut], 0);
+    return handles;
+  };
+  it('are dragged by where they were taken, and a press alone chooses', () => {
+    const handles = shown();
+    expect(handles.press(7, 0.51, 0.49, { step: 2, handle: 1 })).toBe(true);
+    expect(handles.move(7, 0.511, 0.49)).toBe(false);
+    expect(handles.release(7)).toBe(false);
+    expect(handles.deed).toBeUndefined();
+    handles.press(7, 0.51, 0.49, { step: 2, handle: 1 });
+    expect(handles.press(8, 0.3, 0.4, { step: 2, handle: 0 })).toBe(false);
+    expect(handles.move(8, 0.9, 0.9)).toBe(false);
+    expect(handles.move(7, 0.61, 0.54)).toBe(true);
+    expect(handles.held?.x).toBeCloseTo(0.6);
+    expect(handles.held?.y).toBeCloseTo(0.55);
+    expect(handles.release(7)).toBe(true);
+    expect(handles.deed).toMatchObject({ step: 2, handle: 1 });
+    expect(handles.deed).not.toHaveProperty('depth_m');
+  });
+  it('stay where they were dragged to until a picture shows it, and then as the server has them', () => {
+    const handles = shown();
+    handles.press(1, 0.3, 0.4, { step: 2, handle: 0 });
+    handles.move(1, 0.2, 0.4);
+    handles.release(1);
+    handles.wasSent(9);
+    handles.show([cut], 8);
+    expect(handles.asHeld[0]?.handles[0]?.x).toBeCloseTo(0.2);
+    expect(handles.deed, 'nothing is sent twice').toBeUndefined();
+    handles.show([cut], 9);
+    expect(handles.asHeld[0]?.handles[0]?.x).toBe(0.3);
+    expect(handles.deed).toBeUndefined();
+    expect(handles.chosen).toEqual({ step: 2, handle: 0 });
+    handles.setDepth(0.01);
+    expect(handles.deed, 'it is as deep already').toBeUndefined();
+    // What could not be sent is put back at once.
+    handles.key('ArrowLeft', false);
+    handles.wasSent(0);
+    expect(handles.asHeld[0]?.handles[0]?.x).toBe(0.3);
+  });
+  it('are moved and made deeper by keys, and put back', () => {
+    const handles = shown();
+    expect(handles.key('ArrowLeft', false)).toBe(false);
+    handles.choose({ step: 2, handle: 1 });
+    expect(handles.key('ArrowLeft', true)).toBe(true);
+    handles.key('ArrowDown', false);
+    handles.key('PageUp', false);
+    handles.key('PageUp', true);
+    handles.key('PageDown', false);
+    expect(handles.key('q', false)).toBe(false);
+    expect(handles.deed?.x).toBeCloseTo(0.46);
+    expect(handles.deed?.y).toBeCloseTo(0.51);
+    expect(handles.deed?.depth_m).toBeCloseTo(0.024);
+    for (let i = 0; i < 60; ++i) handles.key('PageDown', true);
+    expect(handles.deed?.depth_m).toBe(0.001);
+    handles.putBack();
+    expect(handles.deed).toBeUndefined();
+  });
+  it('behind the organ are not moved, only made deeper', () => {
+    const handles = shown();
+    expect(handles.press(1, 0.7, 0.4, { step: 2, handle: 2 })).toBe(false);
+    handles.key('ArrowLeft', false);
+    expect(handles.deed).toBeUndefined();
+    handles.key('PageUp', false);
+    expect(handles.deed).toEqual({ step: 2, handle: 2, depth_m: 0.011 });
+  });
+  it('are chosen no longer once their cut is gone', () => {
+    const handles = shown();
+    handles.choose({ step: 2, handle: 1 });
+    handles.show([], 1);
+    expect(handles.chosen).toBeUndefined();
+    expect(handles.held).toBeUndefined();
+  });
+});
+
+describe('The curve between handles', () => {
+  const corners = [
+    { x: 0, y: 0 },
+    { x: 0.1, y: 0.2 },
+    { x: 0.4, y: 0.2 },
+  ];
+  it('goes through each of them, and is straight where the cut is', () => {
+    const curve = curveThrough(corners, true);
+    for (const { x, y } of corners) expect(Math.min(...curve.map((one) => Math.hypot(one.x - x, one.y - y)))).toBeLessThan(1e-12);
+    expect(curve.length).toBe(25);
+    // As if it came along the line on which it ends.
+    const line = curveThrough([corners[0], corners[2]] as Place[], true);
+    for (const { x, y } of line) expect(y).toBeCloseTo(x / 2, 12);
+    expect(curveThrough(corners, false)).toEqual(corners);
   });
 });

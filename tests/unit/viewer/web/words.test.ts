@@ -47,6 +47,17 @@ describe('What the server refuses', () => {
   });
 });
 
+describe('What planning tells of cuts on the picture', () => {
+  it('is told in Japanese', () => {
+    const said = [
+      ...sentencesOf(root, ['viewer/planning'], 'Error', 0).filter((one) => one.file.endsWith('cut_handles.cpp') || /\bline\b/.test(one.text)),
+      ...sentencesOf(root, ['viewer/planning'], 'emplace_back', 0).filter((one) => /\bline\b/.test(one.text)),
+    ];
+    expect(said.length).toBeGreaterThanOrEqual(7);
+    expect(said.filter((one) => !hasJapanese(one.text))).toEqual([]);
+  });
+});
+
 describe('The appliance log', () => {
   const types = /kTypes\{(.*?)\};/s.exec(readFileSync(`${root}/archive/format/log_entry.cpp`, 'utf8'))?.[1] ?? '';
   const names = [...types.matchAll(/"([a-z-]+)"/g)].map((one) => one[1] as string);

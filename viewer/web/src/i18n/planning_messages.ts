@@ -35,6 +35,10 @@ export const planningEn = {
   'planning.front': 'From the front',
   'planning.depth': 'Depth',
   'planning.cutDepth': 'Depth of the cut',
+  'planning.handle': 'Handle {n} of {all} of the cut of step {step}, {mm} mm deep',
+  'planning.handleHidden': 'Handle {n} of {all} of the cut of step {step}, {mm} mm deep, behind the organ',
+  'planning.handleDepth': 'Depth at handle {n}',
+  'planning.handleDepthSaid': '{mm} mm deep',
   'planning.picture': 'The organ. Choose a tool with O, G, J, L, C or P; drag, or use arrows, space, Page Up and Page Down.',
   'planning.how.orbit': 'Drag to turn, with Shift to move; the wheel or two fingers zoom. Keys: arrows, with Shift to move, + and −, Home.',
   'planning.how.grasp':
@@ -43,7 +47,8 @@ export const planningEn = {
     'Look at an edge of the organ so that it points to you, and press on it: two jaws close on both sides and hold it by friction; drag to pull, and pulled too hard it slips. Press on them to take them again; the wheel and keys work as for Grasp. Minus closes the jaws further, plus opens them.',
   'planning.how.clip':
     'Look at an edge of the organ so that it points to you, and press on it: a clip closes on both sides. Minus closes it further, plus opens it; drag to pull, and pulled too hard it slips. Enter, or Leave on, takes the applier away: the clip stays, holds the tissue together and moves with it. A clip is used once; Undo takes it off again.',
-  'planning.how.cut': 'Draw a line over the organ. Keys: arrows aim, space sets a place, Enter cuts, Escape forgets the line.',
+  'planning.how.cut':
+    'Draw a line over the organ. Keys: arrows aim, space sets a place, Enter cuts, Escape forgets the line. A cut that is drawn on the organ has handles: drag one over the surface, or change its depth above, and the cut is made anew. Keys: Tab chooses a handle, arrows move it, Page Up and Down change its depth, Enter makes the cut anew, Escape puts the handle back.',
   'planning.how.press':
     'Each pointer that is down on the organ is a finger, up to five; drag to move it, and a pen pushes as hard as it presses. Keys: arrows aim, space comes down and goes up, Page Up and Down push.',
   'planning.computing': 'Computing…',
@@ -114,6 +119,10 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.front': '正面から',
   'planning.depth': '深さ',
   'planning.cutDepth': '切開の深さ',
+  'planning.handle': '手順 {step} の切開のハンドル {n}/{all}、深さ {mm} mm',
+  'planning.handleHidden': '手順 {step} の切開のハンドル {n}/{all}、深さ {mm} mm、臓器の裏側',
+  'planning.handleDepth': 'ハンドル {n} の深さ',
+  'planning.handleDepthSaid': '深さ {mm} mm',
   'planning.picture': '臓器。O、G、J、L、C、P で道具を選び、ドラッグするか、矢印、スペース、Page Up、Page Down を使います。',
   'planning.how.orbit': 'ドラッグで回転、Shift で移動、ホイールまたは二本指で拡大縮小。キー: 矢印、Shift で移動、+ と −、Home。',
   'planning.how.grasp':
@@ -122,7 +131,8 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
     '臓器の縁が手前を向くように見て、その上で押すと、二枚のジョーが閉じて摩擦で挟みます。ドラッグで引き、強く引きすぎると滑ります。ジョーの上で押すと持ち直します。ホイールとキーは把持と同じです。マイナスで閉じ、プラスで開きます。',
   'planning.how.clip':
     '臓器の縁が手前を向くように見て、その上で押すと、クリップが両側から閉じます。マイナスでさらに閉じ、プラスで開きます。ドラッグで引き、強く引きすぎると滑ります。Enter または「留置」でアプライヤーが離れ、クリップは残って組織を留め、組織とともに動きます。クリップは一度だけ使えます。「元に戻す」で外せます。',
-  'planning.how.cut': '臓器の上に線を引きます。キー: 矢印で狙い、スペースで点を置き、Enter で切開、Escape で線を消します。',
+  'planning.how.cut':
+    '臓器の上に線を引きます。キー: 矢印で狙い、スペースで点を置き、Enter で切開、Escape で線を消します。臓器の上に引いた切開にはハンドルが付きます。ハンドルを表面に沿ってドラッグするか、上のスライダーで深さを変えると、切開をやり直します。キー: Tab で選び、矢印で動かし、Page Up と Down で深さを変え、Enter で切開し直し、Escape で戻します。',
   'planning.how.press':
     '臓器の上に置いたポインターがそれぞれ指になります（五本まで）。ドラッグで動かし、ペンは筆圧で押します。キー: 矢印で狙い、スペースで下ろす・上げる、Page Up と Down で押し引き。',
   'planning.computing': '計算中…',

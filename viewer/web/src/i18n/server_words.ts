@@ -189,6 +189,20 @@ export const kServerSentences: readonly SentencePair[] = [
     'this plan names no CT that could be shown: give its "volume" a file or folder',
     'この計画には表示できる CT がありません。"volume" にファイルかフォルダーを指定してください',
   ],
+  ['that handle is gone: take one that the picture shows', 'そのハンドルはもうありません。画像に表示されているハンドルを選んでください'],
+  ['handle {n} would leave the organ: drag it to a place on its surface', 'ハンドル {n} が臓器から外れます。臓器の表面にドラッグしてください'],
+  [
+    "handle {n} would lie {mm} mm deep in a cut: drag it to a place on the organ's surface",
+    'ハンドル {n} が切開面の中（深さ {mm} mm）に入ります。臓器の表面にドラッグしてください',
+  ],
+  ['handle {n} would lie at handle {other}: leave at least {mm} mm between them', 'ハンドル {n} がハンドル {other} に重なります。{mm} mm 以上離してください'],
+  ['a depth of {mm} mm needs a blade whose edge is longer: it has {edge} mm', '深さ {mm} mm には刃が短すぎます（刃の長さ {edge} mm）。浅くしてください'],
+  ['the line is too short to be cut: draw it longer', '線が短すぎて切開できません。長く引いてください'],
+  ['the line does not cross the organ: draw it over the organ', '線が臓器にかかっていません。臓器の上に引いてください'],
+  [
+    "the line goes over the organ's border: it is cut straight down and has no handles; draw it on the organ alone to change it afterwards",
+    '線が臓器の縁を越えるため、視線に沿って切り離します（ハンドルはありません）。後で変更するには臓器の上だけに引いてください',
+  ],
   ['the plan could not be read back', '保存した計画を読み戻せませんでした'],
   ["there is a plan '{name}' already: save it under another name", '計画「{name}」はすでにあります。別の名前で保存してください'],
   [
@@ -288,6 +302,11 @@ const kByStatus: Record<number, string> = {
 export function inOwnWords(sentence: string, status: number): string {
   if (language.peek() === 'en') return sentence;
   return kPatterns.inJapanese(sentence) ?? `${kByStatus[status] ?? '要求は受け付けられませんでした'}（${sentence}）`;
+}
+
+/** `sentence` that a program told without refusing a request: as it is, where it has no Japanese. */
+export function toldInOwnWords(sentence: string): string {
+  return (language.peek() === 'ja' && kPatterns.inJapanese(sentence)) || sentence;
 }
 
 /** Whether a sentence has its Japanese. */

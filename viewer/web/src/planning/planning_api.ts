@@ -1,6 +1,7 @@
 // The planner's part of the API (docs/reference/viewer.md, "Planning"): the list of plans, and the WebSocket of one that is open.
 import { get } from '@/api/client';
 import { PictureSocket } from '@/media/picture_socket';
+import type { HandleDeed, ShownCut } from '@/planning/cut_handles';
 import type { View } from '@/planning/orbit';
 import type { PlanPointer, Place } from '@/planning/plan_pointers';
 
@@ -51,6 +52,7 @@ export interface PlanMoment {
   time_s: number;
   moves: boolean;
   tools: ToolState[];
+  cuts: ShownCut[];
   largest_von_mises_pa: number;
   largest_displacement_m: number;
   computing_ms: number;
@@ -61,6 +63,7 @@ export type Deed =
   | { view: View }
   | { use: 'grasp' | 'pinch' | 'clip' | 'press'; pointers: readonly PlanPointer[] }
   | { cut: { line: readonly Place[]; depth_m: number } }
+  | { handle: HandleDeed }
   | { hold: { duration_s: number } }
   | { release: { tool: string } }
   | { close: { tool: string; share: number } }

@@ -1,6 +1,7 @@
 // What a person does on the picture becomes deeds: pointers, wheel and keys by the tool that is chosen. Draws nothing.
 import { signal } from '@preact/signals';
 import { Median } from '@/base/median';
+import { CutHandles, type HandleName, type ShownCut, type ShownHandle } from '@/planning/cut_handles';
 import { kFirstView, OrbitDrag, type View, viewByKey, zoomedByWheel } from '@/planning/orbit';
 import { DrawnLine, type Pen, type Place, PlanPointers } from '@/planning/plan_pointers';
 import { type Deed, PlanConnection, type PlanListener } from '@/planning/planning_api';
@@ -17,6 +18,13 @@ export interface OnPicture extends Place {
   pen?: Pen;
 }
 
+/** Cuts on the picture, the chosen handle, and where it is held. */
+export interface Handles {
+  cuts: readonly ShownCut[];
+  chosen?: HandleName | undefined;
+  held?: ShownHandle | undefined;
+}
+
 /** Latency is told of so many of the newest pictures. */
 const kMeasured = 60;
 const kRateOver_ms = 2000;
@@ -30,6 +38,7 @@ export class TableController {
   readonly cursor = signal<Place | undefined>(undefined);
   readonly depth_m = signal(0.01);
   readonly cutDepth_m = signal(0.02);
+  readonly handles = signal<Handles>({ cuts: [] });
   readonly stress = signal(false);
   readonly largest_pa = signal(5000);
   /** The newest deed that no picture shows yet was sent then. */
@@ -39,6 +48,7 @@ export class TableController {
   private readonly orbit = new OrbitDrag();
   private readonly pointers = new PlanPointers();
   private readonly drawn = new DrawnLine();
+  private readonly cutHandles = new CutHandles();
   private drawing: number | undefined;
   private readonly sent = new Map<number, number>();
   private readonly latency = new Median(kMeasured);
@@ -52,6 +62,8 @@ export class TableController {
       moment: (moment, picture) => {
         listener.moment(moment, picture);
         this.jaws = moment.tools.filter((tool) => tool.jaws && !tool.jaws.left).map((tool) => ({ name: tool.name, clips: tool.kind === 'clip' }));
+        this.cutHandles.show(moment.cuts, moment.input);
+        this.showHandles();
         this.shown(moment.input);
       },
     });
@@ -75,11 +87,13 @@ export class TableController {
     this.waitsSince_ms.value = [...this.sent.values()][0];
   }
 
-  send(deed: Deed, at_ms = performance.now()): void {
+  /** The deed's number; 0 where it could not be sent. */
+  send(deed: Deed, at_ms = performance.now()): number {
     const number = this.connection.send(deed);
-    if (number === 0) return;
+    if (number === 0) return 0;
     this.sent.set(number, at_ms);
     this.waitsSince_ms.value ??= at_ms;
+    return number;
   }
   private sendPointers(at_ms: number): void {
     const tool = this.tool.value;
@@ -106,6 +120,7 @@ export class TableController {
     this.drawing = undefined;
     this.drawn.take();
     this.line.value = [];
+    this.chooseHandle(undefined);
     if (this.pointers.releaseAll()) this.sendPointers(performance.now());
   }
   setDepth(depth_m: number): void {
@@ -131,6 +146,7 @@ export class TableController {
         return this.orbit.press(at.id, at.x, at.y);
       case 'cut':
         if (this.drawing !== undefined) return false;
+        this.chooseHandle(undefined);
         this.drawing = at.id;
         this.drawn.begin(at.x, at.y);
         this.line.value = this.drawn.places;
@@ -147,6 +163,7 @@ export class TableController {
         this.look(this.orbit.move(this.view.value, at.id, at.x, at.y, at.pan), at.at_ms);
         break;
       case 'cut':
+        if (this.cutHandles.move(at.id, at.x, at.y)) this.showHandles();
         if (this.drawing === at.id && this.drawn.add(at.x, at.y)) this.line.value = this.drawn.places;
         break;
       default:
@@ -157,10 +174,47 @@ export class TableController {
     if (this.tool.value === 'orbit') this.orbit.release(at.id);
     else if (this.tool.value !== 'cut') {
       if (this.pointers.release(at.id)) this.sendPointers(at.at_ms);
+    } else if (this.cutHandles.release(at.id)) {
+      this.cutAnew(at.at_ms);
     } else if (this.drawing === at.id) {
       this.drawing = undefined;
       this.cutLine(at.at_ms);
     }
+  }
+
+  /** A pointer takes a handle, to drag it over the organ. */
+  pressHandle(at: OnPicture, name: HandleName): boolean {
+    if (this.drawing !== undefined) return false;
+    const taken = this.cutHandles.press(at.id, at.x, at.y, name);
+    this.showHandles();
+    return taken;
+  }
+  chooseHandle(name: HandleName | undefined): void {
+    this.cutHandles.choose(name);
+    this.showHandles();
+  }
+  /** Of the chosen handle; `done`: the cut is made anew with it. */
+  setHandleDepth(depth_m: number, done: boolean): void {
+    this.cutHandles.setDepth(depth_m);
+    this.showHandles();
+    if (done) this.cutAnew(performance.now());
+  }
+  /** Enter and space make the cut anew, Escape puts the handle back. */
+  keyOfHandle(key: string, shift: boolean, at_ms: number): boolean {
+    if (key === 'Enter' || key === ' ') this.cutAnew(at_ms);
+    else if (key === 'Escape') this.cutHandles.putBack();
+    else if (!this.cutHandles.key(key, shift)) return false;
+    this.showHandles();
+    return true;
+  }
+  private showHandles(): void {
+    const { asHeld, chosen, held } = this.cutHandles;
+    this.handles.value = { cuts: asHeld, chosen, held };
+  }
+  private cutAnew(at_ms: number): void {
+    const handle = this.cutHandles.deed;
+    if (handle) this.cutHandles.wasSent(this.send({ handle }, at_ms));
+    this.showHandles();
   }
   private cutLine(at_ms: number): void {
     const line = this.drawn.take();

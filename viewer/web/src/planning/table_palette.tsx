@@ -1,16 +1,33 @@
 // The tools of a plan that is made by hand, with how deep the chosen one goes.
 import { t } from '@/i18n/i18n';
+import { kMostDepth_m } from '@/planning/cut_handles';
 import { kFirstView } from '@/planning/orbit';
 import { kKeyOfTool, kTools, type TableController, type Tool } from '@/planning/table_controller';
 import { Icon } from '@/shell/icon';
 
 export const kHold_s = 0.5;
 
-function Depth({ label, most_mm, at_m, set }: { label: string; most_mm: number; at_m: number; set: (depth_m: number) => void }) {
+interface Depths {
+  label: string;
+  most_mm: number;
+  at_m: number;
+  set: (depth_m: number) => void;
+  /** Once the person lets the slider go. */
+  done?: (depth_m: number) => void;
+}
+
+function Depth({ label, most_mm, at_m, set, done }: Depths) {
   return (
     <label class="planning-depth">
       <span>{label}</span>
-      <input type="range" min={1} max={most_mm} value={1000 * at_m} onInput={(event) => set(Number(event.currentTarget.value) / 1000)} />
+      <input
+        type="range"
+        min={1}
+        max={most_mm}
+        value={1000 * at_m}
+        onInput={(event) => set(Number(event.currentTarget.value) / 1000)}
+        onChange={(event) => done?.(Number(event.currentTarget.value) / 1000)}
+      />
       <span class="mono">{Math.round(1000 * at_m)} mm</span>
     </label>
   );
@@ -18,6 +35,7 @@ function Depth({ label, most_mm, at_m, set }: { label: string; most_mm: number; 
 
 export function Palette({ table, choose }: { table: TableController; choose: (tool: Tool) => void }) {
   const tool = table.tool.value;
+  const { chosen, held } = table.handles.value;
   return (
     <div class="planning-palette" role="toolbar" aria-label={t('planning.tools')}>
       {kTools.map((one) => (
@@ -35,8 +53,22 @@ export function Palette({ table, choose }: { table: TableController; choose: (to
         {t('planning.front')}
       </button>
       {tool === 'press' && <Depth label={t('planning.depth')} most_mm={40} at_m={table.depth_m.value} set={(depth_m) => table.setDepth(depth_m)} />}
-      {tool === 'cut' && (
-        <Depth label={t('planning.cutDepth')} most_mm={100} at_m={table.cutDepth_m.value} set={(depth_m) => (table.cutDepth_m.value = depth_m)} />
+      {tool === 'cut' && !held && (
+        <Depth
+          label={t('planning.cutDepth')}
+          most_mm={1000 * kMostDepth_m}
+          at_m={table.cutDepth_m.value}
+          set={(depth_m) => (table.cutDepth_m.value = depth_m)}
+        />
+      )}
+      {tool === 'cut' && held && chosen && (
+        <Depth
+          label={t('planning.handleDepth', { n: chosen.handle + 1 })}
+          most_mm={1000 * kMostDepth_m}
+          at_m={held.depth_m}
+          set={(depth_m) => table.setHandleDepth(depth_m, false)}
+          done={(depth_m) => table.setHandleDepth(depth_m, true)}
+        />
       )}
     </div>
   );

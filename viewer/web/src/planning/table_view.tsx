@@ -3,6 +3,8 @@ import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { askBeforeLeaving } from '@/base/route';
 import { t } from '@/i18n/i18n';
+import { toldInOwnWords } from '@/i18n/server_words';
+import { CutMarks, handleOf } from '@/planning/cut_marks';
 import type { Opened, PlanMoment, Steps } from '@/planning/planning_api';
 import { StressCard } from '@/planning/stress_card';
 import { kKeyOfTool, kTools, type OnPicture, TableController, type Tool } from '@/planning/table_controller';
@@ -63,7 +65,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
         if (performance.now() - written_ms > kEvery_ms) write();
         else late = setTimeout(write, kEvery_ms);
       },
-      told: notify,
+      told: (sentence) => notify(toldInOwnWords(sentence)),
       saved: (plan) => {
         kept.current = steps.peek();
         notify(t('planning.saved', { plan }), 'done');
@@ -164,8 +166,11 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
             aria-busy={told === undefined}
             data-waits={table.waitsSince_ms.value !== undefined}
             onPointerDown={(event) => {
-              if (event.button !== 0 || !told || !table.press(placed(event))) return;
-              field.current?.focus();
+              if (event.button !== 0 || !told) return;
+              const handle = handleOf(event);
+              if (!(handle ? table.pressHandle(placed(event), handle) : table.press(placed(event)))) return;
+              // Keys go on with the handle that was taken, where there is one.
+              (handle ? (event.target as Element).closest('button') : field.current)?.focus();
               field.current?.setPointerCapture(event.pointerId);
               table.cursor.value = undefined;
             }}
@@ -181,6 +186,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
                 <polyline points={table.line.value.map(({ x, y }) => `${x},${y}`).join(' ')} />
               </svg>
             )}
+            {tool === 'cut' && <CutMarks table={table} />}
             {now?.tools.map((one) => (
               <span key={one.name} class="planning-mark" style={{ left: `${one.x * 100}%`, top: `${one.y * 100}%` }} aria-hidden="true">
                 {one.name}

@@ -1,0 +1,67 @@
+// Cuts that are drawn on the picture of an organ and changed there by their handles
+// (docs/reference/viewer.md, "Planning"). Not thread-safe, but for pure functions.
+//
+// Source: Figures 4c and 5c of "Interactive Volume Manipulation for Supporting Preoperative Planning", whose
+// incisions can be changed on the picture after they were made.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "sim/mesh/mesh_topology.h"
+#include "sim/plan/plan_session.h"
+#include "sim/render/camera.h"
+#include "viewer/planning/planning_deeds.h"
+
+namespace kiroku::viewer {
+
+/// The organ as a picture shows it at one moment.
+class SeenOrgan {
+ public:
+  SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera);
+
+  struct Place {
+    sim::Vector3 there_m;  // where it is
+    sim::Vector3 rest_m;   // where it is in the rest shape
+  };
+  /// Where the picture's line, x and y as PlanPointer's, first meets the organ; nothing beside it.
+  [[nodiscard]] std::optional<Place> at(double x, double y) const;
+  /// How far before `there_m` the picture's line meets the organ, m; 0 where it does not.
+  [[nodiscard]] double before_m(const sim::Vector3& there_m) const;
+  /// Where the surface's point that is nearest to one of the rest shape lies.
+  [[nodiscard]] sim::Vector3 of_rest(const sim::Vector3& rest_m) const;
+
+ private:
+  const sim::TetMesh& mesh_;
+  sim::Camera camera_;
+  std::vector<sim::Face> surface_;
+  std::vector<sim::Vector3> places_m_, seen_m_;  // (|V|) as they lie, and in depth
+};
+
+/// A handle on the picture: x and y as PlanPointer's.
+struct ShownHandle {
+  double x = 0, y = 0, depth_m = 0;
+  bool hidden = false;  // behind the organ, as it is seen now
+};
+struct ShownCut {
+  std::size_t step = 0;  // of the plan
+  bool smooth = true;
+  std::vector<ShownHandle> handles;
+};
+/// All cuts of the plan that were drawn along curves.
+std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Camera& camera);
+
+/// A curve through places of the rest shape that are met one after the other; its handles lie evenly along
+/// it, on the surface of the organ before any cut, about three edges of its mesh apart. kiroku::Error where
+/// the places are all in one.
+sim::CutCurve curve_through(const std::vector<sim::Vector3>& rest_m, double depth_m,
+                            const sim::TetMesh& mesh);
+
+/// The cut's curve with its handle where the picture shows that place, and as deep as asked for.
+/// kiroku::Error, which counts handles from 1 as the page does, where the step has no such handle, and where
+/// the place is beside the organ, inside a cut, or at another handle.
+sim::CutCurve changed_curve(const sim::PlanSession& session, const sim::Camera& camera,
+                            const HandleDeed& deed);
+
+}  // namespace kiroku::viewer
