@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "evidence/hash_tree.h"
 #include "timestamp/der.h"
 
 namespace kiroku::evidence {
@@ -35,6 +34,10 @@ std::optional<Bytes> SharedToken::imprint_for(ByteView digest) const {
   return root_of(kHash, path);
 }
 
+bool SharedToken::begins_with(ByteView value) const {
+  return !path.empty() && HeldValues(path.front()).contains(value);
+}
+
 SharedTokenParse parse_shared_token(ByteView der) {
   RecordParse parsed = parse_record(der);
   if (!parsed.record) return {{}, "it is no evidence record: " + parsed.explanation};
@@ -53,15 +56,11 @@ SharedTokenParse parse_shared_token(ByteView der) {
   return {std::move(shared), {}};
 }
 
-std::vector<Bytes> share_token(const std::vector<Bytes>& digests, const Stamp& stamp) {
-  std::vector<HashList> groups;
-  groups.reserve(digests.size());
-  for (const Bytes& digest : digests) groups.push_back({digest});
-  std::vector<Bytes> files;
-  files.reserve(digests.size());
-  for (const EvidenceRecord& record : begin_records(kHash, std::move(groups), stamp))
-    files.push_back(encode_record(record));
-  return files;
+StampedRound::StampedRound(std::vector<HashList> groups, const Stamp& stamp)
+    : tree_(kHash, std::move(groups)), token_(stamp(kHash, tree_.root())) {}
+
+Bytes StampedRound::file_of(std::size_t group) const {
+  return encode_record(record_of({tree_.reduced(group), token_}));
 }
 
 bool StampJudging::is_over_data(const timestamp::TokenInfo& info) const {

@@ -4,13 +4,17 @@
 //   EvidenceRecord: version 1, { sha256 }, one chain of one time-stamp: sha256, reducedHashtree, token
 //
 // Its hash tree leads from the object's hash to the token's imprint. Where an object was alone in its round
-// there is no tree, and the token is over the object's own hash. Pure functions and values; thread-safe.
+// there is no tree, and the token is over the object's own hash. Beside the object's hash the first list may
+// hold a nonce: 32 random bytes that whoever asked drew for this token. They show that the token is younger
+// than the question, as the nonce of RFC 3161 section 2.4.2 does, and what others of the round get as a node
+// tells nothing of the object. Pure functions and immutable values; thread-safe.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "evidence/hash_tree.h"
 #include "evidence/record.h"
 #include "evidence/renewal.h"
 #include "timestamp/token_verifier.h"
@@ -27,6 +31,8 @@ struct SharedToken {
   /// The imprint that the token must have to be over the object with this SHA-256; nothing where the first
   /// list does not hold it, so that the path is another object's.
   [[nodiscard]] std::optional<Bytes> imprint_for(ByteView digest) const;
+  /// Whether the first list holds this value: of a nonce, whether the token is younger than its drawing.
+  [[nodiscard]] bool begins_with(ByteView value) const;
 };
 
 struct SharedTokenParse {
@@ -37,9 +43,19 @@ struct SharedTokenParse {
 /// refuses, several time-stamps, other hashes, and anything beside.
 SharedTokenParse parse_shared_token(ByteView der);
 
-/// One token over all of these SHA-256 hashes, and the file for each of them, in their order. Equal hashes
-/// count once. Throws kiroku::UsageError for none, and what `stamp` throws.
-std::vector<Bytes> share_token(const std::vector<Bytes>& digests, const Stamp& stamp);
+/// One token over many groups of SHA-256 hashes, which is asked for once, and the file for each of them.
+class StampedRound {
+ public:
+  /// A group is an object's hash, and the nonce that came with it if one did. Equal groups count once. Throws
+  /// kiroku::UsageError for no group, or an empty one, and what `stamp` throws.
+  StampedRound(std::vector<HashList> groups, const Stamp& stamp);
+  /// The file of the group at this place among those given.
+  [[nodiscard]] Bytes file_of(std::size_t group) const;
+
+ private:
+  HashTree tree_;
+  Bytes token_;
+};
 
 /// What is to be judged of a file, a response, a bare token or a shared token, as a time-stamp over data.
 struct StampJudging {

@@ -156,12 +156,12 @@ TEST_F(RecoveryTest, AdoptsATokenThatOthersShareAndNoOtherOfThatAuthorityBesideI
     std::string why;
     const Bytes own = archive_.stamp(over.note);
     const Bytes digest = crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(over.note));
-    const std::vector<Bytes> shared = evidence::share_token({digest}, [&](crypto::HashAlgorithm, ByteView) {
-      return timestamp::parse_response(own, why)->token;
-    });
-    real_file_system().write_durably(folder / token_path(size, "embedded", TokenForm::kShared), shared[0]);
+    const Bytes shared = evidence::StampedRound({{digest}}, [&](crypto::HashAlgorithm, ByteView) {
+                           return timestamp::parse_response(own, why)->token;
+                         }).file_of(0);
+    real_file_system().write_durably(folder / token_path(size, "embedded", TokenForm::kShared), shared);
     real_file_system().write_durably(folder / token_path(size, "swiss"), own);
-    real_file_system().write_durably(folder / token_path(size, "swiss", TokenForm::kShared), shared[0]);
+    real_file_system().write_durably(folder / token_path(size, "swiss", TokenForm::kShared), shared);
   }
   archive_.now_ns = 60 * kSecond;
   const std::vector<CaseRecovery> recovered = recover();
