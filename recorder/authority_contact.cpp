@@ -1,12 +1,42 @@
 #include "recorder/authority_contact.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
+
+#include "crypto/secret.h"
+#include "evidence/shared_token.h"
+#include "recorder/clock/whole_seconds.h"
 
 namespace kiroku::recorder {
 namespace {
 
 using std::chrono::nanoseconds;
+
+/// How often a round that is over is looked at until its token is there.
+constexpr std::chrono::seconds kLookAgain{1};
+
+const timestamp::TrustStore& trust_or_nothing(const timestamp::TrustStore* trust) {
+  static const timestamp::TrustStore kNothing;
+  return trust == nullptr ? kNothing : *trust;
+}
+
+/// Of a shared token over this hash that came for this nonce. Throws kiroku::Error for one that proves
+/// nothing.
+timestamp::TokenJudgement judge_shared(ByteView record, ByteView digest, ByteView nonce,
+                                       const timestamp::TrustStore& trust) {
+  const evidence::SharedTokenParse parsed = evidence::parse_shared_token(record);
+  if (!parsed.shared) throw Error("what came is no shared token: " + parsed.explanation);
+  if (!parsed.shared->begins_with(nonce))
+    throw Error("what came is not for this question: the nonce is not in it");
+  timestamp::Expectation expectation;
+  expectation.algorithm = crypto::HashAlgorithm::kSha256;
+  expectation.imprint = parsed.shared->imprint_for(digest).value_or(Bytes());
+  timestamp::TokenJudgement judgement = timestamp::judge_token(parsed.shared->token, expectation, trust);
+  if (judgement.code != timestamp::TokenCode::kValid)
+    throw Error("what came does not hold: " + judgement.explanation);
+  return judgement;
+}
 
 AuthorityAnswer exchange(const NamedAuthority& authority, const timestamp::TrustStore& trust,
                          const Clock& clock, const timestamp::Request& request,
@@ -61,7 +91,8 @@ AuthorityContact::AuthorityContact(NamedAuthority authority, const timestamp::Tr
       trust_(trust),
       queue_(queue),
       clock_(clock),
-      back_off_(authority_.pauses, std::random_device{}()) {}
+      back_off_(authority_.pauses, std::random_device{}()),
+      shared_back_off_({}, std::random_device{}()) {}
 
 AuthorityAnswer AuthorityContact::ask(archive::StoredCheckpoint checkpoint) {
   const timestamp::Request request =
@@ -81,10 +112,9 @@ AuthorityAnswer AuthorityContact::ask(const timestamp::Request& request,
     back_off_.asked(clock_.now());
     remember_locked();  // before the request goes out: a new start must not ask sooner
   }
-  static const timestamp::TrustStore kNothing;
   std::optional<nanoseconds> leave_alone_for;
-  AuthorityAnswer answer = exchange(authority_, trust_ == nullptr ? kNothing : *trust_, clock_, request,
-                                    std::move(checkpoint), leave_alone_for);
+  AuthorityAnswer answer =
+      exchange(authority_, trust_or_nothing(trust_), clock_, request, std::move(checkpoint), leave_alone_for);
   const std::lock_guard guard(mutex_);
   if (answer.valid()) {
     back_off_.succeeded();
@@ -98,6 +128,86 @@ AuthorityAnswer AuthorityContact::ask(const timestamp::Request& request,
   record_.last_error = answer.cause;
   remember_locked();
   return answer;
+}
+
+AuthorityAnswer AuthorityContact::ask_sharing(archive::StoredCheckpoint checkpoint) {
+  if (!authority_.shared) return ask(std::move(checkpoint));
+  std::string why_not;
+  try {
+    if (std::optional<AuthorityAnswer> shared = wait_for_shared(checkpoint)) return std::move(*shared);
+  } catch (const std::exception& error) {
+    why_not = error.what();
+  }
+  AuthorityAnswer answer = ask(std::move(checkpoint));
+  answer.hurried = why_not.empty();
+  answer.not_shared = why_not;
+  if (!why_not.empty() && !answer.valid()) answer.cause += "; nor was it shared: " + why_not;
+  const std::lock_guard guard(mutex_);
+  not_shared_ = std::move(why_not);
+  return answer;
+}
+
+std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
+    const archive::StoredCheckpoint& checkpoint) {
+  {
+    const std::lock_guard guard(mutex_);
+    if (hurried_) return {};
+    const Time now = clock_.now();
+    if (const Time next = shared_back_off_.next(); next > now && !not_shared_.empty())
+      throw Error(not_shared_);  // told with what went wrong then, for as long as it is left alone
+    shared_back_off_.asked(now);
+    back_off_.asked(now);
+    remember_locked();
+  }
+  try {
+    AuthorityAnswer answer;
+    answer.authority = authority_.name;
+    answer.checkpoint = checkpoint;
+    answer.asked = clock_.since_boot();
+    const crypto::Sha256Digest digest = crypto::sha256(bytes_of(checkpoint.note));
+    std::array<std::byte, evidence::SharedStamps::kNonceBytes> nonce{};
+    crypto::fill_random(nonce);
+    const Time until = clock_.now() + std::chrono::duration_cast<Clock::Duration>(authority_.shared_patience);
+    const evidence::SharedStamps::Place place = authority_.shared->enter(digest, nonce);
+    // What the other side says of its round is believed within limits.
+    Time look = clock_.now() + std::clamp<Clock::Duration>(place.ready_in, kLookAgain, std::chrono::hours(1));
+    std::optional<Bytes> record;
+    while (!record) {
+      if (look > until)
+        throw Error("its token does not come within " + whole_seconds(authority_.shared_patience));
+      {
+        std::unique_lock lock(mutex_);
+        if (clock_.wait_until(hurrying_, lock, look, [this] { return hurried_; })) return {};
+      }
+      record = authority_.shared->fetch(place);
+      look = clock_.now() + kLookAgain;
+    }
+    answer.answered = clock_.since_boot();
+    answer.judgement = judge_shared(*record, digest, nonce, trust_or_nothing(trust_));
+    answer.response = std::move(*record);
+    answer.path = authority_.shared->path();
+    const std::lock_guard guard(mutex_);
+    shared_back_off_.succeeded();
+    back_off_.succeeded();
+    not_shared_.clear();
+    record_.last_token = clock_.utc();
+    record_.path = answer.path;
+    record_.last_error.clear();
+    remember_locked();
+    return answer;
+  } catch (const std::exception&) {
+    const std::lock_guard guard(mutex_);
+    shared_back_off_.failed(clock_.now(), {});
+    throw;
+  }
+}
+
+void AuthorityContact::hurry() {
+  {
+    const std::lock_guard guard(mutex_);
+    hurried_ = true;
+  }
+  hurrying_.notify_all();
 }
 
 AuthorityContact::Time AuthorityContact::limit() {
@@ -119,6 +229,7 @@ AuthorityStatus AuthorityContact::status() const {
   status.path = record_.path;
   status.failures = back_off_.failures();
   status.last_error = record_.last_error;
+  status.not_shared = not_shared_;
   status.last_token = record_.last_token;
   status.pause = std::max(nanoseconds(0), nanoseconds(back_off_.next() - clock_.now()));
   return status;

@@ -1,8 +1,10 @@
 // One time-stamping authority as this process deals with it: asking, judging what comes, and leaving it alone
-// for as long as it or the network demands.
+// for as long as it or the network demands. Somebody may have the hashes of many stamped by it together; then
+// they are asked first, and the authority itself where they are away, late, or give what does not hold.
 #pragma once
 
 #include <chrono>
+#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -10,6 +12,7 @@
 
 #include "archive/writing/case_writer.h"
 #include "base/clock.h"
+#include "evidence/shared_stamps.h"
 #include "recorder/back_off.h"
 #include "recorder/stamping_queue.h"
 #include "timestamp/client.h"
@@ -22,6 +25,10 @@ struct NamedAuthority {
   std::string name;  // short: [a-z0-9-], as in file names
   std::shared_ptr<timestamp::StampSource> source;
   BackOffPolicy pauses{};
+  /// By whom this authority stamps the hashes of many together; null: by nobody.
+  std::shared_ptr<evidence::SharedStamps> shared{};
+  /// For how long a shared token is waited for before the authority itself is asked.
+  std::chrono::nanoseconds shared_patience = std::chrono::seconds(90);
 };
 
 /// What an authority said to one checkpoint.
@@ -32,8 +39,10 @@ struct AuthorityAnswer {
   timestamp::TokenJudgement judgement;    // of the response
   std::string cause;                      // why there is no valid token, "" if there is one
   Clock::Duration asked{0}, answered{0};  // by Clock::since_boot()
-  std::string path;                       // timestamp::StampSource::path() of a valid token
-  std::chrono::nanoseconds pause{0};      // how long the authority is left alone after a failure
+  std::string path;        // of a valid token: path() of timestamp::StampSource or evidence::SharedStamps
+  std::string not_shared;  // why the authority itself was asked, though a shared token was wanted; else ""
+  bool hurried = false;    // the authority itself was asked because nobody waits for a round any more
+  std::chrono::nanoseconds pause{0};  // how long the authority is left alone after a failure
 
   [[nodiscard]] bool valid() const { return cause.empty(); }
 };
@@ -44,6 +53,7 @@ struct AuthorityStatus {
   std::string path;        // over which the latest token came, "" if there is no network between
   unsigned failures = 0;   // in a row
   std::string last_error;  // of the latest failure, "" after a token
+  std::string not_shared;  // why the latest token that was to be shared is none; "" where it is, or no matter
   std::optional<UtcTime> last_token;
   std::chrono::nanoseconds pause{0};  // until it may be asked again
 };
@@ -63,7 +73,15 @@ class AuthorityContact {
   [[nodiscard]] const std::string& name() const { return authority_.name; }
   /// Asks now, whatever limit() and next() say. Used by one thread at a time.
   AuthorityAnswer ask(archive::StoredCheckpoint checkpoint);
-  /// The same over a hash that is no checkpoint's: the answer's is empty.
+  /// The same, by a shared token where somebody gives them, which takes as long as a round: at most
+  /// shared_patience, and a request to each of the two. Whoever fails to give one is left alone for a while,
+  /// as an authority is. What they give counts only if this hash and a nonce that was drawn for it lead to a
+  /// token that is trusted.
+  AuthorityAnswer ask_sharing(archive::StoredCheckpoint checkpoint);
+  /// From now on nobody waits for a round: ask_sharing(), also one under way, asks the authority itself.
+  /// Thread-safe.
+  void hurry();
+  /// As ask(), over a hash that is no checkpoint's: the answer's is empty.
   AuthorityAnswer ask_over(crypto::HashAlgorithm algorithm, ByteView imprint);
   /// As BackOff says, and what other processes learnt meanwhile. Thread-safe.
   [[nodiscard]] Time limit();
@@ -72,6 +90,8 @@ class AuthorityContact {
 
  private:
   AuthorityAnswer ask(const timestamp::Request& request, archive::StoredCheckpoint checkpoint);
+  /// A valid answer by a shared token, nothing once hurried. Throws kiroku::Error for why there is none.
+  std::optional<AuthorityAnswer> wait_for_shared(const archive::StoredCheckpoint& checkpoint);
   /// Takes over what another process, or an earlier run of the program, has written.
   void catch_up_locked();
   void remember_locked();
@@ -81,8 +101,11 @@ class AuthorityContact {
   StampingQueue* queue_;
   const Clock& clock_;
   mutable std::mutex mutex_;  // of what follows
-  BackOff back_off_;
+  BackOff back_off_, shared_back_off_;
   AuthorityRecord record_;
+  std::string not_shared_;
+  bool hurried_ = false;
+  std::condition_variable hurrying_;
 };
 
 }  // namespace kiroku::recorder

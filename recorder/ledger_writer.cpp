@@ -134,15 +134,18 @@ void LedgerWriter::tell(const AuthorityAnswer& answer) {
     return;
   }
   const auto failing = failing_ns_.extract(answer.authority);
+  if (answer.hurried && failing.empty()) return;  // at the end of a case, as it should be
   const auto [path, first] = paths_.try_emplace(answer.authority, answer.path);
   const bool moved = !first && path->second != answer.path;
   path->second = answer.path;
-  if (failing.empty() && !moved) return;
+  const bool begins_unshared = first && !answer.not_shared.empty();
+  if (failing.empty() && !moved && !begins_unshared) return;
   std::string sentence = answer.authority + " gives time-stamps";
   if (!failing.empty()) {
     sentence += " again after " + whole_seconds(std::chrono::nanoseconds(clock_.now_ns() - failing.mapped()));
   }
   if (!answer.path.empty()) sentence += ", " + answer.path;
+  if (!answer.not_shared.empty()) sentence += "; not shared with other rooms: " + answer.not_shared;
   problems_.report(sentence);
 }
 

@@ -26,11 +26,13 @@ struct Stamper::Worker {
       const std::lock_guard guard(mutex);
       stopping = true;
     }
+    contact.hurry();
     changed.notify_all();
     thread.join();
   }
 
   void give(const archive::StoredCheckpoint& checkpoint, bool is_closing) {
+    if (is_closing) contact.hurry();  // a round does not put off the end of a case
     {
       const std::lock_guard guard(mutex);
       closing = closing || is_closing;
@@ -77,7 +79,7 @@ struct Stamper::Worker {
     due = asking = true;
     unqueued = false;  // what the queue knows is older at most, and will do
     lock.unlock();
-    AuthorityAnswer answer = contact.ask(checkpoint);
+    AuthorityAnswer answer = contact.ask_sharing(checkpoint);
     if (!answer.valid()) {
       in_queue([&] { context.queue->failed(context.case_id, answer.authority, answer.cause); });
     }

@@ -1,7 +1,5 @@
 #include "apps/configuration/configuration.h"
 
-#include <algorithm>
-
 #include "apps/common/format.h"
 #include "apps/configuration/consent_configuration.h"
 #include "apps/configuration/room_configuration.h"
@@ -21,87 +19,6 @@ void require_profile(const std::string& text, const std::string& key) {
 }
 
 namespace {
-
-void require_authority_name(const std::string& name) {
-  const bool good = !name.empty() && name.size() <= 32 &&
-                    name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
-  if (!good) throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
-}
-
-void require_url(const std::string& url) {
-  if (url != "embedded" && !url.starts_with("http://") && !url.starts_with("https://")) {
-    throw UsageError("'url' is '" + url + "': it must begin with http:// or https://, or be embedded");
-  }
-}
-
-/// proxy and interface, of an [[authority]] or of one of its paths.
-void read_path(TableReader& reader, timestamp::AuthorityPath& into) {
-  reader.text("proxy", [&](const std::string& text) { into.proxy = text; });
-  reader.text("interface", [&](const std::string& text) { into.network_interface = text; });
-}
-
-void read_paths(const toml::node& node, const TableReader& top, const std::string& file,
-                AuthorityConfiguration& into) {
-  const timestamp::AuthorityPath common = into.paths.front();
-  if (into.is_embedded()) {
-    top.refuse(node.source(), "the embedded authority is asked without a network: it has no paths");
-  }
-  if (!common.proxy.empty() || !common.network_interface.empty()) {
-    top.refuse(node.source(), "write 'proxy' and 'interface' either in [[authority]] or in its paths");
-  }
-  const toml::array* entries = node.as_array();
-  if (entries == nullptr || !entries->is_homogeneous(toml::node_type::table)) {
-    top.refuse(node.source(), "paths are written as [[authority.path]]");
-  }
-  into.paths.clear();
-  for (const toml::node& entry : *entries) {
-    timestamp::AuthorityPath path = common;
-    TableReader reader(*entry.as_table(), "[[authority.path]]", file);
-    read_path(reader, path);
-    reader.refuse_unknown_keys();
-    into.paths.push_back(std::move(path));
-  }
-}
-
-AuthorityConfiguration read_authority(const toml::table& table, const std::string& file) {
-  AuthorityConfiguration authority;
-  timestamp::AuthorityPath path;
-  TableReader reader(table, "[[authority]]", file);
-  reader.text("name", [&](const std::string& text) {
-    require_authority_name(text);
-    authority.name = text;
-  });
-  reader.text("url", [&](const std::string& text) {
-    require_url(text);
-    authority.url = text;
-  });
-  read_path(reader, path);
-  const auto limited = [&reader](const std::string& key, nanoseconds least, nanoseconds most,
-                                 const std::string& range, const auto& take) {
-    reader.text(key, [&](const std::string& text) {
-      const nanoseconds duration = parse_duration(text, "'" + key + "'");
-      if (duration < least || duration > most) {
-        throw UsageError("'" + key + "' is '" + text + "': it must be between " + range);
-      }
-      take(duration);
-    });
-  };
-  const auto timeout = [&limited](const std::string& key, milliseconds& into) {
-    limited(key, milliseconds(100), std::chrono::minutes(5), "100ms and 5m",
-            [&into](nanoseconds duration) { into = std::chrono::duration_cast<milliseconds>(duration); });
-  };
-  timeout("connect_timeout", path.connect_timeout);
-  timeout("total_timeout", path.total_timeout);
-  limited("min_interval", milliseconds(1), std::chrono::hours(24), "1ms and 24h",
-          [&authority](nanoseconds duration) { authority.min_interval = duration; });
-  path.url = authority.url;
-  authority.paths = {path};
-  if (const toml::node* paths = reader.find("path")) read_paths(*paths, reader, file, authority);
-  reader.refuse_unknown_keys();
-  if (authority.name.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'name'");
-  if (authority.url.empty()) reader.refuse(table.source(), "an [[authority]] needs a 'url'");
-  return authority;
-}
 
 void read_recording(const toml::table& table, const std::string& file, Configuration& into) {
   TableReader reader(table, "[recording]", file);
@@ -146,20 +63,6 @@ void read_evidence(const toml::table& table, const std::string& file, Configurat
   reader.refuse_unknown_keys();
 }
 
-void read_authorities(const toml::node& node, const TableReader& top, const std::string& file,
-                      Configuration& into) {
-  const toml::array* entries = node.as_array();
-  if (entries == nullptr) top.refuse(node.source(), "authorities are written as [[authority]]");
-  for (const toml::node& entry : *entries) {
-    if (!entry.is_table()) top.refuse(entry.source(), "authorities are written as [[authority]]");
-    AuthorityConfiguration authority = read_authority(*entry.as_table(), file);
-    const bool twice = std::any_of(into.authorities.begin(), into.authorities.end(),
-                                   [&](const auto& other) { return other.name == authority.name; });
-    if (twice) top.refuse(entry.source(), "there are two authorities named '" + authority.name + "'");
-    into.authorities.push_back(std::move(authority));
-  }
-}
-
 }  // namespace
 
 std::chrono::nanoseconds parse_segment_duration(std::string_view text, const std::string& what) {
@@ -202,8 +105,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   section("recording", read_recording);
   section("recipients", read_recipients);
   section("evidence", read_evidence);
-  if (const toml::node* node = top.find("authority"))
-    read_authorities(*node, top, name_for_errors, configuration);
+  configuration.authorities = read_authorities(top, AuthorityUse::kOfAppliance);
   read_daemon(top, configuration);
   read_rooms(top, configuration);
   read_profile_rules(top, configuration);

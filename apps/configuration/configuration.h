@@ -10,21 +10,12 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/configuration/authority_configuration.h"
 #include "apps/configuration/retention_configuration.h"
 #include "apps/configuration/room_configuration.h"
 #include "apps/configuration/store_configuration.h"
-#include "timestamp/client.h"
 
 namespace kiroku::apps {
-
-/// One [[authority]].
-struct AuthorityConfiguration {
-  std::string name;                             // [a-z0-9-], at most 32
-  std::string url;                              // "embedded" for the home's own
-  std::vector<timestamp::AuthorityPath> paths;  // at least one; all of this url
-  std::chrono::nanoseconds min_interval{0};     // between two requests
-  [[nodiscard]] bool is_embedded() const { return url == "embedded"; }
-};
 
 /// [evidence].
 struct EvidenceConfiguration {

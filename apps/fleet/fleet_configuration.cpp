@@ -5,11 +5,13 @@
 #include <toml++/toml.h>
 
 #include "apps/common/file.h"
+#include "apps/common/format.h"
 #include "apps/configuration/retention_configuration.h"
 #include "apps/configuration/table_reader.h"
 #include "base/error.h"
 #include "base/listen_address.h"
 #include "fleet/store_credentials.h"
+#include "recorder/clock/whole_seconds.h"
 
 namespace kiroku::apps {
 namespace {
@@ -61,6 +63,29 @@ void read_reports(TableReader& top, FleetConfiguration& into) {
   reader.refuse_unknown_keys();
 }
 
+void read_sharing(TableReader& top, FleetConfiguration& into) {
+  into.authorities = read_authorities(top, AuthorityUse::kOfFleet);
+  const toml::table* table = top.table("sharing");
+  if (table != nullptr) {
+    TableReader reader(*table, "[sharing]", top.file());
+    reader.text("every", [&](const std::string& text) {
+      const std::chrono::nanoseconds every = parse_duration(text, "'every'");
+      if (every < std::chrono::seconds(1) || every > std::chrono::minutes(5))
+        throw UsageError("'every' is '" + text + "': a round lasts between 1s and 5m");
+      into.round = every;
+    });
+    reader.refuse_unknown_keys();
+    if (into.authorities.empty())
+      reader.refuse(table->source(), "[sharing] needs an [[authority]] with name and url");
+  }
+  for (const AuthorityConfiguration& authority : into.authorities) {
+    if (authority.min_interval > into.round)
+      throw UsageError(top.file() + ": rounds are stamped each " + recorder::whole_seconds(into.round) +
+                       ", more often than 'min_interval' of " + authority.name +
+                       " allows: write a longer 'every' in [sharing]");
+  }
+}
+
 }  // namespace
 
 FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::path& file) {
@@ -92,6 +117,12 @@ FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::pa
   read_verification(top, configuration);
   configuration.authority = file.parent_path() / "authority";
   read_reports(top, configuration);
+  read_sharing(top, configuration);
+  if (!configuration.authorities.empty() && configuration.trust.empty() &&
+      configuration.own_authority.empty())
+    throw UsageError(file.string() +
+                     ": tokens of an [[authority]] are judged before they are handed out: name its root in "
+                     "'trust' of [verification]");
   top.refuse_unknown_keys();
   return configuration;
 }
@@ -113,6 +144,13 @@ fleet::FleetCatalogue FleetConfiguration::open_catalogue() const {
 
 fleet::FleetReports FleetConfiguration::open_reports() const {
   return fleet::FleetReports(fleet::Postgres(connection));
+}
+
+timestamp::TrustStore FleetConfiguration::trust_store() const {
+  timestamp::TrustStore roots;
+  for (const fs::path& file_of_roots : trust) roots.add_trusted_file(file_of_roots);
+  for (const fs::path& file_of_roots : own_authority) roots.add_own_authority_file(file_of_roots);
+  return roots;
 }
 
 void add_fleet_configuration_option(Command& command, std::string& into) {

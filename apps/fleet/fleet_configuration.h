@@ -8,10 +8,12 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
+#include "apps/configuration/authority_configuration.h"
 #include "apps/configuration/store_configuration.h"
 #include "fleet/catalogue/fleet_catalogue.h"
 #include "fleet/catalogue/fleet_reports.h"
 #include "fleet/object_store.h"
+#include "timestamp/token_verifier.h"
 
 namespace kiroku::apps {
 
@@ -30,6 +32,10 @@ struct FleetConfiguration {
   std::string reports_listen;
   std::filesystem::path authority;
   std::chrono::hours certificates_last{24 * 90};
+  /// Authorities by which appliances have their checkpoints stamped together, where they report; and how
+  /// often.
+  std::vector<AuthorityConfiguration> authorities;
+  std::chrono::nanoseconds round = std::chrono::seconds(60);
 
   /// Throws kiroku::UsageError with line and column, kiroku::Error where the file cannot be read.
   static FleetConfiguration read(const std::filesystem::path& file);
@@ -38,6 +44,8 @@ struct FleetConfiguration {
   [[nodiscard]] fleet::ObjectStore open_store() const;
   [[nodiscard]] fleet::FleetCatalogue open_catalogue() const;
   [[nodiscard]] fleet::FleetReports open_reports() const;
+  /// Roots by which the time-stamps of all appliances are judged.
+  [[nodiscard]] timestamp::TrustStore trust_store() const;
 };
 
 /// --config, with its default.

@@ -7,7 +7,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/fleet/desk_refusal.h"
 #include "apps/fleet/shared_reports.h"
+#include "apps/fleet/stamp_desk.h"
 #include "base/attempt_guard.h"
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
@@ -31,15 +33,10 @@ constexpr std::string_view kEnrolPath = "/enrol";
 constexpr std::string_view kTooMany =
     "too many requests to be enrolled came from this address: try again later";
 
-/// Half a sentence and its status.
-struct DeskRefusal {
-  int status;
-  std::string why;
-};
-
-Response answer_of(int status, const ordered_json& body) {
-  return {status, {{"Content-Type", "application/json"}, {"Cache-Control", "no-store"}}, body.dump()};
+Response written_answer(int status, std::string body) {
+  return {status, {{"Content-Type", "application/json"}, {"Cache-Control", "no-store"}}, std::move(body)};
 }
+Response answer_of(int status, const ordered_json& body) { return written_answer(status, body.dump()); }
 
 std::string random_hex() {
   std::array<std::byte, kRandomBytes> random{};
@@ -63,12 +60,21 @@ std::string request_in(const Request& request) {
 }  // namespace
 
 struct ReportDesk::State {
-  State(const FleetConfiguration& of, const std::string& listen)
+  State(const FleetConfiguration& of, const std::string& listen, const timestamp::TrustStore& trust,
+        std::function<void(const std::string&)> tell)
       : configuration(of),
         authority(fleet::FleetAuthority::open_or_make(of.authority, utc_now())),
         reports(of),
         strangers({.memory = std::chrono::minutes(10)}),
         guessers({.memory = std::chrono::minutes(10)}) {
+    if (!of.authorities.empty()) {
+      StampDesk::Options stamping;
+      stamping.authorities = of.authorities;
+      stamping.round = of.round;
+      stamping.trust = &trust;
+      stamping.tell = std::move(tell);
+      stamps.emplace(std::move(stamping));
+    }
     fleet::FleetAuthority::ServerIdentity identity = authority.issue_server_identity();
     http::ServerOptions options;
     options.listen = parse_listen_address(listen, kExamplePort);
@@ -107,6 +113,10 @@ struct ReportDesk::State {
       return tell_enrolment(std::string(target.substr(std::string_view("/enrol/").size())), request.holder);
     if (is_post && target == "/report") return take_report(request);
     if (is_post && target == "/renew") return renew(request);
+    if (is_post && target == fleet::kStampPath) return enter_round(request);
+    if (request.method == "GET") {
+      if (const auto question = fleet::parse_stamp_path(target)) return tell_of_round(request, *question);
+    }
     throw DeskRefusal{404, "there is nothing for appliances at this address"};
   }
 
@@ -198,16 +208,45 @@ struct ReportDesk::State {
     return answer_of(200, {{"certificate", certificate}});
   }
 
+  StampDesk& stamp_desk() {
+    if (!stamps) throw DeskRefusal{404, "nothing is stamped together here: fleet.toml has no [[authority]]"};
+    return *stamps;
+  }
+
+  Response enter_round(const Request& request) {
+    const fleet::CertificateFacts who = caller(request);
+    StampDesk& desk = stamp_desk();
+    desk.count(who.appliance);
+    const fleet::StampRequest asked = fleet::parse_stamp_request(request.body);
+    require_taken(
+        reports.with([&](fleet::FleetReports& all) { return all.refusal(who.appliance, who.fingerprint); }),
+        who.appliance);
+    StampDesk::Answer answer = desk.enter(who.appliance, asked);
+    return written_answer(answer.status, std::move(answer.json));
+  }
+
+  /// The database is not asked again: a ticket was given to an appliance that counted, and tells nobody
+  /// anything but what that one gave.
+  Response tell_of_round(const Request& request, const fleet::StampQuestion& question) {
+    const fleet::CertificateFacts who = caller(request);
+    StampDesk& desk = stamp_desk();
+    desk.count(who.appliance);
+    StampDesk::Answer answer = desk.fetch(who.appliance, question);
+    return written_answer(answer.status, std::move(answer.json));
+  }
+
   const FleetConfiguration& configuration;
   const fleet::FleetAuthority authority;
   SharedReports reports;
   AttemptGuard strangers, guessers;
+  std::optional<StampDesk> stamps;  // none: nothing is stamped together
   ListenAddress address;
   std::optional<http::Server> server;  // last: uses the rest
 };
 
-ReportDesk::ReportDesk(const FleetConfiguration& configuration, const std::string& listen)
-    : state_(std::make_unique<State>(configuration, listen)) {}
+ReportDesk::ReportDesk(const FleetConfiguration& configuration, const std::string& listen,
+                       const timestamp::TrustStore& trust, std::function<void(const std::string&)> tell)
+    : state_(std::make_unique<State>(configuration, listen, trust, std::move(tell))) {}
 ReportDesk::~ReportDesk() = default;
 std::string ReportDesk::url() const { return "https://" + state_->address.to_string(); }
 

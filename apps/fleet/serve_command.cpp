@@ -23,23 +23,15 @@ struct Request {
   std::vector<std::string> identities;
 };
 
-/// Roots by which the time-stamps of all appliances are shown.
-timestamp::TrustStore trust_of(const FleetConfiguration& configuration) {
-  timestamp::TrustStore trust;
-  for (const std::filesystem::path& file : configuration.trust) trust.add_trusted_file(file);
-  for (const std::filesystem::path& file : configuration.own_authority) trust.add_own_authority_file(file);
-  return trust;
-}
-
 int run(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   const Home home = Home::open(request.serving.home);
-  const timestamp::TrustStore trust = trust_of(configuration);
+  const timestamp::TrustStore trust = configuration.trust_store();
   const auto cases = std::make_shared<HospitalCases>(configuration, request.scratch);
   const auto rooms = std::make_shared<HospitalRooms>(configuration);
   const std::string listen = request.reports.value_or(configuration.reports_listen);
   std::optional<ReportDesk> desk;
-  if (!listen.empty()) desk.emplace(configuration, listen);
+  if (!listen.empty()) desk.emplace(configuration, listen, trust, tell_on_standard_error());
   const bool has_page = page_of(request.serving).has_value();
   serve_until_stopped(
       request.serving, home,

@@ -4,6 +4,7 @@
 
 #include "apps/common/command_line.h"
 #include "base/error.h"
+#include "fleet/reports/shared_stamp_client.h"
 
 namespace kiroku::apps {
 namespace {
@@ -37,6 +38,10 @@ Authorities::Authorities(const Home& home, const Configuration& configuration,
       recorder::BackOffPolicy pauses;
       pauses.min_interval = authority.min_interval;
       named_.push_back({authority.name, timestamp::http_stamp_source(authority.paths), pauses});
+      if (!authority.shared) continue;
+      named_.back().shared =
+          std::make_shared<fleet::SharedStampClient>(home.reporting_file(), authority.name);
+      named_.back().shared_patience = authority.shared_patience;
       continue;
     }
     if (!embedded_) {

@@ -50,9 +50,6 @@ struct Request {
   bool follow = false, renew = false, json = false;
 };
 
-/// By what this appliance reports; mode 0600.
-std::filesystem::path reporting_file(const Home& home) { return home.folder() / "reporting.json"; }
-
 std::string text_in(const json& answer, const char* name) {
   if (!answer.is_object() || !answer.contains(name) || !answer[name].is_string())
     throw ReportError("whoever answers there is no report server of this version of Kiroku", 0);
@@ -81,7 +78,7 @@ void require_own(const ReportingIdentity& given) {
 
 int enrol(const Request& request) {
   const Home home = Home::open(request.home);
-  const std::filesystem::path file = reporting_file(home);
+  const std::filesystem::path file = home.reporting_file();
   const std::string name = name_of_appliance(home, request.name);
   const fleet::CertificateRequest asked = fleet::make_certificate_request(name);
   end_when_told();
@@ -128,7 +125,7 @@ int enrol(const Request& request) {
 }
 
 ReportingIdentity require_identity(const Home& home) {
-  std::optional<ReportingIdentity> identity = ReportingIdentity::read(reporting_file(home));
+  std::optional<ReportingIdentity> identity = ReportingIdentity::read(home.reporting_file());
   if (!identity)
     throw UsageError(
         "this appliance is not enrolled: run 'kiroku fleet enrol URL' (docs/how-to/run-a-fleet.md)");
@@ -233,7 +230,7 @@ void renew(ReportingIdentity& identity, const std::filesystem::path& file) {
 }
 
 int report_once(const Request& request, const Home& home, ReportingIdentity identity) {
-  if (request.renew) renew(identity, reporting_file(home));
+  if (request.renew) renew(identity, home.reporting_file());
   const fleet::ApplianceReport report = Reporter(home).report();
   const std::string told = fleet::to_json(report);
   ReportClient(identity).post("/report", told);
@@ -249,7 +246,7 @@ int report_once(const Request& request, const Home& home, ReportingIdentity iden
 /// Keeps the one it has where the file holds none that can be read.
 void read_again(const Home& home, ReportingIdentity& identity) {
   try {
-    if (std::optional<ReportingIdentity> there = ReportingIdentity::read(reporting_file(home)))
+    if (std::optional<ReportingIdentity> there = ReportingIdentity::read(home.reporting_file()))
       identity = std::move(*there);
   } catch (const Error&) {
     // The failure that led here is told.
@@ -266,7 +263,7 @@ int follow(const Home& home, ReportingIdentity identity) {
     try {
       if (fleet::facts_of_certificate_pem(identity.certificate_pem).is_to_be_renewed(utc_now())) {
         try {
-          renew(identity, reporting_file(home));
+          renew(identity, home.reporting_file());
           client.reset();
         } catch (const Error& error) {
           // The one before still counts, and what is reported may be why: a disk that is full.

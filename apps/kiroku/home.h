@@ -57,6 +57,8 @@ class Home {
   [[nodiscard]] std::filesystem::path own_authority_file() const { return folder_ / "own-authority.pem"; }
   [[nodiscard]] std::filesystem::path recipients_file() const { return folder_ / "recipients.txt"; }
   [[nodiscard]] std::filesystem::path authority_folder() const { return folder_ / "authority"; }
+  /// By what this appliance reports to its hospital (fleet/reports/report_client.h); mode 0600.
+  [[nodiscard]] std::filesystem::path reporting_file() const { return folder_ / "reporting.json"; }
   [[nodiscard]] std::filesystem::path identity_file() const { return folder_ / "identity.txt"; }
   [[nodiscard]] std::filesystem::path archive() const { return folder_ / "archive"; }
   [[nodiscard]] std::filesystem::path log_folder() const { return archive() / "log"; }

@@ -224,7 +224,8 @@ ordered_json result_json(const recorder::SessionResult& result) {
     authorities.push_back({{"name", authority.name},
                            {"path", authority.path},
                            {"failures", authority.failures},
-                           {"last_error", authority.last_error}});
+                           {"last_error", authority.last_error},
+                           {"not_shared", authority.not_shared}});
   }
   return {{"case", result.folder.string()},
           {"id", result.case_id},

@@ -40,6 +40,8 @@ void print_authorities(const json& authorities, std::string& out) {
     std::string state =
         stamped ? "last token " + printable(authority["last_token"].get<std::string>()) : "no token yet";
     if (const std::string path = authority.value("path", ""); !path.empty()) state += " " + printable(path);
+    if (const std::string why = authority.value("not_shared", ""); !why.empty())
+      state += "; not shared with other rooms: " + printable(why);
     if (failing) {
       const std::int64_t pause_ns =
           authority.value("left_alone_ms", std::int64_t{0}) * kNanosecondsPerMillisecond;

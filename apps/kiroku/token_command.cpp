@@ -15,6 +15,7 @@
 #include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "evidence/shared_token.h"
 #include "timestamp/token_verifier.h"
 #include "timestamp/trusted_list.h"
 
@@ -79,15 +80,18 @@ std::optional<crypto::HashAlgorithm> algorithm_of(ByteView token_file) {
   return info->algorithm;
 }
 
+Bytes digest_of(const std::string& hexadecimal) {
+  std::optional<Bytes> digest = crypto::from_hex(hexadecimal);
+  if (!digest)
+    throw UsageError("--digest is '" + hexadecimal + "', which is no hash in lower-case hexadecimal digits");
+  return std::move(*digest);
+}
+
 timestamp::Expectation expectation_of(const Request& request, ByteView token) {
   timestamp::Expectation expectation;
   expectation.policy = request.policy;
   if (request.digest) {
-    expectation.imprint = crypto::from_hex(*request.digest);
-    if (!expectation.imprint) {
-      throw UsageError("--digest is '" + *request.digest +
-                       "', which is no hash in lower-case hexadecimal digits");
-    }
+    expectation.imprint = digest_of(*request.digest);
     return expectation;
   }
   const MappedFile data(*request.data);
@@ -97,6 +101,36 @@ timestamp::Expectation expectation_of(const Request& request, ByteView token) {
     expectation.data = Bytes();
   }
   return expectation;
+}
+
+/// Of a token that many share: it must be over what the path leads to.
+timestamp::Expectation expectation_of(const Request& request, const evidence::SharedToken& shared) {
+  timestamp::Expectation expectation;
+  expectation.policy = request.policy;
+  expectation.algorithm = crypto::HashAlgorithm::kSha256;
+  const Bytes digest =
+      request.digest ? digest_of(*request.digest)
+                     : crypto::digest(crypto::HashAlgorithm::kSha256, MappedFile(*request.data).bytes());
+  expectation.imprint = shared.imprint_for(digest).value_or(Bytes());
+  return expectation;
+}
+
+struct JudgedFile {
+  TokenJudgement judgement;
+  std::optional<std::size_t> steps;  // of the path from the hash to the imprint, where the token is shared
+};
+
+JudgedFile judge(const Request& request, ByteView file, const timestamp::TrustStore& trust) {
+  if (!evidence::begins_as_record(file))
+    return {timestamp::judge_token(file, expectation_of(request, file), trust), {}};
+  const evidence::SharedTokenParse parsed = evidence::parse_shared_token(file);
+  if (!parsed.shared) {
+    TokenJudgement refused;
+    refused.explanation = "it is no token that many share: " + parsed.explanation;
+    return {std::move(refused), {}};
+  }
+  return {timestamp::judge_token(parsed.shared->token, expectation_of(request, *parsed.shared), trust),
+          parsed.shared->path.size()};
 }
 
 std::string verdict_name(TokenVerdict verdict) {
@@ -140,8 +174,9 @@ std::string answer_name(Qualification::Answer answer) {
   return "unknown";
 }
 
-void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict,
+void print_judgement_json(const JudgedFile& judged, TokenVerdict verdict,
                           const std::optional<Qualification>& qualification) {
+  const TokenJudgement& judgement = judged.judgement;
   print_json(
       {{"verdict", verdict_name(verdict)},
        {"code", timestamp::code_name(judgement.code)},
@@ -152,11 +187,13 @@ void print_judgement_json(const TokenJudgement& judgement, TokenVerdict verdict,
        {"qualification", qualification ? ordered_json{{"answer", answer_name(qualification->answer)},
                                                       {"text", qualification->sentence}}
                                        : ordered_json(nullptr)},
+       {"shared", judged.steps ? ordered_json{{"steps", *judged.steps}} : ordered_json(nullptr)},
        {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
 }
 
-void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict,
+void print_judgement(const JudgedFile& judged, TokenVerdict verdict,
                      const std::optional<Qualification>& qualification) {
+  const TokenJudgement& judgement = judged.judgement;
   const bool valid = verdict == TokenVerdict::kValid;
   std::cout << (valid                               ? paint(Colour::kGreen, "VALID")
                 : verdict == TokenVerdict::kRefused ? paint(Colour::kRed, "REFUSED")
@@ -172,6 +209,14 @@ void print_judgement(const TokenJudgement& judgement, TokenVerdict verdict,
     std::cout << "  serial    " << info.serial << "\n"
               << "  policy    " << printable(info.policy) << "\n"
               << "  imprint   " << printable(info.algorithm_name) << " " << crypto::to_hex(info.imprint)
+              << "\n";
+  }
+  if (judged.steps) {
+    std::cout << "  shared    "
+              << (*judged.steps == 0 ? std::string("with nobody: the imprint is the hash itself")
+                                     : "with others: " + std::to_string(*judged.steps) +
+                                           (*judged.steps == 1 ? " step leads" : " steps lead") +
+                                           " from the hash to the imprint")
               << "\n";
   }
   if (!judgement.signer_subject.empty())
@@ -200,15 +245,14 @@ int run(const Request& request) {
   }
   const Bytes token = read_small_file(request.token, "the token");
   const std::vector<TrustedList> lists = read_lists(request.lists);
-  const TokenJudgement judgement =
-      timestamp::judge_token(token, expectation_of(request, token), load_trust(request, lists));
-  const TokenVerdict verdict = timestamp::verdict_of(judgement.code);
+  const JudgedFile judged = judge(request, token, load_trust(request, lists));
+  const TokenVerdict verdict = timestamp::verdict_of(judged.judgement.code);
   std::optional<Qualification> qualification;
-  if (!lists.empty()) qualification = timestamp::judge_qualification(judgement, lists);
+  if (!lists.empty()) qualification = timestamp::judge_qualification(judged.judgement, lists);
   if (request.json) {
-    print_judgement_json(judgement, verdict, qualification);
+    print_judgement_json(judged, verdict, qualification);
   } else {
-    print_judgement(judgement, verdict, qualification);
+    print_judgement(judged, verdict, qualification);
   }
   return verdict == TokenVerdict::kValid ? kDone : verdict == TokenVerdict::kRefused ? kAnswerIsNo : kRefused;
 }
@@ -301,9 +345,11 @@ void add_token_command(Command& program) {
   add_services_command(token);
   Command& command = token.add_command("verify", "judges one time-stamp token or response");
   const auto request = std::make_shared<Request>();
-  command.argument("TOKEN", request->token, "the token or response file (.tsr), DER");
+  command.argument("TOKEN", request->token,
+                   "the token or response file (.tsr), or a shared token (.ers), DER");
   command.option("--data", "FILE", request->data, "the file that was time-stamped");
-  command.option("--digest", "HEX", request->digest, "its hash instead, by the token's hash function");
+  command.option("--digest", "HEX", request->digest,
+                 "its hash instead, by the token's hash function; SHA-256 of a shared token");
   command.option("--trust", "PEM", request->trust,
                  "roots of outside authorities that are trusted; instead of the home's");
   command.option("--own-authority", "PEM", request->own_authority,
@@ -322,6 +368,10 @@ void add_token_command(Command& program) {
       "kiroku token verify CASE/tokens/00000001.embedded.tsr --data CASE/checkpoints/00000001.note "
       "--own-authority own-authority.pem",
       "judges the time-stamp over a case's first checkpoint");
+  command.example(
+      "kiroku token verify CASE/tokens/00000132.swiss.ers --data CASE/checkpoints/00000132.note --trust "
+      "swiss.pem",
+      "judges one that many rooms share");
   command.example("kiroku token verify 00000132.swiss.tsr --data 00000132.note --trusted-list AT.xml",
                   "whether it is a qualified electronic time stamp by Austria's list");
   command.on_run([request] { return run(*request); });

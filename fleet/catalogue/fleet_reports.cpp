@@ -156,6 +156,13 @@ std::optional<ReportRefusal> FleetReports::take(const std::string& name, const s
   return rows.size() == 1 ? std::nullopt : why_not(name, fingerprint);
 }
 
+std::optional<ReportRefusal> FleetReports::refusal(const std::string& name, const std::string& fingerprint) {
+  const Postgres::Rows rows = database_.ask(
+      "SELECT 1 FROM kiroku.appliances WHERE name = $1 AND revoked IS NULL AND " KIROKU_CERTIFICATE_COUNTS,
+      {name, fingerprint});
+  return rows.size() == 1 ? std::nullopt : why_not(name, fingerprint);
+}
+
 std::optional<ReportRefusal> FleetReports::renew(const std::string& name, const std::string& fingerprint,
                                                  const CertificateFacts& renewed) {
   const Postgres::Rows rows = database_.ask(

@@ -62,6 +62,8 @@ class FleetReports {
   /// Takes what `name` says of itself with this certificate. Nothing where it was taken.
   std::optional<ReportRefusal> take(const std::string& name, const std::string& fingerprint,
                                     const ApplianceReport& report);
+  /// Whether `name` may speak with this certificate. Nothing where it may.
+  std::optional<ReportRefusal> refusal(const std::string& name, const std::string& fingerprint);
   /// The appliance may report with the new certificate, too, and with it alone once it did. Nothing where it
   /// was taken.
   std::optional<ReportRefusal> renew(const std::string& name, const std::string& fingerprint,

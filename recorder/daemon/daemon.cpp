@@ -64,13 +64,14 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"given_up", stream.given_up}};
 }
 
-/// "path" is over which the latest token came; "left_alone_ms", until it may be asked again, is 0 where it
-/// may.
+/// "path" is over which the latest token came; "not_shared", why it is not one that rooms share though it
+/// should be; "left_alone_ms", until it may be asked again, is 0 where it may.
 ordered_json authority_json(const AuthorityStatus& authority) {
   ordered_json out{{"name", authority.name},
                    {"path", authority.path},
                    {"failures", authority.failures},
                    {"last_error", authority.last_error},
+                   {"not_shared", authority.not_shared},
                    {"last_token", nullptr},
                    {"left_alone_ms", std::chrono::ceil<std::chrono::milliseconds>(authority.pause).count()}};
   if (authority.last_token) out["last_token"] = format_utc(*authority.last_token);

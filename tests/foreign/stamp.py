@@ -308,7 +308,10 @@ ess_cert_id_alg = sha256
 
     def ask(self, data):
         """The TimeStampResp that `openssl ts` gives for `data`."""
-        query = self._run("ts", "-query", "-digest", hashlib.sha256(data).hexdigest(), "-sha256", "-cert")
+        return self.answer(self._run("ts", "-query", "-digest", hashlib.sha256(data).hexdigest(), "-sha256", "-cert"))
+
+    def answer(self, query):
+        """The TimeStampResp that `openssl ts` gives for a TimeStampReq."""
         with self.serial:  # `openssl ts` counts in a file
             (self.folder / "query.tsq").write_bytes(query)
             self._run("ts", "-reply", "-config", self.path("authority.cnf"), "-queryfile", self.path("query.tsq"), "-out", self.path("reply.tsr"))

@@ -34,6 +34,23 @@ TEST(Configuration, DefaultFileStatesTheDefaults) {
   EXPECT_TRUE(read.authorities[0].is_embedded());
 }
 
+TEST(Configuration, ReadsWhichAuthoritiesAreShared) {
+  const std::string swiss = "[[authority]]\nname = \"swiss\"\nurl = \"https://tsa.example/tsr\"\n";
+  const Configuration alone = parse_configuration(swiss, "k.toml");
+  EXPECT_FALSE(alone.authorities.at(0).shared);
+  const Configuration read =
+      parse_configuration(swiss + "shared = true\nshared_patience = \"40s\"\n", "k.toml");
+  EXPECT_TRUE(read.authorities.at(0).shared);
+  EXPECT_EQ(read.authorities.at(0).shared_patience, std::chrono::seconds(40));
+  EXPECT_EQ(parse_configuration(swiss + "shared = true\n", "k.toml").authorities.at(0).shared_patience,
+            std::chrono::seconds(90));
+  EXPECT_THAT(refusal(swiss + "shared = \"yes\"\n"),
+              HasSubstr("k.toml:4:10: 'shared' must be true or false"));
+  EXPECT_THAT(refusal(swiss + "shared = true\nshared_patience = \"1h\"\n"), HasSubstr("between 2s and 10m"));
+  EXPECT_THAT(refusal("[[authority]]\nname = \"embedded\"\nurl = \"embedded\"\nshared = true\n"),
+              HasSubstr("others cannot share it"));
+}
+
 constexpr const char* kRuleRoom =
     "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:pattern\"\n"
     "[[room.stream]]\nname = \"vitals\"\nkind = \"vitals\"\nsource = \"synthetic:patient\"\n";

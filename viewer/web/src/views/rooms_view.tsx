@@ -168,6 +168,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
                     {t('rooms.authority', { name: one.name })}
                   </span>
                   <span class="muted">{one.failures > 0 ? one.last_error : one.last_token ? formatMoment(one.last_token) : t('rooms.noToken')}</span>
+                  {one.not_shared && <span class="muted">{t('rooms.notShared', { why: one.not_shared })}</span>}
                 </li>
               ))}
             </ul>

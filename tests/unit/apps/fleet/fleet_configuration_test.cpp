@@ -1,0 +1,55 @@
+#include "apps/fleet/fleet_configuration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace kiroku::apps {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+const std::string kFleet =
+    "[store]\nendpoint = \"https://store.example\"\nbucket = \"recordings\"\n"
+    "[catalogue]\nconnection = \"dbname=kiroku\"\n";
+const std::string kTrust = "[verification]\ntrust = [\"swiss.pem\"]\n";
+const std::string kSwiss = "[[authority]]\nname = \"swiss\"\nurl = \"https://tsa.example/tsr\"\n";
+
+std::string refusal(const std::string& toml) {
+  try {
+    FleetConfiguration::parse(toml, "fleet.toml");
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(FleetConfiguration, ReadsWhoStampsForAllAppliances) {
+  const FleetConfiguration read = FleetConfiguration::parse(
+      kFleet + kTrust + "[sharing]\nevery = \"30s\"\n" + kSwiss + "min_interval = \"20s\"\n", "fleet.toml");
+  ASSERT_EQ(read.authorities.size(), 1U);
+  EXPECT_EQ(read.authorities[0].name, "swiss");
+  EXPECT_EQ(read.authorities[0].paths.at(0).url, "https://tsa.example/tsr");
+  EXPECT_EQ(read.round, 30s);
+  EXPECT_TRUE(FleetConfiguration::parse(kFleet, "fleet.toml").authorities.empty());
+  EXPECT_EQ(FleetConfiguration::parse(kFleet, "fleet.toml").round, 60s);
+}
+
+TEST(FleetConfiguration, RefusesRoundsThatCannotBeStamped) {
+  EXPECT_THAT(refusal(kFleet + kSwiss), HasSubstr("name its root in 'trust' of [verification]"));
+  EXPECT_THAT(refusal(kFleet + kTrust + "[sharing]\nevery = \"30s\"\n"), HasSubstr("needs an [[authority]]"));
+  for (const char* every : {"0s", "999ms", "6m", "x"})
+    EXPECT_THAT(refusal(kFleet + kTrust + "[sharing]\nevery = \"" + every + "\"\n" + kSwiss),
+                HasSubstr("'every'"));
+  EXPECT_THAT(refusal(kFleet + kTrust + kSwiss + "min_interval = \"75s\"\n"),
+              HasSubstr("rounds are stamped each 60 s, more often than 'min_interval' of swiss allows"));
+  EXPECT_THAT(refusal(kFleet + kTrust + "[[authority]]\nname = \"own\"\nurl = \"embedded\"\n"),
+              HasSubstr("others cannot share it"));
+  EXPECT_THAT(refusal(kFleet + kTrust + kSwiss + "shared = true\n"), HasSubstr("shared"));
+  EXPECT_THAT(refusal(kFleet + kTrust + kSwiss + kSwiss), HasSubstr("two authorities named 'swiss'"));
+}
+
+}  // namespace
+}  // namespace kiroku::apps

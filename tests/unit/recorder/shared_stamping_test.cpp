@@ -1,0 +1,290 @@
+// Checkpoints that an aggregator has stamped together with others, and one that is away, late, or lies.
+#include <algorithm>
+#include <atomic>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "evidence/shared_token.h"
+#include "recorder/stamper.h"
+#include "tests/support/moved_clock.h"
+#include "tests/support/switched_authority.h"
+#include "tests/support/temporary_folder.h"
+#include "timestamp/authority.h"
+#include "timestamp/token.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::Ge;
+using testing::HasSubstr;
+
+/// What an aggregator does. Its rounds are real, each of the checkpoint and two more.
+enum class Conduct {
+  kGood,
+  kAway,         // enter() fails
+  kLoses,        // fetch() fails
+  kNever,        // no round is ever stamped
+  kOtherNote,    // a good token over what another room gave
+  kOtherNonce,   // over the checkpoint, with another question's nonce
+  kNoNonce,      // over the checkpoint alone
+  kReplays,      // what it gave for the same checkpoint before
+  kForeign,      // by an authority that is not trusted
+  kSpoiled,      // a byte of the path is another one
+  kGarbage,      // no record
+  kEndlessWait,  // a round that ends in a year
+};
+
+class PlayedAggregator final : public evidence::SharedStamps {
+ public:
+  PlayedAggregator(timestamp::Authority& authority, timestamp::Authority& foreign)
+      : authority_(authority), foreign_(foreign) {}
+
+  Place enter(ByteView digest, ByteView nonce) override {
+    ++entered;
+    if (conduct == Conduct::kAway) throw Error("the aggregator is not there");
+    digest_ = to_bytes(digest);
+    nonce_ = to_bytes(nonce);
+    return {"ticket", conduct == Conduct::kEndlessWait ? std::chrono::hours(24 * 365) : 30s};
+  }
+  std::optional<Bytes> fetch(const Place& place) override {
+    EXPECT_EQ(place.ticket, "ticket");
+    if (conduct == Conduct::kLoses) throw Error("there is no such ticket");
+    if (conduct == Conduct::kNever) return {};
+    if (conduct == Conduct::kGarbage) return to_bytes(bytes_of("<html>log in</html>"));
+    if (conduct == Conduct::kReplays && given_) return given_;
+    Bytes record = round().file_of(conduct == Conduct::kOtherNote ? 1 : 0);
+    if (conduct == Conduct::kSpoiled) {
+      const auto there = std::ranges::search(record, other("digest"));
+      there.front() ^= std::byte{1};
+    }
+    given_ = record;
+    return record;
+  }
+  [[nodiscard]] std::string path() const override { return "shared, by the aggregator"; }
+
+  std::atomic<Conduct> conduct = Conduct::kGood;
+  std::atomic<int> entered = 0;
+
+ private:
+  static Bytes other(const std::string& text) {
+    return crypto::digest(crypto::HashAlgorithm::kSha256, bytes_of(text));
+  }
+  evidence::StampedRound round() {
+    std::vector<evidence::HashList> groups{{digest_, nonce_}, {other("digest")}};
+    if (conduct == Conduct::kOtherNonce) groups[0][1] = other("nonce");
+    if (conduct == Conduct::kNoNonce) groups[0].pop_back();
+    if (conduct == Conduct::kOtherNote) groups[1].push_back(nonce_);
+    timestamp::Authority& asked = conduct == Conduct::kForeign ? foreign_ : authority_;
+    return {std::move(groups), [&](crypto::HashAlgorithm algorithm, ByteView imprint) {
+              std::string ignored;
+              const Bytes response =
+                  asked.respond(timestamp::encode_request(timestamp::make_request(algorithm, imprint)));
+              return timestamp::parse_response(response, ignored)->token;
+            }};
+  }
+
+  timestamp::Authority& authority_;
+  timestamp::Authority& foreign_;
+  Bytes digest_, nonce_;
+  std::optional<Bytes> given_;
+};
+
+class SharedStampingTest : public testing::Test {
+ protected:
+  SharedStampingTest() { trust_.add_trusted(bytes_of(authority_.root_pem()), "the authority"); }
+
+  static archive::StoredCheckpoint checkpoint(std::uint64_t size) {
+    return {size, {}, "note of " + std::to_string(size) + " entries\n", {}};
+  }
+  std::unique_ptr<Stamper> stamper() {
+    NamedAuthority swiss{"swiss", source_, {}};
+    swiss.shared = aggregator_;
+    return std::make_unique<Stamper>(std::vector{std::move(swiss)},
+                                     Stamper::Context{&trust_, nullptr, "case", {}, &clock_}, facts_);
+  }
+  AuthorityAnswer answer() {
+    for (int i = 0; i < 500 && waiting_.empty(); ++i) {
+      for (Fact& fact : facts_.take(20ms)) waiting_.push_back(std::get<AuthorityAnswer>(std::move(fact)));
+    }
+    if (waiting_.empty()) {
+      ADD_FAILURE() << "no answer";
+      return {};
+    }
+    AuthorityAnswer first = std::move(waiting_.front());
+    waiting_.erase(waiting_.begin());
+    return first;
+  }
+  /// Once its round is over.
+  AuthorityAnswer answer_of_round() {
+    clock_.await_waiting(1);
+    clock_.move(30s);
+    return answer();
+  }
+
+  test::MovedClock clock_;
+  test::TemporaryFolder folder_{test::quick_parent()};
+  timestamp::Authority authority_ = timestamp::Authority::create(folder_ / "authority", "Test");
+  timestamp::Authority foreign_ = timestamp::Authority::create(folder_ / "foreign", "Stranger");
+  timestamp::TrustStore trust_;
+  std::shared_ptr<test::SwitchedAuthority> source_ =
+      std::make_shared<test::SwitchedAuthority>(timestamp::embedded_stamp_source(authority_));
+  std::shared_ptr<PlayedAggregator> aggregator_ = std::make_shared<PlayedAggregator>(authority_, foreign_);
+  FactQueue facts_;
+  std::vector<AuthorityAnswer> waiting_;
+};
+
+TEST_F(SharedStampingTest, TheAuthorityIsNotAskedWhereARoundGivesAToken) {
+  const auto stamper = this->stamper();
+  stamper->stamp(checkpoint(3));
+  const AuthorityAnswer shared = answer_of_round();
+  EXPECT_TRUE(shared.valid()) << shared.cause;
+  EXPECT_TRUE(evidence::begins_as_record(shared.response));
+  EXPECT_EQ(shared.path, "shared, by the aggregator");
+  EXPECT_EQ(shared.not_shared, "");
+  EXPECT_FALSE(shared.judgement.chain.empty());
+  EXPECT_THAT(shared.answered - shared.asked, Ge(30s)) << "the token may be of any moment of the round";
+  EXPECT_EQ(source_->requests, 0);
+  EXPECT_EQ(stamper->status()[0].path, "shared, by the aggregator");
+  EXPECT_TRUE(stamper->status()[0].last_token);
+}
+
+TEST_F(SharedStampingTest, AnAggregatorThatIsAwayIsLeftAloneAndFoundAgain) {
+  const auto stamper = this->stamper();
+  aggregator_->conduct = Conduct::kAway;
+  for (std::uint64_t size = 1; size <= 2; ++size) {
+    stamper->stamp(checkpoint(size));
+    const AuthorityAnswer own = answer();
+    EXPECT_TRUE(own.valid()) << own.cause;
+    EXPECT_FALSE(evidence::begins_as_record(own.response));
+    EXPECT_EQ(own.path, "over wwan0");
+    EXPECT_EQ(own.not_shared, "the aggregator is not there");
+    EXPECT_FALSE(own.hurried);
+  }
+  EXPECT_EQ(aggregator_->entered, 1) << "the second checkpoint does not wait for it again";
+  EXPECT_EQ(source_->requests, 2);
+  EXPECT_EQ(stamper->status()[0].not_shared, "the aggregator is not there");
+  EXPECT_EQ(stamper->status()[0].failures, 0U);
+  aggregator_->conduct = Conduct::kGood;
+  clock_.move(38s);  // the first pause and a quarter more
+  stamper->stamp(checkpoint(3));
+  EXPECT_EQ(answer_of_round().path, "shared, by the aggregator");
+  EXPECT_EQ(stamper->status()[0].not_shared, "");
+}
+
+TEST_F(SharedStampingTest, AnAggregatorThatIsLateIsWaitedForNoLongerThanItMayBe) {
+  const auto stamper = this->stamper();
+  aggregator_->conduct = Conduct::kNever;
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  clock_.move(30s);
+  for (int second = 0; second < 60; ++second) {
+    clock_.await_waiting(1);
+    EXPECT_EQ(source_->requests, 0) << second;
+    clock_.move(1s);
+  }
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid()) << own.cause;
+  EXPECT_EQ(own.not_shared, "its token does not come within 90 s");
+  EXPECT_EQ(own.asked, own.answered) << "the wait is no part of what the authority took";
+}
+
+TEST_F(SharedStampingTest, ARoundThatEndsTooLateIsNotWaitedFor) {
+  const auto stamper = this->stamper();
+  aggregator_->conduct = Conduct::kEndlessWait;
+  stamper->stamp(checkpoint(1));
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid());
+  EXPECT_EQ(own.not_shared, "its token does not come within 90 s");
+}
+
+TEST_F(SharedStampingTest, NobodyWaitsForARoundAtTheEndOfACase) {
+  const auto stamper = this->stamper();
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  stamper->stamp_closing(checkpoint(2));
+  for (const std::uint64_t size : {1U, 2U}) {
+    const AuthorityAnswer own = answer();
+    EXPECT_TRUE(own.valid()) << own.cause;
+    EXPECT_EQ(own.checkpoint.size, size);
+    EXPECT_TRUE(own.hurried);
+    EXPECT_EQ(own.not_shared, "") << "this is no failure";
+  }
+  EXPECT_EQ(stamper->outstanding(), 0U);
+}
+
+TEST_F(SharedStampingTest, TheSameCheckpointAtTheEndEndsTheWaitToo) {
+  const auto stamper = this->stamper();
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  stamper->stamp_closing(checkpoint(1));
+  EXPECT_TRUE(answer().hurried);
+}
+
+TEST_F(SharedStampingTest, WhoEndsTheStamperDoesNotWaitForARound) {
+  auto stamper = this->stamper();
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  stamper.reset();
+}
+
+TEST_F(SharedStampingTest, WhereBothAreAwayBothAreTold) {
+  const auto stamper = this->stamper();
+  aggregator_->conduct = Conduct::kAway;
+  source_->up = false;
+  stamper->stamp(checkpoint(1));
+  const AuthorityAnswer none = answer();
+  EXPECT_EQ(none.cause, "the authority is not there; nor was it shared: the aggregator is not there");
+  EXPECT_GT(none.pause, 0ns);
+  EXPECT_EQ(stamper->status()[0].failures, 1U);
+}
+
+TEST_F(SharedStampingTest, AnAuthorityThatNobodySharesIsAskedAsBefore) {
+  aggregator_ = nullptr;
+  const auto stamper = this->stamper();
+  stamper->stamp(checkpoint(1));
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid());
+  EXPECT_FALSE(own.hurried);
+  EXPECT_EQ(own.not_shared, "");
+}
+
+struct Lie {
+  Conduct conduct;
+  std::string name, why;
+  friend void PrintTo(const Lie& lie, std::ostream* out) { *out << lie.name; }
+};
+class SharedStampingUnder : public SharedStampingTest, public testing::WithParamInterface<Lie> {};
+
+TEST_P(SharedStampingUnder, NothingOfItIsTakenAndTheAuthorityIsAsked) {
+  const auto stamper = this->stamper();
+  constexpr std::uint64_t kSize = 7;
+  if (GetParam().conduct == Conduct::kReplays) {
+    // What it gives again is over the same note, which a stamper asks about once: another one asks anew.
+    const auto before = this->stamper();
+    before->stamp(checkpoint(kSize));
+    EXPECT_TRUE(answer_of_round().valid());
+  }
+  aggregator_->conduct = GetParam().conduct;
+  stamper->stamp(checkpoint(kSize));
+  const AuthorityAnswer own = answer_of_round();
+  EXPECT_TRUE(own.valid()) << own.cause;
+  EXPECT_FALSE(evidence::begins_as_record(own.response));
+  EXPECT_THAT(own.not_shared, HasSubstr(GetParam().why));
+  EXPECT_EQ(source_->requests, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Lies, SharedStampingUnder,
+                         testing::Values(Lie{Conduct::kLoses, "loses", "no such ticket"},
+                                         Lie{Conduct::kOtherNote, "other_note", "does not hold"},
+                                         Lie{Conduct::kOtherNonce, "other_nonce", "the nonce is not in it"},
+                                         Lie{Conduct::kNoNonce, "no_nonce", "the nonce is not in it"},
+                                         Lie{Conduct::kReplays, "replays", "the nonce is not in it"},
+                                         Lie{Conduct::kForeign, "foreign", "does not hold"},
+                                         Lie{Conduct::kSpoiled, "spoiled", "does not hold"},
+                                         Lie{Conduct::kGarbage, "garbage", "no shared token"}),
+                         [](const auto& tested) { return tested.param.name; });
+
+}  // namespace
+}  // namespace kiroku::recorder
