@@ -43,7 +43,10 @@ export function CaseConsents({ id }: { id: string }) {
       <ul>
         {now.purposes.map((one) => (
           <li key={one.purpose}>
-            {t(one.stands ? 'consent.since' : one.signed ? 'consent.withdrawnOn' : 'consent.withdrawnUnsigned', { purpose: word('purpose', one.purpose), moment: formatMoment(one.since) })}
+            {t(one.stands ? 'consent.since' : one.signed ? 'consent.withdrawnOn' : 'consent.withdrawnUnsigned', {
+              purpose: word('purpose', one.purpose),
+              moment: formatMoment(one.since),
+            })}
           </li>
         ))}
       </ul>

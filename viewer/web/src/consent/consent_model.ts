@@ -7,7 +7,10 @@ export const lastPurpose = signal('');
 
 /** Why nothing may be exported for a purpose; the server goes by the same rules. */
 export type Obstacle =
-  { why: 'demanded' } | { why: 'not-given'; purpose: string } | { why: 'withdrawn'; purpose: string; since: string; signed: boolean } | { why: 'not-checked'; problem: string };
+  | { why: 'demanded' }
+  | { why: 'not-given'; purpose: string }
+  | { why: 'withdrawn'; purpose: string; since: string; signed: boolean }
+  | { why: 'not-checked'; problem: string };
 
 /** `purpose`: '' where none is named. Undefined where nothing is in the way. */
 export function obstacleTo(consents: CaseConsents, purpose: string): Obstacle | undefined {

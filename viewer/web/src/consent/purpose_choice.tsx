@@ -10,7 +10,10 @@ export function obstacleInWords(obstacle: Obstacle): string {
     case 'not-given':
       return t('export.purposeNotGiven', { purpose: word('purpose', obstacle.purpose) });
     case 'withdrawn':
-      return t(obstacle.signed ? 'export.purposeWithdrawn' : 'export.purposeUnsigned', { purpose: word('purpose', obstacle.purpose), moment: formatMoment(obstacle.since) });
+      return t(obstacle.signed ? 'export.purposeWithdrawn' : 'export.purposeUnsigned', {
+        purpose: word('purpose', obstacle.purpose),
+        moment: formatMoment(obstacle.since),
+      });
     case 'not-checked':
       return t('export.purposeNotChecked', { problem: obstacle.problem });
   }
