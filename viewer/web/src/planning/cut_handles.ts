@@ -45,7 +45,8 @@ export class CutHandles {
   /** The picture has these, and the deeds up to `input`. */
   show(cuts: readonly ShownCut[], input: number): void {
     this.cuts = cuts;
-    if (this.sent !== 0 && input >= this.sent) this.putBack();
+    // A pointer that has taken the handle again goes on with it.
+    if (this.sent !== 0 && input >= this.sent) this.forget();
     if (this.chosen && !this.shown(this.chosen)) this.choose(undefined);
   }
   private shown(name: HandleName): ShownHandle | undefined {
@@ -75,10 +76,16 @@ export class CutHandles {
   }
   /** To where the cut has it. */
   putBack(): void {
+    this.forget();
+    this.drag = undefined;
+  }
+  private forget(): void {
     this.at = undefined;
     this.depth_m = undefined;
-    this.drag = undefined;
     this.sent = 0;
+  }
+  get isDragged(): boolean {
+    return this.drag !== undefined;
   }
 
   /** False for one that is not there, or behind the organ, and while another is dragged. */
@@ -104,6 +111,12 @@ export class CutHandles {
     if (this.drag?.id !== id) return false;
     this.drag = undefined;
     return this.at !== undefined;
+  }
+  /** The browser took the pointer away: what it did is put back. Whether it had the handle. */
+  cancel(id: number): boolean {
+    if (this.drag?.id !== id) return false;
+    this.putBack();
+    return true;
   }
   setDepth(depth_m: number): void {
     const held = this.held;

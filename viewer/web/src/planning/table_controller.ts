@@ -117,9 +117,7 @@ export class TableController {
   /** All pointers go up. */
   letGo(): void {
     this.orbit.releaseAll();
-    this.drawing = undefined;
-    this.drawn.take();
-    this.line.value = [];
+    this.forgetLine();
     this.chooseHandle(undefined);
     if (this.pointers.releaseAll()) this.sendPointers(performance.now());
   }
@@ -145,7 +143,7 @@ export class TableController {
       case 'orbit':
         return this.orbit.press(at.id, at.x, at.y);
       case 'cut':
-        if (this.drawing !== undefined) return false;
+        if (this.drawing !== undefined || this.cutHandles.isDragged) return false;
         this.chooseHandle(undefined);
         this.drawing = at.id;
         this.drawn.begin(at.x, at.y);
@@ -182,6 +180,23 @@ export class TableController {
     }
   }
 
+  /** The browser took the pointer away, for a gesture of its own or a palm: nothing is cut by it. Tools let go as on release. */
+  cancel(id: number, at_ms: number): void {
+    if (this.tool.value === 'orbit') this.orbit.release(id);
+    else if (this.tool.value !== 'cut') {
+      if (this.pointers.release(id)) this.sendPointers(at_ms);
+    } else if (this.cutHandles.cancel(id)) {
+      this.showHandles();
+    } else if (this.drawing === id) {
+      this.forgetLine();
+    }
+  }
+  private forgetLine(): void {
+    this.drawing = undefined;
+    this.drawn.take();
+    this.line.value = [];
+  }
+
   /** A pointer takes a handle, to drag it over the organ. */
   pressHandle(at: OnPicture, name: HandleName): boolean {
     if (this.drawing !== undefined) return false;
@@ -189,7 +204,9 @@ export class TableController {
     this.showHandles();
     return taken;
   }
+  /** While one is dragged, focus that moves chooses no other. */
   chooseHandle(name: HandleName | undefined): void {
+    if (name && this.cutHandles.isDragged) return;
     this.cutHandles.choose(name);
     this.showHandles();
   }

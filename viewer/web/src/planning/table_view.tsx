@@ -176,7 +176,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
             }}
             onPointerMove={(event) => table.move(placed(event))}
             onPointerUp={(event) => table.release(placed(event))}
-            onPointerCancel={(event) => table.release(placed(event))}
+            onPointerCancel={(event) => table.cancel(event.pointerId, event.timeStamp)}
             onContextMenu={(event) => event.preventDefault()}
             onBlur={() => (table.cursor.value = undefined)}
           >
