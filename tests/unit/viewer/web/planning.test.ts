@@ -193,6 +193,23 @@ describe('Handles of a cut', () => {
     handles.putBack();
     expect(handles.deed).toBeUndefined();
   });
+  it('send nothing where the cut has them so', () => {
+    const handles = shown();
+    handles.choose({ step: 2, handle: 1 });
+    handles.key('ArrowLeft', false);
+    handles.key('ArrowRight', false);
+    handles.setDepth(0.03);
+    expect(handles.deed, 'the depth alone').toEqual({ step: 2, handle: 1, depth_m: 0.03 });
+    handles.setDepth(0.02);
+    expect(handles.deed).toBeUndefined();
+    // Back again before a picture shows what was sent: the server has the other depth.
+    handles.setDepth(0.03);
+    handles.wasSent(4);
+    handles.setDepth(0.02);
+    expect(handles.deed?.depth_m).toBe(0.02);
+    handles.show([cut], 4);
+    expect(handles.deed, 'it was refused').toBeUndefined();
+  });
   it('behind the organ are not moved, only made deeper', () => {
     const handles = shown();
     expect(handles.press(1, 0.7, 0.4, { step: 2, handle: 2 })).toBe(false);
@@ -344,5 +361,27 @@ describe('The table', () => {
     expect(sent).toEqual([]);
     table.release(at(1, 0.2, 0.4));
     expect(sent).toMatchObject([{ handle: { step: 0, handle: 0 } }]);
+  });
+  it('makes one cut of what the slider goes through', async () => {
+    const { table, sent } = await opened();
+    table.chooseHandle({ step: 0, handle: 1 });
+    for (const depth_m of [0.021, 0.022, 0.023]) table.setHandleDepth(depth_m);
+    expect(sent).toEqual([]);
+    table.finishDepth();
+    table.finishDepth();
+    expect(sent).toMatchObject([{ handle: { step: 0, handle: 1, depth_m: 0.023 } }]);
+    await shows(table, [cut], 1);
+    // Back where it was, or put back: nothing is cut.
+    table.setHandleDepth(0.03);
+    table.setHandleDepth(0.02);
+    table.finishDepth();
+    table.setHandleDepth(0.03);
+    table.putHandleBack();
+    table.finishDepth();
+    expect(sent).toHaveLength(1);
+    // What goes on to another handle is done with this one.
+    table.setHandleDepth(0.03);
+    table.chooseHandle({ step: 0, handle: 0 });
+    expect(sent.slice(1)).toMatchObject([{ handle: { step: 0, handle: 1, depth_m: 0.03 } }]);
   });
 });

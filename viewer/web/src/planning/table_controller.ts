@@ -50,6 +50,8 @@ export class TableController {
   private readonly drawn = new DrawnLine();
   private readonly cutHandles = new CutHandles();
   private drawing: number | undefined;
+  /** The slider has another depth than the last cut that was asked for. */
+  private sliding = false;
   private readonly sent = new Map<number, number>();
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
@@ -118,6 +120,7 @@ export class TableController {
   letGo(): void {
     this.orbit.releaseAll();
     this.forgetLine();
+    this.putHandleBack();
     this.chooseHandle(undefined);
     if (this.pointers.releaseAll()) this.sendPointers(performance.now());
   }
@@ -200,6 +203,7 @@ export class TableController {
   /** A pointer takes a handle, to drag it over the organ. */
   pressHandle(at: OnPicture, name: HandleName): boolean {
     if (this.drawing !== undefined) return false;
+    this.finishDepth();
     const taken = this.cutHandles.press(at.id, at.x, at.y, name);
     this.showHandles();
     return taken;
@@ -207,19 +211,30 @@ export class TableController {
   /** While one is dragged, focus that moves chooses no other. */
   chooseHandle(name: HandleName | undefined): void {
     if (name && this.cutHandles.isDragged) return;
+    this.finishDepth();
     this.cutHandles.choose(name);
     this.showHandles();
   }
-  /** Of the chosen handle; `done`: the cut is made anew with it. */
-  setHandleDepth(depth_m: number, done: boolean): void {
+  /** Of the chosen handle, by the slider: the cut is made anew with it by finishDepth(), or once another handle or a line is begun. */
+  setHandleDepth(depth_m: number): void {
+    this.sliding = true;
     this.cutHandles.setDepth(depth_m);
     this.showHandles();
-    if (done) this.cutAnew(performance.now());
+  }
+  finishDepth(): void {
+    if (!this.sliding) return;
+    this.sliding = false;
+    this.cutAnew(performance.now());
+  }
+  putHandleBack(): void {
+    this.sliding = false;
+    this.cutHandles.putBack();
+    this.showHandles();
   }
   /** Enter and space make the cut anew, Escape puts the handle back. */
   keyOfHandle(key: string, shift: boolean, at_ms: number): boolean {
     if (key === 'Enter' || key === ' ') this.cutAnew(at_ms);
-    else if (key === 'Escape') this.cutHandles.putBack();
+    else if (key === 'Escape') this.putHandleBack();
     else if (!this.cutHandles.key(key, shift)) return false;
     this.showHandles();
     return true;
@@ -231,6 +246,7 @@ export class TableController {
   private cutAnew(at_ms: number): void {
     const handle = this.cutHandles.deed;
     if (handle) this.cutHandles.wasSent(this.send({ handle }, at_ms));
+    else if (!this.cutHandles.wasSentAlready) this.cutHandles.putBack();
     this.showHandles();
   }
   private cutLine(at_ms: number): void {
