@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -21,6 +22,9 @@ using sim::Vector3;
 /// the mesh can follow.
 constexpr double kApartInEdges = 1.5, kLeastLineInEdges = 0.25, kNearestInEdges = 0.25;
 constexpr std::size_t kMostDrawnHandles = 9;
+/// Places of a line are seen about an edge apart. Farther apart in the organ they lie on both sides of a
+/// fold.
+constexpr double kFarthestNeighboursInEdges = 3;
 /// A handle lies so deep in a cut at most, and so far behind what is seen, in mean edges of the surface.
 constexpr double kInsideInEdges = 1, kBehindInEdges = 1;
 
@@ -94,11 +98,15 @@ std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Cam
   return cuts;
 }
 
-sim::CutCurve curve_through(const std::vector<Vector3>& rest_m, double depth_m, const sim::TetMesh& mesh) {
-  std::vector<double> along_m{0};
-  for (std::size_t i = 1; i < rest_m.size(); ++i)
-    along_m.push_back(along_m.back() + (rest_m[i] - rest_m[i - 1]).norm());
+std::optional<sim::CutCurve> curve_through(const std::vector<Vector3>& rest_m, double depth_m,
+                                           const sim::TetMesh& mesh) {
   const double edge_m = sim::mean_surface_edge_m(mesh);
+  std::vector<double> along_m{0};
+  for (std::size_t i = 1; i < rest_m.size(); ++i) {
+    const double apart_m = (rest_m[i] - rest_m[i - 1]).norm();
+    if (apart_m > kFarthestNeighboursInEdges * edge_m) return {};
+    along_m.push_back(along_m.back() + apart_m);
+  }
   if (along_m.back() < kLeastLineInEdges * edge_m)
     throw Error("the line is too short to be cut: draw it longer");
   const double wanted = std::round(along_m.back() / (kApartInEdges * edge_m)) + 1;
@@ -116,7 +124,10 @@ sim::CutCurve curve_through(const std::vector<Vector3>& rest_m, double depth_m, 
     const double part = (at_m - along_m[place]) / (along_m[place + 1] - along_m[place]);
     handles_m.emplace_back(rest_m[place] + part * (rest_m[place + 1] - rest_m[place]));
   }
-  return {sim::on_surface(mesh, handles_m), true, {depth_m}, {}};
+  std::vector<Vector3> on_surface_m = sim::on_surface(mesh, handles_m);
+  for (std::size_t i = 0; i < count; ++i)
+    if ((on_surface_m[i] - handles_m[i]).norm() > kInsideInEdges * edge_m) return {};
+  return sim::CutCurve{std::move(on_surface_m), true, {depth_m}, {}};
 }
 
 sim::CutCurve changed_curve(const sim::PlanSession& session, const sim::Camera& camera,

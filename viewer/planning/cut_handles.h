@@ -53,10 +53,11 @@ struct ShownCut {
 std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Camera& camera);
 
 /// A curve through places of the rest shape that are met one after the other; its handles lie evenly along
-/// it, on the surface of the organ before any cut, about three edges of its mesh apart. kiroku::Error where
-/// the places are all in one.
-sim::CutCurve curve_through(const std::vector<sim::Vector3>& rest_m, double depth_m,
-                            const sim::TetMesh& mesh);
+/// it, on the surface of the organ before any cut, about one and a half edges of its mesh apart. Nothing
+/// where the places do not follow one surface: two neighbours lie more than three edges apart, or a handle
+/// more than one edge below the surface. kiroku::Error where the places are all in one.
+std::optional<sim::CutCurve> curve_through(const std::vector<sim::Vector3>& rest_m, double depth_m,
+                                           const sim::TetMesh& mesh);
 
 /// The cut's curve with its handle where the picture shows that place, and as deep as asked for.
 /// kiroku::Error, which counts handles from 1 as the page does, where the step has no such handle, and where

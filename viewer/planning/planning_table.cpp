@@ -93,9 +93,11 @@ void PlanningTable::cut(const CutDeed& cut) {
   }
   if (met.empty()) throw Error("the line does not cross the organ: draw it over the organ");
   const auto tool = static_cast<std::size_t>(scalpel - tools.begin());
-  const bool on_it = met.front() == 0 && met.back() + 1 == static_cast<std::ptrdiff_t>(even.size());
-  if (on_it) return session_.cut(tool, curve_through(rest_m, cut.depth_m, session_.plan().body.mesh));
-  // Over the border the organ is divided, for which the surface has no place. Beside the organ the depth is
+  if (met.size() == even.size()) {
+    if (const auto curve = curve_through(rest_m, cut.depth_m, session_.plan().body.mesh))
+      return session_.cut(tool, *curve);
+  }
+  // Over a border the organ is divided, for which the surface has no place. Beside the organ the depth is
   // that of the nearest place which is on it.
   Vector3 towards_m = Vector3::Zero();
   for (std::size_t i = 0; i < even.size(); ++i) {
@@ -116,9 +118,8 @@ void PlanningTable::cut(const CutDeed& cut) {
   }
   session_.cut(tool, path);
   remarks_.emplace_back(
-      "the line goes over the organ's border: it is cut straight down and has no handles; draw it on the "
-      "organ "
-      "alone to change it afterwards");
+      "the line goes over the organ's border, a fold or an open cut: it is cut straight down and has no "
+      "handles; draw it on one surface alone to change it afterwards");
 }
 
 void PlanningTable::change(const HandleDeed& handle) {
