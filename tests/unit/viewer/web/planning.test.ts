@@ -362,6 +362,18 @@ describe('The table', () => {
     table.release(at(1, 0.2, 0.4));
     expect(sent).toMatchObject([{ handle: { step: 0, handle: 0 } }]);
   });
+  it('keeps the handle chosen that has the focus while all pointers go up', async () => {
+    const { table, sent } = await opened();
+    table.chooseHandle({ step: 0, handle: 1 });
+    expect(table.keyOfHandle('ArrowLeft', false, 0)).toBe(true);
+    table.letGo();
+    expect(table.handles.value.held?.x).toBe(0.5);
+    expect(table.keyOfHandle('ArrowLeft', false, 0)).toBe(true);
+    table.keyOfHandle('Enter', false, 0);
+    expect(sent).toMatchObject([{ handle: { step: 0, handle: 1 } }]);
+    table.choose('cut');
+    expect(table.handles.value.chosen).toBeUndefined();
+  });
   it('makes one cut of what the slider goes through', async () => {
     const { table, sent } = await opened();
     table.chooseHandle({ step: 0, handle: 1 });

@@ -112,16 +112,16 @@ export class TableController {
 
   choose(tool: Tool): void {
     this.letGo();
+    this.chooseHandle(undefined);
     this.tool.value = tool;
     this.pointers.depth_m = tool === 'press' ? this.depth_m.value : 0;
     this.pointers.pensPush = tool === 'press';
   }
-  /** All pointers go up. */
+  /** All pointers go up. The handle that is chosen stays so, as its button may have the focus. */
   letGo(): void {
     this.orbit.releaseAll();
     this.forgetLine();
     this.putHandleBack();
-    this.chooseHandle(undefined);
     if (this.pointers.releaseAll()) this.sendPointers(performance.now());
   }
   setDepth(depth_m: number): void {
@@ -291,6 +291,7 @@ export class TableController {
       this.cutLine(at_ms);
     } else if (key === 'Escape') {
       this.letGo();
+      this.chooseHandle(undefined);
     } else if (key === ' ') {
       const { x, y } = this.pointers.keysAt;
       this.drawn.add(x, y);
