@@ -1,7 +1,6 @@
 #include "viewer/planning/cut_handles.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -40,7 +39,14 @@ Vector3 weighted(const sim::Face& face, const Vector3& weights, const std::vecto
 }  // namespace
 
 SeenOrgan::SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera)
-    : mesh_(session.mesh()), camera_(camera), surface_(sim::faces_of(mesh_).surface) {
+    : SeenOrgan(session, camera, {}) {
+  own_surface_ = sim::faces_of(mesh_).surface;
+  surface_ = own_surface_;
+}
+
+SeenOrgan::SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera,
+                     std::span<const sim::Face> surface)
+    : mesh_(session.mesh()), camera_(camera), surface_(surface) {
   const Eigen::VectorXd& moved_m = session.frame().displacement_m;
   places_m_.reserve(mesh_.nodes.size());
   seen_m_.reserve(mesh_.nodes.size());
@@ -63,39 +69,57 @@ double SeenOrgan::before_m(const Vector3& there_m) const {
   return depth_m ? std::max(0.0, seen_m.z() - *depth_m) : 0;
 }
 
-Vector3 SeenOrgan::of_rest(const Vector3& rest_m) const {
-  Vector3 there_m = rest_m;
-  double least_m2 = std::numeric_limits<double>::infinity();
-  for (const sim::Face& face : surface_) {
-    const std::array<Vector3, 3> corners{mesh_.nodes[face.nodes[0]], mesh_.nodes[face.nodes[1]],
-                                         mesh_.nodes[face.nodes[2]]};
-    const Vector3 weights = sim::closest_weights(rest_m, corners);
-    const double distance_m2 = (weighted(face, weights, mesh_.nodes) - rest_m).squaredNorm();
-    if (distance_m2 >= least_m2) continue;
-    least_m2 = distance_m2;
-    there_m = weighted(face, weights, places_m_);
-  }
-  return there_m;
+Vector3 SeenOrgan::there_m(const sim::Face& face, const Vector3& weights) const {
+  return weighted(face, weights, places_m_);
 }
 
-std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Camera& camera) {
-  std::vector<ShownCut> cuts;
+void DrawnCuts::find_handles(const sim::PlanSession& session) {
+  cuts_.clear();
+  handles_.clear();
   const std::vector<sim::PlanStep>& steps = session.plan().steps;
-  std::optional<SeenOrgan> organ;
-  const double edge_m = sim::mean_surface_edge_m(session.plan().body.mesh);
+  const std::vector<Vector3>& nodes_m = session.mesh().nodes;
   for (std::size_t step = 0; step < steps.size(); ++step) {
     if (!steps[step].curve) continue;
-    if (!organ) organ.emplace(session, camera);
     const sim::CutCurve& curve = *steps[step].curve;
-    ShownCut& cut = cuts.emplace_back(ShownCut{step, curve.smooth, {}});
+    if (cuts_.empty()) surface_ = sim::faces_of(session.mesh()).surface;
+    ShownCut& cut = cuts_.emplace_back(ShownCut{step, curve.smooth, {}});
     for (std::size_t i = 0; i < curve.handles_m.size(); ++i) {
-      const Vector3 there_m = organ->of_rest(curve.handles_m[i]);
-      const Eigen::Vector2d at = sim::on_picture(camera, there_m);
-      cut.handles.push_back({at.x(), at.y(), curve.depth_m[curve.depth_m.size() == 1 ? 0 : i],
-                             organ->before_m(there_m) > kBehindInEdges * edge_m});
+      OnFace nearest{};
+      double least_m2 = std::numeric_limits<double>::infinity();
+      for (const sim::Face& face : surface_) {
+        const Vector3 weights = sim::closest_weights(
+            curve.handles_m[i], {nodes_m[face.nodes[0]], nodes_m[face.nodes[1]], nodes_m[face.nodes[2]]});
+        const double distance_m2 = (weighted(face, weights, nodes_m) - curve.handles_m[i]).squaredNorm();
+        if (distance_m2 >= least_m2) continue;
+        least_m2 = distance_m2;
+        nearest = {face, weights};
+      }
+      handles_.push_back(nearest);
+      cut.handles.push_back({0, 0, curve.depth_m[curve.depth_m.size() == 1 ? 0 : i], false});
     }
   }
-  return cuts;
+}
+
+const std::vector<ShownCut>& DrawnCuts::shown(const sim::PlanSession& session, const sim::Camera& camera) {
+  const double now_s = session.frame().time_s;
+  const bool changed = revision_ != session.revision();
+  if (changed) find_handles(session);
+  revision_ = session.revision();
+  if (cuts_.empty() || (!changed && time_s_ == now_s)) return cuts_;
+  time_s_ = now_s;
+  const SeenOrgan organ(session, camera, surface_);
+  auto on_face = handles_.begin();
+  for (ShownCut& cut : cuts_) {
+    for (ShownHandle& handle : cut.handles) {
+      const Vector3 there_m = organ.there_m(on_face->face, on_face->weights);
+      ++on_face;
+      const Eigen::Vector2d at = sim::on_picture(camera, there_m);
+      handle.x = at.x();
+      handle.y = at.y();
+      handle.hidden = organ.before_m(there_m) > kBehindInEdges * edge_m_;
+    }
+  }
+  return cuts_;
 }
 
 std::optional<sim::CutCurve> curve_through(const std::vector<Vector3>& rest_m, double depth_m,
