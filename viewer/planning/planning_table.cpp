@@ -153,10 +153,9 @@ void PlanningTable::apply(const Deed& deed) {
   } else if (const auto* release = std::get_if<ReleaseDeed>(&deed)) {
     session_.release(tool_named(release->tool));
   } else if (std::holds_alternative<UndoDeed>(deed)) {
-    session_.undo();
-    remarked_ = std::min(remarked_, session_.plan().steps.size());
-  } else {
-    session_.redo();
+    if (const auto step = session_.undo()) remarked_ = std::min(remarked_, *step);
+  } else if (const auto step = session_.redo()) {
+    remarked_ = std::min(remarked_, *step);
   }
 }
 
