@@ -124,27 +124,26 @@ AuthorityAnswer AuthorityContact::ask(const timestamp::Request& request,
     const Time now = clock_.now();
     back_off_.failed(now, leave_alone_for);
     answer.pause = back_off_.next() - now;
+    shared_since_failure_ = false;
   }
   record_.last_error = answer.cause;
   remember_locked();
   return answer;
 }
 
-AuthorityAnswer AuthorityContact::ask_sharing(archive::StoredCheckpoint checkpoint) {
-  if (!authority_.shared) return ask(std::move(checkpoint));
-  std::string why_not;
-  try {
-    if (std::optional<AuthorityAnswer> shared = wait_for_shared(checkpoint)) return std::move(*shared);
-  } catch (const std::exception& error) {
-    why_not = error.what();
-  }
+AuthorityAnswer AuthorityContact::ask_in_place_of_sharing(archive::StoredCheckpoint checkpoint) {
   AuthorityAnswer answer = ask(std::move(checkpoint));
-  answer.hurried = why_not.empty();
-  answer.not_shared = why_not;
-  if (!why_not.empty() && !answer.valid()) answer.cause += "; nor was it shared: " + why_not;
+  if (!authority_.shared) return answer;
   const std::lock_guard guard(mutex_);
-  not_shared_ = std::move(why_not);
+  answer.not_shared = not_shared_;
+  answer.hurried = hurried_ && not_shared_.empty();
+  if (!not_shared_.empty() && !answer.valid()) answer.cause += "; nor was it shared: " + not_shared_;
   return answer;
+}
+
+bool AuthorityContact::may_share() const {
+  const std::lock_guard guard(mutex_);
+  return authority_.shared && !hurried_ && shared_back_off_.next() <= clock_.now();
 }
 
 std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
@@ -152,12 +151,6 @@ std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
   {
     const std::lock_guard guard(mutex_);
     if (hurried_) return {};
-    const Time now = clock_.now();
-    if (const Time next = shared_back_off_.next(); next > now && !not_shared_.empty())
-      throw Error(not_shared_);  // told with what went wrong then, for as long as it is left alone
-    shared_back_off_.asked(now);
-    back_off_.asked(now);
-    remember_locked();
   }
   try {
     AuthorityAnswer answer;
@@ -188,17 +181,18 @@ std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
     answer.path = authority_.shared->path();
     const std::lock_guard guard(mutex_);
     shared_back_off_.succeeded();
-    back_off_.succeeded();
     not_shared_.clear();
+    shared_since_failure_ = true;
+    catch_up_locked();  // a round is long: what other processes wrote meanwhile stays
     record_.last_token = clock_.utc();
     record_.path = answer.path;
-    record_.last_error.clear();
     remember_locked();
     return answer;
-  } catch (const std::exception&) {
+  } catch (const std::exception& error) {
     const std::lock_guard guard(mutex_);
     shared_back_off_.failed(clock_.now(), {});
-    throw;
+    not_shared_ = error.what();
+    return {};
   }
 }
 
@@ -227,12 +221,19 @@ AuthorityStatus AuthorityContact::status() const {
   AuthorityStatus status;
   status.name = authority_.name;
   status.path = record_.path;
-  status.failures = back_off_.failures();
-  status.last_error = record_.last_error;
+  if (!shared_since_failure_) {
+    status.failures = back_off_.failures();
+    status.last_error = record_.last_error;
+  }
   status.not_shared = not_shared_;
   status.last_token = record_.last_token;
   status.pause = std::max(nanoseconds(0), nanoseconds(back_off_.next() - clock_.now()));
   return status;
+}
+
+std::string AuthorityContact::last_failure() const {
+  const std::lock_guard guard(mutex_);
+  return record_.last_error;
 }
 
 void AuthorityContact::catch_up_locked() {

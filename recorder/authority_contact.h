@@ -51,7 +51,7 @@ struct AuthorityAnswer {
 struct AuthorityStatus {
   std::string name;
   std::string path;        // over which the latest token came, "" if there is no network between
-  unsigned failures = 0;   // in a row
+  unsigned failures = 0;   // in a row, up to the latest token, shared ones too
   std::string last_error;  // of the latest failure, "" after a token
   std::string not_shared;  // why the latest token that was to be shared is none; "" where it is, or no matter
   std::optional<UtcTime> last_token;
@@ -73,13 +73,18 @@ class AuthorityContact {
   [[nodiscard]] const std::string& name() const { return authority_.name; }
   /// Asks now, whatever limit() and next() say. Used by one thread at a time.
   AuthorityAnswer ask(archive::StoredCheckpoint checkpoint);
-  /// The same, by a shared token where somebody gives them, which takes as long as a round: at most
-  /// shared_patience, and a request to each of the two. Whoever fails to give one is left alone for a while,
-  /// as an authority is. What they give counts only if this hash and a nonce that was drawn for it lead to a
-  /// token that is trusted.
-  AuthorityAnswer ask_sharing(archive::StoredCheckpoint checkpoint);
-  /// From now on nobody waits for a round: ask_sharing(), also one under way, asks the authority itself.
-  /// Thread-safe.
+  /// Whether a shared token may be waited for: somebody gives them, is not left alone after a failure, and
+  /// nobody hurries. What the authority itself demands has no say in it. Thread-safe.
+  [[nodiscard]] bool may_share() const;
+  /// A valid answer by a shared token, which takes as long as a round: shared_patience at most, and one
+  /// request. The authority itself is not asked, and its limits stay as they are. Nothing once hurried, or
+  /// where none comes: then whoever should give it is left alone for a while, as an authority is, and the
+  /// status says why. What comes counts only if this hash and a nonce that was drawn for it lead to a token
+  /// that is trusted. Used by the thread that asks.
+  std::optional<AuthorityAnswer> wait_for_shared(const archive::StoredCheckpoint& checkpoint);
+  /// As ask(), of a checkpoint that has no shared token: the answer says why.
+  AuthorityAnswer ask_in_place_of_sharing(archive::StoredCheckpoint checkpoint);
+  /// From now on nobody waits for a round: wait_for_shared(), also one under way, gives nothing. Thread-safe.
   void hurry();
   /// As ask(), over a hash that is no checkpoint's: the answer's is empty.
   AuthorityAnswer ask_over(crypto::HashAlgorithm algorithm, ByteView imprint);
@@ -87,11 +92,11 @@ class AuthorityContact {
   [[nodiscard]] Time limit();
   [[nodiscard]] Time next();
   [[nodiscard]] AuthorityStatus status() const;
+  /// Why the authority itself gave no token when it was last asked; "" where it gave one. Thread-safe.
+  [[nodiscard]] std::string last_failure() const;
 
  private:
   AuthorityAnswer ask(const timestamp::Request& request, archive::StoredCheckpoint checkpoint);
-  /// A valid answer by a shared token, nothing once hurried. Throws kiroku::Error for why there is none.
-  std::optional<AuthorityAnswer> wait_for_shared(const archive::StoredCheckpoint& checkpoint);
   /// Takes over what another process, or an earlier run of the program, has written.
   void catch_up_locked();
   void remember_locked();
@@ -105,6 +110,7 @@ class AuthorityContact {
   AuthorityRecord record_;
   std::string not_shared_;
   bool hurried_ = false;
+  bool shared_since_failure_ = false;  // a shared token is younger than the authority's own latest failure
   std::condition_variable hurrying_;
 };
 

@@ -26,23 +26,25 @@ struct Stamper::Worker {
       const std::lock_guard guard(mutex);
       stopping = true;
     }
-    contact.hurry();
+    contact.hurry();  // behind the above, so that the authority is not asked for a token that nobody reads
     changed.notify_all();
     thread.join();
   }
 
   void give(const archive::StoredCheckpoint& checkpoint, bool is_closing) {
-    if (is_closing) contact.hurry();  // a round does not put off the end of a case
     {
       const std::lock_guard guard(mutex);
       closing = closing || is_closing;
-      // Nothing was added since: there is a token, or a request for one, already.
-      if (newest && *newest == checkpoint.size && !(is_closing && next)) return;
-      newest = checkpoint.size;
-      next = checkpoint;
-      unqueued = true;
-      due = true;
+      // If nothing was added since, there is a token, or a request for one, already.
+      if (!newest || *newest != checkpoint.size || (is_closing && next)) {
+        newest = checkpoint.size;
+        next = checkpoint;
+        unqueued = true;
+        due = true;
+      }
     }
+    // A round does not put off the end of a case. Behind the above: its one request is for this checkpoint.
+    if (is_closing) contact.hurry();
     changed.notify_all();
   }
 
@@ -54,10 +56,15 @@ struct Stamper::Worker {
       if (std::exchange(unqueued, false)) put_in_queue(lock);
       const bool last_chance = closing;
       lock.unlock();
+      const bool by_round = !last_chance && contact.may_share();
       const AuthorityContact::Time allowed = last_chance ? contact.limit() : contact.next();
       lock.lock();
       if (stopping) return;
       if (closing != last_chance) continue;
+      if (by_round) {
+        await_round(lock);
+        continue;
+      }
       const Clock& clock = *context.clock;
       const Clock::Time now = clock.now();
       if (allowed > now) {
@@ -74,31 +81,47 @@ struct Stamper::Worker {
     }
   }
 
+  /// Where no shared token comes, `next` stays: the authority is asked for it as soon as it may be.
+  void await_round(std::unique_lock<std::mutex>& lock) {
+    const archive::StoredCheckpoint checkpoint = *next;
+    due = asking = true;
+    unqueued = false;
+    lock.unlock();
+    std::optional<AuthorityAnswer> answer = contact.wait_for_shared(checkpoint);
+    lock.lock();
+    asking = false;
+    if (answer) take(std::move(*answer));
+  }
+
   void ask(std::unique_lock<std::mutex>& lock) {
     const archive::StoredCheckpoint checkpoint = *next;
     due = asking = true;
     unqueued = false;  // what the queue knows is older at most, and will do
     lock.unlock();
-    AuthorityAnswer answer = contact.ask_sharing(checkpoint);
+    AuthorityAnswer answer = contact.ask_in_place_of_sharing(checkpoint);
     if (!answer.valid()) {
       in_queue([&] { context.queue->failed(context.case_id, answer.authority, answer.cause); });
     }
     lock.lock();
+    asking = false;
+    take(std::move(answer));
+  }
+
+  void take(AuthorityAnswer answer) {
     const bool newer = unqueued;
     if (!newer && (answer.valid() || closing)) next.reset();
     facts.push(std::move(answer));
-    asking = false;
     due = newer;
   }
 
   /// The case ends before the authority may be asked again.
   void give_up() {
-    if (const AuthorityStatus status = contact.status(); !status.last_error.empty()) {
+    if (const std::string failure = contact.last_failure(); !failure.empty()) {
       AuthorityAnswer answer;
       answer.authority = contact.name();
       answer.checkpoint = *next;
-      answer.cause = "not asked, since it is to be left alone: " + status.last_error;
-      answer.pause = status.pause;
+      answer.cause = "not asked, since it is to be left alone: " + failure;
+      answer.pause = contact.status().pause;
       facts.push(std::move(answer));
     }
     next.reset();

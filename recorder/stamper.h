@@ -28,14 +28,16 @@ class Stamper {
 
   /// Answers go to `facts`. All must outlive the object.
   Stamper(std::vector<NamedAuthority> authorities, Context context, FactQueue& facts);
-  /// Waits for requests under way (each has its time limit). What still waits stays in the queue.
+  /// Waits for requests under way (each has its time limit), for no round, and begins none. What still waits
+  /// stays in the queue.
   ~Stamper();
   Stamper(const Stamper&) = delete;
   Stamper& operator=(const Stamper&) = delete;
 
   /// Wants a token of every authority over the checkpoint, in the place of any older one that still waits,
   /// which it covers. An authority is asked as soon as it may be; one that failed is asked again by itself.
-  /// Each request gives one answer; waiting gives none.
+  /// Each request gives one answer; waiting gives none. Where shared tokens are given, a round is waited for
+  /// first, whatever the authority demands; it is asked where none comes.
   void stamp(const archive::StoredCheckpoint& checkpoint);
   /// The same for the last checkpoint of the case: authorities that failed are asked once more at once; one
   /// that must be left alone for longer than kClosingPatience is not asked, and the answer says so if it

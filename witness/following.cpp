@@ -1,6 +1,7 @@
 #include "witness/following.h"
 
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <string_view>
 #include <utility>
@@ -17,7 +18,13 @@ namespace {
 namespace fs = std::filesystem;
 using Leaves = std::vector<crypto::Sha256Digest>;
 
+// What a copy has beside the published log itself.
 constexpr std::string_view kLockFile = ".following";
+constexpr std::string_view kBeginningFile = ".beginning";  // while the first tiles are written
+constexpr std::string_view kForked = "forked-";            // a history that one key signed beside the copy's
+constexpr std::string_view kDoubted = "doubted-";          // one that a key of the device did not sign
+constexpr std::string_view kUnplaced = "unplaced-";  // a signed checkpoint whose tiles were not to be had
+constexpr std::size_t kMostUnplaced = 16;
 
 /// A checkpoint as it was found.
 struct FoundNote {
@@ -26,13 +33,12 @@ struct FoundNote {
 };
 
 /// Throws kiroku::Error where it is there and is none.
-std::optional<FoundNote> read_note(const TileSource& source) {
-  const std::optional<Bytes> bytes =
-      source.read(std::string(kPublishedCheckpoint), archive::kMaximumNoteBytes);
+std::optional<FoundNote> read_note(const TileSource& source, std::string_view name = kPublishedCheckpoint) {
+  const std::optional<Bytes> bytes = source.read(std::string(name), archive::kMaximumNoteBytes);
   if (!bytes) return std::nullopt;
   FoundNote found{std::string(text_of(*bytes)), {}};
   const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(found.text, {}).text);
-  if (!checkpoint) throw Error("the file 'checkpoint' is no signed checkpoint");
+  if (!checkpoint) throw Error("the file '" + std::string(name) + "' is no signed checkpoint");
   if (checkpoint->size > kMostPublishedEntries)
     throw Error("the log has " + std::to_string(checkpoint->size) + " entries, and at most " +
                 std::to_string(kMostPublishedEntries) + " are read");
@@ -40,44 +46,72 @@ std::optional<FoundNote> read_note(const TileSource& source) {
   return found;
 }
 
-/// How a note is signed for one of the devices' logs.
+/// Who signed a note for the log of the same name.
 struct Signature {
-  bool holds = false;
-  /// By every key that the device had then. What lacks one accuses nobody: whoever has or can forge the
-  /// others can have made it.
-  bool by_all = false;
+  std::vector<std::size_t> holds;   // of the devices' keys, as the log was signed when it had that size
+  std::vector<std::size_t> by_all;  // of these, with every key that the device has beside it
 };
 
 Signature signature_of(const FoundNote& note, const std::vector<crypto::VerifierKey>& devices) {
-  Signature best;
-  for (const crypto::VerifierKey& device : devices) {
-    const std::uint64_t size = note.checkpoint.size;
-    if (note.checkpoint.origin != archive::log_origin(device.name())) continue;
-    const crypto::OpenedNote opened = crypto::open_note(note.text, {device});
-    if (!crypto::is_signed_for_log(opened, device, size)) continue;
-    const bool lacks_hardware =
-        opened.failure == crypto::NoteFailure::kLacksHardware && size > device.hardware_since();
-    best.holds = true;
-    best.by_all = best.by_all || !lacks_hardware;
+  Signature signature;
+  for (std::size_t device = 0; device < devices.size(); ++device) {
+    if (note.checkpoint.origin != archive::log_origin(devices[device].name())) continue;
+    const crypto::OpenedNote opened = crypto::open_note(note.text, {devices[device]});
+    if (!crypto::is_signed_for_log(opened, devices[device], note.checkpoint.size)) continue;
+    signature.holds.push_back(device);
+    if (!opened.failure) signature.by_all.push_back(device);
   }
-  return best;
+  return signature;
 }
 
-crypto::MerkleFrontier tree_of(const Leaves& leaves) {
-  crypto::MerkleFrontier tree;
-  for (const crypto::Sha256Digest& leaf : leaves) tree.append(leaf);
-  return tree;
+bool share_one(const std::vector<std::size_t>& some, const std::vector<std::size_t>& others) {
+  return std::ranges::find_first_of(some, others) != some.end();
 }
+
+std::string name_of(std::string_view kind, const crypto::Checkpoint& checkpoint) {
+  constexpr std::size_t kDigits = 16;
+  return std::string(kind) + std::to_string(checkpoint.size) + "-" +
+         crypto::to_hex(checkpoint.root).substr(0, kDigits);
+}
+
+/// The roots of a tree at sizes that were asked for.
+class Roots {
+ public:
+  void ask(std::uint64_t size) {
+    if (size == 0)
+      roots_[0] = tree_.root();
+    else
+      roots_.try_emplace(size);
+  }
+  void append(const crypto::Sha256Digest& leaf) {
+    tree_.append(leaf);
+    if (const auto asked = roots_.find(tree_.size()); asked != roots_.end()) asked->second = tree_.root();
+  }
+  /// Nothing where the tree did not get so far.
+  [[nodiscard]] std::optional<crypto::Sha256Digest> at(std::uint64_t size) const {
+    const auto asked = roots_.find(size);
+    return asked == roots_.end() ? std::nullopt : asked->second;
+  }
+
+ private:
+  crypto::MerkleFrontier tree_;
+  std::map<std::uint64_t, std::optional<crypto::Sha256Digest>> roots_;
+};
 
 class Follower {
  public:
   Follower(const TileSource& source, archive::FileSystem& files, fs::path copy,
-           const std::vector<crypto::VerifierKey>& devices,
+           const std::vector<crypto::VerifierKey>& devices, KeepEvidence keep,
            const std::function<void(std::uint64_t)>& progress)
-      : source_(source), files_(files), copy_(std::move(copy)), devices_(devices), progress_(progress) {}
+      : source_(source),
+        files_(files),
+        copy_(std::move(copy)),
+        devices_(devices),
+        keep_evidence_(keep == KeepEvidence::kYes),
+        progress_(progress) {}
 
   Followed follow() {
-    take_turn();
+    prepare_folder();
     const std::unique_ptr<TileSource> own = tiles_in_folder(copy_);
     std::optional<FoundNote> kept;
     try {
@@ -85,10 +119,10 @@ class Follower {
     } catch (const Error& error) {
       return could_not_tell("the copy does not hold: " + std::string(error.what()));
     }
-    if (kept)
-      result_.kept = kept->checkpoint;
-    else
-      refuse_foreign_folder();
+    if (kept) result_.kept = kept->checkpoint;
+    if (!kept && files_.exists(copy_ / "tile") && !files_.exists(copy_ / kBeginningFile))
+      return could_not_tell("the copy does not hold: it has tiles, and its checkpoint was taken away");
+    find_what_was_kept(*own);
     return compare(*own, kept);
   }
 
@@ -99,12 +133,13 @@ class Follower {
     return result_;
   }
 
-  /// One process at a time: what it compares with must not change.
-  void take_turn() {
+  /// Made where it is not there; one process at a time: what it compares with must not change.
+  void prepare_folder() {
     if (!files_.exists(copy_)) {
       files_.make_folder(copy_);
       files_.sync_folder(fs::absolute(copy_).parent_path());
     }
+    refuse_foreign_folder();
     const fs::path lock = copy_ / kLockFile;
     if (!files_.exists(lock)) files_.create(lock);
     turn_ = files_.append_to(lock);
@@ -112,11 +147,24 @@ class Follower {
       throw UsageError("another process is at work in " + copy_.string() + ": wait until it has ended");
   }
 
-  /// What was begun and not finished has tiles alone.
   void refuse_foreign_folder() const {
+    if (files_.exists(copy_ / kPublishedCheckpoint)) return;
     for (const std::string& name : files_.names_in(copy_)) {
-      if (name != kLockFile && name != "tile")
+      if (name != kLockFile && name != kBeginningFile && name != "tile" && !name.starts_with(kUnplaced))
         throw UsageError(copy_.string() + " is not empty, and no published log: name another folder");
+    }
+  }
+
+  /// Other histories, and checkpoints that wait for the copy to have as many entries.
+  void find_what_was_kept(const TileSource& own) {
+    for (const std::string& name : files_.names_in(copy_)) {
+      if (name.starts_with(kForked)) result_.earlier_forks.push_back(copy_ / name);
+      if (!name.starts_with(kUnplaced)) continue;
+      try {
+        if (auto note = read_note(own, name)) unplaced_.emplace_back(name, std::move(*note));
+      } catch (const Error&) {
+        continue;  // whoever can write there can also take it away
+      }
     }
   }
 
@@ -129,53 +177,81 @@ class Follower {
     }
     if (!shown) return could_not_tell("no log is published there: the file 'checkpoint' is not there");
     const Signature signature = signature_of(*shown, devices_);
-    if (!signature.holds)
+    if (signature.holds.empty())
       return could_not_tell("its checkpoint, of \"" + shown->checkpoint.origin +
                             "\", is not signed for the log of the device that was named");
     result_.shown = shown->checkpoint;
+    result_.lacks_signature = signature.by_all.empty();
     const std::uint64_t old = kept ? kept->checkpoint.size : 0;
     const std::uint64_t size = shown->checkpoint.size;
     if (kept && kept->checkpoint.origin != shown->checkpoint.origin)
       return could_not_tell("the copy is of another log, \"" + kept->checkpoint.origin + "\"");
 
-    crypto::MerkleFrontier tree;
-    std::optional<crypto::Sha256Digest> root_at_shown;
+    Roots roots;
+    roots.ask(old);
+    roots.ask(size);
+    for (const auto& [name, note] : unplaced_) roots.ask(note.checkpoint.size);
     const auto take = [&](const crypto::Sha256Digest& leaf) {
-      tree.append(leaf);
-      if (tree.size() == size) root_at_shown = tree.root();
+      roots.append(leaf);
       tell_progress();
     };
-    if (size == 0) root_at_shown = tree.root();
     try {
       for_each_leaf(own, old, 0, old, take);
     } catch (const Error& error) {
       return could_not_tell("the copy does not hold: " + std::string(error.what()));
     }
-    if (kept && tree.root() != kept->checkpoint.root)
+    if (kept && roots.at(old) != kept->checkpoint.root)
       return could_not_tell("the copy does not hold: its tiles are not those of its checkpoint");
     Leaves more;
-    if (size > old) {
-      try {
-        for_each_leaf(source_, size, old, size, [&](const crypto::Sha256Digest& leaf) {
-          more.push_back(leaf);
-          take(leaf);
-        });
-      } catch (const Error& error) {
-        return could_not_tell(error.what());
-      }
+    try {
+      for_each_leaf(source_, size, std::min(old, size), size, [&](const crypto::Sha256Digest& leaf) {
+        more.push_back(leaf);
+        take(leaf);
+      });
+    } catch (const Error& error) {
+      return not_placed(*shown, error.what());
     }
-    if (root_at_shown == shown->checkpoint.root) {
-      if (size < old) {
-        result_.what = Following::kOlder;
-      } else {
-        // Of the same entries the copy's own checkpoint may have more signatures.
-        if (!kept || size > old) keep(own, *shown, old, more);
-        result_.what = !kept ? Following::kBegun : size == old ? Following::kSame : Following::kGoesOn;
-      }
+    if (roots.at(size) != shown->checkpoint.root) {
+      if (!kept) return could_not_tell("its tiles are not those of its checkpoint");
+      return judge_parting(own, *kept, *shown, signature);
+    }
+    if (size < old) {
+      result_.what = Following::kOlder;
       return result_;
     }
-    if (!kept) return could_not_tell("its tiles are not those of its checkpoint");
-    return judge_parting(own, *kept, *shown, signature);
+    // Of the same entries the copy's own checkpoint may have more signatures.
+    if (!kept || size > old) keep(own, *shown, old, more);
+    result_.what = !kept ? Following::kBegun : size == old ? Following::kSame : Following::kGoesOn;
+    return place_what_waited(roots, kept && size == old ? *kept : *shown);
+  }
+
+  /// A signed checkpoint of more entries than the copy has, whose tiles do not tell what it is of.
+  Followed not_placed(const FoundNote& shown, const std::string& why) {
+    const std::string name = name_of(kUnplaced, shown.checkpoint);
+    if (keep_evidence_ && unplaced_.size() < kMostUnplaced) {
+      files_.write_durably(copy_ / name, bytes_of(shown.text));
+      result_.evidence = copy_ / name;
+    }
+    return could_not_tell(why);
+  }
+
+  /// What was shown without its tiles, now that the copy has as many entries. `covering` is the copy's.
+  Followed place_what_waited(const Roots& roots, const FoundNote& covering) {
+    for (const auto& [name, note] : unplaced_) {
+      const auto root = roots.at(note.checkpoint.size);
+      if (!root) continue;
+      if (root != note.checkpoint.root) {
+        if (note.checkpoint.origin != covering.checkpoint.origin ||
+            !share_one(signature_of(note, devices_).by_all, signature_of(covering, devices_).by_all))
+          continue;
+        result_.what = Following::kTwoHistories;
+        result_.kept = covering.checkpoint;
+        result_.shown = note.checkpoint;
+        result_.evidence = keep_history(kForked, note, nullptr);
+      }
+      files_.remove(copy_ / name);
+    }
+    return result_;
   }
 
   /// The source's checkpoint is not of what the copy has, with or without what the source has behind it.
@@ -183,29 +259,38 @@ class Follower {
                          const Signature& signature) {
     const std::uint64_t size = shown.checkpoint.size, old = kept.checkpoint.size;
     Leaves all;
+    Roots roots;
+    roots.ask(old);
+    roots.ask(size);
     std::string misfit;
     try {
       for_each_leaf(source_, size, 0, size, [&](const crypto::Sha256Digest& leaf) {
         all.push_back(leaf);
+        roots.append(leaf);
         tell_progress();
       });
-      if (tree_of(all).root() != shown.checkpoint.root) misfit = "its tiles are not those of its checkpoint";
+      if (roots.at(size) != shown.checkpoint.root) misfit = "its tiles are not those of its checkpoint";
     } catch (const Error& error) {
       misfit = error.what();
     }
     // Of a longer one nothing follows without its tiles. That a shorter or equal one is no beginning of the
     // copy its root alone shows.
-    if (!misfit.empty() && size > old) return could_not_tell(misfit);
+    if (size > old && !misfit.empty()) return not_placed(shown, misfit);
+    // Whoever gives out a wrong tile once, and the right one then, has shown one history.
+    if (size > old && roots.at(old) == kept.checkpoint.root)
+      return could_not_tell("its tiles changed while they were read: ask once more");
     const Signature before = signature_of(kept, devices_);
-    if (!before.holds)
+    if (before.holds.empty())
       return could_not_tell(
           "they part, and the copy's own checkpoint is not signed by the device that was named");
-    result_.evidence = keep_evidence(shown, misfit.empty() ? &all : nullptr);
-    if (!signature.by_all || !before.by_all)
+    if (!share_one(signature.holds, before.holds))
+      return could_not_tell("they part, and the copy is signed by another key of the same name");
+    const bool accuses = share_one(signature.by_all, before.by_all);
+    result_.evidence = keep_history(accuses ? kForked : kDoubted, shown, misfit.empty() ? &all : nullptr);
+    if (!accuses)
       return could_not_tell(
-          "they part, and one of the two checkpoints lacks the signature by the key in the device's "
-          "hardware: "
-          "somebody who has its other keys can have made it");
+          "they part, and one of the two checkpoints lacks the signature by a key that the device has beside "
+          "Ed25519: somebody who has its other keys can have made it");
     if (misfit.empty()) {
       std::uint64_t at = 0;
       bool is_same = true;
@@ -221,6 +306,7 @@ class Follower {
 
   /// Tiles first: the checkpoint counts only with them.
   void keep(const TileSource& own, const FoundNote& shown, std::uint64_t old, const Leaves& more) {
+    if (!result_.kept) files_.write_durably(copy_ / kBeginningFile, {});
     if (!more.empty()) {
       TileWriter tiles(files_, copy_, old);
       for_each_leaf(own, old, 0, old, [&](const crypto::Sha256Digest& leaf) { tiles.append(leaf); });
@@ -228,13 +314,13 @@ class Follower {
       tiles.finish();
     }
     files_.write_durably(copy_ / kPublishedCheckpoint, bytes_of(shown.text));
+    if (files_.exists(copy_ / kBeginningFile)) files_.remove(copy_ / kBeginningFile);
   }
 
-  /// A published log of its own, so far as its tiles fit.
-  fs::path keep_evidence(const FoundNote& shown, const Leaves* leaves) {
-    constexpr std::size_t kDigits = 16;
-    const fs::path folder = copy_ / ("forked-" + std::to_string(shown.checkpoint.size) + "-" +
-                                     crypto::to_hex(shown.checkpoint.root).substr(0, kDigits));
+  /// A published log of its own, so far as its tiles fit. Empty where nothing is to be kept.
+  fs::path keep_history(std::string_view kind, const FoundNote& shown, const Leaves* leaves) {
+    if (!keep_evidence_) return {};
+    const fs::path folder = copy_ / name_of(kind, shown.checkpoint);
     if (!files_.exists(folder)) {
       files_.make_folder(folder);
       files_.sync_folder(copy_);
@@ -255,10 +341,12 @@ class Follower {
 
   const TileSource& source_;
   archive::FileSystem& files_;
-  fs::path copy_;
+  const fs::path copy_;
   const std::vector<crypto::VerifierKey>& devices_;
+  const bool keep_evidence_;
   const std::function<void(std::uint64_t)>& progress_;
   std::unique_ptr<archive::WritableFile> turn_;
+  std::vector<std::pair<std::string, FoundNote>> unplaced_;
   std::uint64_t looked_at_ = 0;
   Followed result_;
 };
@@ -284,9 +372,9 @@ std::string_view following_name(Following what) {
 }
 
 Followed follow_log(const TileSource& source, archive::FileSystem& files, const fs::path& copy,
-                    const std::vector<crypto::VerifierKey>& devices,
+                    const std::vector<crypto::VerifierKey>& devices, KeepEvidence keep,
                     const std::function<void(std::uint64_t)>& progress) {
-  return Follower(source, files, copy, devices, progress).follow();
+  return Follower(source, files, copy, devices, keep, progress).follow();
 }
 
 }  // namespace kiroku::witness

@@ -30,18 +30,28 @@ struct Followed {
   std::optional<crypto::Checkpoint> shown;  // what the source shows now, signed by the device
   /// Of kTwoHistories: so many entries are the same, from the first on; nothing where tiles do not tell.
   std::optional<std::uint64_t> common;
-  /// Of kTwoHistories: where in the copy the other history was put, with its signed checkpoint.
+  /// Where in the copy the other history was put, or its signed checkpoint alone; empty: nothing was.
   std::filesystem::path evidence;
   std::string why;  // kCouldNotTell, in half a sentence
+  /// Of what was shown: a key that the device has beside Ed25519 did not sign it. Against such a checkpoint
+  /// nothing that is shown later accuses anybody.
+  bool lacks_signature = false;
+  /// Folders of the copy with other histories that were shown here before. None of them goes away.
+  std::vector<std::filesystem::path> earlier_forks;
 };
+
+/// Whether a history that is not the copy's is kept in it.
+enum class KeepEvidence { kYes, kNo };
 
 /// Compares what `source` shows with the copy in `copy`, and brings the copy up to date where it goes on from
 /// there. The copy is a published log itself; its parent must be there. Of its checkpoint the signature is
-/// asked for only where it is to accuse somebody. `progress` is told how many leaf hashes were looked at.
+/// asked for only where it is to accuse somebody: then one key must have signed both, with every key that the
+/// device is known to have beside it. A signed checkpoint of more entries, whose tiles are not to be had, is
+/// kept, and compared once the copy has as many. `progress` is told how many leaf hashes were looked at.
 /// Throws kiroku::UsageError where the folder holds something else or another process is at work in it, and
 /// kiroku::IoError where it cannot be written. Whatever the source does is in the answer.
 Followed follow_log(const TileSource& source, archive::FileSystem& files, const std::filesystem::path& copy,
-                    const std::vector<crypto::VerifierKey>& devices,
+                    const std::vector<crypto::VerifierKey>& devices, KeepEvidence keep = KeepEvidence::kYes,
                     const std::function<void(std::uint64_t)>& progress = {});
 
 }  // namespace kiroku::witness

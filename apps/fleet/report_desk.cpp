@@ -216,7 +216,8 @@ struct ReportDesk::State {
   Response enter_round(const Request& request) {
     const fleet::CertificateFacts who = caller(request);
     StampDesk& desk = stamp_desk();
-    desk.count(who.appliance);
+    // Not by name: whoever holds a certificate that was revoked has its name, too.
+    desk.count(who.fingerprint);
     const fleet::StampRequest asked = fleet::parse_stamp_request(request.body);
     require_taken(
         reports.with([&](fleet::FleetReports& all) { return all.refusal(who.appliance, who.fingerprint); }),
@@ -230,7 +231,7 @@ struct ReportDesk::State {
   Response tell_of_round(const Request& request, const fleet::StampQuestion& question) {
     const fleet::CertificateFacts who = caller(request);
     StampDesk& desk = stamp_desk();
-    desk.count(who.appliance);
+    desk.count(who.fingerprint);
     StampDesk::Answer answer = desk.fetch(who.appliance, question);
     return written_answer(answer.status, std::move(answer.json));
   }

@@ -11,10 +11,11 @@
 namespace kiroku::apps {
 namespace {
 
-/// Of one appliance in a minute: sixteen for each of its rooms, which needs about three for each authority.
+/// By one certificate in a minute: sixteen for each room of its appliance, which needs about three for each
+/// authority.
 constexpr std::size_t kMostRequests = 16 * fleet::RoundLimits().of_appliance;
 constexpr std::chrono::minutes kRequestWindow{1};
-constexpr std::size_t kMostAppliances = 10'000;
+constexpr std::size_t kMostCertificates = 10'000;
 /// Of the way through a round's tree and what stands around it: 64 lists of two hashes are less.
 constexpr std::size_t kPathBytes = 6U << 10;
 
@@ -28,7 +29,8 @@ std::shared_ptr<timestamp::StampSource> over_http(const AuthorityConfiguration& 
 }  // namespace
 
 StampDesk::StampDesk(Options options)
-    : options_(std::move(options)), budget_(kMostRequests, kRequestWindow, kMostAppliances, *options_.clock) {
+    : options_(std::move(options)),
+      budget_(kMostRequests, kRequestWindow, kMostCertificates, *options_.clock) {
   for (const AuthorityConfiguration& authority : options_.authorities) {
     recorder::BackOffPolicy pauses;
     pauses.min_interval = authority.min_interval;
@@ -38,8 +40,9 @@ StampDesk::StampDesk(Options options)
                                  options_.reach ? options_.reach(authority) : over_http(authority), pauses},
         options_.trust, nullptr, *options_.clock);
     fleet::StampRounds::Options rounds;
-    rounds.stamp = [&contact = *its.contact](crypto::HashAlgorithm algorithm, ByteView imprint) {
-      return stamp(contact, algorithm, imprint);
+    rounds.stamp = [&contact = *its.contact, &clock = *options_.clock](crypto::HashAlgorithm algorithm,
+                                                                       ByteView imprint) {
+      return stamp(contact, clock, algorithm, imprint);
     };
     rounds.every = options_.round;
     rounds.clock = options_.clock;
@@ -51,8 +54,15 @@ StampDesk::StampDesk(Options options)
   }
 }
 
-Bytes StampDesk::stamp(recorder::AuthorityContact& contact, crypto::HashAlgorithm algorithm,
-                       ByteView imprint) {
+Bytes StampDesk::stamp(recorder::AuthorityContact& contact, const Clock& clock,
+                       crypto::HashAlgorithm algorithm, ByteView imprint) {
+  // A round that was open when the authority said so asks it no sooner. Without a failure, its limit is
+  // min_interval, which no round is shorter than.
+  const recorder::AuthorityStatus status = contact.status();
+  const Clock::Duration left = contact.limit() - clock.now();
+  if (status.failures > 0 && left.count() > 0)
+    throw Error("not asked, since it is to be left alone for another " + recorder::whole_seconds(left) +
+                ": " + status.last_error);
   const recorder::AuthorityAnswer answer = contact.ask_over(algorithm, imprint);
   if (!answer.valid()) throw Error(answer.cause);
   std::string ignored;
@@ -62,8 +72,8 @@ Bytes StampDesk::stamp(recorder::AuthorityContact& contact, crypto::HashAlgorith
   return token;
 }
 
-void StampDesk::count(const std::string& appliance) {
-  if (!budget_.take(appliance))
+void StampDesk::count(const std::string& fingerprint) {
+  if (!budget_.take(fingerprint))
     throw DeskRefusal{kTooMany, "more requests came from this appliance in a minute than all its rooms need"};
 }
 

@@ -36,8 +36,9 @@ class StampDesk {
   /// What `options` points to must outlive it.
   explicit StampDesk(Options options);
 
-  /// Counts a request of an appliance, whatever it asks. Throws DeskRefusal (429) for one too many.
-  void count(const std::string& appliance);
+  /// Counts a request of whoever has the certificate with this fingerprint, whatever is asked. Throws
+  /// DeskRefusal (429) for one too many.
+  void count(const std::string& fingerprint);
   /// POST /stamp and GET /stamp/AUTHORITY/TICKET: status and JSON. Throw DeskRefusal.
   struct Answer {
     int status;
@@ -52,8 +53,10 @@ class StampDesk {
     std::unique_ptr<fleet::StampRounds> rounds;  // uses the contact
   };
   [[nodiscard]] const Collected& of(const std::string& authority) const;
-  /// A token of the authority over this hash, judged. Throws kiroku::Error.
-  static Bytes stamp(recorder::AuthorityContact& contact, crypto::HashAlgorithm algorithm, ByteView imprint);
+  /// A token of the authority over this hash, judged. Throws kiroku::Error, also where the authority is to be
+  /// left alone.
+  static Bytes stamp(recorder::AuthorityContact& contact, const Clock& clock, crypto::HashAlgorithm algorithm,
+                     ByteView imprint);
 
   const Options options_;
   fleet::RequestBudget budget_;

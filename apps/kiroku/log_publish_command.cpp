@@ -1,7 +1,9 @@
 #include "apps/kiroku/log_publish_command.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,6 +40,12 @@ ordered_json as_json(const std::optional<crypto::Checkpoint>& checkpoint) {
       {"origin", checkpoint->origin}, {"size", checkpoint->size}, {"root", crypto::to_hex(checkpoint->root)}};
 }
 
+ordered_json as_json(const std::vector<fs::path>& folders) {
+  ordered_json names = ordered_json::array();
+  for (const fs::path& folder : folders) names.push_back(folder.string());
+  return names;
+}
+
 ordered_json as_json(const Followed& followed, const std::string& folder) {
   return {{"folder", folder},
           {"outcome", witness::following_name(followed.what)},
@@ -45,6 +53,8 @@ ordered_json as_json(const Followed& followed, const std::string& folder) {
           {"shown", as_json(followed.shown)},
           {"common_entries", or_null(followed.common)},
           {"evidence", or_null(followed.evidence.string())},
+          {"lacks_signature", followed.lacks_signature},
+          {"earlier_forks", as_json(followed.earlier_forks)},
           {"why", or_null(followed.why)}};
 }
 
@@ -111,7 +121,7 @@ int publish(const PublishRequest& request) {
   const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
   Progress progress("publishing");
   const Followed followed = follow_log(*witness::tiles_of(log), archive::real_file_system(), request.folder,
-                                       {home.device()}, shown_by(progress));
+                                       {home.device()}, witness::KeepEvidence::kNo, shown_by(progress));
   progress.clear();
   if (request.json) {
     print_json(as_json(followed, request.folder));
@@ -152,13 +162,33 @@ std::vector<std::string> followed_text(const Followed& followed, const std::stri
                                     " are the same. Behind that each goes its own way."
                               : std::string("Where they part its tiles do not tell."),
               "Nobody else than the holder of the device's key can have made both.",
-              "What was shown first: " + copy + ", " + entries(followed.kept),
-              "What is shown now: " + followed.evidence.string() + ", " + entries(followed.shown),
+              "The copy: " + copy + ", " + entries(followed.kept),
+              "The other one: " + followed.evidence.string() + ", " + entries(followed.shown),
               "Keep both."};
     case Following::kCouldNotTell:
       break;
   }
-  return {"COULD NOT TELL: " + followed.why + ".", "The copy stays as it was."};
+  return {"COULD NOT TELL: " + followed.why + ".",
+          followed.evidence.empty()
+              ? "Nothing was taken into the copy."
+              : "What was shown is kept beside the copy: " + followed.evidence.string()};
+}
+
+/// What stays true whatever is shown now.
+std::vector<std::string> remarks(const Followed& followed) {
+  std::vector<std::string> sentences;
+  for (const fs::path& fork : followed.earlier_forks) {
+    sentences.push_back("ANOTHER HISTORY was shown here before, signed by the same device: " + fork.string() +
+                        ". That does not go away.");
+  }
+  const bool is_taken = followed.what == Following::kBegun || followed.what == Following::kGoesOn;
+  if (is_taken && followed.lacks_signature) {
+    sentences.emplace_back(
+        "Its checkpoint lacks the signature by a key that the device has beside Ed25519: until a later one "
+        "has "
+        "it, a second history would accuse nobody.");
+  }
+  return sentences;
 }
 
 int follow(const FollowRequest& request) {
@@ -173,16 +203,17 @@ int follow(const FollowRequest& request) {
   const std::unique_ptr<witness::TileSource> source =
       is_address ? witness::tiles_over_http(request.source) : witness::tiles_in_folder(request.source);
   Progress progress("following");
-  const Followed followed =
-      follow_log(*source, archive::real_file_system(), request.copy, devices, shown_by(progress));
+  const Followed followed = follow_log(*source, archive::real_file_system(), request.copy, devices,
+                                       witness::KeepEvidence::kYes, shown_by(progress));
   progress.clear();
   if (request.json) {
     print_json(as_json(followed, request.copy));
   } else {
-    for (const std::string& sentence : followed_text(followed, request.copy))
-      std::cout << printable(sentence) << "\n";
+    std::vector<std::string> sentences = followed_text(followed, request.copy);
+    std::ranges::copy(remarks(followed), std::back_inserter(sentences));
+    for (const std::string& sentence : sentences) std::cout << printable(sentence) << "\n";
   }
-  return status_of(followed.what, kNoAnswer);
+  return followed.earlier_forks.empty() ? status_of(followed.what, kNoAnswer) : kAnswerIsNo;
 }
 
 }  // namespace
@@ -220,8 +251,8 @@ void add_log_follow_command(Command& log) {
       "and is shown the other.");
   command.explain(
       "Exit status: 0 one history; 1 two histories that one device signed: the other one is kept in the "
-      "copy; 2 wrong usage or unreadable; 3 nothing follows: an older state, tiles that are not there or do "
-      "not fit, a checkpoint of another device.");
+      "copy, and every later run says so; 2 wrong usage or unreadable; 3 nothing follows: an older state, "
+      "tiles that are not there or do not fit, a checkpoint of another device.");
   command.example("kiroku log follow https://www.hospital.example/or-3 or-3-log --device device.pub",
                   "once a day, by a timer, at another hospital");
   command.example("kiroku log follow from-the-court or-3-log --device device.pub",

@@ -1,13 +1,14 @@
 #include "archive/upkeep/stated_log.h"
 
 #include <algorithm>
-#include <map>
-#include <utility>
+#include <array>
+#include <span>
+#include <vector>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
-#include "archive/format/line_reader.h"
+#include "archive/format/limits.h"
 #include "archive/reading/case_reader.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
@@ -26,45 +27,80 @@ namespace fs = std::filesystem;
               why + "; 'kiroku log --verify' says more");
 }
 
+/// The archive in which a log lies, however its folder was named.
+fs::path archive_of(const fs::path& log_folder) {
+  fs::path log = fs::weakly_canonical(fs::absolute(log_folder));
+  if (!log.has_filename()) log = log.parent_path();  // named with a '/' at its end
+  return log.parent_path();
+}
+
+/// Throws kiroku::IoError where the archive cannot be listed: then nobody knows which cases there are.
+std::vector<std::string> cases_in(const fs::path& archive) {
+  if (!real_reading().exists(archive)) return {};
+  std::vector<std::string> names = real_reading().names_in(archive);
+  std::erase_if(names, [](const std::string& name) { return !is_case_id(name); });
+  return names;
+}
+
 /// Whether a case lies beside the log's place whose first line says that a log was there.
 bool has_case_with_log(const fs::path& archive) {
-  std::error_code ignored;
-  for (const fs::directory_entry& each : fs::directory_iterator(archive, ignored)) {
-    if (!is_case_id(each.path().filename().string())) continue;
+  return std::ranges::any_of(cases_in(archive), [&](const std::string& name) {
     try {
-      if (CaseReader::open(each.path()).opening().appliance_log_size > 0) return true;
+      return CaseReader::open(archive / name).opening().appliance_log_size > 0;
     } catch (const Error&) {
       return true;  // what cannot be read cannot say that there was none
     }
-  }
-  return false;
+  });
 }
 
-/// What the device's cases in the archive state of its log: of each size the root, and a case that says so.
-/// Whoever cuts the log back would have to take these cases away, too.
-std::map<std::uint64_t, std::pair<crypto::Sha256Digest, std::string>> stated_by_cases(
-    const fs::path& archive, const crypto::VerifierKey& device) {
-  std::map<std::uint64_t, std::pair<crypto::Sha256Digest, std::string>> stated;
-  std::error_code ignored;
-  for (const fs::directory_entry& each : fs::directory_iterator(archive, ignored)) {
-    const std::string name = each.path().filename().string();
-    if (!is_case_id(name)) continue;
+/// Without its line feed; nothing where there is no whole line. A ledger's first line has some hundred bytes,
+/// and an archive has thousands of ledgers.
+std::optional<std::string> first_line(const ReadableFile& file) {
+  std::string text;
+  std::array<char, 4096> part{};
+  while (text.size() <= kMaximumLineBytes) {
+    const std::size_t count = file.read_at(text.size(), std::as_writable_bytes(std::span(part)));
+    const std::size_t searched = text.size();
+    text.append(part.data(), count);
+    if (const std::size_t end = text.find('\n', searched); end != std::string::npos) {
+      text.resize(end);
+      return text;
+    }
+    if (count == 0) break;
+  }
+  return std::nullopt;
+}
+
+/// What a case says of the log that it was recorded beside.
+struct StatedByCase {
+  std::uint64_t size = 0;
+  crypto::Sha256Digest root{};
+  std::string case_id;
+};
+
+/// What the device's cases in the archive state of its log, by size. Whoever cuts the log back would have to
+/// take these cases away, too. Two that state one size may differ: then one of them was made up, and each
+/// counts.
+std::vector<StatedByCase> stated_by_cases(const fs::path& archive, const crypto::VerifierKey& device) {
+  std::vector<StatedByCase> stated;
+  for (const std::string& name : cases_in(archive)) {
     try {
       // What is no ledger of this device says nothing of its log; verification of the case tells more.
-      const FileOpening ledger = CaseFolder::open(each.path()).open_file(kLedgerFile);
-      if (!ledger.file) continue;
-      LineReader reader(*ledger.file);
-      LedgerLine line;
-      if (!reader.next(line) || line.torn || line.too_long) continue;
-      const EntryParse first = parse_case_entry(line.text);
+      const FileOpening ledger = CaseFolder::open(archive / name).open_file(kLedgerFile);
+      const std::optional<std::string> line = ledger.file ? first_line(*ledger.file) : std::nullopt;
+      if (!line) continue;
+      const EntryParse first = parse_case_entry(*line);
       const auto* const open = first.entry ? std::get_if<OpenEntry>(&first.entry->body) : nullptr;
       if (open == nullptr || open->case_id != name || crypto::VerifierKey::parse(open->device) != device)
         continue;
-      stated.try_emplace(open->appliance_log_size, open->appliance_log_root, name);
+      // Every log goes on from none.
+      if (open->appliance_log_size == 0) continue;
+      stated.push_back({open->appliance_log_size, open->appliance_log_root, name});
     } catch (const Error&) {
       continue;
     }
   }
+  std::ranges::sort(stated, {}, &StatedByCase::size);
   return stated;
 }
 
@@ -73,7 +109,7 @@ std::map<std::uint64_t, std::pair<crypto::Sha256Digest, std::string>> stated_by_
 void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
                  const std::optional<crypto::Checkpoint>& seen, const StatedQuestion& question) {
   if (std::error_code ignored; !fs::exists(log_folder / kLedgerFile, ignored)) {
-    if (has_case_with_log(log_folder.parent_path())) {
+    if (has_case_with_log(archive_of(log_folder))) {
       throw_unknown(question, log_folder,
                     "is not there, though cases are that were recorded beside it: put it back");
     }
@@ -81,7 +117,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
   }
   // Before the lines are read: another process may add lines and checkpoints, and open cases, meanwhile.
   const std::uint64_t newest = newest_note(log_folder);
-  const auto by_cases = stated_by_cases(log_folder.parent_path(), device);
+  const std::vector<StatedByCase> by_cases = stated_by_cases(archive_of(log_folder), device);
   auto next_by_case = by_cases.begin();
   std::optional<std::string> contradicted_by;
   crypto::MerkleFrontier tree;
@@ -95,10 +131,8 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     if (seen && tree.size() == seen->size) {
       root_at_seen = tree.root();
     }
-    for (; next_by_case != by_cases.end() && next_by_case->first <= tree.size(); ++next_by_case) {
-      const auto& [size, stated] = *next_by_case;
-      if (size == tree.size() && stated.first != tree.root() && !contradicted_by)
-        contradicted_by = stated.second;
+    for (; next_by_case != by_cases.end() && next_by_case->size <= tree.size(); ++next_by_case) {
+      if (next_by_case->root != tree.root() && !contradicted_by) contradicted_by = next_by_case->case_id;
     }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
     if (std::ranges::find(question.types, line.type) == question.types.end()) {
@@ -115,7 +149,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
                   "has " + std::to_string(tree.size()) + " entries where one was signed over " +
                       std::to_string(newest));
   }
-  if (next_by_case != by_cases.end()) contradicted_by = by_cases.rbegin()->second.second;
+  if (next_by_case != by_cases.end()) contradicted_by = by_cases.back().case_id;
   if (contradicted_by) {
     throw_unknown(question, log_folder,
                   "does not go on from the entries that it had when case " + *contradicted_by +

@@ -188,9 +188,9 @@ struct ReportClient::State {
       return "whoever answers at " + url +
              " is not the fleet that this appliance was enrolled with, or this appliance's clock is years "
              "off (" +
-             printable(why) + "): nothing was reported";
+             printable(why) + "): it was told nothing";
     }
-    return "cannot report to " + url + ": " + printable(why);
+    return "cannot reach " + url + ": " + printable(why);
   }
 };
 

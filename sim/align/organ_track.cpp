@@ -4,29 +4,19 @@
 #include <opencv2/imgproc.hpp>
 
 #include "base/error.h"
+#include "sim/align/search_verdict.h"
 #include "sim/align/surface_points.h"
 
 namespace kiroku::sim {
 namespace {
 
-// A place that is found anew must explain the picture well; one that is followed has its past to stand on.
-constexpr double kFoundMisfitPx = 3, kFoundSupported = 0.75, kFoundAgreement = 0.75, kFoundShare = 0.5,
-                 kFoundSeen = 0.5;
+// One that is followed has its past to stand on.
 constexpr double kHeldBorderPx = 1.7, kHeldSupported = 0.6, kHeldAgreement = 0.5, kHeldSeen = 0.3;
-// Another place is worse where its misfit is so much larger.
-constexpr double kRivalRatio = 1.25, kRivalPx = 0.25;
-
-bool explains(const OutlineFit& fit) {
-  return fit.misfit_px <= kFoundMisfitPx && fit.supported >= kFoundSupported &&
-         fit.agreement >= kFoundAgreement && fit.share_in_picture >= kFoundShare && fit.seen >= kFoundSeen;
-}
 
 bool is_outlined(const OutlineFit& fit) {
   return fit.supported >= kHeldSupported && fit.border_px <= kHeldBorderPx &&
          fit.agreement >= kHeldAgreement && fit.seen >= kHeldSeen;
 }
-
-bool rivals(double misfit_px, double best_px) { return misfit_px <= kRivalRatio * best_px + kRivalPx; }
 
 Picture mirrored(const Picture& picture) {
   Picture mirror(picture.width, picture.height);
@@ -128,7 +118,7 @@ class OrganTrack::Following {
 
   void learn(const Picture& picture, const OutlineFit& fit) {
     constexpr double kSure = 0.6, kShare = 0.1;
-    if (fit.supported < kSure || fit.seen < kFoundSeen) return;
+    if (fit.supported < kSure || fit.seen < kSeenOfOutline) return;
     const auto silhouette = silhouette_of(surface_, fit.camera, pinhole_, picture.width, picture.height, 2);
     if (!silhouette) return;
     const double ring_px =
@@ -184,7 +174,7 @@ class OrganTrack::Following {
       constexpr double kAwayM = 0.03;
       near.covariance_m2 += kAwayM * kAwayM * MotionCovariance::Identity();
       const auto fit = fit_outline(picture, cover_, surface_, pinhole_, near, &*colours_, {40, 12, 6});
-      if (fit && explains(*fit)) return found(picture, *fit, 0);
+      if (fit && explains(*fit) && is_borne_out(*fit)) return found(picture, *fit, 0);
     }
     if (pictures_lost_ <= searched_at_ + waits_) return lost(WhyLost::kNotLooked);
     searched_at_ = pictures_lost_;
@@ -194,24 +184,15 @@ class OrganTrack::Following {
   }
 
   AlignedMoment search(const Picture& picture) {
-    std::vector<OutlineFit> fits = search_.find(picture, cover_, pinhole_);
-    // Under cover, each outline fits.
-    std::erase_if(fits, [](const OutlineFit& fit) { return fit.seen < kFoundSeen; });
-    if (fits.empty()) return lost(WhyLost::kNoOrgan);
-    const OutlineFit& best = fits.front();
-    const double rival_px = fits.size() > 1 ? fits[1].misfit_px : 0;
-    const auto not_found = [&](WhyLost why, double other_px) {
-      AlignedMoment moment = lost(why, &best);
-      moment.rival_px = other_px;
-      return moment;
-    };
+    const std::vector<OutlineFit> fits = search_.find(picture, cover_, pinhole_);
+    // Then the mirror image is not searched: that takes as long again.
+    if (std::ranges::all_of(fits, is_covered)) return lost(WhyLost::kNoOrgan);
     const Picture mirror = mirrored(picture);
-    const std::vector<OutlineFit> mirrors = search_.find(mirror, cover_of(mirror), pinhole_);
-    if (!mirrors.empty() && explains(mirrors.front()) && rivals(mirrors.front().misfit_px, best.misfit_px))
-      return not_found(WhyLost::kMirrored, mirrors.front().misfit_px);
-    if (!explains(best)) return not_found(WhyLost::kNoOrgan, rival_px);
-    if (fits.size() > 1 && rivals(rival_px, best.misfit_px)) return not_found(WhyLost::kAlike, rival_px);
-    return found(picture, best, rival_px);
+    const SearchVerdict verdict = verdict_of(fits, search_.find(mirror, cover_of(mirror), pinhole_));
+    if (verdict.why == WhyLost::kNotLost) return found(picture, *verdict.best, verdict.rival_px);
+    AlignedMoment moment = lost(verdict.why, verdict.best ? &*verdict.best : nullptr);
+    moment.rival_px = verdict.rival_px;
+    return moment;
   }
 
   AlignedMoment found(const Picture& picture, const OutlineFit& fit, double rival_px) {

@@ -330,36 +330,36 @@ std::vector<std::string> PlanSession::end_motion() {
   return names;
 }
 
-bool PlanSession::undo() {
+std::optional<std::size_t> PlanSession::undo() {
   end_motion();
-  if (plan_.steps.empty()) return false;
+  if (plan_.steps.empty()) return {};
   if (!changed_.empty() && changed_.back().steps == plan_.steps.size()) {
     const Changed change = std::move(changed_.back());
     changed_.pop_back();
     PlanStep now = plan_.steps[change.number];
     replace(change.number, change.step);
     undone_.push_back({std::move(now), change.number});
-    return true;
+    return change.number;
   }
   undone_.push_back({take_last(), {}});
   go_back();
   given_ = std::min(given_, plan_.steps.size());
-  return true;
+  return plan_.steps.size();
 }
 
-bool PlanSession::redo() {
+std::optional<std::size_t> PlanSession::redo() {
   end_motion();
-  if (undone_.empty()) return false;
+  if (undone_.empty()) return {};
   Undone undone = std::move(undone_.back());
   undone_.pop_back();
   if (undone.instead_of) {
     const PlanStep before = plan_.steps[*undone.instead_of];
     replace(*undone.instead_of, std::move(undone.step));
     changed_.push_back({before, *undone.instead_of, plan_.steps.size()});
-  } else {
-    carry_out(std::move(undone.step));
+    return undone.instead_of;
   }
-  return true;
+  carry_out(std::move(undone.step));
+  return plan_.steps.size() - 1;
 }
 
 }  // namespace kiroku::sim

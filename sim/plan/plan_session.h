@@ -67,9 +67,10 @@ class PlanSession {
   /// A clip that was left at the organ: no deed takes it again.
   [[nodiscard]] bool used_up(std::size_t tool) const;
 
-  /// The last deed, a step or a change of one, which redo() does again. False where there is none.
-  bool undo();
-  bool redo();
+  /// The last deed, a step or a change of one, which redo() does again. The first step that was taken away or
+  /// carried out again; nothing where there is none.
+  std::optional<std::size_t> undo();
+  std::optional<std::size_t> redo();
   /// Another number whenever a step has come, gone or ended.
   [[nodiscard]] std::uint64_t revision() const { return revision_; }
   [[nodiscard]] bool can_undo() const { return !plan_.steps.empty(); }

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/ledger_entry.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/replica.h"
 #include "archive/upkeep/holds.h"
@@ -21,6 +22,7 @@
 #include "archive/writing/appliance_log.h"
 #include "base/descriptor.h"
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/report_text.h"
@@ -708,6 +710,60 @@ TEST_F(NextStart, ALogThatWasCutBackBeforeALaterCaseReleasesNothing) {
   for (int more = 0; more < 20; ++more) open_log()->access(case_id, "watched", "anna");
   EXPECT_THAT(read,
               ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
+  // Nor where a folder of somebody's, which is found first, states what fits, of the same size.
+  const std::string made_up = "20200101T000000Z-00000000";
+  fs::create_directory(archive_.folder() / made_up);
+  const std::string opening = lines(later).front();
+  const auto stated = std::get<archive::OpenEntry>(archive::parse_case_entry(opening).entry.value().body);
+  crypto::MerkleFrontier grown;
+  for (const std::string& line : lines(archive_.log_folder())) {
+    if (grown.size() < stated.appliance_log_size) grown.append(crypto::merkle_leaf_hash(bytes_of(line)));
+  }
+  std::string fitting = opening;
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    ASSERT_NE(fitting.find(from), std::string::npos) << from;
+    fitting.replace(fitting.find(from), from.size(), to);
+  };
+  replace(later.filename().string(), made_up);
+  replace(crypto::to_hex(stated.appliance_log_root), crypto::to_hex(grown.root()));
+  write_file(archive_.folder() / made_up / "ledger.jsonl", fitting + "\n");
+  EXPECT_THAT(read,
+              ThrowsMessage<Error>(HasSubstr("when case " + later.filename().string() + " was opened")));
+}
+
+// Whoever names the log's folder otherwise is told the same.
+TEST_F(NextStart, ALogThatWasCutBackIsToldHoweverItsFolderIsNamed) {
+  write_case();
+  const std::string case_id = folder_.filename().string();
+  const std::uint64_t before = lines(archive_.log_folder()).size();
+  open_log()->case_held(case_id, "a court order", "anna");
+  SampleCase::write(archive_);
+  cut_back(archive_.log_folder(), before);
+  const fs::path here = fs::current_path();
+  for (const fs::path& named : {fs::path("log"), fs::path("./log/"), archive_.log_folder() / ""}) {
+    fs::current_path(archive_.folder());
+    EXPECT_THAT([&] { archive::read_holds(named, archive_.device()); },
+                ThrowsMessage<Error>(HasSubstr("its end was removed")))
+        << named;
+    fs::current_path(here);
+  }
+}
+
+// A case that was recorded without a log, or beside one that was begun just then, accuses no log.
+TEST_F(NextStart, ACaseThatStatesNoEntryAccusesNoLog) {
+  write_case();
+  cut_back(archive_.log_folder(), 0);
+  for (const fs::directory_entry& each : fs::directory_iterator(archive_.folder())) {
+    const fs::path ledger = each.path() / "ledger.jsonl";
+    if (each.path() == archive_.log_folder() || !fs::exists(ledger)) continue;
+    std::string text = lines(each.path()).front();
+    const auto stated = std::get<archive::OpenEntry>(archive::parse_case_entry(text).entry.value().body);
+    const std::string size = "\"size\":" + std::to_string(stated.appliance_log_size);
+    ASSERT_NE(text.find(size), std::string::npos);
+    text.replace(text.find(size), size.size(), "\"size\":0");
+    write_file(ledger, text + "\n");
+  }
+  EXPECT_TRUE(archive::read_holds(archive_.log_folder(), archive_.device()).empty());
 }
 
 // Whoever chooses cases by their age reads ledgers that nobody verified: one that looks old for that moment.

@@ -9,7 +9,8 @@
 // Sequence after sequence is of another condition; after each six with truth one has nothing to be found. The
 // organ is rendered of many small cells, the plan's mesh has fewer. Ten pictures a second, 640x480. --clip: a
 // film of a real operation, whose pictures give organ and wall their texture in every second round of
-// conditions. Those with truth are told together, but for the lens.
+// conditions. Those with truth are told together, but for the lens. Drawing the plan's silhouettes, once a
+// sequence, is timed by itself.
 // --records keeps a line for each picture, from which --tell makes the tables of several runs together; time
 // is that of a processor, so that other work on the machine does not count.
 #include <algorithm>
@@ -125,7 +126,7 @@ std::string condition_of(std::uint32_t seed) {
   return place < kWithTruth.size() ? kWithTruth[place] : kWithout[round % kWithout.size()];
 }
 bool has_truth(const std::string& condition) {
-  return std::ranges::find(kWithout, condition) == kWithout.end();
+  return std::ranges::none_of(kWithout, [&](const char* each) { return condition.starts_with(each); });
 }
 
 Picture mirror_of(const Picture& picture) {
@@ -346,7 +347,8 @@ PointErrors follow_points(const OrganSurface& rendered_surface, const OrganSurfa
 
 /// A line of --records: what it is of, the condition, and numbers.
 struct Record {
-  std::string of, condition;  // of: picture, aligned, flow, csrt; the spaces of a condition are underlines
+  std::string of, condition;  // of: picture, bank, searched, seen, aligned, flow, csrt; a condition's spaces
+                              // are underlines
   double held = 0, error = 0, stated = 0, seconds = 0;
 };
 
@@ -423,25 +425,61 @@ void tell(const std::vector<Record>& records) {
   // A lens that draws the corners in is one that the alignment does not know.
   tell_pictures(
       "all", records,
-      [](const Record& record) { return has_truth(record.condition) && record.condition != kBarrel; },
+      [](const Record& record) {
+        return has_truth(record.condition) && !record.condition.starts_with(kBarrel);
+      },
       &figures);
+  const std::string barrel_of_film = std::string(kBarrel) + " " + kOfFilm;
+  tell_pictures(
+      barrel_of_film, records, [&](const Record& record) { return record.condition == barrel_of_film; },
+      &figures);
+  std::vector<std::string> without;
   for (const char* const condition : kWithout) {
-    double pictures = 0, placed = 0, seconds = 0;
+    without.emplace_back(condition);
+    without.push_back(without.back() + " " + kOfFilm);
+  }
+  for (const std::string& condition : without) {
+    double pictures = 0, placed = 0, seconds = 0, sequences = 0, searches = 0;
     for (const Record& record : records) {
-      if (record.of != "picture" || record.condition != condition) continue;
+      if (record.condition != condition) continue;
+      if (record.of == "searched") {
+        sequences += 1;
+        searches += record.held;
+      }
+      if (record.of != "picture") continue;
       pictures += 1;
       placed += record.held;
       seconds += record.seconds;
     }
     if (pictures == 0) continue;
-    std::printf("%-14s %5.0f pictures, %.0f placed all the same  %5.1f pictures a second of a processor\n",
-                condition, pictures, placed, pictures / seconds);
+    std::printf("%-18s %3.0f sequences, %5.0f pictures, %.0f searches, %.0f placed all the same  ",
+                condition.c_str(), sequences, pictures, searches, placed);
+    std::printf("%5.1f pictures a second of a processor\n", pictures / seconds);
     std::string id = condition;
     std::ranges::replace(id, ' ', '_');
+    nothing.add(id + "_sequences", sequences);
     nothing.add(id + "_pictures", pictures);
+    nothing.add(id + "_searches", searches);
     nothing.add(id + "_placed", placed);
     nothing.add(id + "_speed", pictures / seconds);
   }
+  double banks = 0, bank_seconds = 0, counted = 0, with_points = 0;
+  for (const Record& record : records) {
+    if (record.of == "bank") {
+      banks += 1;
+      bank_seconds += record.seconds;
+    }
+    if (record.of == "seen") {
+      with_points += 1;
+      counted += record.held > 0 ? 1 : 0;
+    }
+  }
+  if (banks > 0)
+    std::printf("silhouettes of a plan drawn in %.2f s of a processor, mean of %.0f\n", bank_seconds / banks,
+                banks);
+  // Where the organ was never held, there is no picture from which to follow points.
+  std::printf("points of %.0f of %.0f sequences, in the others the organ was never held\n", counted,
+              with_points);
   for (const char* const by : {"aligned", "flow", "csrt"}) {
     std::vector<double> px;
     double seen = 0;
@@ -493,9 +531,12 @@ void run(const Settings& settings) {
     std::optional<Picture> texture;
     if (!clip.empty() && round % 2 == 1) texture = clip[round / 2 % clip.size()];
     EndoscopeScene scene(fine, texture);
-    const std::string told_as = texture && has_truth(condition) && condition != kBarrel ? kOfFilm : condition;
+    std::string told_as = condition;
+    if (texture) told_as = has_truth(condition) && condition != kBarrel ? kOfFilm : condition + " " + kOfFilm;
     const Sequence sequence = rendered(scene, seed, condition, settings.pictures);
+    const double before = processor_seconds();
     OrganTrack track(condition == "another organ" ? other : plan, EndoscopeScene::kFieldDeg);
+    keep({"bank", told_as, 1, 0, 0, processor_seconds() - before});
     std::vector<AlignedMoment> moments;
     std::vector<Record> of_this;
     for (std::size_t i = 0; i < sequence.pictures.size(); ++i) {
@@ -522,6 +563,12 @@ void run(const Settings& settings) {
       }
       keep(record);
       of_this.push_back(record);
+    }
+    if (!has_truth(condition)) {
+      // Unless it is placed, nothing is followed in these: each picture that was looked at was searched.
+      const auto looked = std::ranges::count_if(
+          moments, [](const AlignedMoment& moment) { return moment.why != WhyLost::kNotLooked; });
+      keep({"searched", told_as, double(looked)});
     }
     if (has_truth(condition) && condition != kBarrel) {
       const PointErrors errors = follow_points(rendered_surface, surface, sequence, moments);

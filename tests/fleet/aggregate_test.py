@@ -25,6 +25,9 @@ sys.path.insert(0, str(HERE.parent / "foreign"))
 import stamp  # noqa: E402  (a second implementation of the format, which has an authority)
 
 
+TOO_MANY = "more requests came from this appliance in a minute than all its rooms need"
+
+
 class CountingAuthority:
     """An outside authority. Whoever asks has an address of their own, by which they are counted."""
 
@@ -135,7 +138,7 @@ def try_sharing(programs, authority, one, two):
     require_intact(programs, authority, one)
 
 
-def try_strangers(server, folder, one, two):
+def try_strangers(programs, configuration, server, folder, one, two):
     """By whoever has a certificate, or none; or-2 records meanwhile."""
     url = server.reports
     good = {"authority": "outside", "digest": "a" * 64, "nonce": "b" * 64}
@@ -158,15 +161,26 @@ def try_strangers(server, folder, one, two):
     require(told(two.identity(), None, f"/stamp/outside/{ticket}", "GET")[0] == 404, "or-2 hears of what or-1 gave")
     require(told(one.identity(), None, f"/stamp/outside/{'0' * 32}", "GET")[0] == 404, "a ticket of nobody is known")
     # It takes all that it may have, and more, on one connection; the other room's tokens are shared as before.
-    before, statuses = len(two.shared()), collections.Counter()
+    before, statuses, sentences = len(two.shared()), collections.Counter(), set()
     for number in range(1500):
         connection.request("POST", "/stamp", json.dumps({**good, "digest": f"{number:064x}"}), {"Content-Type": "application/json"})
         given = connection.getresponse()
-        given.read()
+        sentences.add(json.loads(given.read()).get("error", ""))
         statuses[given.status] += 1
     connection.close()
     require(statuses[429] > 0 and set(statuses) <= {202, 429}, f"whoever asks without end is answered with {statuses}")
+    require(TOO_MANY in sentences, f"no request is one too many in a minute: {sentences}")
     eventually(lambda: len(two.shared()) >= before + 2, "an appliance that asks without end keeps another one from its rounds")
+
+    # What was asked with a certificate that was replaced is not counted against its successor of the same name.
+    former = one.identity()
+    one.kiroku("fleet", "report", "--renew")
+    require(one.identity()["certificate"] != former["certificate"], "no other certificate was given")
+    require(told(one.identity(), good)[1] != TOO_MANY, "a certificate that was replaced takes its successor's requests away")
+    eventually(lambda: told(one.identity(), good)[0] == 202, "a new certificate is not let into a round")
+    subprocess.run([programs / "kiroku-fleet", "revoke", "or-1", "--config", configuration], check=True, capture_output=True)
+    status, sentence = told(one.identity(), good)
+    require(status == 403 and "revoked" in sentence, f"a revoked appliance is answered with {status} {sentence}")
 
 
 def try_falling_back(programs, authority, server, appliance):
@@ -200,7 +214,7 @@ def try_everything(programs, folder, connection):
         for appliance in appliances:
             enrol(programs, configuration, server, appliance)
         try_sharing(programs, authority, one, two)
-        try_strangers(server, folder, one, two)
+        try_strangers(programs, configuration, server, folder, one, two)
         try_falling_back(programs, authority, server, two)
     finally:
         server.kill()

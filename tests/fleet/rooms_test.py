@@ -247,7 +247,7 @@ def try_reporting(servers, appliance, psql):
     unheard = only(rows, "or-1", "or-1")
     require(not unheard["is_heard"] and unheard["concerns"] == ["not-heard"] and unheard["urgent"], f"an appliance that fell silent is {unheard}")
     refused = appliance.ask("fleet", "report")
-    require(refused.returncode == 2 and "cannot report to" in refused.stderr, f"without a server it says {refused.stderr}")
+    require(refused.returncode == 2 and "cannot reach" in refused.stderr, f"without a server it says {refused.stderr}")
     require(appliance.ask("status").returncode == 0, "the recorder minds that nobody takes its reports")
 
 

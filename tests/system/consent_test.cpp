@@ -210,7 +210,7 @@ TEST_F(ConsentTest, WithdrawnByALineThatNobodySignedErasesNothing) {
   EXPECT_EQ(state("give", {"treatment-record"}).status, 0);
   const std::size_t before = segments();
   forge_withdrawal();
-  EXPECT_REFUSED(export_for("treatment-record", "f.jsonl"), "was withdrawn");
+  EXPECT_REFUSED(export_for("treatment-record", "f.jsonl"), "nobody signed that entry in time");
   const ProcessResult nothing = kiroku({"erase", "--due"});
   EXPECT_EQ(nothing.status, 0) << nothing.err;
   EXPECT_THAT(nothing.out, HasSubstr("Nothing is due to be erased."));

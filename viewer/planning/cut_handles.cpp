@@ -1,10 +1,10 @@
 #include "viewer/planning/cut_handles.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -21,6 +21,9 @@ using sim::Vector3;
 /// the mesh can follow.
 constexpr double kApartInEdges = 1.5, kLeastLineInEdges = 0.25, kNearestInEdges = 0.25;
 constexpr std::size_t kMostDrawnHandles = 9;
+/// Places of a line are seen about an edge apart. Farther apart in the organ they lie on both sides of a
+/// fold.
+constexpr double kFarthestNeighboursInEdges = 3;
 /// A handle lies so deep in a cut at most, and so far behind what is seen, in mean edges of the surface.
 constexpr double kInsideInEdges = 1, kBehindInEdges = 1;
 
@@ -36,7 +39,14 @@ Vector3 weighted(const sim::Face& face, const Vector3& weights, const std::vecto
 }  // namespace
 
 SeenOrgan::SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera)
-    : mesh_(session.mesh()), camera_(camera), surface_(sim::faces_of(mesh_).surface) {
+    : SeenOrgan(session, camera, {}) {
+  own_surface_ = sim::faces_of(mesh_).surface;
+  surface_ = own_surface_;
+}
+
+SeenOrgan::SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera,
+                     std::span<const sim::Face> surface)
+    : mesh_(session.mesh()), camera_(camera), surface_(surface) {
   const Eigen::VectorXd& moved_m = session.frame().displacement_m;
   places_m_.reserve(mesh_.nodes.size());
   seen_m_.reserve(mesh_.nodes.size());
@@ -59,46 +69,68 @@ double SeenOrgan::before_m(const Vector3& there_m) const {
   return depth_m ? std::max(0.0, seen_m.z() - *depth_m) : 0;
 }
 
-Vector3 SeenOrgan::of_rest(const Vector3& rest_m) const {
-  Vector3 there_m = rest_m;
-  double least_m2 = std::numeric_limits<double>::infinity();
-  for (const sim::Face& face : surface_) {
-    const std::array<Vector3, 3> corners{mesh_.nodes[face.nodes[0]], mesh_.nodes[face.nodes[1]],
-                                         mesh_.nodes[face.nodes[2]]};
-    const Vector3 weights = sim::closest_weights(rest_m, corners);
-    const double distance_m2 = (weighted(face, weights, mesh_.nodes) - rest_m).squaredNorm();
-    if (distance_m2 >= least_m2) continue;
-    least_m2 = distance_m2;
-    there_m = weighted(face, weights, places_m_);
-  }
-  return there_m;
+Vector3 SeenOrgan::there_m(const sim::Face& face, const Vector3& weights) const {
+  return weighted(face, weights, places_m_);
 }
 
-std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Camera& camera) {
-  std::vector<ShownCut> cuts;
+void DrawnCuts::find_handles(const sim::PlanSession& session) {
+  cuts_.clear();
+  handles_.clear();
   const std::vector<sim::PlanStep>& steps = session.plan().steps;
-  std::optional<SeenOrgan> organ;
-  const double edge_m = sim::mean_surface_edge_m(session.plan().body.mesh);
+  const std::vector<Vector3>& nodes_m = session.mesh().nodes;
   for (std::size_t step = 0; step < steps.size(); ++step) {
     if (!steps[step].curve) continue;
-    if (!organ) organ.emplace(session, camera);
     const sim::CutCurve& curve = *steps[step].curve;
-    ShownCut& cut = cuts.emplace_back(ShownCut{step, curve.smooth, {}});
+    if (cuts_.empty()) surface_ = sim::faces_of(session.mesh()).surface;
+    ShownCut& cut = cuts_.emplace_back(ShownCut{step, curve.smooth, {}});
     for (std::size_t i = 0; i < curve.handles_m.size(); ++i) {
-      const Vector3 there_m = organ->of_rest(curve.handles_m[i]);
-      const Eigen::Vector2d at = sim::on_picture(camera, there_m);
-      cut.handles.push_back({at.x(), at.y(), curve.depth_m[curve.depth_m.size() == 1 ? 0 : i],
-                             organ->before_m(there_m) > kBehindInEdges * edge_m});
+      OnFace nearest{};
+      double least_m2 = std::numeric_limits<double>::infinity();
+      for (const sim::Face& face : surface_) {
+        const Vector3 weights = sim::closest_weights(
+            curve.handles_m[i], {nodes_m[face.nodes[0]], nodes_m[face.nodes[1]], nodes_m[face.nodes[2]]});
+        const double distance_m2 = (weighted(face, weights, nodes_m) - curve.handles_m[i]).squaredNorm();
+        if (distance_m2 >= least_m2) continue;
+        least_m2 = distance_m2;
+        nearest = {face, weights};
+      }
+      handles_.push_back(nearest);
+      cut.handles.push_back({0, 0, curve.depth_m[curve.depth_m.size() == 1 ? 0 : i], false});
     }
   }
-  return cuts;
 }
 
-sim::CutCurve curve_through(const std::vector<Vector3>& rest_m, double depth_m, const sim::TetMesh& mesh) {
-  std::vector<double> along_m{0};
-  for (std::size_t i = 1; i < rest_m.size(); ++i)
-    along_m.push_back(along_m.back() + (rest_m[i] - rest_m[i - 1]).norm());
+const std::vector<ShownCut>& DrawnCuts::shown(const sim::PlanSession& session, const sim::Camera& camera) {
+  const double now_s = session.frame().time_s;
+  const bool changed = revision_ != session.revision();
+  if (changed) find_handles(session);
+  revision_ = session.revision();
+  if (cuts_.empty() || (!changed && time_s_ == now_s)) return cuts_;
+  time_s_ = now_s;
+  const SeenOrgan organ(session, camera, surface_);
+  auto on_face = handles_.begin();
+  for (ShownCut& cut : cuts_) {
+    for (ShownHandle& handle : cut.handles) {
+      const Vector3 there_m = organ.there_m(on_face->face, on_face->weights);
+      ++on_face;
+      const Eigen::Vector2d at = sim::on_picture(camera, there_m);
+      handle.x = at.x();
+      handle.y = at.y();
+      handle.hidden = organ.before_m(there_m) > kBehindInEdges * edge_m_;
+    }
+  }
+  return cuts_;
+}
+
+std::optional<sim::CutCurve> curve_through(const std::vector<Vector3>& rest_m, double depth_m,
+                                           const sim::TetMesh& mesh) {
   const double edge_m = sim::mean_surface_edge_m(mesh);
+  std::vector<double> along_m{0};
+  for (std::size_t i = 1; i < rest_m.size(); ++i) {
+    const double apart_m = (rest_m[i] - rest_m[i - 1]).norm();
+    if (apart_m > kFarthestNeighboursInEdges * edge_m) return {};
+    along_m.push_back(along_m.back() + apart_m);
+  }
   if (along_m.back() < kLeastLineInEdges * edge_m)
     throw Error("the line is too short to be cut: draw it longer");
   const double wanted = std::round(along_m.back() / (kApartInEdges * edge_m)) + 1;
@@ -116,7 +148,10 @@ sim::CutCurve curve_through(const std::vector<Vector3>& rest_m, double depth_m, 
     const double part = (at_m - along_m[place]) / (along_m[place + 1] - along_m[place]);
     handles_m.emplace_back(rest_m[place] + part * (rest_m[place + 1] - rest_m[place]));
   }
-  return {sim::on_surface(mesh, handles_m), true, {depth_m}, {}};
+  std::vector<Vector3> on_surface_m = sim::on_surface(mesh, handles_m);
+  for (std::size_t i = 0; i < count; ++i)
+    if ((on_surface_m[i] - handles_m[i]).norm() > kInsideInEdges * edge_m) return {};
+  return sim::CutCurve{std::move(on_surface_m), true, {depth_m}, {}};
 }
 
 sim::CutCurve changed_curve(const sim::PlanSession& session, const sim::Camera& camera,

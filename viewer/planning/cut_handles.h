@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "sim/mesh/mesh_topology.h"
@@ -20,6 +21,10 @@ namespace kiroku::viewer {
 class SeenOrgan {
  public:
   SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera);
+  /// As above, with the surface of the session's mesh, which is known already and outlives this.
+  SeenOrgan(const sim::PlanSession& session, const sim::Camera& camera, std::span<const sim::Face> surface);
+  SeenOrgan(const SeenOrgan&) = delete;
+  SeenOrgan& operator=(const SeenOrgan&) = delete;
 
   struct Place {
     sim::Vector3 there_m;  // where it is
@@ -29,13 +34,14 @@ class SeenOrgan {
   [[nodiscard]] std::optional<Place> at(double x, double y) const;
   /// How far before `there_m` the picture's line meets the organ, m; 0 where it does not.
   [[nodiscard]] double before_m(const sim::Vector3& there_m) const;
-  /// Where the surface's point that is nearest to one of the rest shape lies.
-  [[nodiscard]] sim::Vector3 of_rest(const sim::Vector3& rest_m) const;
+  /// A point of a face, by weights of its corners.
+  [[nodiscard]] sim::Vector3 there_m(const sim::Face& face, const sim::Vector3& weights) const;
 
  private:
   const sim::TetMesh& mesh_;
   sim::Camera camera_;
-  std::vector<sim::Face> surface_;
+  std::vector<sim::Face> own_surface_;  // where none was given
+  std::span<const sim::Face> surface_;
   std::vector<sim::Vector3> places_m_, seen_m_;  // (|V|) as they lie, and in depth
 };
 
@@ -49,14 +55,39 @@ struct ShownCut {
   bool smooth = true;
   std::vector<ShownHandle> handles;
 };
-/// All cuts of the plan that were drawn along curves.
-std::vector<ShownCut> shown_cuts(const sim::PlanSession& session, const sim::Camera& camera);
+/// All cuts of the plan that were drawn along curves, for one picture after the other: what did not change
+/// since the picture before is not computed again. For one session.
+class DrawnCuts {
+ public:
+  /// The mean edge of the surface before any cut, m.
+  explicit DrawnCuts(double edge_m) : edge_m_(edge_m) {}
+  /// Valid until the next call.
+  const std::vector<ShownCut>& shown(const sim::PlanSession& session, const sim::Camera& camera);
+  /// The camera is another one.
+  void look_anew() { time_s_.reset(); }
+
+ private:
+  /// The point of the surface that is nearest to a handle in the rest shape.
+  struct OnFace {
+    sim::Face face;
+    sim::Vector3 weights;
+  };
+  void find_handles(const sim::PlanSession& session);
+
+  double edge_m_;
+  std::optional<std::uint64_t> revision_;  // of which the handles were found
+  std::optional<double> time_s_;           // at which they were shown
+  std::vector<sim::Face> surface_;
+  std::vector<OnFace> handles_;  // of all cuts, one after the other
+  std::vector<ShownCut> cuts_;
+};
 
 /// A curve through places of the rest shape that are met one after the other; its handles lie evenly along
-/// it, on the surface of the organ before any cut, about three edges of its mesh apart. kiroku::Error where
-/// the places are all in one.
-sim::CutCurve curve_through(const std::vector<sim::Vector3>& rest_m, double depth_m,
-                            const sim::TetMesh& mesh);
+/// it, on the surface of the organ before any cut, about one and a half edges of its mesh apart. Nothing
+/// where the places do not follow one surface: two neighbours lie more than three edges apart, or a handle
+/// more than one edge below the surface. kiroku::Error where the places are all in one.
+std::optional<sim::CutCurve> curve_through(const std::vector<sim::Vector3>& rest_m, double depth_m,
+                                           const sim::TetMesh& mesh);
 
 /// The cut's curve with its handle where the picture shows that place, and as deep as asked for.
 /// kiroku::Error, which counts handles from 1 as the page does, where the step has no such handle, and where

@@ -58,6 +58,8 @@ PlanningTable::PlanningTable(OpenedPlan opened, bool anew, const TableOptions& o
       pictures_(session_.plan(), opened_.volume, sim::find_transfer_function(options.transfer),
                 options.engine, scene_of(session_.plan(), options)),
       spacing_m_(opened_.volume->spacing_m / 2),
+      edge_m_(sim::mean_surface_edge_m(session_.plan().body.mesh)),
+      drawn_cuts_(edge_m_),
       remarked_(session_.plan().steps.size()) {
   look({});
 }
@@ -68,12 +70,12 @@ void PlanningTable::look(const ViewDeed& view) {
   camera_.centre = {-2 * view.pan_x * camera_.half_extent.x(), 2 * view.pan_y * camera_.half_extent.y()};
   pictures_.set_camera(camera_);
   pointers_.see_from(camera_);
+  drawn_cuts_.look_anew();
 }
 
 void PlanningTable::cut(const CutDeed& cut) {
   const auto& tools = session_.plan().tools;
   const auto scalpel = std::ranges::find(tools, sim::ToolKind::kScalpel, &sim::PlanTool::kind);
-  const double edge_m = sim::mean_surface_edge_m(session_.plan().body.mesh);
   // An edge of the mesh, where the organ is.
   const double depth_m = sim::in_depth_m(camera_, sim::view_of_plan(session_.plan()).centre_m).z();
   std::vector<Eigen::Vector2d> slopes;
@@ -81,7 +83,7 @@ void PlanningTable::cut(const CutDeed& cut) {
   for (const Eigen::Vector2d& at : cut.line) slopes.push_back(sim::slope_of(camera_, at.x(), at.y()));
   std::vector<Vector3> places_m, rest_m;
   std::vector<std::ptrdiff_t> met;
-  const std::vector<Eigen::Vector2d> even = evenly(slopes, edge_m / depth_m);
+  const std::vector<Eigen::Vector2d> even = evenly(slopes, edge_m_ / depth_m);
   const SeenOrgan organ(session_, camera_);
   for (const Eigen::Vector2d& slope : even) {
     const Eigen::Vector2d at = (slope - camera_.centre).cwiseQuotient(camera_.half_extent);
@@ -93,9 +95,11 @@ void PlanningTable::cut(const CutDeed& cut) {
   }
   if (met.empty()) throw Error("the line does not cross the organ: draw it over the organ");
   const auto tool = static_cast<std::size_t>(scalpel - tools.begin());
-  const bool on_it = met.front() == 0 && met.back() + 1 == static_cast<std::ptrdiff_t>(even.size());
-  if (on_it) return session_.cut(tool, curve_through(rest_m, cut.depth_m, session_.plan().body.mesh));
-  // Over the border the organ is divided, for which the surface has no place. Beside the organ the depth is
+  if (met.size() == even.size()) {
+    if (const auto curve = curve_through(rest_m, cut.depth_m, session_.plan().body.mesh))
+      return session_.cut(tool, *curve);
+  }
+  // Over a border the organ is divided, for which the surface has no place. Beside the organ the depth is
   // that of the nearest place which is on it.
   Vector3 towards_m = Vector3::Zero();
   for (std::size_t i = 0; i < even.size(); ++i) {
@@ -116,9 +120,8 @@ void PlanningTable::cut(const CutDeed& cut) {
   }
   session_.cut(tool, path);
   remarks_.emplace_back(
-      "the line goes over the organ's border: it is cut straight down and has no handles; draw it on the "
-      "organ "
-      "alone to change it afterwards");
+      "the line goes over the organ's border, a fold or an open cut: it is cut straight down and has no "
+      "handles; draw it on one surface alone to change it afterwards");
 }
 
 void PlanningTable::change(const HandleDeed& handle) {
@@ -150,10 +153,9 @@ void PlanningTable::apply(const Deed& deed) {
   } else if (const auto* release = std::get_if<ReleaseDeed>(&deed)) {
     session_.release(tool_named(release->tool));
   } else if (std::holds_alternative<UndoDeed>(deed)) {
-    session_.undo();
-    remarked_ = std::min(remarked_, session_.plan().steps.size());
-  } else {
-    session_.redo();
+    if (const auto step = session_.undo()) remarked_ = std::min(remarked_, *step);
+  } else if (const auto step = session_.redo()) {
+    remarked_ = std::min(remarked_, *step);
   }
 }
 

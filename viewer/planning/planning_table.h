@@ -44,7 +44,7 @@ class PlanningTable {
   /// Where a place is on the picture, as PlanPointer's x and y.
   [[nodiscard]] Eigen::Vector2d on_picture(const sim::Vector3& place_m) const;
   /// Cuts with their handles, as the picture of now has them.
-  [[nodiscard]] std::vector<ShownCut> cuts() const { return shown_cuts(session_, camera_); }
+  [[nodiscard]] const std::vector<ShownCut>& cuts() const { return drawn_cuts_.shown(session_, camera_); }
   /// Lets go of what moves, and writes down the plan as it is now.
   [[nodiscard]] nlohmann::ordered_json document(const std::string& name);
 
@@ -61,6 +61,8 @@ class PlanningTable {
   sim::Camera camera_;
   sim::PlanPictures pictures_;
   double spacing_m_;
+  double edge_m_;                     // mean, of the surface before any cut
+  mutable DrawnCuts drawn_cuts_;      // remembers what it found for the picture before
   std::size_t remarked_ = 0;          // steps whose remarks were told
   std::vector<std::string> remarks_;  // that come of no step
 };

@@ -1,6 +1,7 @@
 // Checkpoints that an aggregator has stamped together with others, and one that is away, late, or lies.
 #include <algorithm>
 #include <atomic>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -98,11 +99,15 @@ class SharedStampingTest : public testing::Test {
   static archive::StoredCheckpoint checkpoint(std::uint64_t size) {
     return {size, {}, "note of " + std::to_string(size) + " entries\n", {}};
   }
-  std::unique_ptr<Stamper> stamper() {
-    NamedAuthority swiss{"swiss", source_, {}};
+  std::unique_ptr<Stamper> stamper(BackOffPolicy pauses = {}, StampingQueue* queue = nullptr) {
+    NamedAuthority swiss{"swiss", source_, pauses};
     swiss.shared = aggregator_;
     return std::make_unique<Stamper>(std::vector{std::move(swiss)},
-                                     Stamper::Context{&trust_, nullptr, "case", {}, &clock_}, facts_);
+                                     Stamper::Context{&trust_, queue, "case", {}, &clock_}, facts_);
+  }
+  void expect_no_other_answer() {
+    EXPECT_TRUE(waiting_.empty());
+    EXPECT_TRUE(facts_.take(0ms).empty());
   }
   AuthorityAnswer answer() {
     for (int i = 0; i < 500 && waiting_.empty(); ++i) {
@@ -204,14 +209,85 @@ TEST_F(SharedStampingTest, NobodyWaitsForARoundAtTheEndOfACase) {
   stamper->stamp(checkpoint(1));
   clock_.await_waiting(1);
   stamper->stamp_closing(checkpoint(2));
-  for (const std::uint64_t size : {1U, 2U}) {
-    const AuthorityAnswer own = answer();
-    EXPECT_TRUE(own.valid()) << own.cause;
-    EXPECT_EQ(own.checkpoint.size, size);
-    EXPECT_TRUE(own.hurried);
-    EXPECT_EQ(own.not_shared, "") << "this is no failure";
-  }
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid()) << own.cause;
+  EXPECT_EQ(own.checkpoint.size, 2U) << "it covers the one that waited for a round";
+  EXPECT_TRUE(own.hurried);
+  EXPECT_EQ(own.not_shared, "") << "this is no failure";
   EXPECT_EQ(stamper->outstanding(), 0U);
+  expect_no_other_answer();
+}
+
+TEST_F(SharedStampingTest, AnAuthoritysIntervalDoesNotCostTheEndOfACaseItsToken) {
+  BackOffPolicy pauses;
+  pauses.min_interval = 75s;
+  const auto stamper = this->stamper(pauses);
+  stamper->stamp(checkpoint(1));
+  EXPECT_TRUE(answer_of_round().valid());
+  stamper->stamp(checkpoint(2));  // no request went to the authority: the interval has not begun
+  clock_.await_waiting(1);
+  stamper->stamp_closing(checkpoint(3));
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid()) << own.cause;
+  EXPECT_EQ(own.checkpoint.size, 3U);
+  EXPECT_EQ(source_->requests, 1);
+  EXPECT_EQ(stamper->outstanding(), 0U);
+  expect_no_other_answer();
+}
+
+TEST_F(SharedStampingTest, WhatAnotherRoomLearntDuringTheWaitIsHeeded) {
+  const auto queue = StampingQueue::open(folder_ / "stamping.db");
+  const auto stamper = this->stamper({}, queue.get());
+  aggregator_->conduct = Conduct::kLoses;
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  source_->up = false;
+  source_->leave_alone_for_s = 3600;
+  AuthorityContact other_room(NamedAuthority{"swiss", source_}, &trust_, queue.get(), clock_);
+  EXPECT_FALSE(other_room.ask(checkpoint(9)).valid());
+  clock_.move(30s);
+  while (stamper->outstanding() > 0) std::this_thread::yield();
+  EXPECT_EQ(stamper->status()[0].not_shared, "there is no such ticket");
+  EXPECT_EQ(source_->requests, 1) << "the other room's";
+}
+
+TEST_F(SharedStampingTest, ASharedTokenLeavesWhatAnotherRoomLearntOfTheAuthority) {
+  const auto queue = StampingQueue::open(folder_ / "stamping.db");
+  const auto stamper = this->stamper({}, queue.get());
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  source_->up = false;
+  source_->leave_alone_for_s = 3600;
+  AuthorityContact other_room(NamedAuthority{"swiss", source_}, &trust_, queue.get(), clock_);
+  EXPECT_FALSE(other_room.ask(checkpoint(9)).valid());
+  clock_.move(30s);
+  EXPECT_TRUE(answer().valid());
+  EXPECT_THAT(other_room.limit() - clock_.now(), Ge(3500s));
+}
+
+TEST_F(SharedStampingTest, AnAuthorityThatIsLeftAloneKeepsNobodyFromARound) {
+  const auto stamper = this->stamper();
+  aggregator_->conduct = Conduct::kAway;
+  source_->up = false;
+  source_->leave_alone_for_s = 3600;
+  stamper->stamp(checkpoint(1));
+  EXPECT_FALSE(answer().valid());
+  aggregator_->conduct = Conduct::kGood;
+  while (stamper->outstanding() > 0) std::this_thread::yield();
+  clock_.await_waiting(1);
+  clock_.move(38s);  // the aggregator's first pause and a quarter more
+  while (aggregator_->entered < 2) std::this_thread::yield();
+  const AuthorityAnswer shared = answer_of_round();
+  EXPECT_TRUE(shared.valid()) << shared.cause;
+  EXPECT_EQ(shared.path, "shared, by the aggregator");
+  EXPECT_EQ(stamper->status()[0].failures, 0U) << "tokens come";
+  EXPECT_EQ(source_->requests, 1);
+  // The authority itself is left alone as before, and the end of the case says why it has no token.
+  stamper->stamp_closing(checkpoint(2));
+  const AuthorityAnswer none = answer();
+  EXPECT_EQ(none.cause, "not asked, since it is to be left alone: the authority is not there");
+  EXPECT_GT(none.pause, 3000s);
+  EXPECT_EQ(source_->requests, 1);
 }
 
 TEST_F(SharedStampingTest, TheSameCheckpointAtTheEndEndsTheWaitToo) {
@@ -227,6 +303,7 @@ TEST_F(SharedStampingTest, WhoEndsTheStamperDoesNotWaitForARound) {
   stamper->stamp(checkpoint(1));
   clock_.await_waiting(1);
   stamper.reset();
+  EXPECT_EQ(source_->requests, 0) << "nobody would read the answer";
 }
 
 TEST_F(SharedStampingTest, WhereBothAreAwayBothAreTold) {

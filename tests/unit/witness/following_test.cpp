@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -160,7 +162,10 @@ TEST_F(FollowingTest, ASecondHistoryIsToldWhereItPartsAndKept) {
     EXPECT_EQ(evidence.what, Following::kBegun) << evidence.why;
     EXPECT_EQ(evidence.shown->root, followed.shown->root);
   }
-  EXPECT_EQ(follow(log, 301).what, Following::kGoesOn);
+  // It does not go away by what is shown later.
+  const Followed later = follow(log, 301);
+  EXPECT_EQ(later.what, Following::kGoesOn);
+  EXPECT_EQ(later.earlier_forks.size(), std::size(cases));
 }
 
 TEST_F(FollowingTest, OfACheckpointAloneASecondHistoryOfTheSameLengthIsTold) {
@@ -181,6 +186,77 @@ TEST_F(FollowingTest, WithoutItsTilesALongerOneTellsNothing) {
   EXPECT_EQ(followed.what, Following::kCouldNotTell);
   EXPECT_THAT(followed.why, HasSubstr("the tile tile/0/001 is not there"));
   EXPECT_EQ(follow(log, 301).what, Following::kGoesOn);
+  // Its checkpoint was signed, and is compared once there is something to compare with.
+  EXPECT_EQ(follow(log, 599).what, Following::kGoesOn);
+  const Followed later = follow(log, 601);
+  EXPECT_EQ(later.what, Following::kTwoHistories);
+  EXPECT_EQ(later.shown->size, 600U);
+  EXPECT_EQ(later.kept->size, 601U);
+  EXPECT_EQ(text_in(later.evidence / "checkpoint"), text_in(other / "checkpoint"));
+  EXPECT_EQ(follow(log, 602).earlier_forks, std::vector<fs::path>{later.evidence});
+}
+
+TEST_F(FollowingTest, OfCheckpointsWithoutTilesSomeAreKeptAndNoMore) {
+  follow(log, 300);
+  for (std::uint64_t size = 400; size < 430; ++size) {
+    const fs::path other = published(PublishedLog(key, 10), size);
+    fs::remove_all(other / "tile");
+    EXPECT_EQ(follow_folder(other).what, Following::kCouldNotTell);
+  }
+  const auto names = archive::real_file_system().names_in(copy);
+  EXPECT_EQ(
+      std::ranges::count_if(names, [](const std::string& name) { return name.starts_with("unplaced-"); }),
+      16);
+}
+
+/// Gives out one wrong tile, once.
+class WrongOnce final : public TileSource {
+ public:
+  explicit WrongOnce(const TileSource& source) : source_(source) {}
+  [[nodiscard]] std::optional<Bytes> read(const std::string& path, std::size_t most) const override {
+    std::optional<Bytes> bytes = source_.read(path, most);
+    if (bytes && path.starts_with("tile/0/002") && !std::exchange(was_wrong_, true))
+      bytes->back() ^= std::byte{1};
+    return bytes;
+  }
+
+ private:
+  const TileSource& source_;
+  mutable bool was_wrong_ = false;
+};
+
+TEST_F(FollowingTest, ATileThatIsWrongOnceAccusesNobody) {
+  follow(log, 300);
+  const LogToShow shown = log.at(600);
+  const auto tiles = tiles_of(shown);
+  const WrongOnce source(*tiles);
+  const Followed followed = follow(source);
+  EXPECT_EQ(followed.what, Following::kCouldNotTell);
+  EXPECT_THAT(followed.why, HasSubstr("its tiles changed while they were read"));
+  const Followed later = follow(source);
+  EXPECT_EQ(later.what, Following::kGoesOn);
+  EXPECT_TRUE(later.earlier_forks.empty());
+}
+
+TEST_F(FollowingTest, ANewKeyOfTheSameNameAccusesNobody) {
+  const crypto::SigningKey new_key = crypto::SigningKey::generate();
+  const std::vector<crypto::VerifierKey> both = {device, {"or-1", new_key.public_key()}};
+  follow(log, 300);
+  const LogToShow shown = PublishedLog(new_key, 0).at(400);
+  const Followed followed = follow_log(*tiles_of(shown), archive::real_file_system(), copy, both);
+  EXPECT_EQ(followed.what, Following::kCouldNotTell);
+  EXPECT_THAT(followed.why, HasSubstr("by another key of the same name"));
+}
+
+TEST_F(FollowingTest, WhoeverPublishesKeepsNoOtherHistoryThere) {
+  follow(log, 300);
+  const LogToShow other = PublishedLog(key, 10).at(400);
+  const Followed followed =
+      follow_log(*tiles_of(other), archive::real_file_system(), copy, {device}, KeepEvidence::kNo);
+  EXPECT_EQ(followed.what, Following::kTwoHistories);
+  EXPECT_TRUE(followed.evidence.empty());
+  for (const std::string& name : archive::real_file_system().names_in(copy))
+    EXPECT_FALSE(name.starts_with("forked-")) << name;
 }
 
 TEST_F(FollowingTest, ChangedTilesAccuseNobody) {
@@ -192,7 +268,9 @@ TEST_F(FollowingTest, ChangedTilesAccuseNobody) {
   const Followed followed = follow_folder(source);
   EXPECT_EQ(followed.what, Following::kCouldNotTell);
   EXPECT_THAT(followed.why, HasSubstr("its tiles are not those of its checkpoint"));
+  EXPECT_TRUE(fs::exists(followed.evidence));
   EXPECT_EQ(follow(log, 600).what, Following::kGoesOn);
+  EXPECT_FALSE(fs::exists(followed.evidence)) << "it is of the same history";
 }
 
 TEST_F(FollowingTest, TilesOfAnotherLengthAreNone) {
@@ -246,13 +324,21 @@ TEST_F(FollowingTest, WhereHardwareWasSilentNobodyIsAccused) {
   hardware->fall_silent();
   const Followed followed = follow_it(PublishedLog(both, 10), 300);
   EXPECT_EQ(followed.what, Following::kCouldNotTell);
-  EXPECT_THAT(followed.why, HasSubstr("lacks the signature by the key in the device's hardware"));
+  EXPECT_THAT(followed.why, HasSubstr("lacks the signature by a key that the device has beside Ed25519"));
   EXPECT_TRUE(fs::exists(followed.evidence / "checkpoint"));
-  EXPECT_EQ(follow_it(PublishedLog(both), 301).what, Following::kGoesOn) << "the log goes on without it";
+  const Followed without = follow_it(PublishedLog(both), 301);
+  EXPECT_EQ(without.what, Following::kGoesOn) << "the log goes on without it";
+  EXPECT_TRUE(without.lacks_signature);
   hardware->fall_silent(false);
   EXPECT_EQ(follow_it(PublishedLog(both, 10), 302).what, Following::kCouldNotTell)
       << "the copy's own checkpoint lacks it now";
   EXPECT_EQ(follow_it(PublishedLog(both), 302).what, Following::kGoesOn);
+  // Whoever copied the other key can sign what claims to be from before the hardware.
+  const std::vector<crypto::VerifierKey> since_200 = {
+      device.with_hardware(*crypto::verifier_key_of("or-1", both).hardware(), 200)};
+  const LogToShow from_before = PublishedLog(key, 10).at(100);
+  EXPECT_EQ(follow_log(*tiles_of(from_before), archive::real_file_system(), copy, since_200).what,
+            Following::kCouldNotTell);
   EXPECT_EQ(follow_it(PublishedLog(both, 10), 303).what, Following::kTwoHistories);
 }
 
@@ -269,6 +355,13 @@ TEST_F(FollowingTest, ACopyThatWasChangedAccusesNobody) {
   EXPECT_THAT(follow(log, 400).why, HasSubstr("the copy does not hold: the tile tile/0/000 is not there"));
   put(copy / "checkpoint", "nothing");
   EXPECT_THAT(follow(log, 400).why, HasSubstr("the copy does not hold: the file 'checkpoint' is no signed"));
+
+  // Else whatever is shown then would be where everything begins.
+  const fs::path other = published(log, 300);
+  fs::remove(other / "checkpoint");
+  const LogToShow shown = PublishedLog(key, 10).at(300);
+  EXPECT_THAT(follow_log(*tiles_of(shown), archive::real_file_system(), other, {device}).why,
+              HasSubstr("its checkpoint was taken away"));
 }
 
 TEST_F(FollowingTest, ACopyWhoseCheckpointSomebodyElseSignedAccusesNobody) {
@@ -336,8 +429,7 @@ TEST_F(FollowingTest, AFolderWithOtherThingsIsRefused) {
   fs::create_directory(copy);
   put(copy / "diary.txt", "mine");
   EXPECT_THROW(follow(log, 300), UsageError);
-  EXPECT_EQ(text_in(copy / "diary.txt"), "mine");
-  EXPECT_FALSE(fs::exists(copy / "tile"));
+  EXPECT_EQ(archive::real_file_system().names_in(copy), std::vector<std::string>{"diary.txt"});
 }
 
 TEST_F(FollowingTest, TwoAtOnceInOneCopyAreRefused) {

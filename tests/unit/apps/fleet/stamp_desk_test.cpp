@@ -1,6 +1,8 @@
 // What appliances hear of rounds, whatever the authority does.
 #include "apps/fleet/stamp_desk.h"
 
+#include <thread>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -99,6 +101,25 @@ TEST_F(StampDeskTest, AnAuthorityThatFailedIsNotWaitedForAgain) {
   EXPECT_EQ(source_->requests, 2);
 }
 
+TEST_F(StampDeskTest, ARoundThatIsOpenWhenAnAuthorityWantsToBeLeftAloneDoesNotAskIt) {
+  const auto desk = this->desk();
+  source_->up = false;
+  source_->leave_alone_for_s = 3600;
+  source_->held = true;
+  enter(*desk, "or-1", "note");
+  clock_.await_waiting(1);
+  clock_.move(60s);
+  while (source_->requests < 1) std::this_thread::yield();
+  // It is asked for the first round meanwhile, and has not failed yet.
+  const std::string ticket = enter(*desk, "or-2", "note");
+  source_->release();
+  end_round();
+  const DeskRefusal failed = refusal_of([&] { static_cast<void>(desk->fetch("or-2", {"swiss", ticket})); });
+  EXPECT_EQ(failed.status, 502);
+  EXPECT_THAT(failed.why, HasSubstr("not asked, since it is to be left alone for another 3540 s"));
+  EXPECT_EQ(source_->requests, 1);
+}
+
 TEST_F(StampDeskTest, HandsOutNothingThatItDoesNotTrust) {
   trust_ = timestamp::TrustStore();
   const auto desk = this->desk();
@@ -120,9 +141,9 @@ TEST_F(StampDeskTest, AnApplianceThatAsksWithoutEndIsRefusedAndNoOtherIs) {
   const auto desk = this->desk();
   for (int i = 0; i < 64; ++i) enter(*desk, "hog", std::to_string(i));
   EXPECT_EQ(refusal_of([&] { enter(*desk, "hog", "more"); }).status, 429);
-  for (int i = 0; i < 1024; ++i) desk->count("hog");
-  EXPECT_EQ(refusal_of([&] { desk->count("hog"); }).status, 429);
-  desk->count("or-1");
+  for (int i = 0; i < 1024; ++i) desk->count("fingerprint of hog");
+  EXPECT_EQ(refusal_of([&] { desk->count("fingerprint of hog"); }).status, 429);
+  desk->count("fingerprint of or-1");
   enter(*desk, "or-1", "note");
 }
 

@@ -72,18 +72,20 @@ TEST(BoundedSigner, ItsAnswerIsNeverThatToAnEarlierRequest) {
 
 TEST(BoundedSigner, EndsWhileItsHardwareHangs) {
   const auto key = std::make_shared<test::SoftwareHardwareKey>();
-  const auto back = std::make_shared<std::latch>(1);
+  const auto asked = std::make_shared<std::latch>(1), back = std::make_shared<std::latch>(1);
   const auto ended = std::make_shared<std::promise<void>>();
   {
     const BoundedSigner signer(
         key->public_key(),
-        [key, back, ended](ByteView /*message*/) {
+        [key, asked, back, ended](ByteView /*message*/) {
+          asked->count_down();
           back->wait();
           ended->set_value();
           return Bytes();
         },
         std::chrono::milliseconds(1));
     EXPECT_NE(signer.sign(kMessage).why, "");
+    asked->wait();  // the time may be over before the hardware was asked at all
   }
   back->count_down();
   ended->get_future().wait();

@@ -130,19 +130,34 @@ TEST_F(OrganTrackTest, FindsNothingInAPictureWithoutTheOrgan) {
   EXPECT_EQ(track.take(1, scene_.picture(empty)).why, WhyLost::kNotLooked);
 }
 
-TEST_F(OrganTrackTest, RefusesAMirroredPictureAndThePlanOfAnotherOrgan) {
-  const Picture picture = scene_.picture(look(8));
+Picture mirror_of(const Picture& picture) {
   Picture mirror(picture.width, picture.height);
   for (int y = 0; y < picture.height; ++y) {
     for (int x = 0; x < picture.width; ++x)
       std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirror.pixel(x, y));
   }
+  return mirror;
+}
+
+TEST_F(OrganTrackTest, RefusesAMirroredPictureAndThePlanOfAnotherOrgan) {
+  const Picture picture = scene_.picture(look(8));
   OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
-  const AlignedMoment mirrored = track.take(0, mirror);
+  const AlignedMoment mirrored = track.take(0, mirror_of(picture));
   EXPECT_EQ(mirrored.why, WhyLost::kMirrored) << name_of(mirrored.why);
   EXPECT_GT(mirrored.misfit_px, mirrored.rival_px) << "the mirror image fits better";
   OrganTrack kidney(test::kidney_like_mesh({8, 8, 14}), EndoscopeScene::kFieldDeg);
   EXPECT_EQ(kidney.take(0, picture).why, WhyLost::kNoOrgan);
+}
+
+TEST_F(OrganTrackTest, RefusesAMirroredPictureWithInstrumentsBeforeTheOrgan) {
+  EndoscopeScene::Look seen = look(8);
+  seen.tools = {EndoscopeScene::tool(seen.camera, {-0.02, 0.01, -0.11}, {0.9, -0.2, 0.45}),
+                EndoscopeScene::tool(seen.camera, {0.02, -0.02, -0.12}, {-0.9, -0.4, 0.4})};
+  const Picture picture = scene_.picture(seen);
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg), as_it_is(plan_mesh(), EndoscopeScene::kFieldDeg);
+  const AlignedMoment mirrored = track.take(0, mirror_of(picture));
+  EXPECT_EQ(mirrored.why, WhyLost::kMirrored) << name_of(mirrored.why);
+  EXPECT_TRUE(as_it_is.take(0, picture).held()) << "so that nothing but the mirror refuses it";
 }
 
 TEST(OrganTrack, RefusesWhatCannotBe) {

@@ -173,11 +173,12 @@ TEST_F(PlanSessionTest, ACutThatWasDrawnIsChangedAfterwardsAsIfItHadBeenDrawnSo)
   EXPECT_EQ(session.mesh().tetrahedra, at_once.mesh().tetrahedra);
   EXPECT_NE(session.mesh().nodes, shallow_nodes);
   // Undone as a whole, done again, and undone with what came before it.
-  EXPECT_TRUE(session.undo());
+  const std::optional<std::size_t> the_cut = 2;
+  EXPECT_EQ(session.undo(), the_cut) << "the step that was carried out again first";
   EXPECT_EQ(session.mesh().nodes, shallow_nodes);
   EXPECT_EQ(session.frame().displacement_m, shallow);
   ASSERT_THAT(session.plan().steps, SizeIs(4));
-  EXPECT_TRUE(session.redo());
+  EXPECT_EQ(session.redo(), the_cut);
   EXPECT_EQ(session.frame().displacement_m, at_once.frame().displacement_m);
   EXPECT_TRUE(session.undo());
   EXPECT_TRUE(session.undo());

@@ -370,7 +370,7 @@ TEST_F(PlanningTableTest, ACutThatWasDrawnIsChangedByItsHandlesOnThePicture) {
 TEST_F(PlanningTableTest, HandlesMoveWithTheOrganAndHideBehindIt) {
   const auto planned = table(false);
   planned->apply(CutDeed{{{0.46, 0.45}, {0.46, 0.6}}, 0.004});
-  const sim::CutCurve& curve = *planned->session().plan().steps.back().curve;
+  const sim::CutCurve curve = *planned->session().plan().steps.back().curve;
   const auto handles = [&] { return planned->cuts()[0].handles; };
   const double before_y = handles()[0].y;
   // The clamp holds the block's end, and lifts it.
@@ -413,6 +413,27 @@ TEST_F(PlanningTableTest, RefusesHandlesThatLeaveTheOrganAndKeepsTheCut) {
   planned->apply(CutDeed{{{0.46, 0.1}, {0.46, 0.9}}, 0.006});
   EXPECT_THAT(planned->cuts(), IsEmpty());
   EXPECT_THAT(planned->take_remarks(), testing::Contains(HasSubstr("goes over the organ's border")));
+}
+
+TEST_F(PlanningTableTest, ALineThatLeavesTheOrganInBetweenDividesItAndSaysSo) {
+  const auto planned = table();
+  planned->apply(CutDeed{{{0.44, 0.5}, {0.44, 0.02}, {0.5, 0.02}, {0.5, 0.5}}, 0.006});
+  EXPECT_THAT(planned->cuts(), IsEmpty());
+  EXPECT_THAT(planned->take_remarks(), testing::Contains(HasSubstr("goes over the organ's border")));
+  EXPECT_THAT(actions(*planned), ElementsAre("cut"));
+}
+
+TEST_F(PlanningTableTest, PlacesThatFollowNoSurfaceMakeNoCurve) {
+  const auto planned = table();
+  const sim::TetMesh& block = planned->session().plan().body.mesh;
+  const double edge_m = sim::mean_surface_edge_m(block);
+  const auto on_top = [](double x_m) { return sim::Vector3(x_m, 0.01, 0.02); };
+  EXPECT_TRUE(curve_through({on_top(0.01), on_top(0.02), on_top(0.03)}, 0.004, block));
+  EXPECT_TRUE(curve_through({on_top(0.01), on_top(0.01 + 2.9 * edge_m)}, 0.004, block));
+  EXPECT_FALSE(curve_through({on_top(0.01), on_top(0.01 + 3.1 * edge_m)}, 0.004, block)) << "a jump";
+  // Each step is short, and the middle lies in the block, as the wall of an open cut does.
+  const sim::Vector3 inside_m(0.02, 0.01, 0.02 - 1.2 * edge_m);
+  EXPECT_FALSE(curve_through({on_top(0.012), inside_m, on_top(0.028)}, 0.004, block)) << "deep in a cut";
 }
 
 TEST_F(PlanningTableTest, OpensAndSavesWithinItsFolderOnly) {

@@ -1,8 +1,9 @@
 // Planning by hand: views, pointers and drawn lines, as the server gets them.
-import { describe, expect, it } from 'vitest';
+import { afterEach, describe, expect, it, vi } from 'vitest';
 import { CutHandles, curveThrough, type ShownCut } from '@/planning/cut_handles';
 import { kFirstView, OrbitDrag, panned, turned, viewByKey, zoomed, zoomedByWheel } from '@/planning/orbit';
 import { DrawnLine, type Place, PlanPointers } from '@/planning/plan_pointers';
+import { TableController } from '@/planning/table_controller';
 
 describe('A view', () => {
   it('turns with a drag, round and round, and up to the poles', () => {
@@ -192,6 +193,23 @@ describe('Handles of a cut', () => {
     handles.putBack();
     expect(handles.deed).toBeUndefined();
   });
+  it('send nothing where the cut has them so', () => {
+    const handles = shown();
+    handles.choose({ step: 2, handle: 1 });
+    handles.key('ArrowLeft', false);
+    handles.key('ArrowRight', false);
+    handles.setDepth(0.03);
+    expect(handles.deed, 'the depth alone').toEqual({ step: 2, handle: 1, depth_m: 0.03 });
+    handles.setDepth(0.02);
+    expect(handles.deed).toBeUndefined();
+    // Back again before a picture shows what was sent: the server has the other depth.
+    handles.setDepth(0.03);
+    handles.wasSent(4);
+    handles.setDepth(0.02);
+    expect(handles.deed?.depth_m).toBe(0.02);
+    handles.show([cut], 4);
+    expect(handles.deed, 'it was refused').toBeUndefined();
+  });
   it('behind the organ are not moved, only made deeper', () => {
     const handles = shown();
     expect(handles.press(1, 0.7, 0.4, { step: 2, handle: 2 })).toBe(false);
@@ -199,6 +217,36 @@ describe('Handles of a cut', () => {
     expect(handles.deed).toBeUndefined();
     handles.key('PageUp', false);
     expect(handles.deed).toEqual({ step: 2, handle: 2, depth_m: 0.011 });
+  });
+  it('are put back when the browser takes the pointer away', () => {
+    const handles = shown();
+    handles.press(7, 0.5, 0.5, { step: 2, handle: 1 });
+    handles.move(7, 0.6, 0.6);
+    expect(handles.cancel(8), 'another pointer').toBe(false);
+    expect(handles.held?.x).toBeCloseTo(0.6);
+    expect(handles.cancel(7)).toBe(true);
+    expect(handles.held?.x).toBe(0.5);
+    expect(handles.release(7)).toBe(false);
+    expect(handles.deed).toBeUndefined();
+    expect(handles.isDragged).toBe(false);
+  });
+  it('go on being dragged while a picture of the change before comes', () => {
+    const handles = shown();
+    handles.press(1, 0.3, 0.4, { step: 2, handle: 0 });
+    handles.move(1, 0.2, 0.4);
+    handles.release(1);
+    handles.wasSent(9);
+    handles.press(1, 0.2, 0.4, { step: 2, handle: 0 });
+    handles.show([cut], 9);
+    expect(handles.isDragged).toBe(true);
+    expect(handles.move(1, 0.1, 0.4)).toBe(true);
+    expect(handles.release(1)).toBe(true);
+    expect(handles.deed?.x).toBeCloseTo(0.1);
+    // Its cut is gone: nothing is left to drag.
+    handles.press(1, 0.1, 0.4, { step: 2, handle: 0 });
+    handles.show([], 10);
+    expect(handles.isDragged).toBe(false);
+    expect(handles.move(1, 0.5, 0.5)).toBe(false);
   });
   it('are chosen no longer once their cut is gone', () => {
     const handles = shown();
@@ -223,5 +271,129 @@ describe('The curve between handles', () => {
     const line = curveThrough([corners[0], corners[2]] as Place[], true);
     for (const { x, y } of line) expect(y).toBeCloseTo(x / 2, 12);
     expect(curveThrough(corners, false)).toEqual(corners);
+  });
+});
+
+describe('The table', () => {
+  /** The browser's WebSocket, whose server is the test. */
+  class Socket {
+    static readonly OPEN = 1;
+    static newest: Socket;
+    readonly readyState = Socket.OPEN;
+    onmessage: ((event: { data: ArrayBuffer }) => void) | undefined;
+    sent: Record<string, unknown>[] = [];
+    constructor() {
+      Socket.newest = this;
+    }
+    send(text: string): void {
+      this.sent.push(JSON.parse(text) as Record<string, unknown>);
+    }
+    close(): void {}
+  }
+  const cut: ShownCut = {
+    step: 0,
+    smooth: true,
+    handles: [
+      { x: 0.3, y: 0.4, depth_m: 0.01, hidden: false },
+      { x: 0.5, y: 0.5, depth_m: 0.02, hidden: false },
+    ],
+  };
+  const silent = () => undefined;
+  /** A picture that shows the cut, and the deeds up to `input`. */
+  const shows = async (table: TableController, cuts: ShownCut[], input: number) => {
+    const about = new TextEncoder().encode(JSON.stringify({ input, tools: [], cuts }));
+    const message = new Uint8Array(4 + about.length);
+    new DataView(message.buffer).setUint32(0, about.length, true);
+    message.set(about, 4);
+    Socket.newest.onmessage?.({ data: message.buffer });
+    await vi.waitFor(() => expect(table.handles.value.cuts).toHaveLength(cuts.length));
+  };
+  const opened = async () => {
+    vi.stubGlobal('WebSocket', Socket);
+    vi.stubGlobal('location', { host: 'here' });
+    vi.stubGlobal('createImageBitmap', () => Promise.resolve({ close: silent }));
+    const listener = { opening: silent, opened: silent, steps: silent, moment: silent, told: silent, saved: silent, lost: silent };
+    const table = new TableController({ plan: 'plan.json', anew: true }, listener);
+    table.choose('cut');
+    await shows(table, [cut], 0);
+    return { table, sent: Socket.newest.sent };
+  };
+  const at = (id: number, x: number, y: number) => ({ id, x, y, at_ms: 0, pan: false });
+  afterEach(() => vi.unstubAllGlobals());
+
+  it('cuts nothing where the browser takes a pointer away', async () => {
+    const { table, sent } = await opened();
+    expect(table.pressHandle(at(1, 0.3, 0.4), { step: 0, handle: 0 })).toBe(true);
+    table.move(at(1, 0.2, 0.4));
+    table.cancel(1, 0);
+    expect(table.handles.value.held?.x).toBe(0.3);
+    table.release(at(1, 0.2, 0.4));
+    expect(table.press(at(2, 0.1, 0.1))).toBe(true);
+    table.move(at(2, 0.6, 0.6));
+    table.cancel(2, 0);
+    expect(table.line.value).toEqual([]);
+    table.release(at(2, 0.6, 0.6));
+    expect(sent).toEqual([]);
+    // The next line begins anew.
+    expect(table.press(at(3, 0.4, 0.4))).toBe(true);
+    table.move(at(3, 0.5, 0.4));
+    table.release(at(3, 0.5, 0.4));
+    expect(sent).toMatchObject([
+      {
+        cut: {
+          line: [
+            { x: 0.4, y: 0.4 },
+            { x: 0.5, y: 0.4 },
+          ],
+        },
+      },
+    ]);
+  });
+  it('takes no second finger while a handle is dragged', async () => {
+    const { table, sent } = await opened();
+    table.pressHandle(at(1, 0.3, 0.4), { step: 0, handle: 0 });
+    table.move(at(1, 0.2, 0.4));
+    expect(table.press(at(2, 0.8, 0.8)), 'for a line').toBe(false);
+    expect(table.pressHandle(at(2, 0.5, 0.5), { step: 0, handle: 1 })).toBe(false);
+    table.chooseHandle({ step: 0, handle: 1 });
+    table.move(at(2, 0.9, 0.9));
+    table.release(at(2, 0.9, 0.9));
+    expect(sent).toEqual([]);
+    table.release(at(1, 0.2, 0.4));
+    expect(sent).toMatchObject([{ handle: { step: 0, handle: 0 } }]);
+  });
+  it('keeps the handle chosen that has the focus while all pointers go up', async () => {
+    const { table, sent } = await opened();
+    table.chooseHandle({ step: 0, handle: 1 });
+    expect(table.keyOfHandle('ArrowLeft', false, 0)).toBe(true);
+    table.letGo();
+    expect(table.handles.value.held?.x).toBe(0.5);
+    expect(table.keyOfHandle('ArrowLeft', false, 0)).toBe(true);
+    table.keyOfHandle('Enter', false, 0);
+    expect(sent).toMatchObject([{ handle: { step: 0, handle: 1 } }]);
+    table.choose('cut');
+    expect(table.handles.value.chosen).toBeUndefined();
+  });
+  it('makes one cut of what the slider goes through', async () => {
+    const { table, sent } = await opened();
+    table.chooseHandle({ step: 0, handle: 1 });
+    for (const depth_m of [0.021, 0.022, 0.023]) table.setHandleDepth(depth_m);
+    expect(sent).toEqual([]);
+    table.finishDepth();
+    table.finishDepth();
+    expect(sent).toMatchObject([{ handle: { step: 0, handle: 1, depth_m: 0.023 } }]);
+    await shows(table, [cut], 1);
+    // Back where it was, or put back: nothing is cut.
+    table.setHandleDepth(0.03);
+    table.setHandleDepth(0.02);
+    table.finishDepth();
+    table.setHandleDepth(0.03);
+    table.putHandleBack();
+    table.finishDepth();
+    expect(sent).toHaveLength(1);
+    // What goes on to another handle is done with this one.
+    table.setHandleDepth(0.03);
+    table.chooseHandle({ step: 0, handle: 0 });
+    expect(sent.slice(1)).toMatchObject([{ handle: { step: 0, handle: 1, depth_m: 0.03 } }]);
   });
 });

@@ -39,6 +39,8 @@ export const planningEn = {
   'planning.handleHidden': 'Handle {n} of {all} of the cut of step {step}, {mm} mm deep, behind the organ',
   'planning.handleDepth': 'Depth at handle {n}',
   'planning.handleDepthSaid': '{mm} mm deep',
+  'planning.handleMovedSaid': 'Handle {n}: {x} % from the left, {y} % from the top',
+  'planning.handleHiddenSaid': 'Handle {n} is behind the organ: turn the view to move it',
   'planning.picture': 'The organ. Choose a tool with O, G, J, L, C or P; drag, or use arrows, space, Page Up and Page Down.',
   'planning.how.orbit': 'Drag to turn, with Shift to move; the wheel or two fingers zoom. Keys: arrows, with Shift to move, + and −, Home.',
   'planning.how.grasp':
@@ -123,6 +125,8 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.handleHidden': '手順 {step} の切開のハンドル {n}/{all}、深さ {mm} mm、臓器の裏側',
   'planning.handleDepth': 'ハンドル {n} の深さ',
   'planning.handleDepthSaid': '深さ {mm} mm',
+  'planning.handleMovedSaid': 'ハンドル {n}：左から {x} %、上から {y} %',
+  'planning.handleHiddenSaid': 'ハンドル {n} は臓器の裏側にあります。動かすには視点を回してください',
   'planning.picture': '臓器。O、G、J、L、C、P で道具を選び、ドラッグするか、矢印、スペース、Page Up、Page Down を使います。',
   'planning.how.orbit': 'ドラッグで回転、Shift で移動、ホイールまたは二本指で拡大縮小。キー: 矢印、Shift で移動、+ と −、Home。',
   'planning.how.grasp':

@@ -200,8 +200,8 @@ export const kServerSentences: readonly SentencePair[] = [
   ['the line is too short to be cut: draw it longer', '線が短すぎて切開できません。長く引いてください'],
   ['the line does not cross the organ: draw it over the organ', '線が臓器にかかっていません。臓器の上に引いてください'],
   [
-    "the line goes over the organ's border: it is cut straight down and has no handles; draw it on the organ alone to change it afterwards",
-    '線が臓器の縁を越えるため、視線に沿って切り離します（ハンドルはありません）。後で変更するには臓器の上だけに引いてください',
+    "the line goes over the organ's border, a fold or an open cut: it is cut straight down and has no handles; draw it on one surface alone to change it afterwards",
+    '線が臓器の縁、ひだ、または開いた切開を越えるため、視線に沿って切り離します（ハンドルはありません）。後で変更するには、ひと続きの表面の上だけに引いてください',
   ],
   ['the plan could not be read back', '保存した計画を読み戻せませんでした'],
   ["there is a plan '{name}' already: save it under another name", '計画「{name}」はすでにあります。別の名前で保存してください'],

@@ -25,6 +25,7 @@ const kStep = 0.01;
 const kDepthStep_m = 0.001;
 const kLeastDepth_m = 0.001;
 const kSameDepth_m = 1e-6;
+const kSamePlace = 1e-6;
 export const kMostDepth_m = 0.1;
 /** A pointer that moves by less has chosen the handle, not moved it. */
 const kMoves = 0.004;
@@ -41,11 +42,15 @@ export class CutHandles {
   private drag: { id: number; beside: Place; from: Place } | undefined;
   /** The deed that no picture shows yet. */
   private sent = 0;
+  /** As `sent`, also once the handle was changed again or put back: until that picture comes the cut is not known. */
+  private awaited = 0;
 
   /** The picture has these, and the deeds up to `input`. */
   show(cuts: readonly ShownCut[], input: number): void {
     this.cuts = cuts;
-    if (this.sent !== 0 && input >= this.sent) this.putBack();
+    // A pointer that has taken the handle again goes on with it.
+    if (this.sent !== 0 && input >= this.sent) this.forget();
+    if (input >= this.awaited) this.awaited = 0;
     if (this.chosen && !this.shown(this.chosen)) this.choose(undefined);
   }
   private shown(name: HandleName): ShownHandle | undefined {
@@ -75,10 +80,16 @@ export class CutHandles {
   }
   /** To where the cut has it. */
   putBack(): void {
+    this.forget();
+    this.drag = undefined;
+  }
+  private forget(): void {
     this.at = undefined;
     this.depth_m = undefined;
-    this.drag = undefined;
     this.sent = 0;
+  }
+  get isDragged(): boolean {
+    return this.drag !== undefined;
   }
 
   /** False for one that is not there, or behind the organ, and while another is dragged. */
@@ -105,6 +116,12 @@ export class CutHandles {
     this.drag = undefined;
     return this.at !== undefined;
   }
+  /** The browser took the pointer away: what it did is put back. Whether it had the handle. */
+  cancel(id: number): boolean {
+    if (this.drag?.id !== id) return false;
+    this.putBack();
+    return true;
+  }
   setDepth(depth_m: number): void {
     const held = this.held;
     if (!held || Math.abs(depth_m - held.depth_m) < kSameDepth_m) return;
@@ -129,15 +146,23 @@ export class CutHandles {
     }
     return true;
   }
-  /** What is to be sent; undefined where nothing was changed, or that was sent already. */
+  /** What is to be sent; undefined where the cut has it so, or that was sent already. */
   get deed(): HandleDeed | undefined {
-    if (!this.chosen || !this.isHeld || this.sent !== 0) return undefined;
-    return { ...this.chosen, ...this.at, ...(this.depth_m === undefined ? {} : { depth_m: this.depth_m }) };
+    if (!this.chosen || this.sent !== 0) return undefined;
+    const cut = this.awaited === 0 ? this.shown(this.chosen) : undefined;
+    const { at, depth_m } = this;
+    const moved = at && !(cut && Math.hypot(at.x - cut.x, at.y - cut.y) < kSamePlace);
+    const deeper = depth_m !== undefined && !(cut && Math.abs(depth_m - cut.depth_m) < kSameDepth_m);
+    if (!moved && !deeper) return undefined;
+    return { ...this.chosen, ...(moved ? at : {}), ...(deeper ? { depth_m } : {}) };
+  }
+  get wasSentAlready(): boolean {
+    return this.sent !== 0;
   }
   /** It was sent under that number, 0 for not at all: until a picture has it the handle stays where it was dragged to. */
   wasSent(number: number): void {
     if (number === 0) this.putBack();
-    else this.sent = number;
+    else this.sent = this.awaited = number;
   }
 }
 

@@ -1,6 +1,7 @@
 // Cuts on the picture: the curve through their handles, and each handle as a button that a pointer or keys move.
+import { useLayoutEffect } from 'preact/hooks';
 import { t } from '@/i18n/i18n';
-import { curveThrough, type HandleName, type ShownCut } from '@/planning/cut_handles';
+import { curveThrough, type HandleName, type ShownCut, type ShownHandle } from '@/planning/cut_handles';
 import type { TableController } from '@/planning/table_controller';
 import { announce } from '@/shell/state';
 
@@ -23,8 +24,24 @@ function Curve({ cut }: { cut: ShownCut }) {
   );
 }
 
-export function CutMarks({ table }: { table: TableController }) {
+/** A button outside the picture would be a tab stop that nobody sees. */
+const onPicture = ({ x, y }: ShownHandle) => x >= 0 && x <= 1 && y >= 0 && y <= 1;
+const percent = (part: number) => Math.round(100 * part);
+
+function say(key: string, n: number, held: ShownHandle): void {
+  if (key.startsWith('Page')) announce(t('planning.handleDepthSaid', { mm: mm(held.depth_m) }));
+  else if (!key.startsWith('Arrow')) return;
+  else if (held.hidden) announce(t('planning.handleHiddenSaid', { n }));
+  else announce(t('planning.handleMovedSaid', { n, x: percent(held.x), y: percent(held.y) }));
+}
+
+export function CutMarks({ table, focusField }: { table: TableController; focusField: () => void }) {
   const { cuts, chosen } = table.handles.value;
+  // Focus does not fall to the page when the button that has it goes with its cut, or leaves the picture.
+  const focused = document.activeElement?.closest('.cut-handle');
+  useLayoutEffect(() => {
+    if (focused && !focused.isConnected) focusField();
+  });
   if (cuts.length === 0) return null;
   return (
     <>
@@ -35,6 +52,7 @@ export function CutMarks({ table }: { table: TableController }) {
       </svg>
       {cuts.map((cut) =>
         cut.handles.map((one, handle) => {
+          if (!onPicture(one)) return null;
           const name = { step: cut.step, handle };
           const isChosen = chosen?.step === cut.step && chosen.handle === handle;
           const where = { n: handle + 1, all: cut.handles.length, step: cut.step + 1, mm: mm(one.depth_m) };
@@ -55,7 +73,7 @@ export function CutMarks({ table }: { table: TableController }) {
                 event.preventDefault();
                 event.stopPropagation();
                 const held = table.handles.value.held;
-                if (held && event.key.startsWith('Page')) announce(t('planning.handleDepthSaid', { mm: mm(held.depth_m) }));
+                if (held) say(event.key, where.n, held);
               }}
             >
               <span aria-hidden="true">{isChosen ? `${where.n} · ${where.mm} mm` : where.n}</span>

@@ -50,6 +50,8 @@ export class TableController {
   private readonly drawn = new DrawnLine();
   private readonly cutHandles = new CutHandles();
   private drawing: number | undefined;
+  /** The slider has another depth than the last cut that was asked for. */
+  private sliding = false;
   private readonly sent = new Map<number, number>();
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
@@ -110,17 +112,16 @@ export class TableController {
 
   choose(tool: Tool): void {
     this.letGo();
+    this.chooseHandle(undefined);
     this.tool.value = tool;
     this.pointers.depth_m = tool === 'press' ? this.depth_m.value : 0;
     this.pointers.pensPush = tool === 'press';
   }
-  /** All pointers go up. */
+  /** All pointers go up. The handle that is chosen stays so, as its button may have the focus. */
   letGo(): void {
     this.orbit.releaseAll();
-    this.drawing = undefined;
-    this.drawn.take();
-    this.line.value = [];
-    this.chooseHandle(undefined);
+    this.forgetLine();
+    this.putHandleBack();
     if (this.pointers.releaseAll()) this.sendPointers(performance.now());
   }
   setDepth(depth_m: number): void {
@@ -145,7 +146,7 @@ export class TableController {
       case 'orbit':
         return this.orbit.press(at.id, at.x, at.y);
       case 'cut':
-        if (this.drawing !== undefined) return false;
+        if (this.drawing !== undefined || this.cutHandles.isDragged) return false;
         this.chooseHandle(undefined);
         this.drawing = at.id;
         this.drawn.begin(at.x, at.y);
@@ -182,27 +183,58 @@ export class TableController {
     }
   }
 
+  /** The browser took the pointer away, for a gesture of its own or a palm: nothing is cut by it. Tools let go as on release. */
+  cancel(id: number, at_ms: number): void {
+    if (this.tool.value === 'orbit') this.orbit.release(id);
+    else if (this.tool.value !== 'cut') {
+      if (this.pointers.release(id)) this.sendPointers(at_ms);
+    } else if (this.cutHandles.cancel(id)) {
+      this.showHandles();
+    } else if (this.drawing === id) {
+      this.forgetLine();
+    }
+  }
+  private forgetLine(): void {
+    this.drawing = undefined;
+    this.drawn.take();
+    this.line.value = [];
+  }
+
   /** A pointer takes a handle, to drag it over the organ. */
   pressHandle(at: OnPicture, name: HandleName): boolean {
     if (this.drawing !== undefined) return false;
+    this.finishDepth();
     const taken = this.cutHandles.press(at.id, at.x, at.y, name);
     this.showHandles();
     return taken;
   }
+  /** While one is dragged, focus that moves chooses no other. */
   chooseHandle(name: HandleName | undefined): void {
+    if (name && this.cutHandles.isDragged) return;
+    this.finishDepth();
     this.cutHandles.choose(name);
     this.showHandles();
   }
-  /** Of the chosen handle; `done`: the cut is made anew with it. */
-  setHandleDepth(depth_m: number, done: boolean): void {
+  /** Of the chosen handle, by the slider: the cut is made anew with it by finishDepth(), or once another handle or a line is begun. */
+  setHandleDepth(depth_m: number): void {
+    this.sliding = true;
     this.cutHandles.setDepth(depth_m);
     this.showHandles();
-    if (done) this.cutAnew(performance.now());
+  }
+  finishDepth(): void {
+    if (!this.sliding) return;
+    this.sliding = false;
+    this.cutAnew(performance.now());
+  }
+  putHandleBack(): void {
+    this.sliding = false;
+    this.cutHandles.putBack();
+    this.showHandles();
   }
   /** Enter and space make the cut anew, Escape puts the handle back. */
   keyOfHandle(key: string, shift: boolean, at_ms: number): boolean {
     if (key === 'Enter' || key === ' ') this.cutAnew(at_ms);
-    else if (key === 'Escape') this.cutHandles.putBack();
+    else if (key === 'Escape') this.putHandleBack();
     else if (!this.cutHandles.key(key, shift)) return false;
     this.showHandles();
     return true;
@@ -214,6 +246,7 @@ export class TableController {
   private cutAnew(at_ms: number): void {
     const handle = this.cutHandles.deed;
     if (handle) this.cutHandles.wasSent(this.send({ handle }, at_ms));
+    else if (!this.cutHandles.wasSentAlready) this.cutHandles.putBack();
     this.showHandles();
   }
   private cutLine(at_ms: number): void {
@@ -258,6 +291,7 @@ export class TableController {
       this.cutLine(at_ms);
     } else if (key === 'Escape') {
       this.letGo();
+      this.chooseHandle(undefined);
     } else if (key === ' ') {
       const { x, y } = this.pointers.keysAt;
       this.drawn.add(x, y);

@@ -1,4 +1,5 @@
 // The tools of a plan that is made by hand, with how deep the chosen one goes.
+import { useRef } from 'preact/hooks';
 import { t } from '@/i18n/i18n';
 import { kMostDepth_m } from '@/planning/cut_handles';
 import { kFirstView } from '@/planning/orbit';
@@ -12,11 +13,14 @@ interface Depths {
   most_mm: number;
   at_m: number;
   set: (depth_m: number) => void;
-  /** Once the person lets the slider go. */
-  done?: (depth_m: number) => void;
+  /** Once the person lets the slider go: keys do so by Enter, or when they go on to something else. */
+  done?: () => void;
+  putBack?: () => void;
 }
 
-function Depth({ label, most_mm, at_m, set, done }: Depths) {
+function Depth({ label, most_mm, at_m, set, done, putBack }: Depths) {
+  // To a browser each arrow is a change of its own.
+  const byKeys = useRef(false);
   return (
     <label class="planning-depth">
       <span>{label}</span>
@@ -26,7 +30,14 @@ function Depth({ label, most_mm, at_m, set, done }: Depths) {
         max={most_mm}
         value={1000 * at_m}
         onInput={(event) => set(Number(event.currentTarget.value) / 1000)}
-        onChange={(event) => done?.(Number(event.currentTarget.value) / 1000)}
+        onPointerDown={() => (byKeys.current = false)}
+        onKeyDown={({ key }) => {
+          byKeys.current = true;
+          if (key === 'Enter') done?.();
+          else if (key === 'Escape') putBack?.();
+        }}
+        onChange={() => byKeys.current || done?.()}
+        onBlur={() => done?.()}
       />
       <span class="mono">{Math.round(1000 * at_m)} mm</span>
     </label>
@@ -55,6 +66,7 @@ export function Palette({ table, choose }: { table: TableController; choose: (to
       {tool === 'press' && <Depth label={t('planning.depth')} most_mm={40} at_m={table.depth_m.value} set={(depth_m) => table.setDepth(depth_m)} />}
       {tool === 'cut' && !held && (
         <Depth
+          key="cut"
           label={t('planning.cutDepth')}
           most_mm={1000 * kMostDepth_m}
           at_m={table.cutDepth_m.value}
@@ -63,11 +75,13 @@ export function Palette({ table, choose }: { table: TableController; choose: (to
       )}
       {tool === 'cut' && held && chosen && (
         <Depth
+          key="handle"
           label={t('planning.handleDepth', { n: chosen.handle + 1 })}
           most_mm={1000 * kMostDepth_m}
           at_m={held.depth_m}
-          set={(depth_m) => table.setHandleDepth(depth_m, false)}
-          done={(depth_m) => table.setHandleDepth(depth_m, true)}
+          set={(depth_m) => table.setHandleDepth(depth_m)}
+          done={() => table.finishDepth()}
+          putBack={() => table.putHandleBack()}
         />
       )}
     </div>

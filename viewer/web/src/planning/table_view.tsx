@@ -176,7 +176,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
             }}
             onPointerMove={(event) => table.move(placed(event))}
             onPointerUp={(event) => table.release(placed(event))}
-            onPointerCancel={(event) => table.release(placed(event))}
+            onPointerCancel={(event) => table.cancel(event.pointerId, event.timeStamp)}
             onContextMenu={(event) => event.preventDefault()}
             onBlur={() => (table.cursor.value = undefined)}
           >
@@ -186,7 +186,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
                 <polyline points={table.line.value.map(({ x, y }) => `${x},${y}`).join(' ')} />
               </svg>
             )}
-            {tool === 'cut' && <CutMarks table={table} />}
+            {tool === 'cut' && <CutMarks table={table} focusField={() => field.current?.focus()} />}
             {now?.tools.map((one) => (
               <span key={one.name} class="planning-mark" style={{ left: `${one.x * 100}%`, top: `${one.y * 100}%` }} aria-hidden="true">
                 {one.name}
