@@ -153,8 +153,9 @@ slowest_of() {
     END { close(slowest); printf "%8.1f s  all %d, one after the other\n", sum, count }' slowest='sort -rn | head -10' "$1"
 }
 
-# How many tests run at once: many wait for programs of theirs while they run.
-jobs=$(($(nproc) + 2))
+# How many tests run at once. Half of their time they wait for programs of theirs and for pictures to come: measured, all tests together need
+# half of the processor time that two cores have meanwhile.
+jobs=$(($(nproc) + 4))
 
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
