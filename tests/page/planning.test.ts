@@ -173,6 +173,16 @@ story('A person who plans', (step) => {
     await page.keyboard.press('Home');
   });
 
+  /** A notice also goes by itself, so that none may be waited for. */
+  const closeNotices = () =>
+    expect
+      .poll(async () => {
+        const buttons = visitor.page.locator('.notice button');
+        await buttons.evaluateAll((all) => all.forEach((button) => (button as HTMLButtonElement).click()));
+        return buttons.count();
+      })
+      .toBe(0);
+
   step('clips it, and leaves the clip on', async () => {
     const { page } = visitor;
     await fromBelow();
@@ -189,7 +199,7 @@ story('A person who plans', (step) => {
         await expect.poll(apart_mm).toBeLessThan(before_mm);
       }
       // What was said of places before is read.
-      while ((await page.locator('.notice button').count()) > 0) await page.locator('.notice button').first().click();
+      await closeNotices();
       await field().focus();
       await page.keyboard.press('Enter');
       await stays.or(page.locator('.notice')).first().waitFor();
@@ -298,12 +308,14 @@ story('A person who plans', (step) => {
   };
   /** The picture once it is whole: while something moves it is smaller. */
   const still = async () => {
-    for (let last = await picture(); ;) {
-      await visitor.page.waitForTimeout(1_000);
-      const now = await picture();
-      if (now === last) return now;
-      last = now;
-    }
+    let last: number | undefined;
+    const isAsBefore = async () => {
+      const before = last;
+      last = await picture();
+      return last === before;
+    };
+    await expect.poll(isAsBefore, { interval: 1_000, timeout: 30_000 }).toBe(true);
+    return last;
   };
   const settled = () => expect.poll(() => field().getAttribute('data-waits')).toBe('false');
 
@@ -360,11 +372,11 @@ story('A person who plans', (step) => {
     await page.getByRole('slider', { name: 'Depth at handle 1' }).fill('8');
     await settled();
     await expect.poll(() => depthOf_mm(1)).toBe(8);
-    while ((await page.locator('.notice button').count()) > 0) await page.locator('.notice button').first().click();
+    await closeNotices();
     const changed = await still();
     await keepPicture(page, 'planning-handles');
 
-    // One at a time undone, and done again; the whole plan has one step more than before.
+    // One at a time undone, and done again, with the slider still chosen; the whole plan has one step more than before.
     for (let i = 0; i < 4; ++i) await page.keyboard.press('Control+z');
     await settled();
     await expect.poll(() => depthOf_mm(1)).toBe(12);

@@ -108,7 +108,13 @@ const begun = () => visitor.page.locator('.attempt-field[aria-busy=false]').wait
 const isOver = async () => (await visitor.page.locator('.train-came').count()) > 0;
 
 /** Lifts as a person does: until the line is in sight, then stays. Returns the largest forces of all fingers that were read meanwhile. */
-async function lift(moveTo: (y: number) => Promise<void>, whileLifting?: () => Promise<void>): Promise<number[]> {
+async function lift(
+  moveTo: (y: number) => Promise<void>,
+  /** Once, when the organ is held: the line is not in sight then, so that the attempt does not end, however long somebody looks. */
+  whenHeld?: () => Promise<void>,
+  /** Again and again until the end. */
+  glance?: () => Promise<void>,
+): Promise<number[]> {
   let y = 0.66;
   let noted = false;
   const largest: number[] = [];
@@ -116,19 +122,21 @@ async function lift(moveTo: (y: number) => Promise<void>, whileLifting?: () => P
   while (!(await isOver()) && Date.now() < end) {
     const seen = await fact('Line in sight').catch(() => 100);
     if (seen < 97) y = Math.max(0.54, y - 0.002);
-    else if (!noted) {
-      noted = true;
-      await whileLifting?.();
-    }
     await moveTo(y);
     const forces = await visitor.page
       .locator('.force .mono')
       .allTextContents()
       .catch(() => []);
     forces.forEach((text, i) => (largest[i] = Math.max(largest[i] ?? 0, Number(text))));
+    if (!noted && seen < 97 && Number(forces[0] ?? 0) > 0.2) {
+      noted = true;
+      await whenHeld?.();
+    }
+    await glance?.();
     await visitor.page.waitForTimeout(15);
   }
   await visitor.page.locator('.train-came').waitFor();
+  expect(noted || !whenHeld).toBe(true);
   return largest;
 }
 
@@ -150,11 +158,11 @@ const pixelsLike = (page: Page, red: number, green: number, blue: number): Promi
     [red, green, blue] as const,
   );
 
-/** From now on the page keeps the most blue and the most red pixels of any picture of the attempt. */
+/** From now on the page keeps how many pixels of the newest picture are blue and red, and the most of any picture. */
 const watchPictures = (page: Page): Promise<void> =>
   page.evaluate(() => {
-    const most = { blue: 0, red: 0 };
-    (window as unknown as { most: typeof most }).most = most;
+    const seen = { most: { blue: 0, red: 0 }, now: { blue: 0, red: 0 } };
+    (window as unknown as { seen: typeof seen }).seen = seen;
     const canvas = document.querySelector('.attempt-field canvas') as HTMLCanvasElement;
     const context = canvas.getContext('2d') as CanvasRenderingContext2D;
     const draw = context.drawImage.bind(context) as (...given: unknown[]) => void;
@@ -170,12 +178,14 @@ const watchPictures = (page: Page): Promise<void> =>
         if (b > 1.5 * r) ++now.blue;
         if (r > 1.5 * b) ++now.red;
       }
-      most.blue = Math.max(most.blue, now.blue);
-      most.red = Math.max(most.red, now.red);
+      seen.now = now;
+      seen.most.blue = Math.max(seen.most.blue, now.blue);
+      seen.most.red = Math.max(seen.most.red, now.red);
     };
   });
-const mostSeen = (page: Page): Promise<{ blue: number; red: number }> =>
-  page.evaluate(() => (window as unknown as { most: { blue: number; red: number } }).most);
+type Colours = { blue: number; red: number };
+const coloursSeen = (page: Page): Promise<{ most: Colours; now: Colours }> =>
+  page.evaluate(() => (window as unknown as { seen: { most: Colours; now: Colours } }).seen);
 
 /** Fills in the questionnaire and the checklist of the attempt that is over. */
 async function saysWhatItWas(page: Page): Promise<void> {
@@ -236,6 +246,7 @@ story('A new trainee', (step) => {
     expect(field.height).toBeGreaterThan(0.9 * ((page.viewportSize()?.height ?? 0) - 220));
     const start = await onPicture(0.5, 0.66);
     let latency = '';
+    let ghost = 0;
     await page.mouse.move(start.x, start.y);
     await page.mouse.down();
     const forces = await lift(
@@ -244,16 +255,20 @@ story('A new trainee', (step) => {
         await page.mouse.move(to.x, to.y);
       },
       async () => {
-        // First: looking for barriers may take as long as the line must stay in sight.
         latency = (await page.locator('.attempt-latency').textContent()) ?? '';
-        // Viridis at rest, the ghost's blue.
+        // Viridis at rest.
         expect(await pixelsLike(page, 68, 1, 84)).toBeGreaterThan(5000);
-        expect(await pixelsLike(page, 120, 170, 255)).toBeGreaterThan(50);
         expect(await seriousBarriers(page)).toEqual([]);
-        await keepPicture(page, 'training-attempt');
+      },
+      async () => {
+        // The expert's hand is behind the organ until that is lifted too. The canvas is gone at the attempt's end.
+        const seen = await pixelsLike(page, 120, 170, 255).catch(() => 0);
+        if (ghost <= 50 && seen > 50) await keepPicture(page, 'training-attempt');
+        ghost = Math.max(ghost, seen);
       },
     );
     await page.mouse.up();
+    expect(ghost).toBeGreaterThan(50);
     expect(forces).toHaveLength(4);
     expect(Math.max(...forces)).toBeGreaterThan(1);
     await expect.poll(() => page.locator('.train-came').textContent()).toContain('Done');
@@ -337,22 +352,27 @@ story('A new trainee', (step) => {
     await page.getByText('Pressed tissue: blue at 0.5 N, red from 1.0 N on').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
     expect((await pixelsLike(page, 255, 0, 0)) + (await pixelsLike(page, 0, 0, 255))).toBe(0);
-    // Both fingers press upwards from below, a little at a time, until they are red. A force may rise so far from one picture to the next; then they yield, until
-    // they are blue.
+    // Both fingers press upwards from below, a pixel at a time, until they are red. A force may rise too far from one picture to the next for blue to show:
+    // then they yield while they are red, and press on where they are not.
     await watchPictures(page);
-    await page.keyboard.press('Space');
+    let y = 0.66;
+    const start = await onPicture(0.5, y);
+    await page.mouse.move(start.x, start.y);
+    await page.mouse.down();
     await expect
       .poll(
         async () => {
-          const most = await mostSeen(page);
-          await page.keyboard.press(most.red > 100 ? 'ArrowDown' : 'ArrowUp');
+          const { most, now } = await coloursSeen(page);
+          y += most.red > 100 && now.red > 0 ? 0.001 : -0.001;
+          const to = await onPicture(0.5, y);
+          await page.mouse.move(to.x, to.y);
           return most.blue > 20 && most.red > 100;
         },
-        { timeout: 30_000, interval: 150 },
+        { timeout: 60_000, interval: 80 },
       )
       .toBe(true);
     await keepPicture(page, 'training-press');
-    await page.keyboard.press('Space');
+    await page.mouse.up();
     await expect.poll(async () => (await pixelsLike(page, 255, 0, 0)) + (await pixelsLike(page, 0, 0, 255))).toBe(0);
     await page.getByRole('button', { name: 'Give up' }).click();
     await page.locator('.train-came', { hasText: 'Given up' }).waitFor();

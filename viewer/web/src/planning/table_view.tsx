@@ -25,6 +25,14 @@ const kSlow_ms = 500;
 /** "plan" of "liver/plan.json". */
 const stemOf = (plan: string) => (plan.split('/').pop() ?? plan).replace(/\.json$/, '');
 
+/** Whether the key is for the element itself. A slider and a box to tick leave undo and save to the page. */
+function hasKeysOfItsOwn(target: HTMLElement, { ctrlKey, metaKey }: KeyboardEvent): boolean {
+  const isPlain = !ctrlKey && !metaKey;
+  if (target instanceof HTMLSelectElement) return isPlain;
+  if (target instanceof HTMLInputElement) return isPlain || !['range', 'checkbox', 'radio'].includes(target.type);
+  return target instanceof HTMLTextAreaElement;
+}
+
 export function TableView({ open, leave }: { open: { plan: string; anew: boolean }; leave: (sentence?: string) => void }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const field = useRef<HTMLDivElement>(null);
@@ -97,7 +105,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
   useEffect(() => {
     const key = (event: KeyboardEvent) => {
       const target = event.target as HTMLElement;
-      if (document.querySelector('dialog[open]') || /^(INPUT|SELECT|TEXTAREA)$/.test(target.tagName) || event.altKey) return;
+      if (document.querySelector('dialog[open]') || hasKeysOfItsOwn(target, event) || event.altKey) return;
       if (short(event)) event.preventDefault();
       else if (!event.ctrlKey && !event.metaKey && target === field.current && table.key(event.key, event.shiftKey, event.timeStamp)) event.preventDefault();
     };
