@@ -227,11 +227,15 @@ class Follower {
 
   /// A signed checkpoint of more entries than the copy has, whose tiles do not tell what it is of.
   Followed not_placed(const FoundNote& shown, const std::string& why) {
-    const std::string name = name_of(kUnplaced, shown.checkpoint);
-    if (keep_evidence_ && unplaced_.size() < kMostUnplaced) {
-      files_.write_durably(copy_ / name, bytes_of(shown.text));
-      result_.evidence = copy_ / name;
+    if (!keep_evidence_) return could_not_tell(why);
+    const fs::path kept = copy_ / name_of(kUnplaced, shown.checkpoint);
+    const bool is_new = !files_.exists(kept);
+    if (is_new && unplaced_.size() >= kMostUnplaced) {
+      return could_not_tell(why + "; its checkpoint is not kept, as " + std::to_string(kMostUnplaced) +
+                            " such wait already");
     }
+    if (is_new) files_.write_durably(kept, bytes_of(shown.text));
+    result_.evidence = kept;
     return could_not_tell(why);
   }
 

@@ -13,12 +13,6 @@ using std::chrono::nanoseconds;
 
 namespace {
 
-void require_authority_name(const std::string& name) {
-  const bool good = !name.empty() && name.size() <= 32 &&
-                    name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
-  if (!good) throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
-}
-
 void require_url(const std::string& url) {
   if (url != "embedded" && !url.starts_with("http://") && !url.starts_with("https://")) {
     throw UsageError("'url' is '" + url + "': it must begin with http:// or https://, or be embedded");
@@ -59,7 +53,7 @@ AuthorityConfiguration read_authority(const toml::table& table, const std::strin
   timestamp::AuthorityPath path;
   TableReader reader(table, "[[authority]]", file);
   reader.text("name", [&](const std::string& text) {
-    require_authority_name(text);
+    require_short_name(text);
     authority.name = text;
   });
   reader.text("url", [&](const std::string& text) {

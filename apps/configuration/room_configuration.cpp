@@ -15,12 +15,6 @@
 namespace kiroku::apps {
 namespace {
 
-void require_name(const std::string& name) {
-  if (!archive::is_short_name(name)) {
-    throw UsageError("'name' is '" + name + "': it must be 1 to 32 of a-z, 0-9 and '-'");
-  }
-}
-
 /// Once all the rest is read.
 void check_also(const StreamConfiguration& stream, TableReader& reader) {
   const auto refuse = [&](const std::string& why) { reader.refuse(reader.find("also")->source(), why); };
@@ -39,7 +33,7 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   stream.video = default_video_profile(defaults);
   TableReader reader(table, "[[room.stream]]", in.file());
   reader.text("name", [&](const std::string& text) {
-    require_name(text);
+    require_short_name(text);
     if (text == "events") throw UsageError("'name' is 'events': that stream holds the operator's marks");
     if (text == archive::kPointingStream)
       throw UsageError("'name' is 'pointing': that stream holds where people point on live pictures");
@@ -193,7 +187,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   RoomConfiguration room;
   TableReader reader(table, "[[room]]", top.file());
   reader.text("name", [&](const std::string& text) {
-    require_name(text);
+    require_short_name(text);
     room.name = text;
   });
   reader.texts("schedule", [&](const std::vector<std::string>& windows) {
@@ -264,7 +258,7 @@ ProfileForConfiguration read_profile_rule(const toml::table& table, const TableR
   recorder::ProfileRule& rule = read.rule;
   TableReader reader(table, "[[recording.profile_for]]", in.file());
   reader.text("name", [&](const std::string& text) {
-    require_name(text);
+    require_short_name(text);
     rule.name = text;
   });
   reader.texts("words",

@@ -9,9 +9,19 @@
 
 #include <toml++/toml.h>
 
+#include "archive/format/case_layout.h"
 #include "base/error.h"
+#include "base/joined.h"
 
 namespace kiroku::apps {
+
+/// A name that stands in file names of a case (archive::is_short_name). Throws kiroku::UsageError.
+inline void require_short_name(const std::string& name) {
+  if (!archive::is_short_name(name)) {
+    throw UsageError("'name' is '" + name +
+                     "': it must be 1 to 32 of a-z, 0-9 and '-', and not begin with '-'");
+  }
+}
 
 /// Reads the keys of one table and refuses those that nobody asked for.
 class TableReader {
@@ -89,10 +99,8 @@ class TableReader {
   void refuse_unknown_keys() const {
     for (const auto& [key, node] : table_) {
       if (std::find(known_.begin(), known_.end(), key.str()) != known_.end()) continue;
-      std::string names;
-      for (const std::string& one : known_) names += (names.empty() ? "" : ", ") + one;
       refuse(key.source(),
-             "unknown key '" + std::string(key.str()) + "' in " + name_ + "; known are " + names);
+             "unknown key '" + std::string(key.str()) + "' in " + name_ + "; known are " + joined(known_));
     }
   }
 

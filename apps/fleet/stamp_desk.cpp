@@ -1,9 +1,11 @@
 #include "apps/fleet/stamp_desk.h"
 
+#include <ranges>
 #include <utility>
 
 #include "apps/fleet/desk_refusal.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "recorder/clock/whole_seconds.h"
 #include "timestamp/client.h"
 #include "timestamp/token.h"
@@ -80,9 +82,8 @@ void StampDesk::count(const std::string& fingerprint) {
 const StampDesk::Collected& StampDesk::of(const std::string& authority) const {
   const auto found = authorities_.find(authority);
   if (found != authorities_.end()) return found->second;
-  std::string names;
-  for (const auto& [name, its] : authorities_) names += (names.empty() ? "" : ", ") + name;
-  throw DeskRefusal{kNotFound, "no authority named " + authority + " is shared here; there are: " + names};
+  throw DeskRefusal{kNotFound, "no authority named " + authority +
+                                   " is shared here; there are: " + joined(std::views::keys(authorities_))};
 }
 
 StampDesk::Answer StampDesk::enter(const std::string& appliance, const fleet::StampRequest& request) {

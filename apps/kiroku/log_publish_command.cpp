@@ -243,7 +243,8 @@ void add_log_follow_command(Command& log) {
   command.argument("SOURCE", request->source,
                    "where it is published: an address of http or https, or a folder");
   command.argument("COPY", request->copy, "folder for the copy; made where it is not there");
-  command.option("--device", "FILE", request->devices, "the recorder's key, a device.pub or the key itself");
+  command.option("--device", "FILE", request->devices,
+                 "must be given: the recorder's key, a device.pub or the key itself");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "For somebody else than who runs the recorder. Each time the log must go on from the copy. Whoever "

@@ -11,14 +11,11 @@ import http.server
 import json
 import pathlib
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
 import threading
 
-from fleet_test import start
-from rooms_test import Appliance, FleetServer, answer, foreign_identity, report_desk
+from rooms_test import Appliance, FleetServer, answer, foreign_identity, report_desk, with_postgres
 from ship_test import HERE, eventually, require
 
 sys.path.insert(0, str(HERE.parent / "foreign"))
@@ -222,21 +219,5 @@ def try_everything(programs, folder, connection):
             appliance.switch_off()
 
 
-def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    programs = pathlib.Path(sys.argv[1]).resolve()
-    with tempfile.TemporaryDirectory() as name:
-        folder = pathlib.Path(name)
-        folder.chmod(0o755)
-        connection = start("postgres.sh", folder / "postgres")
-        try:
-            try_everything(programs, folder, connection)
-        finally:
-            subprocess.run([str(HERE / "postgres.sh"), "down", str(folder / "postgres")], capture_output=True, check=False)
-            shutil.rmtree(folder / "postgres", ignore_errors=True)
-    print("Rooms share one time-stamp, and have their own where nobody collects.")
-
-
 if __name__ == "__main__":
-    main()
+    with_postgres(__doc__, try_everything, "Rooms share one time-stamp, and have their own where nobody collects.")

@@ -410,9 +410,10 @@ def try_everything(programs, folder, connection):
             appliance.switch_off()
 
 
-def main():
+def with_postgres(usage, try_everything, well):
+    """The program of a test: tries everything beside a database of its own, then says that all was well."""
     if len(sys.argv) != 2:
-        sys.exit(__doc__)
+        sys.exit(usage)
     programs = pathlib.Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
@@ -423,8 +424,8 @@ def main():
         finally:
             subprocess.run([str(HERE / "postgres.sh"), "down", str(folder / "postgres")], capture_output=True, check=False)
             shutil.rmtree(folder / "postgres", ignore_errors=True)
-    print("Appliances report, and nobody reports in their name.")
+    print(well)
 
 
 if __name__ == "__main__":
-    main()
+    with_postgres(__doc__, try_everything, "Appliances report, and nobody reports in their name.")

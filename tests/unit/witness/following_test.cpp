@@ -201,7 +201,12 @@ TEST_F(FollowingTest, OfCheckpointsWithoutTilesSomeAreKeptAndNoMore) {
   for (std::uint64_t size = 400; size < 430; ++size) {
     const fs::path other = published(PublishedLog(key, 10), size);
     fs::remove_all(other / "tile");
-    EXPECT_EQ(follow_folder(other).what, Following::kCouldNotTell);
+    const Followed followed = follow_folder(other);
+    EXPECT_EQ(followed.what, Following::kCouldNotTell);
+    EXPECT_EQ(followed.evidence.empty(), size >= 416) << size;
+    EXPECT_EQ(followed.why.find("its checkpoint is not kept") != std::string::npos, size >= 416) << size;
+    if (size > 400) continue;
+    EXPECT_EQ(follow_folder(other).evidence, followed.evidence) << "shown once more";
   }
   const auto names = archive::real_file_system().names_in(copy);
   EXPECT_EQ(

@@ -298,7 +298,9 @@ TEST(Configuration, RefusesWrongTypesAndValuesWithTheirPlace) {
   EXPECT_EQ(refusal("[recording]\nsegment = \"20s\"\n"),
             "k.toml:2:11: 'segment' is '20s': a segment lasts between 500ms and 9s");
   EXPECT_EQ(refusal("[[authority]]\nname = \"A b\"\nurl = \"embedded\"\n"),
-            "k.toml:2:8: 'name' is 'A b': it must be 1 to 32 of a-z, 0-9 and '-'");
+            "k.toml:2:8: 'name' is 'A b': it must be 1 to 32 of a-z, 0-9 and '-', and not begin with '-'");
+  EXPECT_EQ(refusal("[[authority]]\nname = \"-a\"\nurl = \"embedded\"\n"),
+            "k.toml:2:8: 'name' is '-a': it must be 1 to 32 of a-z, 0-9 and '-', and not begin with '-'");
   EXPECT_EQ(refusal("[[authority]]\nname = \"a\"\nurl = \"ftp://x\"\n"),
             "k.toml:3:7: 'url' is 'ftp://x': it must begin with http:// or https://, or be embedded");
 }
