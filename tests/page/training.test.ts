@@ -96,7 +96,8 @@ afterAll(async () => {
 const field = () => visitor.page.getByRole('application');
 /** A place on the picture, 0 to 1 from its left upper corner, as one of the browser's window. */
 const onPicture = async (x: number, y: number) => {
-  const box = await field().boundingBox();
+  // Where the attempt has ended, nothing is waited for.
+  const box = (await field().evaluateAll((all) => all.map((one) => one.getBoundingClientRect().toJSON() as DOMRect)))[0];
   if (!box) throw new Error('there is no picture');
   return { x: box.x + x * box.width, y: box.y + y * box.height };
 };
