@@ -22,6 +22,7 @@ namespace kiroku::sim {
   X(PFNGLCHECKNAMEDFRAMEBUFFERSTATUSPROC, CheckNamedFramebufferStatus)      \
   X(PFNGLCLEARNAMEDFRAMEBUFFERFVPROC, ClearNamedFramebufferfv)              \
   X(PFNGLCLEARNAMEDFRAMEBUFFERUIVPROC, ClearNamedFramebufferuiv)            \
+  X(PFNGLCLIENTWAITSYNCPROC, ClientWaitSync)                                \
   X(PFNGLCOMPILESHADERPROC, CompileShader)                                  \
   X(PFNGLCREATEBUFFERSPROC, CreateBuffers)                                  \
   X(PFNGLCREATEFRAMEBUFFERSPROC, CreateFramebuffers)                        \
@@ -36,6 +37,7 @@ namespace kiroku::sim {
   X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                  \
   X(PFNGLDELETEQUERIESPROC, DeleteQueries)                                  \
   X(PFNGLDELETESHADERPROC, DeleteShader)                                    \
+  X(PFNGLDELETESYNCPROC, DeleteSync)                                        \
   X(PFNGLDELETETEXTURESPROC, DeleteTextures)                                \
   X(PFNGLDELETEVERTEXARRAYSPROC, DeleteVertexArrays)                        \
   X(PFNGLDEPTHFUNCPROC, DepthFunc)                                          \
@@ -44,7 +46,10 @@ namespace kiroku::sim {
   X(PFNGLDRAWARRAYSPROC, DrawArrays)                                        \
   X(PFNGLENABLEPROC, Enable)                                                \
   X(PFNGLENDQUERYPROC, EndQuery)                                            \
+  X(PFNGLFENCESYNCPROC, FenceSync)                                          \
+  X(PFNGLFLUSHPROC, Flush)                                                  \
   X(PFNGLGETERRORPROC, GetError)                                            \
+  X(PFNGLGETINTEGER64VPROC, GetInteger64v)                                  \
   X(PFNGLGETINTEGERVPROC, GetIntegerv)                                      \
   X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)                          \
   X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                                    \
@@ -54,8 +59,10 @@ namespace kiroku::sim {
   X(PFNGLGETSTRINGPROC, GetString)                                          \
   X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                        \
   X(PFNGLLINKPROGRAMPROC, LinkProgram)                                      \
+  X(PFNGLMAPNAMEDBUFFERRANGEPROC, MapNamedBufferRange)                      \
   X(PFNGLMEMORYBARRIERPROC, MemoryBarrier)                                  \
   X(PFNGLNAMEDBUFFERDATAPROC, NamedBufferData)                              \
+  X(PFNGLNAMEDBUFFERSTORAGEPROC, NamedBufferStorage)                        \
   X(PFNGLNAMEDBUFFERSUBDATAPROC, NamedBufferSubData)                        \
   X(PFNGLNAMEDFRAMEBUFFERDRAWBUFFERPROC, NamedFramebufferDrawBuffer)        \
   X(PFNGLNAMEDFRAMEBUFFERDRAWBUFFERSPROC, NamedFramebufferDrawBuffers)      \

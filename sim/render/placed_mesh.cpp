@@ -10,25 +10,19 @@ namespace kiroku::sim {
 PlacedMesh::PlacedMesh(const TetMesh& rest_mesh)
     : rest(rest_mesh), topology(proxy_topology(rest)), rotations(rest) {}
 
-void PlacedMesh::place(std::span<const double> displacement_m, const Camera& camera) {
+void PlacedMesh::place_nodes(std::span<const double> displacement_m, const Camera& camera) {
   const std::size_t nodes = rest.nodes.size();
   positions_m = rest.nodes;
   if (!displacement_m.empty()) {
     for (std::size_t node = 0; node < nodes; ++node)
       positions_m[node] += Eigen::Map<const Vector3>(displacement_m.data() + 3 * node);
   }
-  rotations.compute(positions_m, turned);
-  const Eigen::Quaterniond to_view(camera.to_view);
   view_mm.resize(nodes);
   positions4.resize(nodes);
-  rotations4.resize(nodes);
   for (std::size_t node = 0; node < nodes; ++node) {
     view_mm[node] = kMmPerM * camera.view_m(positions_m[node]);
     positions4[node] = single(view_mm[node], 1);
-    const Eigen::Quaterniond q = to_view * turned[node];
-    rotations4[node] = single(q.vec(), q.w());
   }
-  proxy_geometry(rest.tetrahedra, view_mm, texture, cells);
   nearest_mm = std::numeric_limits<double>::infinity();
   farthest_mm = -nearest_mm;
   for (const EntryFace& face : topology.surface) {
@@ -37,6 +31,17 @@ void PlacedMesh::place(std::span<const double> displacement_m, const Camera& cam
       farthest_mm = std::max(farthest_mm, -view_mm[node].z());
     }
   }
+}
+
+void PlacedMesh::place_cells(const Camera& camera) {
+  rotations.compute(positions_m, turned);
+  const Eigen::Quaterniond to_view(camera.to_view);
+  rotations4.resize(turned.size());
+  for (std::size_t node = 0; node < turned.size(); ++node) {
+    const Eigen::Quaterniond q = to_view * turned[node];
+    rotations4[node] = single(q.vec(), q.w());
+  }
+  proxy_geometry(rest.tetrahedra, view_mm, texture, cells);
 }
 
 std::pair<Eigen::Vector2i, Eigen::Vector2i> PlacedMesh::covered(const Scene& scene) const {

@@ -29,8 +29,12 @@ struct PlacedMesh {
   std::vector<Float4> positions4, rotations4;  // (|V|), in the view's axes, mm; (x, y, z, w)
   double nearest_mm = 0, farthest_mm = 1;      // of the surface, along the view
 
-  /// `displacement_m`: (3 |V|), or empty for none.
-  void place(std::span<const double> displacement_m, const Camera& camera);
+  /// Where the nodes are: positions_m, view_mm, positions4, nearest_mm, farthest_mm. `displacement_m`: (3
+  /// |V|), or empty for none.
+  void place_nodes(std::span<const double> displacement_m, const Camera& camera);
+  /// What rays need beside it, by far the longer part: turned, rotations4 and cells. After place_nodes() with
+  /// the same camera.
+  void place_cells(const Camera& camera);
   /// The pixels that the mesh may cover: from the first on, up to but without the second. Rows from below.
   [[nodiscard]] std::pair<Eigen::Vector2i, Eigen::Vector2i> covered(const Scene& scene) const;
 };

@@ -278,6 +278,26 @@ void main() {
 }
 )GLSL";
 
+constexpr const char* kPack = R"GLSL(
+layout(local_size_x = 64) in;
+layout(binding = 0) uniform sampler2D shown;
+layout(std430, binding = 0) writeonly buffer Packed { uint words[]; };
+uint rgb(uint pixel, ivec2 size) {
+  ivec2 at = ivec2(pixel % uint(size.x), uint(size.y) - 1u - pixel / uint(size.x));
+  return packUnorm4x8(texelFetch(shown, at, 0)) & 0xFFFFFFu;
+}
+void main() {
+  uint word = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * gl_WorkGroupSize.x + gl_LocalInvocationID.x;
+  if (word >= uint(words.length())) return;
+  ivec2 size = textureSize(shown, 0);
+  uint last = uint(size.x) * uint(size.y) - 1u;
+  // A word holds the end of one pixel and the beginning of the next.
+  uint pixel = 4u * word / 3u;
+  uint gone = 4u * word - 3u * pixel;  // bytes of it that are in the word before
+  words[word] = rgb(pixel, size) >> (8u * gone) | rgb(min(pixel + 1u, last), size) << (8u * (3u - gone));
+}
+)GLSL";
+
 std::string ray_shader(const RayFeatures& features, const char* kind) {
   return std::string(kVersion) + kind + (features.surface ? "#define SURFACE\n" : "") +
          (features.stress ? "#define STRESS\n" : "") + kCamera + kRay;
@@ -296,5 +316,6 @@ std::string ray_fragment_shader(const RayFeatures& features) { return ray_shader
 std::string ray_compute_shader(const RayFeatures& features) {
   return ray_shader(features, "#define COMPUTE\n");
 }
+std::string pack_compute_shader() { return std::string(kVersion) + kPack; }
 
 }  // namespace kiroku::sim

@@ -27,5 +27,9 @@ std::string marked_fragment_shader();
 std::string ray_fragment_shader(const RayFeatures& features);
 std::string ray_compute_shader(const RayFeatures& features);
 inline constexpr int kRayGroup = 8;
+/// Packs a picture of RGBA, rows from below, into bytes of RGB, rows from the top: kPackGroup words of four
+/// bytes at once, the groups in any number of rows.
+std::string pack_compute_shader();
+inline constexpr int kPackGroup = 64;
 
 }  // namespace kiroku::sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "base/error.h"
@@ -34,21 +35,25 @@ class VolumeRenderer::Drawing {
   Drawing& operator=(const Drawing&) = delete;
 
   void set_mesh(const PlacedMesh& mesh);
-  Picture draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m);
+  /// The mesh's nodes are placed; its cells are placed while a graphics processor peels.
+  Picture draw(PlacedMesh& mesh, const Scene& scene, double spacing_m);
   [[nodiscard]] const GlContext& context() const { return *context_; }
 
  private:
   void upload(const ShadedVolume& volume, const TransferFunction& transfer);
   void resize(int width, int height);
+  void make_room_to_pack(int width, int height);
   void attach(const GlHandle& framebuffer, std::span<const GLenum> attachments);
   void set(const GlHandle& program, const char* name, const Float4& value);
   void set(const GlHandle& program, const char* name, double value);
   void set(const GlHandle& program, const char* name, int value);
   void set_camera(const GlHandle& program, const Scene& scene);
   void draw_solids(const Scene& scene);
-  int peel(const PlacedMesh& mesh, const Scene& scene);
+  int peel(const PlacedMesh& mesh, const Scene& scene, int first, int last, bool until_empty);
+  [[nodiscard]] bool has_faces(int layer) const;
   void cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m);
   Picture read(int width, int height);
+  Picture read_packed(int width, int height);
   const GlHandle& ray_program(const RayFeatures& features);
 
   std::unique_ptr<GlContext> context_;
@@ -57,16 +62,20 @@ class VolumeRenderer::Drawing {
   GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
   GlHandle entry_program_, solid_program_;
+  GlHandle pack_program_;  // on a graphics processor
   std::array<GlHandle, kMostLayers> queries_;
   std::map<std::pair<bool, bool>, GlHandle> ray_programs_;  // with the surface, with stress
   // By the picture's size.
   int width_ = 0, height_ = 0;
+  GlHandle packed_;
+  const std::uint8_t* mapped_ = nullptr;  // packed_'s memory; none where pictures are not packed
   GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
   std::array<GlHandle, 2> depths_;
   std::array<GlHandle, kMostLayers> entry_targets_;  // a layer each, over the two depths in turn
   GlHandle solid_target_, picture_target_;
   std::vector<std::uint8_t> rgba_;
   double nearest_mm_ = 1, farthest_mm_ = 2;
+  int expected_layers_ = 1;  // as many as the last picture had
 };
 
 VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const ShadedVolume& volume,
@@ -88,6 +97,7 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       entry_program_(make_program(gl_, entry_vertex_shader(), entry_fragment_shader())),
       solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader())) {
   for (GlHandle& query : queries_) query = make_query(gl_, GL_ANY_SAMPLES_PASSED);
+  if (!context_->is_software()) pack_program_ = make_compute_program(gl_, pack_compute_shader());
   upload(volume, transfer);
 }
 
@@ -184,10 +194,25 @@ void VolumeRenderer::Drawing::resize(int width, int height) {
   attach(solid_target_, kBoth);
   gl_.NamedFramebufferTexture(picture_target_.name(), GL_COLOR_ATTACHMENT0, picture_.name(), 0);
   attach(picture_target_, one);
+  make_room_to_pack(width, height);
   check_gl(gl_,
            "make room for a picture of " + std::to_string(width) + "x" + std::to_string(height) + " pixels");
   width_ = width;
   height_ = height;
+}
+
+void VolumeRenderer::Drawing::make_room_to_pack(int width, int height) {
+  packed_ = {};
+  mapped_ = nullptr;
+  if (context_->is_software()) return;
+  const GLsizeiptr bytes = (GLsizeiptr{3} * width * height + 3) / 4 * 4;
+  GLint64 most = 0;
+  gl_.GetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
+  if (bytes > most) return;
+  constexpr GLbitfield kRead = GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+  packed_ = make_buffer(gl_);
+  gl_.NamedBufferStorage(packed_.name(), bytes, nullptr, kRead);
+  mapped_ = static_cast<const std::uint8_t*>(gl_.MapNamedBufferRange(packed_.name(), 0, bytes, kRead));
 }
 
 void VolumeRenderer::Drawing::set(const GlHandle& program, const char* name, const Float4& value) {
@@ -251,7 +276,10 @@ void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
   gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(vertices.size()));
 }
 
-int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
+/// Draws the layers from `first` on, until all before `last` are there or, where that is asked for, one is
+/// empty. How many there are then.
+int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene, int first, int last,
+                                  bool until_empty) {
   set_camera(entry_program_, scene);
   gl_.UseProgram(entry_program_.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, positions_.name());
@@ -260,9 +288,7 @@ int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
   gl_.DepthFunc(GL_LESS);
   gl_.Enable(GL_CULL_FACE);
   gl_.CullFace(GL_BACK);
-  // A graphics processor is not waited for until it has more to do; in software a layer too many costs more.
-  const int ahead = context_->is_software() ? 0 : 2;
-  for (int layer = 0; layer < kMostLayers; ++layer) {
+  for (int layer = first; layer < last; ++layer) {
     const GLuint target = entry_targets_[static_cast<std::size_t>(layer)].name();
     gl_.BindFramebuffer(GL_FRAMEBUFFER, target);
     const std::array<GLuint, 4> none{kNoCell, 0, 0, 0};
@@ -274,12 +300,16 @@ int VolumeRenderer::Drawing::peel(const PlacedMesh& mesh, const Scene& scene) {
     gl_.BeginQuery(GL_ANY_SAMPLES_PASSED, queries_[static_cast<std::size_t>(layer)].name());
     gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(3 * mesh.topology.surface.size()));
     gl_.EndQuery(GL_ANY_SAMPLES_PASSED);
-    if (layer < ahead) continue;
-    GLuint any = 0;
-    gl_.GetQueryObjectuiv(queries_[static_cast<std::size_t>(layer - ahead)].name(), GL_QUERY_RESULT, &any);
-    if (any == 0) return layer - ahead;
+    if (until_empty && !has_faces(layer)) return layer;
   }
-  return kMostLayers;
+  return last;
+}
+
+/// Waits for the answer.
+bool VolumeRenderer::Drawing::has_faces(int layer) const {
+  GLuint any = 0;
+  gl_.GetQueryObjectuiv(queries_[static_cast<std::size_t>(layer)].name(), GL_QUERY_RESULT, &any);
+  return any != 0;
 }
 
 const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features) {
@@ -340,7 +370,7 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
     gl_.BindImageTexture(0, picture_.name(), 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
     const auto groups = [](int count) { return static_cast<GLuint>((count + kRayGroup - 1) / kRayGroup); };
     gl_.DispatchCompute(groups(pixels.x()), groups(pixels.y()), 1);
-    gl_.MemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT);
+    gl_.MemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_TEXTURE_FETCH_BARRIER_BIT);
     return;
   }
   gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
@@ -352,7 +382,34 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
   gl_.Disable(GL_SCISSOR_TEST);
 }
 
+/// The graphics processor packs the picture as it is wanted and writes it into memory of this side.
+Picture VolumeRenderer::Drawing::read_packed(int width, int height) {
+  const std::size_t bytes =
+      std::size_t{3} * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  constexpr std::size_t kGroupsInARow = 1024;
+  const std::size_t groups = (bytes + 4 * kPackGroup - 1) / (4 * kPackGroup);
+  gl_.UseProgram(pack_program_.name());
+  gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, packed_.name());
+  gl_.BindTextureUnit(0, picture_.name());
+  gl_.DispatchCompute(static_cast<GLuint>(std::min(groups, kGroupsInARow)),
+                      static_cast<GLuint>((groups + kGroupsInARow - 1) / kGroupsInARow), 1);
+  gl_.MemoryBarrier(GL_CLIENT_MAPPED_BUFFER_BARRIER_BIT);
+  const GLsync drawn = gl_.FenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+  const GLenum answer =
+      gl_.ClientWaitSync(drawn, GL_SYNC_FLUSH_COMMANDS_BIT, std::numeric_limits<GLuint64>::max());
+  gl_.DeleteSync(drawn);
+  check_gl(gl_, "draw a picture with " + context_->renderer());
+  if (answer != GL_ALREADY_SIGNALED && answer != GL_CONDITION_SATISFIED)
+    throw Error("cannot draw a picture with " + context_->renderer() + ": OpenGL did not finish it");
+  Picture picture;
+  picture.width = width;
+  picture.height = height;
+  picture.rgb.assign(mapped_, mapped_ + bytes);
+  return picture;
+}
+
 Picture VolumeRenderer::Drawing::read(int width, int height) {
+  if (mapped_ != nullptr) return read_packed(width, height);
   rgba_.resize(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   gl_.BindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
   gl_.NamedFramebufferReadBuffer(picture_target_.name(), GL_COLOR_ATTACHMENT0);
@@ -371,19 +428,34 @@ Picture VolumeRenderer::Drawing::read(int width, int height) {
   return picture;
 }
 
-Picture VolumeRenderer::Drawing::draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
+Picture VolumeRenderer::Drawing::draw(PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   context_->make_current();
   resize(scene.width, scene.height);
   gl_.BindVertexArray(vertex_array_.name());
   gl_.Viewport(0, 0, scene.width, scene.height);
-  fill_buffer<CellGeometry>(gl_, cells_, mesh.cells);
   fill_buffer<Float4>(gl_, positions_, mesh.positions4);
-  fill_buffer<Float4>(gl_, rotations_, mesh.rotations4);
   nearest_mm_ = mesh.nearest_mm;
   farthest_mm_ = mesh.farthest_mm;
   draw_solids(scene);
-  cast(mesh, scene, peel(mesh, scene), spacing_m);
-  return read(scene.width, scene.height);
+  // In software each layer is waited for, as one too many costs more. A graphics processor is given as many
+  // as the last picture had and one more, and is asked with the picture whether that one is empty.
+  const bool waits = context_->is_software();
+  int layers = peel(mesh, scene, 0, waits ? kMostLayers : std::min(expected_layers_ + 1, kMostLayers), waits);
+  gl_.Flush();
+  mesh.place_cells(scene.camera);
+  fill_buffer<CellGeometry>(gl_, cells_, mesh.cells);
+  fill_buffer<Float4>(gl_, rotations_, mesh.rotations4);
+  cast(mesh, scene, layers, spacing_m);
+  Picture picture = read(scene.width, scene.height);
+  if (waits) return picture;
+  if (has_faces(layers - 1) && layers < kMostLayers) {
+    layers = peel(mesh, scene, layers, kMostLayers, true);
+    cast(mesh, scene, layers, spacing_m);
+    picture = read(scene.width, scene.height);
+  }
+  while (layers > 0 && !has_faces(layers - 1)) --layers;
+  expected_layers_ = layers;
+  return picture;
 }
 
 VolumeRenderer::VolumeRenderer(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
@@ -484,7 +556,7 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
     throw UsageError("displacements that are no numbers cannot be drawn");
   if (scene.stress && (scene.stress->at_nodes_pa.size() != nodes || !(scene.stress->largest_pa > 0)))
     throw UsageError("a stress must be given for each node, with a largest that is greater than 0");
-  mesh_->place(displacement_m, scene.camera);
+  mesh_->place_nodes(displacement_m, scene.camera);
   const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : volume_->spacing_m / 2;
   if (drawing_) {
     try {
@@ -494,7 +566,9 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
       go_on_in_software(error.what());
     }
   }
-  return caster_ ? caster_->draw(*mesh_, scene, spacing_m) : drawing_->draw(*mesh_, scene, spacing_m);
+  if (drawing_) return drawing_->draw(*mesh_, scene, spacing_m);
+  mesh_->place_cells(scene.camera);
+  return caster_->draw(*mesh_, scene, spacing_m);
 }
 
 std::vector<double> at_nodes(const TetMesh& mesh, std::span<const double> of_tetrahedra) {

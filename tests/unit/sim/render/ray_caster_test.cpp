@@ -158,7 +158,8 @@ TEST(RayCaster, GivesTheSameBytesOnAnyNumberOfThreadsWithAnyInstructions) {
       PlacedMesh mesh(shown.mesh);
       for (const Vector3& node : shown.mesh.nodes) mesh.texture.push_back(volume->texture_of(node));
       caster.set_mesh(mesh);
-      mesh.place(shown.displacement_m, scene.camera);
+      mesh.place_nodes(shown.displacement_m, scene.camera);
+      mesh.place_cells(scene.camera);
       return caster.draw(mesh, scene, 0.5e-3).rgb;
     };
     const std::vector<std::uint8_t> expected = with(1, InstructionSet::kBaseline);
