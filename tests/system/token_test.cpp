@@ -160,9 +160,9 @@ TEST_F(Token, OfARecordInXmlIsJudgedOverItsFile) {
               testing::StartsWith("HOLDS: the file was there"));
 
   write_text(folder() / "other", "something else\n");
-  const ProcessResult refused = kiroku({"token", "evidence", "record.xml", "other"});
-  EXPECT_EQ(refused.status, 1) << refused.out;
-  EXPECT_THAT(refused.out, HasSubstr("record-imprint-differs"));
+  const ProcessResult of_other = kiroku({"token", "evidence", "record.xml", "other"});
+  EXPECT_EQ(of_other.status, 1) << of_other.out;
+  EXPECT_THAT(of_other.out, HasSubstr("record-imprint-differs"));
   write_text(folder() / "broken.xml", xml_of("no token"));
   EXPECT_REFUSED(kiroku({"token", "evidence", "broken.xml", "data"}), "is no base64");
   EXPECT_REFUSED(kiroku({"token", "evidence", "response", "data"}),
