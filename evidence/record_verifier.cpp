@@ -19,10 +19,35 @@ std::optional<crypto::HashAlgorithm> hash_of(const timestamp::TokenInfo& info) {
              : info.algorithm;
 }
 
+/// RFC 4998: over the DER of tokens and chains.
+class DerCover : public RenewalCover {
+ public:
+  explicit DerCover(const EvidenceRecord& record) : record_(record) {}
+  Bytes time_stamp(std::size_t chain, std::size_t index, crypto::HashAlgorithm algorithm) override {
+    return crypto::digest(algorithm, record_.chains[chain][index].token);
+  }
+  Bytes chains_before(std::size_t chain, crypto::HashAlgorithm algorithm) override {
+    for (; encoded_ < chain; ++encoded_) append(chains_, encode_chain(record_.chains[encoded_]));
+    return crypto::digest(algorithm, sequence_of_chains(chains_));
+  }
+  std::optional<Bytes> object(const DataObject& object, std::size_t /*chain*/,
+                              crypto::HashAlgorithm algorithm) override {
+    return object.digest(algorithm);
+  }
+  [[nodiscard]] bool joins_objects_and_chains() const override { return true; }
+
+ private:
+  const EvidenceRecord& record_;
+  Bytes chains_;  // their DER, one behind the other
+  std::size_t encoded_ = 0;
+};
+
 class RecordJudge {
  public:
-  RecordJudge(const EvidenceRecord& record, const std::vector<DataObject>& objects, const JudgingRules& rules)
+  RecordJudge(const EvidenceRecord& record, const std::vector<DataObject>& objects, const JudgingRules& rules,
+              RenewalCover& cover)
       : record_(record),
+        cover_(cover),
         objects_(objects),
         rules_(rules),
         no_ends_(Policy::without_ends()),
@@ -47,10 +72,15 @@ class RecordJudge {
 
   void judge_chain(std::size_t chain);
   void judge_token(TimeStampJudgement& judged, const std::optional<Bytes>& root);
+  /// The first time-stamp of a chain against the data; the root that its token must be over.
+  std::optional<Bytes> judge_beginning(TimeStampJudgement& judged, crypto::HashAlgorithm algorithm);
   /// What the first time-stamp of a chain must hold: of each object its value; nothing where it has none.
-  std::vector<std::optional<Bytes>> values_of_objects(std::size_t chain, crypto::HashAlgorithm algorithm);
+  /// `joined`: the hash of the chains before, where that is a part of each value.
+  std::vector<std::optional<Bytes>> values_of_objects(std::size_t chain, crypto::HashAlgorithm algorithm,
+                                                      const std::optional<Bytes>& joined);
+  /// `chains`: the hash of the chains before, where it is a value of its own.
   void match_objects(TimeStampJudgement& judged, const HashList& list,
-                     const std::vector<std::optional<Bytes>>& values);
+                     const std::vector<std::optional<Bytes>>& values, const std::optional<Bytes>& chains);
   void judge_order();
   void judge_ends();
   void judge_end_of(const TimeStampJudgement& judged, const std::string& place, UtcTime time, bool newest);
@@ -59,11 +89,11 @@ class RecordJudge {
   [[nodiscard]] std::optional<UtcTime> time_of_chain(std::size_t chain) const;
 
   const EvidenceRecord& record_;
+  RenewalCover& cover_;
   const std::vector<DataObject>& objects_;
   const JudgingRules& rules_;
   const Policy no_ends_;
   const Policy& policy_;
-  Bytes chains_before_;  // their DER, one behind the other
   timestamp::CertificatePool pool_;
   std::size_t strangers_ = 0;
   RecordJudgement out_;
@@ -107,7 +137,7 @@ void RecordJudge::judge_chain(std::size_t chain) {
     // What the first list must hold.
     std::optional<Bytes> root;
     if (index > 0) {
-      const Bytes previous = crypto::digest(*own, record_.chains[chain][index - 1].token);
+      const Bytes previous = cover_.time_stamp(chain, index - 1, *own);
       const bool alone = here.reduced_tree.empty();
       judged.covers_previous =
           alone || std::ranges::find(here.reduced_tree.front(), previous) != here.reduced_tree.front().end();
@@ -119,40 +149,65 @@ void RecordJudge::judge_chain(std::size_t chain) {
                 "record's");
       }
     } else {
-      const auto values = values_of_objects(chain, *own);
-      if (!here.reduced_tree.empty()) {
-        root = root_of(*own, here.reduced_tree);
-        match_objects(judged, here.reduced_tree.front(), values);
-      } else if (values.size() == 1 && values.front()) {
-        root = values.front();
-        match_objects(judged, {*values.front()}, values);
-      } else if (values.size() != 1) {
-        add("record-data-not-covered", values.empty() ? Standing::kCouldNotCheck : Standing::kRefused, place,
-            place + " has no hash tree, so it covers one object, and " + std::to_string(values.size()) +
-                " were given");
-      }
+      root = judge_beginning(judged, *own);
     }
     judge_token(judged, root);
     out_.time_stamps.push_back(std::move(judged));
   }
 }
 
-std::vector<std::optional<Bytes>> RecordJudge::values_of_objects(std::size_t chain,
-                                                                 crypto::HashAlgorithm algorithm) {
+std::optional<Bytes> RecordJudge::judge_beginning(TimeStampJudgement& judged,
+                                                  crypto::HashAlgorithm algorithm) {
+  const ArchiveTimeStamp& here = time_stamp(judged);
+  const std::string place = place_of(judged.chain, judged.index);
   std::optional<Bytes> before;
-  if (chain > 0) {
-    append(chains_before_, encode_chain(record_.chains[chain - 1]));
-    before = crypto::digest(algorithm, sequence_of_chains(chains_before_));
+  if (judged.chain > 0) before = cover_.chains_before(judged.chain, algorithm);
+  const bool joined = cover_.joins_objects_and_chains();
+  const auto values = values_of_objects(judged.chain, algorithm, joined ? before : std::nullopt);
+  const std::optional<Bytes> chains = joined ? std::nullopt : before;
+  if (!here.reduced_tree.empty()) {
+    const HashList& first = here.reduced_tree.front();
+    if (chains) {
+      judged.covers_previous = std::ranges::find(first, *chains) != first.end();
+      if (!judged.covers_previous) {
+        add("record-link-missing", Standing::kRefused, place,
+            place +
+                " does not cover the chains before it: one was cut out, put elsewhere, or is another "
+                "record's");
+      }
+    }
+    match_objects(judged, first, values, chains);
+    // One value alone is no hash of data and chains, whatever the token is over.
+    if (chains && first.size() == 1) return {};
+    return root_of(algorithm, here.reduced_tree);
   }
+  if (chains) {
+    judged.covers_previous = true;
+    add("record-data-not-covered", Standing::kRefused, place,
+        place + " has no hash tree, so it cannot cover both the data and the chains before it");
+  } else if (values.size() != 1) {
+    add("record-data-not-covered", values.empty() ? Standing::kCouldNotCheck : Standing::kRefused, place,
+        place + " has no hash tree, so it covers one object, and " + std::to_string(values.size()) +
+            " were given");
+  } else if (values.front()) {
+    match_objects(judged, {*values.front()}, values, {});
+    return values.front();
+  }
+  return {};
+}
+
+std::vector<std::optional<Bytes>> RecordJudge::values_of_objects(std::size_t chain,
+                                                                 crypto::HashAlgorithm algorithm,
+                                                                 const std::optional<Bytes>& joined) {
   std::vector<std::optional<Bytes>> values;
   values.reserve(objects_.size());
   for (const DataObject& object : objects_) {
-    std::optional<Bytes> value = object.digest(algorithm);
+    std::optional<Bytes> value = cover_.object(object, chain, algorithm);
     if (!value) {
       add("record-data-not-read", Standing::kCouldNotCheck, place_of(chain, 0),
           object.name + " could not be read, so whether " + place_of(chain, 0) + " covers it is not known");
-    } else if (before) {
-      append(*value, *before);
+    } else if (joined) {
+      append(*value, *joined);
       value = crypto::digest(algorithm, *value);
     }
     values.push_back(std::move(value));
@@ -161,10 +216,12 @@ std::vector<std::optional<Bytes>> RecordJudge::values_of_objects(std::size_t cha
 }
 
 void RecordJudge::match_objects(TimeStampJudgement& judged, const HashList& list,
-                                const std::vector<std::optional<Bytes>>& values) {
+                                const std::vector<std::optional<Bytes>>& values,
+                                const std::optional<Bytes>& chains) {
   constexpr std::size_t kMostNamed = 3;
   const HeldValues held(list);
   std::set<Bytes> known;
+  if (chains && held.contains(*chains)) known.insert(*chains);
   std::size_t missing = 0;
   std::string names;
   for (std::size_t i = 0; i < values.size(); ++i) {
@@ -330,7 +387,13 @@ bool RecordJudgement::outside() const {
 
 RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
                              const JudgingRules& rules) {
-  return RecordJudge(record, objects, rules).judge();
+  DerCover cover(record);
+  return judge_record(record, objects, rules, cover);
+}
+
+RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
+                             const JudgingRules& rules, RenewalCover& cover) {
+  return RecordJudge(record, objects, rules, cover).judge();
 }
 
 std::optional<crypto::HashAlgorithm> hash_of_chain(const ArchiveTimeStampChain& chain) {

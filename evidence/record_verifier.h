@@ -12,7 +12,8 @@
 //  3. its time is not before that of the one before it;
 //  4. when the next one came, or now for the newest: its certificates had not ended, and its algorithms still
 //     counted by the policy. The chain's hash algorithm must have counted when the next chain began.
-// Without a reduced tree a time-stamp covers one object alone.
+// Without a reduced tree a time-stamp covers one object alone. Records in XML (RFC 6283) are judged by the
+// same rules; what their renewals are over differs (RenewalCover).
 #pragma once
 
 #include <cstddef>
@@ -32,6 +33,9 @@ struct DataObject {
   std::string name;
   /// Its hash; nothing where it cannot be had under this algorithm.
   std::function<std::optional<Bytes>(crypto::HashAlgorithm)> digest;
+  /// Its bytes, for records in XML: those canonicalise data that is XML. Valid as long as the object; none:
+  /// the hash above is taken.
+  std::optional<ByteView> content = {};
 };
 
 enum class Standing {
@@ -54,9 +58,11 @@ enum class StampKind { kFirst, kTimeStampRenewal, kHashTreeRenewal };
 struct TimeStampJudgement {
   std::size_t chain = 0, index = 0;
   StampKind kind = StampKind::kFirst;
-  std::string algorithm;             // of its chain
-  bool imprint_fits = false;         // its token is over the root of its tree
-  bool covers_previous = false;      // of a time-stamp renewal: the first list holds the token before it
+  std::string algorithm;      // of its chain
+  bool imprint_fits = false;  // its token is over the root of its tree
+  /// Of a time-stamp renewal: the first list holds the time-stamp before it. Of a hash-tree renewal in XML:
+  /// it holds the chains before.
+  bool covers_previous = false;
   std::vector<std::size_t> objects;  // of those given, in its first list; of the first one of a chain
   std::size_t other_values = 0;      // in that list: values of nothing that was given
   timestamp::TokenJudgement token;   // under the trusted roots
@@ -94,8 +100,31 @@ struct JudgingRules {
   bool objects_may_join = false;
 };
 
+/// What a renewal is over, which depends on how the record is written. Not thread-safe; asked for chains in
+/// their order.
+class RenewalCover {
+ public:
+  RenewalCover() = default;
+  RenewalCover(const RenewalCover&) = delete;
+  RenewalCover& operator=(const RenewalCover&) = delete;
+  virtual ~RenewalCover() = default;
+  /// The hash of a time-stamp, for the one that renews it.
+  virtual Bytes time_stamp(std::size_t chain, std::size_t index, crypto::HashAlgorithm algorithm) = 0;
+  /// The hash of all chains before this one, of which there is one at least.
+  virtual Bytes chains_before(std::size_t chain, crypto::HashAlgorithm algorithm) = 0;
+  /// Of an object, as this chain hashes it; nothing where it cannot be had.
+  virtual std::optional<Bytes> object(const DataObject& object, std::size_t chain,
+                                      crypto::HashAlgorithm algorithm) = 0;
+  /// Whether a hash-tree renewal has a value for each object together with the chains before (RFC 4998
+  /// section 5.2), or one for the chains and one for each object (RFC 6283 section 4.2.2).
+  [[nodiscard]] virtual bool joins_objects_and_chains() const = 0;
+};
+
 RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
                              const JudgingRules& rules);
+/// Of a record that is not written as RFC 4998 says.
+RecordJudgement judge_record(const EvidenceRecord& record, const std::vector<DataObject>& objects,
+                             const JudgingRules& rules, RenewalCover& cover);
 
 /// What a chain hashes with: as its first time-stamp says, else that one's token. Nothing where that is no
 /// hash that counts here.

@@ -12,6 +12,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
+#include "apps/kiroku/token_evidence_command.h"
 #include "archive/verify/verifier.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -341,8 +342,9 @@ void add_services_command(Command& token) {
 }  // namespace
 
 void add_token_command(Command& program) {
-  Command& token = program.add_command("token", "judges RFC 3161 time-stamps");
+  Command& token = program.add_command("token", "judges RFC 3161 time-stamps and evidence records");
   add_services_command(token);
+  add_token_evidence_command(token);
   Command& command = token.add_command("verify", "judges one time-stamp token or response");
   const auto request = std::make_shared<Request>();
   command.argument("TOKEN", request->token,

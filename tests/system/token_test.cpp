@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <csignal>
+#include <sstream>
 
 #include "tests/support/build_paths.h"
 #include "tests/system/program_test.h"
@@ -132,6 +134,70 @@ TEST_F(Token, ServicesOfATrustedListAreListedAndTrusted) {
       kiroku({"token", "verify", "response", "--data", "data", "--trusted-list", list});
   EXPECT_EQ(unknown.status, 2) << unknown.out;
   EXPECT_THAT(unknown.out, HasSubstr("qualified could not be told: the token is not valid"));
+}
+
+TEST_F(Token, OfARecordInXmlIsJudgedOverItsFile) {
+  stamp();
+  ASSERT_EQ(tool({"openssl", "ts", "-reply", "-in", "response", "-token_out", "-out", "token"}).status, 0);
+  const ProcessResult base64 = tool({"openssl", "base64", "-in", "token"});
+  const auto xml_of = [](const std::string& token) {
+    return "<EvidenceRecord xmlns='urn:ietf:params:xml:ns:ers' Version='1.0'><ArchiveTimeStampSequence>"
+           "<ArchiveTimeStampChain Order='1'><DigestMethod "
+           "Algorithm='http://www.w3.org/2001/04/xmlenc#sha256'/><CanonicalizationMethod "
+           "Algorithm='http://www.w3.org/2001/10/xml-exc-c14n#'/><ArchiveTimeStamp Order='1'><TimeStamp>"
+           "<TimeStampToken Type='RFC3161'>" +
+           token +
+           "</TimeStampToken></TimeStamp></ArchiveTimeStamp></ArchiveTimeStampChain>"
+           "</ArchiveTimeStampSequence></EvidenceRecord>";
+  };
+  write_text(folder() / "record.xml", xml_of(base64.out));
+  const auto answer = kiroku_json({"token", "evidence", "record.xml", "data", "--json"});
+  EXPECT_EQ(answer["verdict"], "holds");
+  EXPECT_EQ(answer["form"], "rfc6283");
+  EXPECT_EQ(answer["outside"], false) << "the home's own authority is nobody else's clock";
+  EXPECT_EQ(answer["time_stamps"].size(), 1U);
+  EXPECT_THAT(kiroku({"token", "evidence", "record.xml", "data"}).out,
+              testing::StartsWith("HOLDS: the file was there"));
+
+  write_text(folder() / "other", "something else\n");
+  const ProcessResult of_other = kiroku({"token", "evidence", "record.xml", "other"});
+  EXPECT_EQ(of_other.status, 1) << of_other.out;
+  EXPECT_THAT(of_other.out, HasSubstr("record-imprint-differs"));
+  write_text(folder() / "broken.xml", xml_of("no token"));
+  EXPECT_REFUSED(kiroku({"token", "evidence", "broken.xml", "data"}), "is no base64");
+  EXPECT_REFUSED(kiroku({"token", "evidence", "response", "data"}),
+                 "cannot read the evidence record response");
+}
+
+TEST_F(Token, ACasesOwnRecordIsJudgedOverItsFilesAsAnybodyElsesIs) {
+  const std::filesystem::path made = record();
+  ASSERT_EQ(kiroku({"renew"}).status, 0);
+  // The lines that the newest checkpoint covers, and every file that they name.
+  std::string newest;
+  Arguments command{"token",
+                    "evidence",
+                    (home() / "archive/evidence" / (made.filename().string() + ".ers")).string(),
+                    "lines",
+                    "--own-authority",
+                    own(),
+                    "--json"};
+  for (const char* folder_name : {"checkpoints", "tokens", "segments"}) {
+    for (const auto& each : std::filesystem::recursive_directory_iterator(made / folder_name)) {
+      if (!each.is_regular_file()) continue;
+      command.push_back(each.path().string());
+      if (each.path().extension() == ".note") newest = std::max(newest, each.path().stem().string());
+    }
+  }
+  if (std::filesystem::exists(made / "subject.age")) command.push_back((made / "subject.age").string());
+  std::istringstream ledger(read_text(made / "ledger.jsonl"));
+  std::string lines, line;
+  for (int i = 0; i < std::stoi(newest) && std::getline(ledger, line); ++i) lines += line + "\n";
+  write_text(folder() / "lines", lines);
+  const auto covered = nlohmann::json::parse(kiroku(command).out);
+  EXPECT_EQ(covered["form"], "rfc4998");
+  EXPECT_EQ(covered["verdict"], "holds") << covered;
+  write_text(folder() / "lines", lines + "\n");
+  EXPECT_EQ(nlohmann::json::parse(kiroku(command).out)["problems"][0]["code"], "record-data-not-covered");
 }
 
 TEST_F(Token, AuthorityRefusesAnAddressItCannotListenOn) {

@@ -1,0 +1,333 @@
+#include "evidence/xml_record.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "evidence/hash_tree.h"
+#include "evidence/xml_canonical.h"
+#include "tests/support/evidence_kit.h"
+
+namespace kiroku::evidence {
+namespace {
+
+using crypto::HashAlgorithm;
+using test::codes_of;
+using test::day;
+using test::hash_of;
+using test::object_of;
+using test::PlayedAuthority;
+using testing::HasSubstr;
+
+std::string refusal_of(const std::string& xml) {
+  try {
+    XmlRecord::parse(xml);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+std::string canonical(const std::string& xml, const std::string& method) {
+  return canonical_document(parse_xml(xml), canonicalization_named(method).value());
+}
+constexpr const char* kInclusive = "http://www.w3.org/TR/2001/REC-xml-c14n-20010315";
+constexpr const char* kExclusive = "http://www.w3.org/2001/10/xml-exc-c14n#";
+
+// Canonical XML 1.0, section 3.1, without the DOCTYPE.
+TEST(CanonicalXml, OfInstructionsAndCommentsIsThePublishedOne) {
+  const std::string xml =
+      "<?xml version=\"1.0\"?>\n\n<?xml-stylesheet   href=\"doc.xsl\"\n   type=\"text/xsl\"   ?>\n\n"
+      "<doc>Hello, world!<!-- Comment 1 --></doc>\n\n<?pi-without-data     ?>\n\n<!-- Comment 2 -->\n\n"
+      "<!-- Comment 3 -->";
+  EXPECT_EQ(canonical(xml, kInclusive),
+            "<?xml-stylesheet href=\"doc.xsl\"\n   type=\"text/xsl\"   ?>\n<doc>Hello, world!</doc>\n"
+            "<?pi-without-data?>");
+  EXPECT_EQ(canonical(xml, std::string(kInclusive) + "#WithComments"),
+            "<?xml-stylesheet href=\"doc.xsl\"\n   type=\"text/xsl\"   ?>\n"
+            "<doc>Hello, world!<!-- Comment 1 --></doc>\n<?pi-without-data?>\n<!-- Comment 2 -->\n"
+            "<!-- Comment 3 -->");
+}
+
+// Section 3.3, without what its DOCTYPE adds.
+TEST(CanonicalXml, OfTagsIsThePublishedOne) {
+  EXPECT_EQ(
+      canonical("<doc>\n   <e1   />\n   <e2   ></e2>\n   <e3   name = \"elem3\"   id=\"elem3\"   />\n"
+                "   <e5 a:attr=\"out\" b:attr=\"sorted\" attr2=\"all\" attr=\"I'm\"\n"
+                "      xmlns:b=\"http://www.ietf.org\"\n      xmlns:a=\"http://www.w3.org\"\n"
+                "      xmlns=\"http://example.org\"/>\n"
+                "   <e6 xmlns=\"\" xmlns:a=\"http://www.w3.org\">\n"
+                "      <e7 xmlns=\"http://www.ietf.org\">\n"
+                "         <e8 xmlns=\"\" xmlns:a=\"http://www.w3.org\">\n"
+                "            <e9 xmlns=\"\" xmlns:a=\"http://www.ietf.org\"/>\n"
+                "         </e8>\n      </e7>\n   </e6>\n</doc>",
+                kInclusive),
+      "<doc>\n   <e1></e1>\n   <e2></e2>\n   <e3 id=\"elem3\" name=\"elem3\"></e3>\n"
+      "   <e5 xmlns=\"http://example.org\" xmlns:a=\"http://www.w3.org\" xmlns:b=\"http://www.ietf.org\" "
+      "attr=\"I'm\" attr2=\"all\" b:attr=\"sorted\" a:attr=\"out\"></e5>\n"
+      "   <e6 xmlns:a=\"http://www.w3.org\">\n"
+      "      <e7 xmlns=\"http://www.ietf.org\">\n         <e8 xmlns=\"\">\n"
+      "            <e9 xmlns:a=\"http://www.ietf.org\"></e9>\n"
+      "         </e8>\n      </e7>\n   </e6>\n</doc>");
+}
+
+// Section 3.4, without what its DOCTYPE normalises.
+TEST(CanonicalXml, OfCharactersIsThePublishedOne) {
+  EXPECT_EQ(
+      canonical(
+          "<doc>\r\n   <text>First line&#x0d;&#10;Second line</text>\n   <value>&#x32;</value>\n"
+          "   <compute><![CDATA[value>\"0\" && value<\"10\" ?\"valid\":\"error\"]]></compute>\n"
+          "   <compute expr='value>\"0\" &amp;&amp; value&lt;\"10\" ?\"valid\":\"error\"'>valid</compute>\n"
+          "   <norm attr=' &apos;   &#x20;&#13;&#xa;&#9;   &apos; '/>\n</doc>",
+          kInclusive),
+      "<doc>\n   <text>First line&#xD;\nSecond line</text>\n   <value>2</value>\n"
+      "   <compute>value&gt;\"0\" &amp;&amp; value&lt;\"10\" ?\"valid\":\"error\"</compute>\n"
+      "   <compute expr=\"value>&quot;0&quot; &amp;&amp; value&lt;&quot;10&quot; "
+      "?&quot;valid&quot;:&quot;error&quot;\">valid</compute>\n"
+      "   <norm attr=\" '    &#xD;&#xA;&#x9;   ' \"></norm>\n</doc>");
+}
+
+// Exclusive XML Canonicalization 1.0, section 2.2.
+TEST(CanonicalXml, ExclusivelyTakesNothingFromAround) {
+  const pugi::xml_document around = parse_xml(
+      "<n0:pdu xmlns:n0='http://a.example' xml:lang='fr' xml:space='retain'>"
+      "<n1:elem2 xmlns:n1='http://example.net' xml:lang='en'><n3:stuff "
+      "xmlns:n3='ftp://example.org'/></n1:elem2>"
+      "</n0:pdu>");
+  const pugi::xml_node element = around.document_element().first_child();
+  EXPECT_EQ(canonical_element(element, canonicalization_named(kInclusive).value()),
+            "<n1:elem2 xmlns:n0=\"http://a.example\" xmlns:n1=\"http://example.net\" xml:lang=\"en\" "
+            "xml:space=\"retain\"><n3:stuff xmlns:n3=\"ftp://example.org\"></n3:stuff></n1:elem2>");
+  EXPECT_EQ(canonical_element(element, canonicalization_named(kExclusive).value()),
+            "<n1:elem2 xmlns:n1=\"http://example.net\" xml:lang=\"en\">"
+            "<n3:stuff xmlns:n3=\"ftp://example.org\"></n3:stuff></n1:elem2>");
+}
+
+TEST(CanonicalXml, RefusesWhatHasNone) {
+  const auto why = [](const std::string& xml) -> std::string {
+    try {
+      parse_xml(xml);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(why("<a><b></a>"), HasSubstr("it is no XML"));
+  EXPECT_THAT(why("<!DOCTYPE a [<!ENTITY e 'x'>]><a>&e;</a>"), HasSubstr("DOCTYPE"));
+  EXPECT_THAT(why("<a/><b/>"), HasSubstr("one outermost element"));
+  EXPECT_THAT(why("x<a/>"), HasSubstr("outside of its outermost element"));
+  EXPECT_THAT(why("<a/>x"), HasSubstr("outside of its outermost element"));
+  EXPECT_THAT(why("<p:a/>"), HasSubstr("nothing declares the prefix"));
+  EXPECT_THAT(why("<a xmlns:p='urn:x' xmlns:q='urn:x' p:n='1' q:n='2'/>"), HasSubstr("stands twice"));
+  EXPECT_THAT(why("<a xmlns:p=''/>"), HasSubstr("back"));
+  std::string deep, many = "<a";
+  for (int i = 0; i < 200; ++i) deep += "<a>";
+  for (int i = 0; i < 200; ++i) deep += "</a>";
+  for (int i = 0; i < 100; ++i) many += " n" + std::to_string(i) + "='x'";
+  EXPECT_THAT(why(deep), HasSubstr("more than 100 others"));
+  EXPECT_THAT(why(many + "/>"), HasSubstr("more than 64 attributes"));
+}
+
+// A namespace that is declared once and used by many siblings is written for each of them.
+TEST(CanonicalXml, ThatWouldGrowWithoutBoundIsRefused) {
+  std::string xml = "<a xmlns:p='urn:" + std::string(100'000, 'x') + "'>";
+  for (int i = 0; i < 2'000; ++i) xml += "<p:b/>";
+  EXPECT_THROW(canonical(xml + "</a>", kExclusive), Error);
+}
+
+/// A record of three chains as another program would write it: its parts are written in canonical form here,
+/// so that their hashes need none of the code under test.
+class XmlRecordTest : public ::testing::Test {
+ protected:
+  static constexpr const char* kData = "ledger of 2026";
+  static constexpr const char* kMore = "a segment of it";
+  static constexpr const char* kNamespace = " xmlns=\"urn:ietf:params:xml:ns:ers\"";
+
+  XmlRecordTest() {
+    for (const PlayedAuthority* authority : {&first_, &second_, &third_})
+      trust_.add_trusted(bytes_of(authority->root_pem()), "root");
+    begin_chain(HashAlgorithm::kSha256, first_.at("2026-11-01"));
+    renew_time_stamp(second_.at("2031-11-01"));
+    begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"));
+    renew_time_stamp(third_.at("2039-03-01"));
+    begin_chain(HashAlgorithm::kSha3_512, third_.at("2044-05-01"));
+  }
+
+  [[nodiscard]] std::string record() const { return record_of(chains_); }
+  [[nodiscard]] static std::string record_of(const std::vector<std::vector<std::string>>& chains) {
+    return "<?xml version=\"1.0\"?>\n<EvidenceRecord Version=\"1.0\"" + std::string(kNamespace) + ">\n  " +
+           sequence_of(chains, "") + "</EvidenceRecord>\n";
+  }
+  [[nodiscard]] RecordJudgement judge(const std::string& xml, const std::string& data = kData,
+                                      const Policy* policy = nullptr) const {
+    return XmlRecord::parse(xml).judge({object_of(data), object_of(kMore)},
+                                       {.trust = &trust_, .policy = policy, .now = day("2046-11-01")});
+  }
+
+  static std::string uri_of(HashAlgorithm algorithm) {
+    return algorithm == HashAlgorithm::kSha3_512
+               ? "http://www.w3.org/2007/05/xmldsig-more#sha3-512"
+               : "http://www.w3.org/2001/04/xmlenc#" + std::string(crypto::hash_name(algorithm));
+  }
+  static std::string in_base64(ByteView bytes) {
+    return crypto::to_base64(bytes, crypto::Base64Padding::kPadded);
+  }
+  /// An ArchiveTimeStamp over these values and one of a stranger's.
+  static std::string stamped(std::size_t order, HashAlgorithm algorithm, HashList values,
+                             const Stamp& stamp) {
+    const HashList stranger{hash_of(algorithm, "another record")};
+    std::string tree;
+    for (const HashList& list : {values, stranger}) {
+      tree += "<Sequence Order=\"" + std::string(tree.empty() ? "1" : "2") + "\">";
+      for (const Bytes& value : list) tree += "<DigestValue>" + in_base64(value) + "</DigestValue>";
+      tree += "</Sequence>";
+    }
+    const Bytes token = stamp(algorithm, root_of(algorithm, {std::move(values), stranger}));
+    return "<ArchiveTimeStamp Order=\"" + std::to_string(order) + "\"><HashTree>" + tree +
+           "</HashTree><TimeStamp>" + inside_time_stamp(token) + "</TimeStamp></ArchiveTimeStamp>";
+  }
+  static std::string inside_time_stamp(ByteView token) {
+    return "<TimeStampToken Type=\"RFC3161\">" + in_base64(token) + "</TimeStampToken>";
+  }
+  static std::string sequence_of(const std::vector<std::vector<std::string>>& chains,
+                                 const std::string& declared) {
+    std::string text = "<ArchiveTimeStampSequence" + declared + ">";
+    for (std::size_t i = 0; i < chains.size(); ++i) {
+      const std::string head = chains[i].front();
+      text += "<ArchiveTimeStampChain Order=\"" + std::to_string(i + 1) + "\">" + head;
+      for (std::size_t j = 1; j < chains[i].size(); ++j) text += chains[i][j];
+      text += "</ArchiveTimeStampChain>";
+    }
+    return text + "</ArchiveTimeStampSequence>";
+  }
+
+  void begin_chain(HashAlgorithm algorithm, const Stamp& stamp) {
+    HashList values{hash_of(algorithm, kData), hash_of(algorithm, kMore)};
+    if (!chains_.empty()) values.push_back(hash_of(algorithm, sequence_of(chains_, kNamespace)));
+    chains_.push_back({"<DigestMethod Algorithm=\"" + uri_of(algorithm) +
+                       "\"></DigestMethod><CanonicalizationMethod Algorithm=\"" + kInclusive +
+                       "\"></CanonicalizationMethod>"});
+    algorithm_ = algorithm;
+    chains_.back().push_back(stamped(1, algorithm, std::move(values), stamp));
+  }
+  void renew_time_stamp(const Stamp& stamp) {
+    const std::string& before = chains_.back().back();
+    const std::size_t from = before.find("<TimeStamp>") + 11;
+    const std::string inside = before.substr(from, before.find("</TimeStamp>") - from);
+    const Bytes value =
+        hash_of(algorithm_, "<TimeStamp" + std::string(kNamespace) + ">" + inside + "</TimeStamp>");
+    chains_.back().push_back(stamped(chains_.back().size(), algorithm_, {value}, stamp));
+  }
+
+  PlayedAuthority first_{"First", "2026-01-01", "2032-01-01"};
+  PlayedAuthority second_{"Second", "2030-01-01", "2040-01-01"};
+  PlayedAuthority third_{"Third", "2038-01-01", "2050-01-01"};
+  timestamp::TrustStore trust_;
+  HashAlgorithm algorithm_ = HashAlgorithm::kSha256;
+  std::vector<std::vector<std::string>> chains_;  // each: what names its methods, then its time-stamps
+};
+
+TEST_F(XmlRecordTest, AfterTwentyYearsHolds) {
+  const RecordJudgement judgement = judge(record());
+  EXPECT_EQ(codes_of(judgement), "");
+  EXPECT_EQ(judgement.time_stamps.size(), 5U);
+  EXPECT_EQ(judgement.since(), day("2026-11-01"));
+  EXPECT_EQ(judgement.newest(), day("2044-05-01"));
+  EXPECT_TRUE(judgement.outside());
+}
+
+TEST_F(XmlRecordTest, MeansTheSameWrittenInAnotherWay) {
+  std::string xml = record();
+  xml.replace(xml.find("<DigestMethod "), 14, "<DigestMethod\r\n  ");
+  xml.replace(xml.find("></DigestMethod>"), 16, "/>");
+  EXPECT_EQ(codes_of(judge(xml)), "");
+}
+
+TEST_F(XmlRecordTest, OtherDataIsRefused) {
+  EXPECT_THAT(codes_of(judge(record(), "ledger of 2025")), HasSubstr("record-data-not-covered"));
+}
+
+TEST_F(XmlRecordTest, APlaceForAnotherProgramsWordsIsCoveredToo) {
+  std::string xml = record();
+  xml.insert(xml.find("<ArchiveTimeStampChain"), "<!-- said later -->");
+  EXPECT_EQ(codes_of(judge(xml)), "") << "this method leaves comments out";
+  xml.insert(xml.find("<ArchiveTimeStampChain"), " ");
+  EXPECT_THAT(codes_of(judge(xml)), HasSubstr("record-link-missing"));
+}
+
+TEST_F(XmlRecordTest, EveryLinkThatIsCutOutIsMissed) {
+  for (std::size_t chain = 0; chain + 1 < chains_.size(); ++chain) {
+    for (std::size_t i = 1; i < chains_[chain].size(); ++i) {
+      auto cut = chains_;
+      cut[chain].erase(cut[chain].begin() + static_cast<std::ptrdiff_t>(i));
+      if (cut[chain].size() == 1) cut.erase(cut.begin() + static_cast<std::ptrdiff_t>(chain));
+      for (auto& each : cut)
+        for (std::size_t j = 1; j < each.size(); ++j) each[j].replace(25, 1, std::to_string(j));
+      EXPECT_THAT(codes_of(judge(record_of(cut))), HasSubstr("record-link-missing")) << chain << " " << i;
+    }
+  }
+}
+
+TEST_F(XmlRecordTest, LinksThatChangePlacesAreRefused) {
+  auto stamps = chains_, chains = chains_;
+  std::swap(stamps[0][1], stamps[1][1]);
+  EXPECT_THAT(codes_of(judge(record_of(stamps))), HasSubstr("record-imprint-differs"));
+  std::swap(chains[0], chains[1]);
+  EXPECT_THAT(codes_of(judge(record_of(chains))), HasSubstr("record-out-of-order"));
+}
+
+TEST_F(XmlRecordTest, ALinkThatCameTooLateIsRefused) {
+  const Policy policy = Policy::parse(
+      "[[algorithm]]\nname=\"sha256\"\nuntil=2030-01-01\n[[algorithm]]\nname=\"sha512\"\n"
+      "[[algorithm]]\nname=\"sha3-512\"\n[[algorithm]]\nname=\"ecdsa\"\n",
+      "policy.toml");
+  EXPECT_THAT(codes_of(judge(record(), kData, &policy)), HasSubstr("record-renewed-too-late"));
+}
+
+TEST_F(XmlRecordTest, AHashTreeRenewalCoversTheDataItself) {
+  auto without = chains_;
+  without.resize(1);
+  const Bytes chains = hash_of(HashAlgorithm::kSha512, sequence_of(without, kNamespace));
+  without.push_back({chains_[1][0], stamped(1, HashAlgorithm::kSha512, {chains}, second_.at("2034-06-01"))});
+  EXPECT_THAT(codes_of(judge(record_of(without))), HasSubstr("record-data-not-covered"));
+}
+
+TEST_F(XmlRecordTest, DataThatIsXmlIsHashedInItsCanonicalForm) {
+  const std::string written = "<a  b='1'/>", form = "<a b=\"1\"></a>";
+  chains_.clear();
+  chains_.push_back({"<DigestMethod Algorithm=\"" + uri_of(HashAlgorithm::kSha256) +
+                     "\"/><CanonicalizationMethod Algorithm=\"" + kExclusive + "\"/>"});
+  chains_.back().push_back(
+      stamped(1, HashAlgorithm::kSha256, {hash_of(HashAlgorithm::kSha256, form)}, third_.at("2044-05-01")));
+  DataObject object = object_of(written);
+  object.content = bytes_of(written);
+  const JudgingRules rules{.trust = &trust_, .policy = nullptr, .now = day("2046-11-01")};
+  EXPECT_EQ(codes_of(XmlRecord::parse(record()).judge({object}, rules)), "");
+  const std::string broken = "<a b='1'>";
+  object.content = bytes_of(broken);
+  EXPECT_THAT(codes_of(XmlRecord::parse(record()).judge({object}, rules)), HasSubstr("record-data-not-read"));
+}
+
+TEST_F(XmlRecordTest, WhatIsNoneIsRefusedByPlaceAndReason) {
+  const auto changed = [&](const std::string& from, const std::string& to) {
+    std::string xml = record();
+    return refusal_of(xml.replace(xml.find(from), from.size(), to));
+  };
+  EXPECT_THAT(refusal_of("<a/>"), HasSubstr("no evidence record in XML"));
+  EXPECT_THAT(changed("ns:ers", "ns:err"), HasSubstr("no evidence record in XML"));
+  EXPECT_THAT(changed("Version=\"1.0\"", "Version=\"2\""), HasSubstr("its version is \"2\""));
+  EXPECT_THAT(changed("ArchiveTimeStampChain Order=\"1\"", "ArchiveTimeStampChain Order=\"2\""),
+              HasSubstr("archiveTimeStampSequence: the Order \"2\""));
+  EXPECT_THAT(changed("xml-c14n-20010315", "xml-c14n-29990315"),
+              HasSubstr("archiveTimeStampSequence[0]: the canonicalization"));
+  EXPECT_THAT(changed("Type=\"RFC3161\"", "Type=\"XMLENTRUST\""),
+              HasSubstr("archiveTimeStampSequence[0][0]: its token is of the type \"XMLENTRUST\""));
+  EXPECT_THAT(changed("<DigestValue>", "<DigestValue>!"), HasSubstr("is no base64"));
+  EXPECT_THAT(changed("<Sequence Order=\"2\"><DigestValue>",
+                      "<Sequence Order=\"2\"></Sequence><Sequence Order=\"3\"><DigestValue>"),
+              HasSubstr("is empty"));
+  EXPECT_THAT(refusal_of(std::string(5U << 20U, ' ')), HasSubstr("more than 4 MiB"));
+}
+
+}  // namespace
+}  // namespace kiroku::evidence
