@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <ctime>
+#include <deque>
+#include <utility>
 
 #include "base/error.h"
 
@@ -57,41 +59,34 @@ TokenCode code_of(int error, int depth) {
   }
 }
 
-Refusal refusal_of(X509_STORE_CTX* context) {
-  const int error = X509_STORE_CTX_get_error(context);
+/// Whether what failed is the validity of the certificate that was trusted, above at least one other.
+bool is_validity_of_the_trusted(X509_STORE_CTX* context, TokenCode code) {
   const int depth = X509_STORE_CTX_get_error_depth(context);
-  const X509* at = X509_STORE_CTX_get_current_cert(context);
-  const TokenCode code = code_of(error, depth);
+  return code == TokenCode::kCertificateNotValidAtTime && depth > 0 &&
+         depth == sk_X509_num(X509_STORE_CTX_get0_chain(context)) - 1;
+}
+
+Refusal refusal_of(X509_STORE_CTX* context, UtcTime time) {
+  const int error = X509_STORE_CTX_get_error(context);
+  const TokenCode code = code_of(error, X509_STORE_CTX_get_error_depth(context));
+  X509* const at = X509_STORE_CTX_get_current_cert(context);
   const std::string who = at != nullptr ? subject_of(at) : std::string("the signer");
   if (code == TokenCode::kIssuerUnknown) {
     return {code, "no path leads from " + who + " to a trusted root: give the authority's root and chain"};
   }
-  return {code, "the certificate path does not hold at " + who + ": " + X509_verify_cert_error_string(error)};
-}
-
-/// Those of `helpers` that descend from `trusted` by signatures: OpenSSL picks issuers by name and key
-/// identifier, which anybody can imitate in the unsigned part of a token.
-BorrowedCertificates vouched_for(const std::vector<Certificate>& trusted, STACK_OF(X509) * helpers) {
-  BorrowedCertificates out(sk_X509_new_null());
-  std::vector<X509*> issuers;
-  issuers.reserve(trusted.size());
-  for (const auto& certificate : trusted) issuers.push_back(certificate.get());
-  // Each certificate that is found in turn may have issued others; whoever is in `issuers` is tried once.
-  for (std::size_t next = 0; next < issuers.size(); ++next) {
-    X509* issuer = issuers[next];
-    for (int i = 0; i < sk_X509_num(helpers); ++i) {
-      X509* helper = sk_X509_value(helpers, i);
-      if (std::find(issuers.begin(), issuers.end(), helper) != issuers.end() ||
-          X509_NAME_cmp(X509_get_issuer_name(helper), X509_get_subject_name(issuer)) != 0 ||
-          X509_verify(helper, X509_get0_pubkey(issuer)) != 1) {
-        continue;
-      }
-      sk_X509_push(out.get(), helper);
-      issuers.push_back(helper);
-    }
+  // Authorities give a new root the old one's name. Without a key identifier nothing says which was meant.
+  if (error == X509_V_ERR_CERT_SIGNATURE_FAILURE && at != nullptr &&
+      X509_get0_authority_key_id(at) == nullptr) {
+    return {TokenCode::kIssuerUnknown,
+            "no certificate that was given signed that of " + who +
+                ", though one has its issuer's name: give the authority's root and chain"};
   }
-  forget_openssl_errors();
-  return out;
+  if (is_validity_of_the_trusted(context, code)) {
+    return {TokenCode::kRootNotValidAtTime, "the trusted certificate " + who +
+                                                " was not valid at the token's time, " + format_utc(time) +
+                                                ": give the root that the authority had then"};
+  }
+  return {code, "the certificate path does not hold at " + who + ": " + X509_verify_cert_error_string(error)};
 }
 
 CertificatePath validate(X509_STORE* trusted, X509* signer, STACK_OF(X509) * helpers, UtcTime time,
@@ -109,7 +104,7 @@ CertificatePath validate(X509_STORE* trusted, X509* signer, STACK_OF(X509) * hel
   forget_openssl_errors();
   CertificatePath out;
   if (!holds) {
-    out.refusal = refusal_of(context.get());
+    out.refusal = refusal_of(context.get(), time);
     return out;
   }
   STACK_OF(X509)* chain = X509_STORE_CTX_get0_chain(context.get());
@@ -126,6 +121,74 @@ CertificatePath validate(X509_STORE* trusted, X509* signer, STACK_OF(X509) * hel
     out.certificates.emplace_back(certificate);
   }
   return out;
+}
+
+/// Paths from a signer to trusted certificates in which each signature holds, the shortest first. OpenSSL
+/// follows one path alone, by names and key identifiers, which anybody can imitate in the unsigned part of a
+/// token, and which roots of one name, renewed and cross-certified certificates share.
+class SignedPaths {
+ public:
+  using Path = std::vector<X509*>;  // signer first, trusted certificate last; borrowed
+
+  SignedPaths(const std::vector<Certificate>& trusted, X509* signer, STACK_OF(X509) * helpers,
+              VerifiedSignatures& verified)
+      : verified_(verified) {
+    for (const auto& certificate : trusted) issuers_.push_back(certificate.get());
+    trusted_ = issuers_.size();
+    take_descendants(helpers);
+    for (const auto& certificate : trusted)
+      if (X509_cmp(certificate.get(), signer) == 0) complete_.push_back({signer});
+    std::deque<Path> begun{{signer}};
+    for (std::size_t followed = 0; !begun.empty() && followed < kMostPaths; ++followed) {
+      const Path path = std::move(begun.front());
+      begun.pop_front();
+      for (std::size_t i = 0; i < issuers_.size(); ++i) {
+        if (std::find(path.begin(), path.end(), issuers_[i]) != path.end() ||
+            !verified_.is_by(path.back(), issuers_[i])) {
+          continue;
+        }
+        std::deque<Path>& out = i < trusted_ ? complete_ : begun;
+        if (out.size() == kMostPaths || path.size() == kLongestPath) continue;
+        out.push_back(path);
+        out.back().push_back(issuers_[i]);
+      }
+    }
+    forget_openssl_errors();
+  }
+
+  [[nodiscard]] const std::deque<Path>& complete() const { return complete_; }
+
+ private:
+  static constexpr std::size_t kMostPaths = 32, kLongestPath = 16;
+
+  /// Those that descend from a trusted one: what else is enclosed is anybody's.
+  void take_descendants(STACK_OF(X509) * helpers) {
+    for (std::size_t next = 0; next < issuers_.size(); ++next) {
+      for (int i = 0; i < sk_X509_num(helpers); ++i) {
+        X509* const helper = sk_X509_value(helpers, i);
+        if (std::find(issuers_.begin(), issuers_.end(), helper) == issuers_.end() &&
+            verified_.is_by(helper, issuers_[next])) {
+          issuers_.push_back(helper);
+        }
+      }
+    }
+  }
+
+  VerifiedSignatures& verified_;
+  std::vector<X509*> issuers_;  // trusted ones first
+  std::size_t trusted_ = 0;     // how many of them
+  std::deque<Path> complete_;
+};
+
+/// One path of SignedPaths, with nothing else that could be taken in its place.
+CertificatePath validate_only(const SignedPaths::Path& path, UtcTime time) {
+  const CertificateStore store(X509_STORE_new());
+  if (!store || X509_STORE_add_cert(store.get(), path.back()) != 1) {
+    throw Error("cannot make a certificate store: " + crypto::last_openssl_error());
+  }
+  const BorrowedCertificates between(sk_X509_new_null());
+  for (std::size_t i = 1; i + 1 < path.size(); ++i) sk_X509_push(between.get(), path[i]);
+  return validate(store.get(), path.front(), between.get(), time, X509_V_FLAG_PARTIAL_CHAIN);
 }
 
 }  // namespace
@@ -150,19 +213,44 @@ std::optional<Refusal> check_signer_certificate(X509* signer, UtcTime time) {
   return {};
 }
 
+bool VerifiedSignatures::is_by(X509* certificate, X509* issuer) {
+  if (X509_NAME_cmp(X509_get_issuer_name(certificate), X509_get_subject_name(issuer)) != 0) return false;
+  const auto [known, is_new] = known_.try_emplace({certificate, issuer}, false);
+  if (is_new) known->second = take(1) && X509_verify(certificate, X509_get0_pubkey(issuer)) == 1;
+  return known->second;
+}
+
+bool VerifiedSignatures::take(std::size_t signatures) {
+  left_ -= std::min(left_, signatures);
+  return left_ > 0;
+}
+
 CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
-                              STACK_OF(X509) * helpers, UtcTime time) {
-  const auto attempt = [&](STACK_OF(X509) * between) {
-    CertificatePath path = validate(store, signer, between, time, 0);
-    if (path.refusal && path.refusal->code == TokenCode::kIssuerUnknown) {
-      path = validate(store, signer, between, time, X509_V_FLAG_PARTIAL_CHAIN);
+                              STACK_OF(X509) * helpers, UtcTime time, VerifiedSignatures& verified) {
+  CertificatePath first = validate(store, signer, helpers, time, 0);
+  if (first.refusal && first.refusal->code == TokenCode::kIssuerUnknown) {
+    first = validate(store, signer, helpers, time, X509_V_FLAG_PARTIAL_CHAIN);
+  }
+  if (!first.refusal) return first;
+  bool is_of_a_signed_path = false;
+  const SignedPaths paths(trusted, signer, helpers, verified);
+  for (const SignedPaths::Path& path : paths.complete()) {
+    if (!verified.take(path.size())) break;
+    CertificatePath each = validate_only(path, time);
+    if (!each.refusal) return each;
+    // What accuses must hold of each path.
+    if (!is_of_a_signed_path || verdict_of(each.refusal->code) == TokenVerdict::kCouldNotCheck) {
+      first = std::move(each);
+      is_of_a_signed_path = true;
     }
-    return path;
-  };
-  CertificatePath path = attempt(helpers);
-  if (!path.refusal) return path;
-  CertificatePath clean = attempt(vouched_for(trusted, helpers).get());
-  return clean.refusal ? std::move(path) : std::move(clean);
+  }
+  if (verified.is_spent()) {
+    first.refusal = Refusal{TokenCode::kTooDear,
+                            "the certificates that were given certify each other in so many ways that not "
+                            "every path from " +
+                                subject_of(signer) + " was looked at"};
+  }
+  return first;
 }
 
 }  // namespace kiroku::timestamp

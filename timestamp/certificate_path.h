@@ -1,9 +1,12 @@
 // The signer's certificate and its path to a trusted one (RFC 5280 section 6, RFC 3161 section 2.3), judged
 // at the time the token states. Revocation is not judged: no answer about it is asked for or read here.
-// Thread-safe: the store is only read.
+// Thread-safe but for VerifiedSignatures: the store is only read.
 #pragma once
 
+#include <cstddef>
+#include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/utc_time.h"
@@ -22,12 +25,30 @@ struct CertificatePath {
   std::optional<Refusal> refusal;
 };
 
+/// Which certificates were signed by which, each pair verified once; and how much may still be verified.
+/// Whoever holds the key of a trusted certificate can have others certify each other without end, and a
+/// signature takes 0.1 ms. Holds pointers alone: whatever was asked about must outlive it. Not thread-safe.
+class VerifiedSignatures {
+ public:
+  /// False also where nothing more may be verified.
+  bool is_by(X509* certificate, X509* issuer);
+  /// Counts what is verified elsewhere. False if nothing is left.
+  bool take(std::size_t signatures);
+  [[nodiscard]] bool is_spent() const { return left_ == 0; }
+
+ private:
+  static constexpr std::size_t kMost = 8192;
+  std::size_t left_ = kMost;
+  std::map<std::pair<X509*, X509*>, bool> known_;
+};
+
 /// Builds and validates a path from `signer` to one of `trusted` (which `store` holds as well), with
 /// `helpers` between. A path to a self-signed root is preferred; failing that, any trusted certificate ends
-/// it, since experts hand over intermediates. A certificate among the helpers that only pretends to be part
-/// of a path (same name and key identifier, other key) does not spoil it. Keys and hashes must give 112 bits
-/// of security, and an intermediate that restricts its extended key usage must allow timeStamping.
+/// it, since experts hand over intermediates. If one path holds, no other certificate spoils it, whether it
+/// is trusted, lies among the helpers, or only pretends to be part of a path (same name and key identifier,
+/// other key). Refused is what is refused on each path; up to 32 are looked at. Keys and hashes must give 112
+/// bits of security, and an intermediate that restricts its extended key usage must allow timeStamping.
 CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
-                              STACK_OF(X509) * helpers, UtcTime time);
+                              STACK_OF(X509) * helpers, UtcTime time, VerifiedSignatures& verified);
 
 }  // namespace kiroku::timestamp

@@ -43,6 +43,7 @@ constexpr std::array kCodes{
     CodeEntry{TokenCode::kSignerCertificateMissing, "token-signer-certificate-missing",
               TokenVerdict::kCouldNotCheck},
     CodeEntry{TokenCode::kIssuerUnknown, "token-issuer-unknown", TokenVerdict::kCouldNotCheck},
+    CodeEntry{TokenCode::kRootNotValidAtTime, "token-root-not-valid-at-time", TokenVerdict::kCouldNotCheck},
     CodeEntry{TokenCode::kNoTrust, "token-no-trust", TokenVerdict::kCouldNotCheck},
     CodeEntry{TokenCode::kTooDear, "token-too-dear", TokenVerdict::kCouldNotCheck},
 };
@@ -176,7 +177,9 @@ class Judge {
   X509* signer_ = nullptr;                // one of enclosed_ or trust_
   std::optional<crypto::HashAlgorithm> signature_hash_;
   std::optional<CertificatePath> path_;
-  bool path_is_own_ = false;  // it ends at the recorder's own authority
+  bool path_is_own_ = false;     // it ends at the recorder's own authority
+  VerifiedSignatures verified_;  // where the certificates are of no pool, which outlives this
+  bool is_of_the_pool_ = false;  // enclosed_
   TokenJudgement out_;
 };
 
@@ -260,6 +263,7 @@ std::optional<Refusal> Judge::take_certificates(const std::vector<ByteView>& cer
     sk_X509_push(enclosed_.get(), known->second.get());
   }
   enclosed_hash_ = crypto::sha256(hashes_of(taken));
+  is_of_the_pool_ = true;
   return {};
 }
 
@@ -378,15 +382,17 @@ const CertificatePath& Judge::path() {
   const auto add = [&](X509* certificate) { sk_X509_push(helpers.get(), certificate); };
   for (const auto& certificate : trust_.untrusted) add(certificate.get());
   for (int i = 0; i < sk_X509_num(enclosed_.get()); ++i) add(sk_X509_value(enclosed_.get(), i));
-  const auto path_to = [&](const Anchors& anchors) {
+  auto* const pool = is_of_the_pool_ ? &CertificatePoolAccess::state_of(*expectation_.pool) : nullptr;
+  const auto path_to = [&](const Anchors& anchors, VerifiedSignatures* known) {
+    VerifiedSignatures its_own;  // where the certificates are of no pool, which outlives this
     return validate_path(anchors.store.get(), anchors.certificates, signer_, helpers.get(),
-                         out_.info->gen_time);
+                         out_.info->gen_time, known != nullptr ? *known : its_own);
   };
   // A path to the recorder's own authority counts first, so that no other path can hide it.
-  path_ = path_to(trust_.own);
+  path_ = path_to(trust_.own, pool != nullptr ? &pool->verified_own : nullptr);
   path_is_own_ = !path_->refusal;
   if (!path_is_own_ && !trust_.outside.certificates.empty()) {
-    CertificatePath outside = path_to(trust_.outside);
+    CertificatePath outside = path_to(trust_.outside, pool != nullptr ? &pool->verified_outside : nullptr);
     // Of two refusals the one that knew the issuer says more.
     const bool said_more = path_->refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
                            outside.refusal->code == TokenCode::kIssuerUnknown;

@@ -113,6 +113,7 @@ enum class TokenCode {
   // not decided: could not check
   kSignerCertificateMissing,  // token has no certificate and none was given
   kIssuerUnknown,             // no chain to a trusted root could be built
+  kRootNotValidAtTime,        // a chain exists, and the trusted certificate that ends it is of another time
   kNoTrust,                   // no trusted roots were given
   kTooDear,  // chosen so that judging takes long: a signer's key that no authority has, certificates without
              // end

@@ -25,6 +25,9 @@ constexpr std::string_view kForked = "forked-";            // a history that one
 constexpr std::string_view kDoubted = "doubted-";          // one that a key of the device did not sign
 constexpr std::string_view kUnplaced = "unplaced-";  // a signed checkpoint whose tiles were not to be had
 constexpr std::size_t kMostUnplaced = 16;
+// Whoever holds a key of the device can show another history each time, as long as they like.
+constexpr std::size_t kMostHistories = 16;             // of each kind
+constexpr std::uint64_t kMostTiledEntries = 1U << 20;  // of all but the first: five years of an appliance
 
 /// A checkpoint as it was found.
 struct FoundNote {
@@ -252,6 +255,7 @@ class Follower {
         result_.kept = covering.checkpoint;
         result_.shown = note.checkpoint;
         result_.evidence = keep_history(kForked, note, nullptr);
+        if (result_.evidence.empty()) continue;  // it stays where it is
       }
       files_.remove(copy_ / name);
     }
@@ -321,21 +325,46 @@ class Follower {
     if (files_.exists(copy_ / kBeginningFile)) files_.remove(copy_ / kBeginningFile);
   }
 
-  /// A published log of its own, so far as its tiles fit. Empty where nothing is to be kept.
+  /// A published log of its own, so far as its tiles fit. Empty where nothing is to be kept, or can be: what
+  /// was found does not hang on the room that the other history needs.
   fs::path keep_history(std::string_view kind, const FoundNote& shown, const Leaves* leaves) {
     if (!keep_evidence_) return {};
     const fs::path folder = copy_ / name_of(kind, shown.checkpoint);
-    if (!files_.exists(folder)) {
-      files_.make_folder(folder);
-      files_.sync_folder(copy_);
+    const auto kept = static_cast<std::size_t>(std::ranges::count_if(
+        files_.names_in(copy_), [&](const std::string& name) { return name.starts_with(kind); }));
+    const bool is_new = !files_.exists(folder / kPublishedCheckpoint);
+    if (is_new && kept >= kMostHistories) {
+      result_.not_kept = std::to_string(kept) + " others are kept already";
+      return {};
     }
-    if (leaves != nullptr) {
+    try {
+      if (!files_.exists(folder)) {
+        files_.make_folder(folder);
+        files_.sync_folder(copy_);
+      }
+      files_.write_durably(folder / kPublishedCheckpoint, bytes_of(shown.text));
+    } catch (const Error& error) {
+      result_.not_kept = error.what();
+      return {};
+    }
+    keep_tiles(folder, leaves, is_new && kept == 0);
+    return folder;
+  }
+
+  void keep_tiles(const fs::path& folder, const Leaves* leaves, bool is_first) {
+    if (leaves == nullptr || files_.exists(folder / "tile")) return;
+    if (!is_first && leaves->size() > kMostTiledEntries) {
+      result_.not_kept = "of its hashes nothing is kept, as they are more than " +
+                         std::to_string(kMostTiledEntries) + ", and of another history they are";
+      return;
+    }
+    try {
       TileWriter tiles(files_, folder, 0);
       for (const crypto::Sha256Digest& leaf : *leaves) tiles.append(leaf);
       tiles.finish();
+    } catch (const Error& error) {
+      result_.not_kept = "of its hashes not all are kept: " + std::string(error.what());
     }
-    files_.write_durably(folder / kPublishedCheckpoint, bytes_of(shown.text));
-    return folder;
   }
 
   void tell_progress() {

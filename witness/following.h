@@ -32,6 +32,8 @@ struct Followed {
   std::optional<std::uint64_t> common;
   /// Where in the copy the other history was put, or its signed checkpoint alone; empty: nothing was.
   std::filesystem::path evidence;
+  /// Of what was to be kept: why it was not, or not whole, in half a sentence.
+  std::string not_kept;
   std::string why;  // kCouldNotTell, in half a sentence
   /// Of what was shown: a key that the device has beside Ed25519 did not sign it. Against such a checkpoint
   /// nothing that is shown later accuses anybody.
@@ -47,7 +49,8 @@ enum class KeepEvidence { kYes, kNo };
 /// there. The copy is a published log itself; its parent must be there. Of its checkpoint the signature is
 /// asked for only where it is to accuse somebody: then one key must have signed both, with every key that the
 /// device is known to have beside it. A signed checkpoint of more entries, whose tiles are not to be had, is
-/// kept, and compared once the copy has as many. `progress` is told how many leaf hashes were looked at.
+/// kept, and compared once the copy has as many. Of other histories 16 are kept; that there is one is said
+/// also where nothing can be written. `progress` is told how many leaf hashes were looked at.
 /// Throws kiroku::UsageError where the folder holds something else or another process is at work in it, and
 /// kiroku::IoError where it cannot be written. Whatever the source does is in the answer.
 Followed follow_log(const TileSource& source, archive::FileSystem& files, const std::filesystem::path& copy,

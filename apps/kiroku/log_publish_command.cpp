@@ -53,6 +53,7 @@ ordered_json as_json(const Followed& followed, const std::string& folder) {
           {"shown", as_json(followed.shown)},
           {"common_entries", or_null(followed.common)},
           {"evidence", or_null(followed.evidence.string())},
+          {"not_kept", or_null(followed.not_kept)},
           {"lacks_signature", followed.lacks_signature},
           {"earlier_forks", as_json(followed.earlier_forks)},
           {"why", or_null(followed.why)}};
@@ -163,8 +164,10 @@ std::vector<std::string> followed_text(const Followed& followed, const std::stri
                               : std::string("Where they part its tiles do not tell."),
               "Nobody else than the holder of the device's key can have made both.",
               "The copy: " + copy + ", " + entries(followed.kept),
-              "The other one: " + followed.evidence.string() + ", " + entries(followed.shown),
-              "Keep both."};
+              "The other one: " +
+                  (followed.evidence.empty() ? std::string("not kept") : followed.evidence.string()) + ", " +
+                  entries(followed.shown),
+              followed.evidence.empty() ? "Keep what you were shown." : "Keep both."};
     case Following::kCouldNotTell:
       break;
   }
@@ -180,6 +183,9 @@ std::vector<std::string> remarks(const Followed& followed) {
   for (const fs::path& fork : followed.earlier_forks) {
     sentences.push_back("ANOTHER HISTORY was shown here before, signed by the same device: " + fork.string() +
                         ". That does not go away.");
+  }
+  if (!followed.not_kept.empty()) {
+    sentences.push_back("What was shown is not kept, or not whole: " + followed.not_kept + ".");
   }
   const bool is_taken = followed.what == Following::kBegun || followed.what == Following::kGoesOn;
   if (is_taken && followed.lacks_signature) {

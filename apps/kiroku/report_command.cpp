@@ -66,9 +66,9 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   list_roots(judged.roots, given.roots);
   list_roots(judged.own_roots, given.own_roots);
   if (request.evidence) {
-    const fs::path file = *request.evidence;
-    const std::optional<Bytes> record = archive::read_evidence_file(archive::real_reading(), file);
-    given.evidence.push_back({file.filename().string(), crypto::sha256(record.value_or(Bytes{}))});
+    const std::string name = fs::path(*request.evidence).filename().string();
+    given.evidence.push_back(
+        {name, judged.report.evidence ? std::optional(judged.report.evidence->sha256) : std::nullopt});
   }
   if (request.policy)
     given.policy.push_back({fs::path(*request.policy).filename().string(),

@@ -3,13 +3,28 @@
 #include "apps/common/file.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/witnessed_note.h"
+#include "archive/format/case_folder.h"
+#include "archive/format/case_layout.h"
 #include "archive/storage/file_system.h"
 #include "archive/upkeep/holds.h"
+#include "archive/verify/case_data.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
+namespace {
+
+/// The case of the home's archive that this folder elsewhere is a copy of (a replica, a stick); nothing where
+/// there is none.
+std::optional<std::string> own_case_copied_to(const Home& home, const std::filesystem::path& case_folder) {
+  const archive::CaseFolder folder = archive::CaseFolder::open(case_folder);
+  const std::string case_id = archive::read_case_id(folder);
+  if (!archive::is_case_id(case_id) || !std::filesystem::exists(home.archive() / case_id)) return {};
+  return case_id;
+}
+
+}  // namespace
 
 ConsentConfiguration consent_configuration(const Home& home) {
   const std::filesystem::path file = home.configuration_file();
@@ -54,8 +69,15 @@ bool enter_purpose(const std::optional<Home>& home, const std::filesystem::path&
     enter_use(*home, case_folder, *purpose, what);
     return true;
   }
-  if (!home || !home->holds(case_folder)) return false;
+  if (!home) return false;
+  const bool is_own = home->holds(case_folder);
+  const std::optional<std::string> copied = is_own ? std::nullopt : own_case_copied_to(*home, case_folder);
+  if (!is_own && !copied) return false;
   if (const ConsentConfiguration site = consent_configuration(*home); site.demand_purpose) {
+    if (copied)
+      throw UsageError(printable(case_folder.string()) + " is a copy of this home's case " + *copied +
+                       ", and this site demands a purpose of every export ([consent] of kiroku.toml): name " +
+                       *copied + ", and say with --purpose what for");
     throw UsageError(
         "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
         "--purpose, one of " +

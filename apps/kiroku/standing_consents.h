@@ -27,8 +27,8 @@ void enter_use(const Home& home, const std::filesystem::path& case_folder, const
 
 /// The same as every command that hands a case out does it, before the first byte leaves: with a purpose as
 /// enter_use(), and true; without one false, where the site does not demand a purpose. Throws
-/// kiroku::UsageError, too, where it does and the case is the home's own, and where a purpose is named and
-/// there is no home.
+/// kiroku::UsageError, too, where it does and the case is the home's own or a copy of one, by its identifier,
+/// and where a purpose is named and there is no home.
 bool enter_purpose(const std::optional<Home>& home, const std::filesystem::path& case_folder,
                    const std::optional<std::string>& purpose, const std::string& what);
 

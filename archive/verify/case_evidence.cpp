@@ -272,6 +272,7 @@ std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, cons
       if (judged.refusal.empty()) judged.refusal = contradiction(judged, verified);
       report = report_of(judged, *parse.record, report.file);
     }
+    report.sha256 = crypto::sha256(*bytes);
   } catch (const UsageError&) {
     throw;
   } catch (const Error& error) {

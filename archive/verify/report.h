@@ -9,6 +9,7 @@
 
 #include "archive/format/ledger_entry.h"
 #include "archive/verify/finding.h"
+#include "crypto/hash.h"
 #include "crypto/witness_policy.h"
 #include "timestamp/token_verifier.h"
 
@@ -122,7 +123,8 @@ struct EvidenceLink {
 };
 /// What an evidence record (RFC 4998) proves of the case.
 struct EvidenceReport {
-  std::string file;  // its name
+  std::string file;               // its name
+  crypto::Sha256Digest sha256{};  // of the file, as it was judged
   bool holds = false;
   bool outside = false;                  // all of its time-stamps are by outside authorities
   std::optional<UtcTime> since, newest;  // of its first and its newest time-stamp

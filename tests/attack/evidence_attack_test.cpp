@@ -95,6 +95,7 @@ TEST_F(EvidenceAttack, TheSoundRecordHolds) {
 
   // -- removed
   const std::string sound = read_file(record(first_));
+  EXPECT_EQ(verify().evidence->sha256, crypto::sha256(bytes_of(sound)));
   fs::remove(record(first_));
   EXPECT_EQ(verify().verdict, Verdict::kIntact);
   EXPECT_EQ(verify(&ended()).verdict, Verdict::kUnproven);

@@ -127,6 +127,23 @@ TEST_F(AttackByTheOwnAuthority, WithANewSignerUnderAFamousNameIsSelfIssued) {
   expect_self_issued();
 }
 
+// Which root was given is the verifier's choice: one that had expired by then says nothing against the case.
+TEST_F(AttackByTheOwnAuthority, UnderARootThatHadExpiredByThenAccusesNobody) {
+  const std::filesystem::path folder = SampleCase::write(archive_);
+  const timestamp::Certificate expired(X509_dup(ca_.certificate.get()));
+  ASSERT_EQ(ASN1_TIME_set_string(X509_getm_notBefore(expired.get()), "20100101000000Z"), 1);
+  ASSERT_EQ(ASN1_TIME_set_string(X509_getm_notAfter(expired.get()), "20150101000000Z"), 1);
+  ASSERT_GT(X509_sign(expired.get(), ca_.key.get(), EVP_sha256()), 0);
+  TrustStore old;
+  old.add_own_authority(bytes_of(pem_of(expired.get())), "a root of then");
+  const archive::VerificationReport report = verify(folder, old);
+  EXPECT_EQ(archive::verdict_name(report.verdict), "unproven") << details(report);
+  EXPECT_THAT(details(report), ::testing::HasSubstr("give the root that the authority had then"));
+  // Beside its successor it changes nothing.
+  old.add_own_authority(bytes_of(archive_.authority().root_pem()), "the root of now");
+  EXPECT_EQ(summary(verify(folder, old)), "intact");
+}
+
 TEST_F(AttackByTheOwnAuthority, ThroughAnIntermediateIsSelfIssued) {
   const Credential between =
       issue("National Institute of Standards", "National CA", CertificateRole::kAuthority, ca_);

@@ -231,7 +231,9 @@ def judge(response, roots, own_roots):
             if done.returncode == 0:
                 lowered = own or stamp.policy == _EMBEDDED_POLICY or _EMBEDDED_NAME in response
                 return "self-issued" if lowered else "outside", hashlib.sha256(pem.encode()).hexdigest(), ""
-            why += done.stderr.decode(errors="replace")
+            # A root of another time is the verifier's mistake, and speaks against no token.
+            alone = _openssl("verify", "-partial_chain", "-attime", str(stamp.gen_ns // _NANO), "-CAfile", str(path / "root.pem"), str(path / "root.pem"))
+            why += done.stderr.decode(errors="replace") if alone.returncode == 0 else f"a root of another time than {stamp.gen_ns}\n"
         # Without a path the signature can still be judged, and whether the signer may sign.
         done = _openssl("cms", "-verify", "-inform", "DER", "-in", str(path / "token.der"), "-noverify", "-binary", "-out", str(path / "content"))
         if done.returncode != 0:

@@ -176,6 +176,12 @@ TEST_F(ConsentTest, IsDemandedOfEveryExportAndExcerptWhereTheSiteSaysSo) {
   EXPECT_REFUSED(kiroku(excerpt), "this site demands a purpose of every export");
   EXPECT_REFUSED(kiroku(excerpt_for), "no consent to the purpose teaching was given");
   EXPECT_FALSE(fs::exists(path("part")));
+  // A copy elsewhere is the same case, whatever its folder is called.
+  fs::copy(case_, path("copied"), fs::copy_options::recursive);
+  Arguments of_copy = excerpt;
+  of_copy[1] = path("copied");
+  EXPECT_REFUSED(kiroku(of_copy), "is a copy of this home's case " + name());
+  EXPECT_FALSE(fs::exists(path("part")));
   EXPECT_EQ(state("give", {"teaching"}).status, 0);
   EXPECT_EQ(export_for("teaching", "w.jsonl").status, 0);
   EXPECT_EQ(kiroku(excerpt_for).status, 0);

@@ -45,6 +45,17 @@ class ProofFiles {
     }
   }
 
+  /// The record that was judged: what lies there since, anybody can have put there.
+  void add_evidence_record(const std::filesystem::path& file, const crypto::Sha256Digest& judged) {
+    try {
+      auto record = archive::read_evidence_file(archive::real_reading(), file);
+      if (record && crypto::sha256(*record) == judged)
+        add("evidence-record.ers", kRecord, "attached.record", std::move(*record));
+    } catch (const Error&) {
+      return;  // the document says what was found when it was judged
+    }
+  }
+
   /// Under its bare name: readers of PDF refuse to save what has a folder in its name. `path`: in the case's
   /// folder.
   void add(const std::string& path, std::string_view media_type, TextKey description, Bytes bytes) {
@@ -111,8 +122,7 @@ std::vector<Attachment> read_proof_files(const std::filesystem::path& folder, co
   files.add_last_checkpoint();
   files.add_tokens();
   if (evidence_record && input.verification.evidence && input.verification.evidence->holds) {
-    if (auto record = archive::read_evidence_file(archive::real_reading(), *evidence_record))
-      files.add("evidence-record.ers", kRecord, "attached.record", std::move(*record));
+    files.add_evidence_record(*evidence_record, input.verification.evidence->sha256);
   }
   if (input.facts.last_checkpoint && !input.facts.excerpt)
     files.add("receipt.pdf", kPdf, "attached.receipt", write_pdf(make_receipt(input)));

@@ -277,16 +277,17 @@ TEST_F(TokenInEvidenceRecord, SignedWithRsaPssIsRead) {
   }
 }
 
-TEST_F(TokenInEvidenceRecord, UnderAnAuthorityThatHadExpiredByThenIsRefused) {
+TEST_F(TokenInEvidenceRecord, UnderARootThatHadExpiredByThenCannotBeChecked) {
   // German qualified certificates were judged by a chain model, in which an issuer may expire first; RFC
-  // 5280, and so this verifier, wants the whole path valid at the token's time.
+  // 5280, and so this verifier, wants the whole path valid at the token's time. Its last certificate was
+  // chosen by whoever verifies, so that its validity accuses nobody.
   const auto tokens = tokens_of("erDataMSOS-001.ers.b64");
   ASSERT_EQ(tokens.size(), 1U);
   const auto judgement = judge_under_own_root(tokens[0]);
-  EXPECT_EQ(judgement.code, TokenCode::kCertificateNotValidAtTime);
+  EXPECT_EQ(judgement.code, TokenCode::kRootNotValidAtTime);
   EXPECT_EQ(judgement.explanation,
-            "the certificate path does not hold at CN=14R-CA 1:PN,O=Bundesnetzagentur,C=DE: certificate has "
-            "expired");
+            "the trusted certificate CN=14R-CA 1:PN,O=Bundesnetzagentur,C=DE was not valid at the token's "
+            "time, 2017-02-15T13:38:13.000000Z: give the root that the authority had then");
 }
 
 TEST_F(TokenInEvidenceRecord, OfTheWrongCmsVersionIsRefused) {

@@ -1,6 +1,7 @@
 #include "witness/following.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -13,6 +14,7 @@
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 #include "http/server.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/software_hardware_key.h"
 #include "tests/support/temporary_folder.h"
 #include "witness/tiles.h"
@@ -166,6 +168,51 @@ TEST_F(FollowingTest, ASecondHistoryIsToldWhereItPartsAndKept) {
   const Followed later = follow(log, 301);
   EXPECT_EQ(later.what, Following::kGoesOn);
   EXPECT_EQ(later.earlier_forks.size(), std::size(cases));
+}
+
+TEST_F(FollowingTest, OfOtherHistoriesSomeAreKeptAndEachIsTold) {
+  follow(log, 300);
+  for (std::uint64_t parts_at = 0; parts_at < 20; ++parts_at) {
+    const Followed followed = follow(PublishedLog(key, parts_at), 300);
+    EXPECT_EQ(followed.what, Following::kTwoHistories);
+    EXPECT_EQ(followed.common, parts_at);
+    EXPECT_EQ(followed.evidence.empty(), parts_at >= 16) << parts_at;
+    EXPECT_EQ(followed.not_kept, parts_at >= 16 ? "16 others are kept already" : "");
+  }
+  // What is kept is shown once more.
+  const Followed again = follow(PublishedLog(key, 3), 300);
+  EXPECT_TRUE(fs::exists(again.evidence / "tile"));
+  EXPECT_EQ(again.not_kept, "");
+  EXPECT_EQ(again.earlier_forks.size(), 16U);
+}
+
+TEST_F(FollowingTest, OfALongHistoryBesideAnotherTheCheckpointIsKeptAlone) {
+  follow(log, 300);
+  EXPECT_TRUE(fs::exists(follow(PublishedLog(key, 10), 300).evidence / "tile"));
+  const Followed followed = follow(PublishedLog(key, 20), (1U << 20) + 1);
+  EXPECT_EQ(followed.what, Following::kTwoHistories);
+  EXPECT_EQ(followed.common, 20U);
+  EXPECT_TRUE(fs::exists(followed.evidence / "checkpoint"));
+  EXPECT_FALSE(fs::exists(followed.evidence / "tile"));
+  EXPECT_THAT(followed.not_kept, HasSubstr("of its hashes nothing is kept"));
+}
+
+TEST_F(FollowingTest, ASecondHistoryIsToldWhereItsEvidenceFindsNoRoom) {
+  follow(log, 300);
+  const PublishedLog other(key, 100);
+  const LogToShow shown = other.at(600);
+  // Room for its checkpoint, and not for its tiles; then for nothing.
+  for (const std::size_t room : {1U, 0U}) {
+    const test::TemporaryFolder elsewhere;
+    fs::copy(copy, elsewhere.path() / "copy", fs::copy_options::recursive);
+    test::FaultFileSystem full(elsewhere.path());
+    full.fail("write", ENOSPC, room);
+    const Followed followed = follow_log(*tiles_of(shown), full, elsewhere.path() / "copy", {device});
+    EXPECT_EQ(followed.what, Following::kTwoHistories);
+    EXPECT_EQ(followed.common, 100U);
+    EXPECT_EQ(followed.evidence.empty(), room == 0);
+    EXPECT_THAT(followed.not_kept, HasSubstr("No space left on device"));
+  }
 }
 
 TEST_F(FollowingTest, OfACheckpointAloneASecondHistoryOfTheSameLengthIsTold) {

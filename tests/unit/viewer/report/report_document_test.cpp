@@ -774,6 +774,26 @@ TEST_F(ReportDocument, CarriesNoTokenAlongThatIsNotTheOneThatWasVerified) {
       std::ranges::any_of(files, [&](const Attachment& file) { return file.name == name_in(changed.file); }));
 }
 
+TEST_F(ReportDocument, CarriesNoEvidenceRecordAlongThatIsNotTheOneThatWasJudged) {
+  ReportInput in = input();
+  const fs::path record = temporary_ / "case.ers";
+  write("case.ers", bytes_of("the record that was judged"));
+  in.verification.evidence.emplace();
+  in.verification.evidence->holds = true;
+  in.verification.evidence->sha256 = crypto::sha256(bytes_of("the record that was judged"));
+  const auto carried = [&] {
+    return std::ranges::any_of(read_proof_files(folder_, in, record),
+                               [](const Attachment& each) { return each.name == "evidence-record.ers"; });
+  };
+  EXPECT_TRUE(carried());
+  write("case.ers", bytes_of("another one"));
+  EXPECT_FALSE(carried());
+  // What cannot be read any more costs the attachment, not the report.
+  fs::remove(record);
+  fs::create_directory(record);
+  EXPECT_FALSE(carried());
+}
+
 // Nor one that proves nothing to the person who asked: without roots no time-stamp holds.
 TEST_F(ReportDocument, CarriesNoTokenAlongThatDoesNotHold) {
   archive::VerifyOptions options = archive_.options();

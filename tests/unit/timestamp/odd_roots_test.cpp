@@ -1,0 +1,196 @@
+// Trust stores as people have them: roots of one name, renewed and expired ones, intermediates beside roots.
+// A token that one path proves holds whatever else is trusted, and wrong roots accuse nobody.
+#include <gtest/gtest.h>
+
+#include "tests/support/token_maker.h"
+#include "timestamp/authority.h"
+#include "timestamp/certificate_pool.h"
+#include "timestamp/token_verifier.h"
+
+namespace kiroku::timestamp {
+namespace {
+
+using test::make_token;
+using test::pem_of;
+using test::TokenRecipe;
+
+constexpr const char* kYearOfTheToken = "2026";
+
+Certificate copy_of(const Credential& credential) {
+  return Certificate(X509_dup(credential.certificate.get()));
+}
+
+void remove_extension(X509* certificate, int number) {
+  const int at = X509_get_ext_by_NID(certificate, number, -1);
+  if (at >= 0) X509_EXTENSION_free(X509_delete_ext(certificate, at));
+}
+
+void sign_again(X509* certificate, const Credential& by) {
+  ASSERT_GT(X509_sign(certificate, by.key.get(), EVP_sha256()), 0);
+}
+
+Credential issue(const std::string& name, CertificateRole role, const Credential* issuer) {
+  return issue_certificate(
+      {.organisation = "Time",
+       .common_name = name,
+       .role = role,
+       .not_before = *parse_utc("2020-01-01T00:00:00Z"),
+       .not_after = *parse_utc("2040-01-01T00:00:00Z"),
+       .extended_key_usage = role == CertificateRole::kSigner ? "critical,timeStamping" : ""},
+      issuer);
+}
+
+/// `of` certified by `by`: the same subject and key.
+Certificate certified(const Credential& of, const Credential& by) {
+  Certificate out = copy_of(of);
+  EXPECT_EQ(X509_set_issuer_name(out.get(), X509_get_subject_name(by.certificate.get())), 1);
+  remove_extension(out.get(), NID_authority_key_identifier);
+  sign_again(out.get(), by);
+  return out;
+}
+
+/// As many authorities make them: nothing in it says by which of the keys of a name it was signed.
+Credential plain(const std::string& name, CertificateRole role, const Credential& by) {
+  Credential made = issue(name, role, nullptr);
+  made.certificate = certified(made, by);
+  return made;
+}
+
+/// The same root with a validity that ended before the token, as a root has it that was renewed.
+Certificate expired(const Credential& root) {
+  Certificate out = copy_of(root);
+  EXPECT_EQ(ASN1_TIME_set_string(X509_getm_notAfter(out.get()), "20250101000000Z"), 1);
+  sign_again(out.get(), root);
+  return out;
+}
+
+Certificate with_extension(const Credential& root, int number, const char* value) {
+  Certificate out = copy_of(root);
+  remove_extension(out.get(), number);
+  const CertificateExtension extension(X509V3_EXT_conf_nid(nullptr, nullptr, number, value));
+  EXPECT_EQ(X509_add_ext(out.get(), extension.get(), -1), 1);
+  sign_again(out.get(), root);
+  return out;
+}
+
+class OddRoots : public ::testing::Test {
+ protected:
+  static TrustStore trusting(const std::vector<X509*>& roots) {
+    TrustStore trust;
+    for (X509* root : roots) trust.add_trusted(bytes_of(pem_of(root)), "a root");
+    return trust;
+  }
+
+  static TokenJudgement judge(const Credential& signer, std::vector<X509*> enclosed, const TrustStore& trust,
+                              const Expectation& expectation = {}) {
+    TokenRecipe recipe;
+    recipe.signer = &signer;
+    enclosed.insert(enclosed.begin(), signer.certificate.get());
+    recipe.enclosed = std::move(enclosed);
+    recipe.gen_time = std::string(kYearOfTheToken) + "0805091502Z";
+    return judge_token(make_token(recipe), expectation, trust);
+  }
+
+  static void expect(const char* code, const TokenJudgement& judgement) {
+    EXPECT_EQ(code_name(judgement.code), code) << judgement.explanation;
+  }
+
+  Credential root_ = issue("Root", CertificateRole::kAuthority, nullptr);
+  Credential signer_ = plain("Signer", CertificateRole::kSigner, root_);
+};
+
+TEST_F(OddRoots, OfOneNameAreTakenInAnyOrder) {
+  const Credential earlier = issue("Root", CertificateRole::kAuthority, nullptr);
+  expect("token-valid", judge(signer_, {}, trusting({earlier.certificate.get(), root_.certificate.get()})));
+  expect("token-valid", judge(signer_, {}, trusting({root_.certificate.get(), earlier.certificate.get()})));
+}
+
+TEST_F(OddRoots, AnotherOneOfTheSameNameAccusesNobody) {
+  const Credential earlier = issue("Root", CertificateRole::kAuthority, nullptr);
+  const TokenJudgement judgement = judge(signer_, {}, trusting({earlier.certificate.get()}));
+  expect("token-issuer-unknown", judgement);
+  EXPECT_EQ(
+      judgement.explanation,
+      "no certificate that was given signed that of CN=Signer,O=Time, though one has its issuer's name: "
+      "give the authority's root and chain");
+  // What names its issuer by a key identifier, and was signed by another key, is forged.
+  const Credential marked = issue("Marked", CertificateRole::kAuthority, nullptr);
+  Credential forged = issue("Signer", CertificateRole::kSigner, &marked);
+  sign_again(forged.certificate.get(), earlier);
+  expect("token-chain-invalid", judge(forged, {}, trusting({marked.certificate.get()})));
+}
+
+TEST_F(OddRoots, ARenewedRootHoldsBesideTheExpiredOne) {
+  const Certificate old = expired(root_);
+  expect("token-valid", judge(signer_, {}, trusting({old.get(), root_.certificate.get()})));
+  expect("token-valid", judge(signer_, {}, trusting({root_.certificate.get(), old.get()})));
+  const TokenJudgement judgement = judge(signer_, {}, trusting({old.get()}));
+  expect("token-root-not-valid-at-time", judgement);
+  EXPECT_EQ(verdict_of(judgement.code), TokenVerdict::kCouldNotCheck);
+  EXPECT_EQ(judgement.explanation,
+            "the trusted certificate CN=Root,O=Time was not valid at the token's time, "
+            "2026-08-05T09:15:02.000000Z: give the root that the authority had then");
+}
+
+TEST_F(OddRoots, ACrossCertificateUnderAnExpiredRootSpoilsNothing) {
+  const Credential other = issue("Other", CertificateRole::kAuthority, nullptr);
+  const Certificate other_expired = expired(other);
+  const Credential between = issue("Between", CertificateRole::kAuthority, &root_);
+  const Certificate cross = certified(between, other);
+  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
+  const TrustStore trust = trusting({other_expired.get(), root_.certificate.get()});
+  expect("token-valid", judge(signer, {cross.get(), between.certificate.get()}, trust));
+  expect("token-valid", judge(signer, {between.certificate.get(), cross.get()}, trust));
+  expect("token-root-not-valid-at-time",
+         judge(signer, {cross.get(), between.certificate.get()}, trusting({other_expired.get()})));
+}
+
+TEST_F(OddRoots, WhatATrustedIntermediateVouchesForHoldsWhateverItsRootSays) {
+  const Credential marked = issue("Marked", CertificateRole::kAuthority, nullptr);
+  const Credential between = issue("Between", CertificateRole::kAuthority, &marked);
+  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
+  const Certificate strict = with_extension(marked, NID_basic_constraints, "critical,CA:TRUE,pathlen:0");
+  expect("token-chain-invalid", judge(signer, {between.certificate.get()}, trusting({strict.get()})));
+  expect("token-valid",
+         judge(signer, {between.certificate.get()}, trusting({strict.get(), between.certificate.get()})));
+  expect("token-valid",
+         judge(signer, {between.certificate.get()}, trusting({strict.get(), signer.certificate.get()})));
+}
+
+// Whoever holds a trusted key has certificates without end certify each other, and each token is to be judged
+// by all of their paths.
+TEST_F(OddRoots, WhoCertifiesInCirclesIsNotFollowedWithoutEnd) {
+  // All of one name, so that each may have signed each: more pairs than are looked at for one case. Half of
+  // them are by the trusted key, and half by another one.
+  constexpr std::size_t kOfEach = 100;
+  const Credential stranger = issue("Root", CertificateRole::kAuthority, nullptr);
+  std::vector<Certificate> certificates;
+  std::vector<X509*> enclosed;
+  for (std::size_t i = 0; i < kOfEach; ++i) {
+    for (const Credential* by : {static_cast<const Credential*>(&root_), &stranger}) {
+      certificates.push_back(certified(issue("Root", CertificateRole::kAuthority, nullptr), *by));
+      enclosed.push_back(certificates.back().get());
+    }
+  }
+  TrustStore trust;
+  trust.add_own_authority(bytes_of(pem_of(root_.certificate.get())), "the recorder's own root");
+  CertificatePool pool;
+  Expectation expectation;
+  expectation.pool = &pool;
+  for (int i = 0; i < 3; ++i) {
+    expect("token-too-dear",
+           judge(plain("Signer", CertificateRole::kSigner, stranger), enclosed, trust, expectation));
+  }
+  // Outside ones are looked for with what is theirs.
+  const Credential outside = issue("Outside", CertificateRole::kAuthority, nullptr);
+  const Certificate old = expired(outside);
+  const Credential earlier = issue("Outside", CertificateRole::kAuthority, nullptr);
+  trust.add_trusted(
+      bytes_of(pem_of(earlier.certificate.get()) + pem_of(old.get()) + pem_of(outside.certificate.get())),
+      "outside roots");
+  expect("token-valid",
+         judge(plain("Signer", CertificateRole::kSigner, outside), enclosed, trust, expectation));
+}
+
+}  // namespace
+}  // namespace kiroku::timestamp
