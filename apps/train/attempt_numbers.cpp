@@ -12,9 +12,12 @@ std::string vitals_lines(const trainer::ExclusionView& view) {
   };
   add("line in sight", 100 * view.visible_share, "%");
   add("largest stress", view.largest_von_mises_pa / 1e3, "kPa");
-  add("force of all fingers", view.hand.wrist_n.norm(), "N");
-  for (std::size_t i = 0; i < view.hand.forces_n.size(); ++i)
-    add("force of finger " + std::to_string(i + 1), view.hand.forces_n[i].norm(), "N");
+  const bool instruments = !view.hand.instruments.empty();
+  add(instruments ? "force of all handles" : "force of all fingers", view.hand.wrist_n.norm(), "N");
+  for (std::size_t i = 0; i < view.hand.forces_n.size(); ++i) {
+    add((instruments ? "force of instrument " : "force of finger ") + std::to_string(i + 1),
+        view.hand.forces_n[i].norm(), "N");
+  }
   return lines;
 }
 

@@ -40,8 +40,8 @@ struct Request {
   std::string output, hand;
   std::string fingers = "3", vertices = "2000", seconds = "60", size = "640x480", seed = "1",
               practice = "180";
-  std::optional<std::string> object, organ, damage, friction, session, feedback, touch, ghost, trainee,
-      database, home;
+  std::optional<std::string> object, organ, damage, friction, session, feedback, touch, tip, seal_friction,
+      ghost, trainee, database, home;
   bool stress = false, test = false, seal = false, force = false, json = false;
 };
 
@@ -50,6 +50,13 @@ trainer::ExclusionOptions options_of(const Request& request) {
   options.shows_stress = request.stress;
   options.feedback = trainer::feedback_of(request.feedback.value_or("full"));
   options.touch = trainer::touch_of(request.touch.value_or("fingertips"));
+  if (options.touch != trainer::Touch::kTrocar && (request.tip || request.seal_friction))
+    throw UsageError("--tip and --seal-friction are of instruments: add --touch trocar");
+  if (request.tip) options.instruments.tip = trainer::instrument_tip_of(*request.tip);
+  if (request.seal_friction) {
+    options.instruments.seal_friction_n =
+        parse_number(*request.seal_friction, "--seal-friction", 0, trainer::kMostSealFrictionNewtons);
+  }
   const std::vector<double> size = parse_numbers(request.size, 'x', 2, "--size");
   constexpr double kLeastSide = 64, kMostSide = 4096;
   for (const double side : size) {
@@ -61,7 +68,35 @@ trainer::ExclusionOptions options_of(const Request& request) {
   options.height = static_cast<int>(size[1]);
   if (request.ghost)
     options.ghost = trainer::parse_hand_motion(sim::read_document(*request.ghost), *request.ghost);
+  if (options.ghost && options.touch == trainer::Touch::kTrocar &&
+      options.ghost->fingers > trainer::kMostExclusionFingers) {
+    throw UsageError(*request.ghost + " moves " + std::to_string(options.ghost->fingers) +
+                     " handles: the trainer has 1 to 5 instruments");
+  }
   return options;
+}
+
+/// The columns of forces.csv for an instrument, and what stands in them.
+std::string instrument_columns(std::size_t number) {
+  const std::string of = ",instrument_" + std::to_string(number);
+  std::string columns;
+  for (const char* place : {"_depth_m", "_tilt_x_rad", "_tilt_y_rad", "_roll_rad"}) columns += of + place;
+  for (const char* force : {"_tissue", "_handle", "_wall"}) {
+    for (const char* axis : {"_x_n", "_y_n", "_z_n"}) columns += of + force + axis;
+  }
+  return columns + of + "_roll_nm";
+}
+
+std::string instrument_numbers(const trainer::HandForces::Instrument& instrument) {
+  const trainer::InstrumentPlace& place = instrument.place;
+  std::string numbers;
+  for (const double number : {place.depth_m, place.tilt_x_rad, place.tilt_y_rad, place.roll_rad})
+    numbers += "," + number_text(number);
+  const trainer::InstrumentForces& forces = instrument.forces;
+  for (const sim::Vector3& force_n : {forces.tissue_n, forces.handle_n, forces.wall_n}) {
+    for (int axis = 0; axis < 3; ++axis) numbers += "," + number_text(force_n[axis]);
+  }
+  return numbers + "," + number_text(forces.handle_nm.dot(place.along()));
 }
 
 void letter(sim::Lettering& lettering, sim::Picture& picture, const trainer::ExclusionView& view,
@@ -115,10 +150,10 @@ int run(const Request& request) {
   const double practice_s = parse_seconds(request.practice, "--practice", 0, 3600);
   if (request.trainee.has_value() != request.database.has_value())
     throw UsageError("--trainee and --database belong together: who, and where the attempt is kept");
-  if (options.touch == trainer::Touch::kHand && request.trainee)
-    throw UsageError(
-        "--touch hand is kept with no trainee, as learning curves are of fingertips: leave --trainee and "
-        "--database out");
+  if (options.touch != trainer::Touch::kFingertips && request.trainee)
+    throw UsageError("--touch " + *request.touch +
+                     " is kept with no trainee, as learning curves are of fingertips: leave --trainee and "
+                     "--database out");
   if (request.organ && request.object)
     throw UsageError("--organ and --object are two ways to say what is pushed aside: give one");
   if (request.test && request.stress) throw UsageError("--test is without stress: leave --stress out");
@@ -157,8 +192,8 @@ int run(const Request& request) {
   std::unique_ptr<sim::PluginDevice> plugin;
   if (plugged) plugin = std::make_unique<sim::PluginDevice>(fingers, plugged->library, plugged->argument);
   if (request.organ && (address || plugged))
-    trainer::require_haptic_rate(body, fingers,
-                                 trainer::measured_force_rate_hz(body, fingers, options.touch));
+    trainer::require_haptic_rate(
+        body, fingers, trainer::measured_force_rate_hz(body, fingers, options.touch, options.instruments));
   // Objects A and B are known to be lifted, with the usual friction.
   if ((request.organ || request.friction) && (address || plugged)) warn_of_doubt(body, std::array{fingers});
   int session = asked_session.value_or(1);
@@ -178,8 +213,10 @@ int run(const Request& request) {
   std::string csv =
       "time_s,visible_share,largest_von_mises_pa,damaged_ml,danger,tone_hz,wrist_x_n,wrist_y_n,wrist_z_n,"
       "wrist_x_nm,wrist_y_nm,wrist_z_nm";
-  for (std::size_t i = 1; i <= fingers; ++i) csv += ",finger_" + std::to_string(i) + "_n";
-  const bool whole_hand = options.touch == trainer::Touch::kHand;
+  const bool whole_hand = options.touch == trainer::Touch::kHand,
+             instruments = options.touch == trainer::Touch::kTrocar;
+  for (std::size_t i = 1; i <= fingers; ++i)
+    csv += instruments ? instrument_columns(i) : ",finger_" + std::to_string(i) + "_n";
   if (whole_hand) csv += ",phalanges_and_palm_n";
   csv += "\n";
   std::string vitals = kVitalsHead;
@@ -197,7 +234,11 @@ int run(const Request& request) {
     // Known of devices alone that say where the wrist is.
     for (int axis = 0; axis < 3; ++axis)
       csv += "," + (view.hand.wrist_torque_nm ? number_text((*view.hand.wrist_torque_nm)[axis]) : "");
-    for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
+    for (const trainer::HandForces::Instrument& instrument : view.hand.instruments)
+      csv += instrument_numbers(instrument);
+    if (!instruments) {
+      for (const sim::Vector3& force_n : view.hand.forces_n) csv += "," + number_text(force_n.norm());
+    }
     if (whole_hand) {
       const sim::Vector3 rest_n = std::accumulate(view.hand.parts_n.begin(), view.hand.parts_n.end(),
                                                   sim::Vector3(sim::Vector3::Zero()));
@@ -224,7 +265,13 @@ int run(const Request& request) {
     } else {
       simulated = std::make_unique<trainer::SimulatedTrainee>(body, trainer::unpractised_plan(fingers, seed),
                                                               period_s);
-      outcome = runner.run_in_own_time(*simulated, observer);
+      if (instruments) {
+        trainer::HandlesOfTips handles(*simulated, trainer::trocars_of(task, fingers),
+                                       trainer::InstrumentShape(options.instruments.tip));
+        outcome = runner.run_in_own_time(handles, observer);
+      } else {
+        outcome = runner.run_in_own_time(*simulated, observer);
+      }
     }
   }
   film.finish();
@@ -256,6 +303,11 @@ int run(const Request& request) {
               {"pictures", outcome.pictures},
               {"elapsed_s", outcome.elapsed_s},
               {"faults", {{"unsound", outcome.faults.unsound}, {"jumps", outcome.faults.jumps}}}};
+  if (instruments) {
+    report["instruments"] = {{"tip", request.tip.value_or("retractor")},
+                             {"seal_friction_n", options.instruments.seal_friction_n},
+                             {"peak_wall_force_n", outcome.peak_wall_n}};
+  }
   if (plugin && plugin->lost()) report["device_lost"] = plugin->why_lost();
   if (outcome.force_loop) {
     report["force_loop"] = {
@@ -291,10 +343,16 @@ int run(const Request& request) {
             << number_text(score.largest_von_mises_pa / 1e3, 4) << " kPa; 99 % of the tissue stays below "
             << number_text(score.high_von_mises_pa.value_or(0) / 1e3, 4)
             << " kPa\n  tissue above the limit    " << number_text(1e6 * score.damaged_m3, 3) << " ml above "
-            << number_text(damage_pa / 1e3, 4) << " kPa\n  path of all fingers       "
-            << number_text(100 * score.path_m, 3) << " cm\n  largest force             "
-            << number_text(score.peak_force_n, 3) << " N of a finger, " << number_text(score.peak_wrist_n, 3)
-            << " N of all\n";
+            << number_text(damage_pa / 1e3, 4) << " kPa\n  path of all "
+            << (instruments ? "tips          " : "fingers       ") << number_text(100 * score.path_m, 3)
+            << " cm\n  largest force             " << number_text(score.peak_force_n, 3);
+  if (instruments) {
+    std::cout << " N of the tissue on an instrument, " << number_text(score.peak_wrist_n, 3)
+              << " N at all handles, " << number_text(outcome.peak_wall_n, 3)
+              << " N on the wall at a trocar\n";
+  } else {
+    std::cout << " N of a finger, " << number_text(score.peak_wrist_n, 3) << " N of all\n";
+  }
   if (request.hand == "simulated") std::cout << "  a simulated trainee: no person did this\n";
   if (outcome.faults.unsound + outcome.faults.jumps > 0) {
     std::cout << "  the device failed: " << outcome.faults.unsound << " poses that are none, "
@@ -317,7 +375,8 @@ void add_train_exclusion_command(Command& train) {
   command.required_option("-o,--output", "DIR", request->output, "where to");
   command.choice("--object", {"a", "b"}, request->object,
                  "like a liver, or like a lung with its bronchus and artery", "a");
-  command.option("--fingers", "N", request->fingers, "of a device or a simulated trainee, 1 to 5");
+  command.option("--fingers", "N", request->fingers,
+                 "of a device or a simulated trainee, or instruments, 1 to 5");
   command.option("--vertices", "N", request->vertices, "of the object's mesh");
   command.flag("--stress", request->stress, "shows stress in the tissue's colour");
   command.option("--organ", "FILE", request->organ,
@@ -329,8 +388,14 @@ void add_train_exclusion_command(Command& train) {
                  "0.5, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
                  "forces in three directions, or their part along each finger", "full");
-  command.choice("--touch", {"fingertips", "hand"}, request->touch,
-                 "with fingertips alone, or with phalanges and palm, too", "fingertips");
+  command.choice("--touch", {"fingertips", "hand", "trocar"}, request->touch,
+                 "with fingertips alone, with phalanges and palm, too, or with instruments that pivot in "
+                 "trocars",
+                 "fingertips");
+  command.choice("--tip", {"retractor", "jaws"}, request->tip,
+                 "of instruments: a blunt blade, or jaws that are closed", "retractor");
+  command.option("--seal-friction", "N", request->seal_friction,
+                 "what the seal of each trocar rubs on its instrument with, in newtons", "0");
   command.option("--ghost", "FILE", request->ghost,
                  "an expert's hand motion, shown beside the trainee's fingers");
   command.option("--seconds", "T", request->seconds, duration_help("until the attempt is over"));
@@ -360,6 +425,8 @@ void add_train_exclusion_command(Command& train) {
   command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");
   command.example("kiroku train exclusion --hand lift/hand.txt --touch hand -o grasp",
                   "the same motion with a whole hand");
+  command.example("kiroku train exclusion --touch trocar --fingers 2 --hand simulated -o laparoscopy",
+                  "two instruments lift object A; a device's poses are those of their handles");
   command.example("kiroku train exclusion --organ liver.json --hand simulated -o liver", "a patient's liver");
   command.example(
       "kiroku train exclusion --hand udp:7001 --trainee Aoki --database training.sqlite --test --seal -o "

@@ -13,6 +13,8 @@
 #include "base/csv_field.h"
 #include "base/error.h"
 #include "base/number_text.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "media/png.h"
 #include "trainer/haptic_rate/experiment.h"
 #include "trainer/haptic_rate/plate_picture.h"
@@ -58,7 +60,12 @@ struct Outcome {
   /// Of simulated subjects to whom thresholds were given, as the thresholds of their sessions.
   std::vector<std::vector<double>> true_hz;
   std::string note;  // what the data are, for tables and plots
+  /// Of a person: what the hand did in each trial, hand motions as text; none of simulated subjects.
+  std::vector<std::string> motions;
 };
+
+/// The file of a trial's hand motion, trials counted from 1.
+std::string motion_file(std::size_t trial) { return "hand-" + std::to_string(trial) + ".txt"; }
 
 trainer::RateProtocol protocol_of(const Request& request) {
   trainer::RateProtocol protocol;
@@ -180,7 +187,9 @@ Outcome ask(const Request& request, const Subjects& subjects, const trainer::Pla
   outcome.note = subjects.note;
   if (subjects.device) {
     PersonAtDevice person(plate, *subjects.device);
-    outcome.sessions.push_back(trainer::run_rate_session(person, protocol));
+    outcome.sessions.push_back(trainer::run_rate_session(person, protocol, [&](const trainer::RateTrial&) {
+      outcome.motions.push_back(trainer::text_of(person.motion()));
+    }));
     outcome.sessions.back().subject = *request.subject;
     return outcome;
   }
@@ -211,13 +220,18 @@ Outcome ask(const Request& request, const Subjects& subjects, const trainer::Pla
 std::string exact(double number) { return exact_text(number); }
 
 std::string trials_csv(const Outcome& outcome) {
-  std::string csv = "subject,simulated,fingers,trial,rate_hz,answer\n";
+  std::string csv = "subject,simulated,fingers,trial,rate_hz,answer,hand_motion,hand_motion_sha256\n";
   for (const trainer::RateSession& session : outcome.sessions) {
     std::size_t number = 0;
     for (const trainer::RateTrial& trial : session.trials) {
       csv += csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") + trial.fingers.text() +
              "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
-             (trial.vibrating ? ",vibrating\n" : ",continuous\n");
+             (trial.vibrating ? ",vibrating," : ",continuous,");
+      // A motion belongs to its answer, and to no other.
+      if (!outcome.motions.empty())
+        csv +=
+            motion_file(number) + "," + crypto::to_hex(crypto::sha256(bytes_of(outcome.motions[number - 1])));
+      csv += outcome.motions.empty() ? ",\n" : "\n";
     }
   }
   return csv;
@@ -455,15 +469,19 @@ void print(const Request& request, const Outcome& outcome, const trainer::RateCo
 int run(const Request& request) {
   const trainer::RateProtocol protocol = protocol_of(request);
   const Subjects subjects = subjects_of(request, protocol);
-  const OutputFolder folder(
-      request.output,
-      {"trials.csv", "thresholds.csv", "comparison.csv", "thresholds.svg", "thresholds.pdf", "touch.png"},
-      request.force);
+  std::vector<std::string> files{"trials.csv",     "thresholds.csv", "comparison.csv",
+                                 "thresholds.svg", "thresholds.pdf", "touch.png"};
+  const std::size_t trials = protocol.fingers.size() * protocol.trials;
+  for (std::size_t trial = 1; subjects.device && trial <= trials; ++trial)
+    files.push_back(motion_file(trial));
+  const OutputFolder folder(request.output, files, request.force);
   const std::string database_file = request.database.value_or(folder.path("results.sqlite").string());
   require_subject(request, database_file);  // before hours of somebody's time
   const UtcTime began = utc_now();
   const trainer::Plate plate;
   const Outcome outcome = ask(request, subjects, plate, protocol);
+  for (std::size_t trial = 1; trial <= outcome.motions.size(); ++trial)
+    folder.write(motion_file(trial), outcome.motions[trial - 1]);
   folder.write("trials.csv", trials_csv(outcome));
   keep(request, database_file, outcome, began);
   const trainer::RateComparison comparison = trainer::compare_fingers(outcome.sessions);
@@ -530,8 +548,9 @@ void add_train_haptic_rate_command(Command& train) {
       "Thresholds come with their 95 % interval from all answers.");
   command.explain(
       "Writes trials.csv, thresholds.csv, comparison.csv (paired t-tests, Holm), thresholds.svg and .pdf, "
-      "and "
-      "touch.png: the plate under five fingers, blue near 0.5 N, red near 1 N.");
+      "and touch.png: the plate under five fingers, blue near 0.5 N, red near 1 N. Of a person also "
+      "hand-1.txt and on: what the hand did in each trial, whose SHA-256 stands beside its answer in "
+      "trials.csv.");
   command.example("kiroku train haptic-rate -o rates",
                   "ten simulated subjects with the haptic-rate study's thresholds");
   command.example("kiroku train haptic-rate --series exclusion --subjects drawn --simulated 6 -o table-1",

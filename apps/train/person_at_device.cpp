@@ -38,6 +38,9 @@ bool PersonAtDevice::feels_vibration(const trainer::Fingers& fingers, double rat
   trainer::SafeDevice safe(device, 1 / kRateHz);
   // However this ends, no force stays on a finger.
   const trainer::AtRest at_rest(safe);
+  const auto seconds = std::chrono::duration<double>(std::max(4.0, 4 / rate_hz));
+  trainer::MotionRecorder recorder(safe, 1 / kRateHz,
+                                   std::chrono::duration<double>(kPatience + seconds).count() + 1);
   sim::HapticContact contact(plate_.contact(), trainer::Plate::fingers(fingers.count()));
   trainer::HeldForces held(contact, rate_hz);
   sim::ForceLoopOptions options;
@@ -45,8 +48,7 @@ bool PersonAtDevice::feels_vibration(const trainer::Fingers& fingers, double rat
   std::cerr << "Press with " << (fingers.named() ? "the " : "") << fingers.in_words()
             << " between 0.5 and 1 N ... " << std::flush;
   {
-    sim::ForceLoop loop(safe, held, options);
-    const auto seconds = std::chrono::duration<double>(std::max(4.0, 4 / rate_hz));
+    sim::ForceLoop loop(recorder, held, options);
     auto touched = steady_clock::time_point::max();
     const auto begun = steady_clock::now();
     // What the fingers come near to has to be known in time; thirty times a second is enough for a hand.
@@ -64,6 +66,7 @@ bool PersonAtDevice::feels_vibration(const trainer::Fingers& fingers, double rat
     loop.stop();
   }
   safe.come_to_rest();
+  motion_ = recorder.motion();
   std::cerr << "vibrating? (y/n) " << std::flush;
   return answered_yes();
 }

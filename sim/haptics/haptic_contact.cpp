@@ -93,6 +93,12 @@ WristForce HapticContact::wrist_force(const Vector3& wrist_m) {
   return wrist_force_of(wrist_m, last_poses_, last_.forces_n, last_.torques_nm);
 }
 
+WristForce HapticContact::tool_force(std::size_t tool, const Vector3& about_m) const {
+  return wrist_force_of(about_m, std::span(last_poses_).subspan(tool, 1),
+                        std::span(last_.forces_n).subspan(tool, 1),
+                        std::span(last_.torques_nm).subspan(tool, 1));
+}
+
 HapticContact::Deformation HapticContact::refresh() {
   Deformation found;
   std::vector<Pose> poses;

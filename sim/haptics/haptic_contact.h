@@ -45,6 +45,8 @@ class HapticContact : public ForceSource {
   /// counted.
   void forces(std::span<const Pose> poses, double period_s, std::span<Vector3> forces_n) override;
   WristForce wrist_force(const Vector3& wrist_m) override;
+  /// What one tool bears of the last forces(), its torque about a point. For the force loop's thread.
+  [[nodiscard]] WristForce tool_force(std::size_t tool, const Vector3& about_m) const;
 
   struct Deformation {
     std::vector<Contact> contacts;   // that it was computed from

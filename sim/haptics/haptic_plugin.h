@@ -29,7 +29,8 @@ extern "C" {
 #define KIROKU_HAPTIC_ABI 1
 #define KIROKU_HAPTIC_ABI_2 2
 
-/* The middle of a fingertip, or of the wrist, and its orientation, a unit quaternion w, x, y, z. */
+/* The middle of a fingertip, of an instrument's handle (z along its shaft, to the tip), or of the wrist, and
+ * its orientation, a unit quaternion w, x, y, z. */
 typedef struct KirokuHapticPose {
   double position_m[3];
   double orientation[4];

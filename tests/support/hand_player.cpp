@@ -12,6 +12,7 @@
 #include <exception>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <sys/socket.h>
 #include <thread>
@@ -45,11 +46,15 @@ int play(const char* file, int port) {
   const auto begun = std::chrono::steady_clock::now();
   for (double time_s = 0; time_s < motion.duration_s() + kStaysSeconds; time_s = ++sequence / kPerSecond) {
     std::this_thread::sleep_until(begun + std::chrono::duration<double>(time_s));
-    std::vector<unsigned char> datagram{'K', 'H', 'P', '1'};
+    const std::optional<kiroku::sim::Pose> wrist = motion.wrist_at(time_s);
+    const unsigned char version = wrist ? '2' : '1';
+    std::vector<unsigned char> datagram{'K', 'H', 'P', version};
     put(datagram, &sequence, sizeof sequence);
     put(datagram, &fingers, sizeof fingers);
     put(datagram, &zero, sizeof zero);
-    for (const kiroku::sim::Pose& pose : motion.at(time_s)) {
+    std::vector<kiroku::sim::Pose> poses = motion.at(time_s);
+    if (wrist) poses.push_back(*wrist);
+    for (const kiroku::sim::Pose& pose : poses) {
       const auto& q = pose.orientation;
       for (const double number :
            {pose.position_m.x(), pose.position_m.y(), pose.position_m.z(), q.w(), q.x(), q.y(), q.z()})
@@ -59,7 +64,8 @@ int play(const char* file, int port) {
     static_cast<void>(::send(socket, datagram.data(), datagram.size(), 0));
     unsigned char answer[2048];
     for (ssize_t size = 0; (size = ::recv(socket, answer, sizeof answer, MSG_DONTWAIT)) > 0;) {
-      if (size != 12 + 24 * fingers || std::memcmp(answer, "KHF1", 4) != 0) return 2;
+      const ssize_t expected = 12 + 24 * fingers + (wrist ? 48 : 0);
+      if (size != expected || std::memcmp(answer, "KHF", 3) != 0 || answer[3] != version) return 2;
       ++answers;
       for (std::size_t finger = 0; finger < fingers; ++finger) {
         double n[3];

@@ -1,7 +1,11 @@
 // 'kiroku train' as a person calls it.
+#include <cmath>
+#include <map>
 #include <set>
 #include <sstream>
 
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "tests/support/build_paths.h"
 #include "tests/support/flat_organ_volume.h"
 #include "tests/support/reserved_port.h"
@@ -203,6 +207,20 @@ TEST_F(Exclusion, AWholeHandTouchesWithMoreThanItsFingertips) {
   EXPECT_THAT(kept.err, HasSubstr("--touch hand is kept with no trainee"));
 }
 
+/// The numbers of a hand motion, a moment each.
+std::vector<std::vector<double>> moments_of(const std::string& text) {
+  std::vector<std::vector<double>> moments;
+  std::istringstream lines(text);
+  std::string line;
+  while (std::getline(lines, line)) {
+    std::istringstream in(line);
+    std::vector<double> numbers;
+    for (double number = 0; in >> number;) numbers.push_back(number);
+    if (!numbers.empty()) moments.push_back(numbers);
+  }
+  return moments;
+}
+
 // Real time: a hand sends 500 positions a second, and the trainer takes them as they come; where other
 // work holds either up, the organ is not lifted as it was.
 class ExclusionRealTime : public Exclusion {};
@@ -237,6 +255,139 @@ TEST_F(ExclusionRealTime, AHandOnTheNetworkPlaysARecordedMotion) {
   EXPECT_EQ(told["faults"]["unsound"], 0);
   // What was played was recorded, too.
   EXPECT_EQ(push(path("net/hand.txt"), "again").status, 0);
+}
+
+TEST_F(ExclusionRealTime, WhatAHandDidStandsBesideItsAnswers) {
+  // A finger on the plate's middle, and a wrist behind it: 0.5 to 1 N deep, for longer than both trials.
+  std::string motion = "kiroku-hand-motion 2\nfingers 1\n";
+  for (int moment = 0; moment <= 120; ++moment) {
+    const double deep_m = 1.0e-3 + 0.5e-3 * (moment % 2);
+    motion +=
+        std::to_string(moment) + " 0 0 " + std::to_string(0.008 - deep_m) + " 1 0 0 0 0 -0.17 0.05 1 0 0 0\n";
+  }
+  write_text(folder() / "pressing.txt", motion);
+  const std::string port = std::to_string(reserved_port());
+  Process::Options hand;
+  hand.command = {built_file("hand_player"), path("pressing.txt"), port};
+  Process plays(hand);
+  Process::Options experiment;
+  experiment.command = {built_file("kiroku"),
+                        "train",
+                        "haptic-rate",
+                        "--hand",
+                        "udp:" + port,
+                        "--subject",
+                        "Aoki",
+                        "-o",
+                        path("aoki"),
+                        "--trials",
+                        "2",
+                        "--fingers",
+                        "1"};
+  experiment.input = "y\nn\n";
+  const ProcessResult result = run_process(experiment, std::chrono::seconds(120));
+  ASSERT_EQ(result.status, 0) << result.err;
+  std::istringstream trials(read_text(folder() / "aoki/trials.csv"));
+  std::string line;
+  std::getline(trials, line);
+  EXPECT_EQ(line, "subject,simulated,fingers,trial,rate_hz,answer,hand_motion,hand_motion_sha256");
+  for (int trial = 1; trial <= 2; ++trial) {
+    const std::string name = "hand-" + std::to_string(trial) + ".txt";
+    ASSERT_TRUE(std::getline(trials, line)) << trial;
+    const std::string text = read_text(folder() / "aoki" / name);
+    EXPECT_THAT(line, testing::EndsWith((trial == 1 ? "vibrating," : "continuous,") + name + "," +
+                                        crypto::to_hex(crypto::sha256(bytes_of(text)))));
+    EXPECT_THAT(text, testing::StartsWith("kiroku-hand-motion 2\nfingers 1\n"));
+    const std::vector<std::vector<double>> moments = moments_of(text);
+    ASSERT_GT(moments.size(), 100U);
+    EXPECT_GE(moments.back()[0], 3.5);  // four seconds from the first touch on
+    double highest_m = 0, lowest_m = 1;
+    for (const std::vector<double>& moment : moments) {
+      ASSERT_EQ(moment.size(), 15U);  // seconds, the finger, the wrist
+      EXPECT_NEAR(moment[9], -0.17, 1e-9);
+      highest_m = std::max(highest_m, moment[3]);
+      lowest_m = std::min(lowest_m, moment[3]);
+    }
+    EXPECT_LE(highest_m, 0.0071);
+    EXPECT_GE(lowest_m, 0.0064);
+    EXPECT_GT(highest_m - lowest_m, 2e-4);  // it moved, as the hand did
+  }
+  EXPECT_FALSE(std::getline(trials, line));
+  // An answer's motion is not written over.
+  EXPECT_REFUSED(run_process(experiment, std::chrono::seconds(60)), "--force");
+}
+
+/// Of forces.csv, each picture's numbers by the names of their columns.
+std::vector<std::map<std::string, double>> rows_of(const std::string& csv) {
+  std::istringstream lines(csv);
+  std::string line;
+  const auto pieces = [](const std::string& text) {
+    std::vector<std::string> found;
+    std::istringstream in(text);
+    for (std::string piece; std::getline(in, piece, ',');) found.push_back(piece);
+    return found;
+  };
+  std::getline(lines, line);
+  const std::vector<std::string> names = pieces(line);
+  std::vector<std::map<std::string, double>> rows;
+  while (std::getline(lines, line)) {
+    const std::vector<std::string> numbers = pieces(line);
+    EXPECT_EQ(numbers.size(), names.size());
+    std::map<std::string, double>& row = rows.emplace_back();
+    for (std::size_t i = 0; i < names.size() && i < numbers.size(); ++i) {
+      if (!numbers[i].empty()) row[names[i]] = std::stod(numbers[i]);
+    }
+  }
+  return rows;
+}
+
+TEST_F(Exclusion, InstrumentsInTrocarsLiftByTheirLevers) {
+  const ProcessResult first =
+      push("simulated", "first", {"--touch", "trocar", "--fingers", "2", "--seal-friction", "0.5"});
+  EXPECT_EQ(first.status, 0) << first.out << first.err;
+  EXPECT_THAT(first.out, HasSubstr("N on the wall at a trocar"));
+  const auto told = nlohmann::json::parse(read_text(folder() / "first/score.json"));
+  EXPECT_EQ(told["touch"], "trocar");
+  EXPECT_EQ(told["instruments"]["tip"], "retractor");
+  EXPECT_EQ(told["instruments"]["seal_friction_n"], 0.5);
+  const auto rows = rows_of(read_text(folder() / "first/forces.csv"));
+  ASSERT_GT(rows.size(), 20U);
+  double largest_n = 0, largest_wall_n = 0;
+  for (const auto& row : rows) {
+    for (const std::string of : {"instrument_1", "instrument_2"}) {
+      double tissue_2 = 0, wall_2 = 0;
+      for (const std::string axis : {"_x_n", "_y_n", "_z_n"}) {
+        const double tissue = row.at(of + "_tissue" + axis), handle = row.at(of + "_handle" + axis),
+                     wall = row.at(of + "_wall" + axis);
+        EXPECT_NEAR(tissue, handle + wall, 1e-4 * (1 + std::abs(tissue) + std::abs(wall)));
+        tissue_2 += tissue * tissue;
+        wall_2 += wall * wall;
+      }
+      largest_n = std::max(largest_n, std::sqrt(tissue_2));
+      largest_wall_n = std::max(largest_wall_n, std::sqrt(wall_2));
+      EXPECT_GT(row.at(of + "_depth_m"), 0.05);
+    }
+  }
+  EXPECT_GT(largest_n, 0.5);
+  EXPECT_GT(largest_wall_n, largest_n);  // the wall bears the hand's force, too
+  EXPECT_GE(told["instruments"]["peak_wall_force_n"].get<double>(), largest_wall_n - 1e-3);
+  // The tips went up: the handles went down.
+  EXPECT_LT(rows.back().at("instrument_1_tilt_y_rad"), rows.front().at("instrument_1_tilt_y_rad"));
+  const std::vector<std::vector<double>> hand = moments_of(read_text(folder() / "first/hand.txt"));
+  EXPECT_LT(hand.back()[3], hand.front()[3]);
+  // The motion of the handles does it again.
+  const ProcessResult again =
+      push(path("first/hand.txt"), "again",
+           {"--touch", "trocar", "--seal-friction", "0.5", "--ghost", path("first/hand.txt")});
+  EXPECT_EQ(again.status, 0) << again.out << again.err;
+  EXPECT_EQ(push("simulated", "jaws", {"--touch", "trocar", "--tip", "jaws"}).status & ~1, 0);
+  EXPECT_REFUSED(push("simulated", "x", {"--tip", "jaws"}), "add --touch trocar");
+  EXPECT_REFUSED(push("simulated", "x", {"--seal-friction", "1"}), "add --touch trocar");
+  EXPECT_REFUSED(push("simulated", "x", {"--touch", "trocar", "--seal-friction", "21"}), "--seal-friction");
+  EXPECT_REFUSED(push("simulated", "x", {"--touch", "trocar", "--tip", "hook"}), "--tip");
+  EXPECT_REFUSED(
+      push("simulated", "x", {"--touch", "trocar", "--trainee", "Aoki", "--database", path("t.sqlite")}),
+      "--touch trocar is kept with no trainee");
 }
 
 TEST_F(Exclusion, APluginMovesTheHandAndIsRefusedInWords) {

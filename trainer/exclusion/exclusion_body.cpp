@@ -1,5 +1,6 @@
 #include "trainer/exclusion/exclusion_body.h"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -19,6 +20,8 @@ constexpr sim::Rgb kLineColour{70, 220, 120};
 /// Of a fingertip that is to lift objects A and B: as far in as their border is wide.
 constexpr double kUnderBorderMetres = -0.046;
 constexpr double kHalfViewRad = 14 * std::numbers::pi / 180;
+constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kSideBySide{
+    {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
 
 /// Whether the segment from `eye` to `place` goes through the triangle (Moeller and Trumbore, 1997).
 bool meets(const Vector3& eye, const Vector3& place, const Vector3& a, const Vector3& b, const Vector3& c) {
@@ -42,6 +45,31 @@ Eigen::Quaterniond ExclusionTask::lifting_hand() const {
   Eigen::Matrix3d axes;
   axes << aside, away(), lifts;
   return Eigen::Quaterniond(axes).normalized();
+}
+
+std::span<const double> side_by_side_m(std::size_t fingers) {
+  if (fingers < 1 || fingers > kMostExclusionFingers)
+    throw UsageError("an organ is pushed aside with 1 to 5 fingers, not " + std::to_string(fingers));
+  return std::span(kSideBySide[fingers - 1]).first(fingers);
+}
+
+std::vector<Trocar> trocars_of(const ExclusionTask& task, std::size_t instruments) {
+  constexpr double kBeforeMetres = 0.12, kBelowMetres = 0.05, kApartMetres = 0.06;
+  std::vector<Trocar> trocars;
+  for (const double beside_m : side_by_side_m(instruments)) {
+    const double from_middle = static_cast<double>(trocars.size()) - static_cast<double>(instruments - 1) / 2;
+    Trocar trocar;
+    trocar.pose.position_m = task.under_border_m - kBeforeMetres * task.away() - kBelowMetres * task.lifts +
+                             from_middle * kApartMetres * task.aside;
+    const Vector3 inwards =
+        (task.under_border_m + beside_m * task.aside - trocar.pose.position_m).normalized();
+    const Vector3 down = inwards.cross(task.aside).normalized();
+    Eigen::Matrix3d axes;
+    axes << down.cross(inwards), down, inwards;
+    trocar.pose.orientation = Eigen::Quaterniond(axes).normalized();
+    trocars.push_back(trocar);
+  }
+  return trocars;
 }
 
 ExclusionTask exclusion_task(ObjectKind kind) {

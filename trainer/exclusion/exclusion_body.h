@@ -8,11 +8,13 @@
 #include "sim/contact/contact_body.h"
 #include "sim/render/camera.h"
 #include "sim/render/surface_renderer.h"
+#include "trainer/hand/trocar.h"
 #include "trainer/objects/organ_object.h"
 
 namespace kiroku::trainer {
 
 inline constexpr double kFingertipMetres = 0.008;  // the radius of a fingertip
+inline constexpr std::size_t kMostExclusionFingers = 5;
 
 /// Between a glove and tissue that is neither dry nor under a liquid (docs/explanation/training.md,
 /// "Friction").
@@ -48,10 +50,20 @@ struct ExclusionTask {
 /// below the object behind that border: hidden until the border is lifted by some millimetres.
 ExclusionTask exclusion_task(ObjectKind kind);
 
+/// Trocars of so many instruments that lift the border from below: in a wall between trainee and organ, 12 cm
+/// before the border and 5 cm below it, 6 cm apart. Their x axes go along the border, y axes against the way
+/// the organ is lifted, z axes towards where fingers would lie side by side. 1 to kMostExclusionFingers,
+/// kiroku::UsageError for others.
+std::vector<Trocar> trocars_of(const ExclusionTask& task, std::size_t instruments);
+
 /// A camera at the eye; 28 degrees high.
 sim::Camera camera_of(const ExclusionTask& task, int width, int height);
 /// The line as a rod.
 sim::Solid line_of(const ExclusionTask& task);
+
+/// Where fingers lie side by side along a border, from its middle: 1 to kMostExclusionFingers numbers,
+/// kiroku::UsageError for others.
+std::span<const double> side_by_side_m(std::size_t fingers);
 
 /// Object, body and columns of compliance; made once, for many runs. The columns of all that may be touched
 /// are there from the start, so that runs that drive their own time repeat to the bit.

@@ -18,7 +18,7 @@ namespace {
 using sim::Vector3;
 
 constexpr std::uint8_t kContactLineMark = 1, kFingerMark = 2, kGhostMark = 3;
-constexpr sim::Rgb kFingerColour{236, 205, 182}, kGhostColour{120, 170, 255};
+constexpr sim::Rgb kFingerColour{236, 205, 182}, kSteelColour{188, 194, 200}, kGhostColour{120, 170, 255};
 
 void check(const ExclusionOptions& options) {
   const auto rate = [](double hz, double most) { return std::isfinite(hz) && hz >= 1 && hz <= most; };
@@ -52,21 +52,41 @@ sim::SurfaceScene ExclusionRunner::scene_of(const HandForces::State& hand, doubl
     colour_pressed_tissue(body_.object().mesh, displacement_m, hand, scene.node_colours);
   }
   scene.solids.push_back({line_of(body_.task()), kContactLineMark, false});
-  for (std::size_t i = 0; hand.any && i < hand.poses.size(); ++i) {
-    const PressCue cue = shows_press ? press_cue(hand.forces_n[i].norm()) : PressCue();
-    scene.solids.push_back(
-        {{sim::Sphere{kFingertipMetres}, hand.poses[i], with_cue(kFingerColour, cue)}, kFingerMark, false});
-  }
-  if (hand.any && !hand.parts.empty()) {
-    const std::vector<sim::ContactTool> tools = HandShape(hand.poses.size()).tools(0);
-    for (std::size_t part = 0; part < tools.size(); ++part)
-      scene.solids.push_back({{tools[part].shape, hand.parts[part], kFingerColour}, kFingerMark, false});
-  }
-  if (options_.ghost) {
-    for (const sim::Pose& pose : options_.ghost->at(time_s))
-      scene.solids.push_back({{sim::Sphere{kFingertipMetres}, pose, kGhostColour}, kGhostMark, true});
-  }
+  if (hand.any) add_tools(hand, shows_press, scene);
+  if (options_.ghost) add_ghost(time_s, scene);
   return scene;
+}
+
+void ExclusionRunner::add_tools(const HandForces::State& hand, bool shows_press,
+                                sim::SurfaceScene& scene) const {
+  const std::vector<sim::ContactTool> tools =
+      touching_tools(hand.poses.size(), options_.touch, 0, options_.instruments);
+  const sim::Rgb& colour = options_.touch == Touch::kTrocar ? kSteelColour : kFingerColour;
+  for (std::size_t i = 0; i < hand.poses.size(); ++i) {
+    const PressCue cue = shows_press ? press_cue(hand.forces_n[i].norm()) : PressCue();
+    scene.solids.push_back({{tools[i].shape, hand.poses[i], with_cue(colour, cue)}, kFingerMark, false});
+  }
+  for (std::size_t part = 0; part < hand.parts.size(); ++part)
+    scene.solids.push_back(
+        {{tools[hand.poses.size() + part].shape, hand.parts[part], colour}, kFingerMark, false});
+}
+
+void ExclusionRunner::add_ghost(double time_s, sim::SurfaceScene& scene) const {
+  const std::vector<sim::Pose> poses = options_.ghost->at(time_s);
+  const auto add = [&](const sim::ToolShape& shape, const sim::Pose& pose) {
+    scene.solids.push_back({{shape, pose, kGhostColour}, kGhostMark, true});
+  };
+  if (options_.touch != Touch::kTrocar) {
+    for (const sim::Pose& pose : poses) add(sim::Sphere{kFingertipMetres}, pose);
+    return;
+  }
+  const InstrumentShape shape(options_.instruments.tip);
+  const std::vector<Trocar> trocars = trocars_of(body_.task(), poses.size());
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const InstrumentPlace place = instrument_at(trocars[i], poses[i]);
+    add(shape.tips(1, 0).front().shape, shape.tip_at(place));
+    add(shape.shafts(1, 0).front().shape, shape.shaft_at(place));
+  }
 }
 
 bool ExclusionRunner::look(HandForces& forces, ExclusionJudge& judge, double time_s,
@@ -114,6 +134,7 @@ ExclusionOutcome outcome_of(const ExclusionJudge& judge, const HandForces& force
   outcome.score.path_m = hand.path_m;
   outcome.score.peak_force_n = hand.peak_force_n;
   outcome.score.peak_wrist_n = hand.peak_wrist_n;
+  outcome.peak_wall_n = hand.peak_wall_n;
   outcome.motion = recorder.motion();
   outcome.faults = safe.faults();
   return outcome;
@@ -126,7 +147,7 @@ ExclusionOutcome ExclusionRunner::run_in_own_time(sim::HapticDevice& device,
   const double period_s = 1 / options_.force_rate_hz;
   SafeDevice safe(device, period_s, options_.limits);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch, options_.instruments);
   ExclusionJudge judge(body_.task());
   std::vector<sim::Pose> poses(device.tools());
   std::vector<Vector3> forces_n(device.tools(), Vector3::Zero());
@@ -161,7 +182,7 @@ ExclusionOutcome ExclusionRunner::run_in_real_time(sim::HapticDevice& device,
   // However this ends, no force stays on a finger.
   const AtRest at_rest(safe);
   MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
-  HandForces forces(body_, device.tools(), options_.feedback, options_.touch);
+  HandForces forces(body_, device.tools(), options_.feedback, options_.touch, options_.instruments);
   ExclusionJudge judge(body_.task());
   sim::ForceLoopOptions loop_options;
   loop_options.rate_hz = options_.force_rate_hz;

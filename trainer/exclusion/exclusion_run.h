@@ -18,6 +18,7 @@ struct ExclusionOptions {
   bool shows_press = false;   // what fingers press, blue to red by how hard (press_cue.h)
   Feedback feedback = Feedback::kFull;
   Touch touch = Touch::kFingertips;
+  InstrumentOptions instruments;  // of Touch::kTrocar
   double force_rate_hz = 1000, picture_rate_hz = 20;
   int width = 640, height = 480;
   SafetyLimits limits;
@@ -44,7 +45,8 @@ using ExclusionObserver = std::function<bool(const ExclusionView&)>;
 
 struct ExclusionOutcome {
   ExclusionScore score;
-  HandMotion motion;  // what the hand did
+  double peak_wall_n = 0;  // of instruments: the largest force on the wall at a trocar
+  HandMotion motion;       // what the hand did
   SafeDevice::Faults faults;
   std::uint64_t pictures = 0;
   double elapsed_s = 0;
@@ -68,6 +70,8 @@ class ExclusionRunner {
  private:
   /// One picture's worth; false at the end.
   bool look(HandForces& forces, ExclusionJudge& judge, double time_s, const ExclusionObserver& observer);
+  void add_tools(const HandForces::State& hand, bool shows_press, sim::SurfaceScene& scene) const;
+  void add_ghost(double time_s, sim::SurfaceScene& scene) const;
   [[nodiscard]] sim::SurfaceScene scene_of(const HandForces::State& hand, double time_s,
                                            std::span<const double> displacement_m) const;
 

@@ -13,9 +13,9 @@ struct ExclusionScore {
   double time_s = 0;                // until then, or until it was given up
   double largest_von_mises_pa = 0;  // of an element: grows with the fineness of the mesh
   double damaged_m3 = 0;            // tissue that was above the damage limit at a time, the most
-  double path_m = 0;                // of all fingers together
-  double peak_force_n = 0;          // of a finger
-  double peak_wrist_n = 0;          // of all together
+  double path_m = 0;                // of all fingers, or tips of instruments, together
+  double peak_force_n = 0;          // of a finger, or of the tissue on an instrument
+  double peak_wrist_n = 0;          // of all together, of instruments at their handles
   double best_visible_share = 0;
   /// What all tissue but kHighStressShare stayed below, smoothed, the most (stress_score.h). Absent of
   /// attempts that were kept before there was this measure.

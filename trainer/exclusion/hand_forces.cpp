@@ -1,7 +1,6 @@
 #include "trainer/exclusion/hand_forces.h"
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 
 #include "base/error.h"
@@ -9,18 +8,6 @@
 namespace kiroku::trainer {
 
 using sim::Vector3;
-
-namespace {
-
-constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kSideBySide{
-    {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
-
-void require_fingers(std::size_t count) {
-  if (count < 1 || count > kMostExclusionFingers)
-    throw UsageError("an organ is pushed aside with 1 to 5 fingers, not " + std::to_string(count));
-}
-
-}  // namespace
 
 Feedback feedback_of(const std::string& name) {
   if (name == "full") return Feedback::kFull;
@@ -31,7 +18,8 @@ Feedback feedback_of(const std::string& name) {
 Touch touch_of(const std::string& name) {
   if (name == "fingertips") return Touch::kFingertips;
   if (name == "hand") return Touch::kHand;
-  throw UsageError("'" + name + "' is nothing to touch with: it must be fingertips or hand");
+  if (name == "trocar") return Touch::kTrocar;
+  throw UsageError("'" + name + "' is nothing to touch with: it must be fingertips, hand or trocar");
 }
 
 Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_n) {
@@ -41,7 +29,7 @@ Vector3 played_n(Feedback feedback, const sim::Pose& pose, const Vector3& force_
 }
 
 std::vector<sim::ContactTool> fingertips(std::size_t count, double friction) {
-  require_fingers(count);
+  (void)side_by_side_m(count);  // refuses what no hand has
   std::vector<sim::ContactTool> tools;
   for (std::size_t i = 0; i < count; ++i) {
     tools.push_back({"finger " + std::to_string(i + 1), sim::Sphere{kFingertipMetres}});
@@ -52,37 +40,43 @@ std::vector<sim::ContactTool> fingertips(std::size_t count, double friction) {
   return tools;
 }
 
-std::span<const double> side_by_side_m(std::size_t fingers) {
-  require_fingers(fingers);
-  return std::span(kSideBySide[fingers - 1]).first(fingers);
-}
-
 bool any_above(double newtons, std::span<const sim::Vector3> forces_n) {
   return std::ranges::any_of(forces_n, [&](const sim::Vector3& force_n) { return force_n.norm() > newtons; });
 }
 
-namespace {
-
-std::vector<sim::ContactTool> tools_of(const HandShape& shape, std::size_t fingers, Touch touch,
-                                       double friction) {
-  std::vector<sim::ContactTool> tools = fingertips(fingers, friction);
-  if (touch == Touch::kHand) std::ranges::move(shape.tools(friction), std::back_inserter(tools));
+std::vector<sim::ContactTool> touching_tools(std::size_t fingers, Touch touch, double friction,
+                                             const InstrumentOptions& instruments) {
+  std::vector<sim::ContactTool> tools, behind;
+  if (touch == Touch::kTrocar) {
+    (void)side_by_side_m(fingers);
+    const InstrumentShape shape(instruments.tip);
+    tools = shape.tips(fingers, friction);
+    behind = shape.shafts(fingers, friction);
+  } else {
+    tools = fingertips(fingers, friction);
+    if (touch == Touch::kHand) behind = HandShape(fingers).tools(friction);
+  }
+  std::ranges::move(behind, std::back_inserter(tools));
   return tools;
 }
 
-}  // namespace
-
-HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback, Touch touch)
+HandForces::HandForces(const ExclusionBody& body, std::size_t fingers, Feedback feedback, Touch touch,
+                       const InstrumentOptions& instruments)
     : shape_(fingers),
+      instrument_shape_(instruments.tip),
       touch_(touch),
-      contact_(body.contact(), tools_of(shape_, fingers, touch, body.task().friction)),
+      contact_(body.contact(), touching_tools(fingers, touch, body.task().friction, instruments)),
       feedback_(feedback) {
   now_.poses.resize(fingers);
   now_.forces_n.assign(fingers, Vector3::Zero());
-  if (touch_ == Touch::kHand) {
-    now_.parts.resize(shape_.parts());
-    now_.parts_n.assign(shape_.parts(), Vector3::Zero());
+  if (touch_ == Touch::kHand) now_.parts.resize(shape_.parts());
+  if (touch_ == Touch::kTrocar) {
+    now_.parts.resize(fingers);
+    now_.instruments.resize(fingers);
+    trocars_ = trocars_of(body.task(), fingers);
+    seals_.assign(fingers, SealFriction(instruments.seal_friction_n));
   }
+  now_.parts_n.assign(now_.parts.size(), Vector3::Zero());
   seen_ = now_;
   all_poses_.resize(fingers + now_.parts.size());
   all_n_.assign(all_poses_.size(), Vector3::Zero());
@@ -93,26 +87,50 @@ void HandForces::wrist_at(const std::optional<sim::Pose>& wrist) {
   if (!wrist_) now_.wrist_torque_nm.reset();
 }
 
-void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::span<Vector3> forces_n) {
+/// Everything that touches, by where the device's tools are.
+void HandForces::place(std::span<const sim::Pose> poses) {
   std::ranges::copy(poses, all_poses_.begin());
-  if (touch_ == Touch::kHand)
-    shape_.place(wrist_ ? *wrist_ : HandShape::wrist_behind(poses), poses,
-                 std::span(all_poses_).subspan(poses.size()));
+  const std::span<sim::Pose> behind = std::span(all_poses_).subspan(poses.size());
+  if (touch_ == Touch::kHand) shape_.place(wrist_ ? *wrist_ : HandShape::wrist_behind(poses), poses, behind);
+  for (std::size_t i = 0; i < now_.instruments.size(); ++i) {
+    InstrumentPlace& instrument = now_.instruments[i].place;
+    instrument = instrument_at(trocars_[i], poses[i]);
+    all_poses_[i] = instrument_shape_.tip_at(instrument);
+    behind[i] = instrument_shape_.shaft_at(instrument);
+  }
+}
+
+/// What the hand and the wall bear of an instrument that the tissue presses on.
+void HandForces::bear(std::size_t i) {
+  const Vector3& pivot_m = trocars_[i].pose.position_m;
+  const sim::WristForce tip = contact_.tool_force(i, pivot_m),
+                        shaft = contact_.tool_force(now_.poses.size() + i, pivot_m);
+  Instrument& instrument = now_.instruments[i];
+  instrument.forces = levered(instrument.place, tip.force_n + shaft.force_n, tip.torque_nm + shaft.torque_nm,
+                              seals_[i].at(instrument.place.depth_m));
+  now_.forces_n[i] = instrument.forces.tissue_n;
+  now_.peak_wall_n = std::max(now_.peak_wall_n, instrument.forces.wall_n.norm());
+}
+
+void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::span<Vector3> forces_n) {
+  place(poses);
   contact_.forces(all_poses_, period_s, all_n_);
-  std::ranges::copy(std::span(all_n_).first(forces_n.size()), forces_n.begin());
   now_.wrist_n.setZero();
+  const bool instruments = touch_ == Touch::kTrocar;
   for (std::size_t i = 0; i < forces_n.size(); ++i) {
-    if (now_.any) now_.path_m += (poses[i].position_m - now_.poses[i].position_m).norm();
-    now_.poses[i] = poses[i];
-    now_.forces_n[i] = forces_n[i];
-    now_.wrist_n += forces_n[i];
-    now_.peak_force_n = std::max(now_.peak_force_n, forces_n[i].norm());
-    forces_n[i] = played_n(feedback_, poses[i], forces_n[i]);
+    if (now_.any) now_.path_m += (all_poses_[i].position_m - now_.poses[i].position_m).norm();
+    now_.poses[i] = all_poses_[i];
+    now_.forces_n[i] = all_n_[i];
+    if (instruments) bear(i);
+    const Vector3& felt_n = instruments ? now_.instruments[i].forces.handle_n : now_.forces_n[i];
+    now_.wrist_n += felt_n;
+    now_.peak_force_n = std::max(now_.peak_force_n, now_.forces_n[i].norm());
+    forces_n[i] = played_n(feedback_, all_poses_[i], felt_n);
   }
   for (std::size_t part = 0; part < now_.parts.size(); ++part) {
     now_.parts[part] = all_poses_[poses.size() + part];
     now_.parts_n[part] = all_n_[poses.size() + part];
-    now_.wrist_n += now_.parts_n[part];
+    if (!instruments) now_.wrist_n += now_.parts_n[part];
   }
   now_.any = true;
   now_.peak_wrist_n = std::max(now_.peak_wrist_n, now_.wrist_n.norm());
@@ -120,7 +138,16 @@ void HandForces::forces(std::span<const sim::Pose> poses, double period_s, std::
 }
 
 sim::WristForce HandForces::wrist_force(const Vector3& wrist_m) {
-  const sim::WristForce wrist = contact_.wrist_force(wrist_m);
+  sim::WristForce wrist;
+  if (touch_ == Touch::kTrocar) {
+    for (const Instrument& instrument : now_.instruments) {
+      wrist.force_n += instrument.forces.handle_n;
+      wrist.torque_nm += (instrument.place.handle.position_m - wrist_m).cross(instrument.forces.handle_n) +
+                         instrument.forces.handle_nm;
+    }
+  } else {
+    wrist = contact_.wrist_force(wrist_m);
+  }
   now_.wrist_torque_nm = wrist.torque_nm;
   publish();
   return wrist;

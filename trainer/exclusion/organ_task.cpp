@@ -214,11 +214,14 @@ OrganTask organ_task(const sim::TetMesh& mesh, const sim::Constraints& constrain
   return {{}, "no line can be hidden by the rule; the last that was tried " + why};
 }
 
-double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers, Touch touch) {
+double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers, Touch touch,
+                              const InstrumentOptions& instruments) {
   constexpr int kSteps = 500, kRefreshEvery = 33;
   constexpr double kPeriodSeconds = 1e-3, kLiftMetres = 0.02;
   const ExclusionTask& task = body.task();
-  HandForces forces(body, fingers, Feedback::kFull, touch);
+  HandForces forces(body, fingers, Feedback::kFull, touch, instruments);
+  const InstrumentShape shape(instruments.tip);
+  const std::vector<Trocar> trocars = trocars_of(task, fingers);
   std::vector<sim::Pose> poses(fingers, sim::Pose{Vector3::Zero(), task.lifting_hand()});
   // A whole hand grasps around the border: fingers are bent, and the palm's middle is where they are.
   const Vector3 wrist_from_fingers_m = -HandShape::kPalmMiddleMetres * task.away() -
@@ -227,8 +230,10 @@ double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers, To
   sim::LatencyHistogram taken;
   for (int step = 0; step < kSteps; ++step) {
     const Vector3 middle_m = task.under_border_m + kLiftMetres * step / kSteps * task.lifts;
-    for (std::size_t i = 0; i < fingers; ++i)
+    for (std::size_t i = 0; i < fingers; ++i) {
       poses[i].position_m = middle_m + side_by_side_m(fingers)[i] * task.aside;
+      if (touch == Touch::kTrocar) poses[i] = shape.handle_for(trocars[i], poses[i].position_m);
+    }
     if (touch == Touch::kHand)
       forces.wrist_at(sim::Pose{middle_m + wrist_from_fingers_m, task.lifting_hand()});
     if (step % kRefreshEvery == 0) (void)forces.refresh();

@@ -46,9 +46,9 @@ OrganTask organ_task(const sim::TetMesh& mesh, const sim::Constraints& constrain
 
 inline constexpr double kReachMetres = 0.06;
 
-/// Fingers at the border that lift it by 2 cm: how often a second their forces can be renewed here, by the
-/// time that 99 of 100 steps keep. Takes half a second.
+/// Fingers or instruments at the border that lift it by 2 cm: how often a second their forces can be renewed
+/// here, by the time that 99 of 100 steps keep. Takes half a second.
 double measured_force_rate_hz(const ExclusionBody& body, std::size_t fingers,
-                              Touch touch = Touch::kFingertips);
+                              Touch touch = Touch::kFingertips, const InstrumentOptions& instruments = {});
 
 }  // namespace kiroku::trainer
