@@ -25,6 +25,8 @@ constexpr std::chrono::seconds kSettled{2};
 /// So many objects are entered into the list at once.
 constexpr std::uint64_t kKeptTogether = 64;
 constexpr std::string_view kLogFolder = "log";
+constexpr std::string_view kPublished = "published";
+constexpr std::string_view kPublishedCheckpoint = "checkpoint", kPublishedTiles = "tile";
 
 /// Bytes of a file from `begin` on, as many as it had.
 class Stretch final : public crypto::ByteSource {
@@ -73,6 +75,9 @@ std::string growth_key(const std::string& prefix, const std::string& recording, 
   digits.insert(0, kOffsetDigits - std::min(kOffsetDigits, digits.size()), '0');
   return prefix + "growing/" + recording + "/" + digits;
 }
+
+/// tile/<level>/x001/x234/067.p/12 has fewer.
+constexpr int kMostTileLevels = 8;
 
 /// In this order files go: what lines name, the lines, what was signed of them. So whatever the store holds
 /// when the appliance is destroyed is what a recorder that was cut off could have left.
@@ -397,6 +402,44 @@ struct Shipper::Pass {
       guarded([&] { recording(name); });
     }
     if (archive::real_reading().is_folder(archive / archive::kEvidenceFolder)) guarded([&] { evidence(); });
+    if (!shipper.terms_.published.empty()) guarded([&] { published(); });
+  }
+
+  /// Hashes first, the checkpoint that is of them behind: whoever follows finds what it names. It is written
+  /// last here, too, so that its own state is that of all.
+  void published() {
+    const fs::path& place = shipper.terms_.published;
+    const auto checkpoint = archive::real_reading().status(place / kPublishedCheckpoint);
+    if (!checkpoint) return;
+    const std::string name(kPublished);
+    const std::string state = std::to_string(checkpoint->last_change.time_since_epoch().count()) + " " +
+                              std::to_string(checkpoint->bytes);
+    if (shipper.list_.whole(name) == state) return;
+    held = false;
+    const CaseFolder folder = CaseFolder::open(place);
+    tiles(folder, std::string(kPublishedTiles), kMostTileLevels);
+    if (ended()) return;
+    published_file(folder, std::string(kPublishedCheckpoint));
+    if (is_ended != nullptr && checkpoint->last_change + kSettled < shipper.time_.utc())
+      shipper.list_.set_whole(name, state);
+  }
+  void tiles(const CaseFolder& folder, const std::string& below, int levels) {
+    const archive::FileReading& files = archive::real_reading();
+    const fs::path place = folder.path() / below;
+    if (!files.is_folder(place)) return;
+    for (const std::string& each : files.names_in(place)) {
+      if (ended()) return;
+      const std::string path = below + "/" + each;
+      if (!files.is_folder(folder.path() / path)) {
+        published_file(folder, path);
+      } else if (levels > 1) {
+        tiles(folder, path, levels - 1);
+      }
+    }
+  }
+  void published_file(const CaseFolder& folder, const std::string& path) {
+    const std::string key = prefix() + std::string(kPublished) + "/" + path;
+    if (is_plain_key(key)) file(folder, {path}, key);
   }
 
   void evidence() {

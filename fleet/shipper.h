@@ -6,6 +6,7 @@
 //   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 whole lines of a ledger that grows,
 //   from byte 4096 or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log,
 //   which always grows or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
+//   or-1/published/checkpoint, or-1/published/tile/0/000                the log's tree, where it is published
 //
 // Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,
 // whenever it is made, is what a recorder that was cut off could have left. An object counts once the store
@@ -35,6 +36,8 @@ struct ShippingTerms {
   std::chrono::hours retention{0};
   /// Whose appliance log it is: by that, cases are under legal hold.
   crypto::VerifierKey device;
+  /// A published log (C2SP tlog-tiles), which goes below "published/"; empty: none does.
+  std::filesystem::path published = {};
 };
 
 /// What one pass did, and what it left.

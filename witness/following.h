@@ -23,6 +23,10 @@ enum class Following {
   kCouldNotTell,  // nothing was taken
 };
 std::string_view following_name(Following what);  // "goes-on"
+/// Whether the copy has what was shown, and nothing speaks against it.
+constexpr bool is_up_to_date(Following what) {
+  return what == Following::kBegun || what == Following::kSame || what == Following::kGoesOn;
+}
 
 struct Followed {
   Following what = Following::kCouldNotTell;

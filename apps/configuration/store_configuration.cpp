@@ -54,6 +54,7 @@ std::optional<StoreConfiguration> read_store(TableReader& top, StoreUse use) {
   reader.texts("unlimited", [&](const std::vector<std::string>& windows) {
     store.unlimited = recorder::Schedule::parse(windows);
   });
+  reader.flag("publish_log", store.publish_log);
   reader.refuse_unknown_keys();
   if (!store.unlimited.empty() && store.megabytes_per_second == 0) {
     reader.refuse(table->source(),

@@ -22,6 +22,7 @@ struct StoreConfiguration {
   std::chrono::hours retain{0};                   // required
   std::int64_t megabytes_per_second = 0;          // 0: no limit
   recorder::Schedule unlimited;                   // windows of local time in which there is no such limit
+  bool publish_log = false;                       // the appliance log's tree, for whoever follows it
 
   /// Most that is sent, in bytes a second, when clocks on the wall show `local`; 0: no limit.
   [[nodiscard]] std::uint64_t bytes_per_second_at(const std::tm& local) const;

@@ -139,7 +139,8 @@ struct ShippingPlace {
       : of(store_of(home)),
         store(open_store(home, of)),
         list(shipping_list_file(home, of)),
-        shipper(store, list, {of.appliance, of.retain, home.device()}) {}
+        shipper(store, list,
+                {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : ""}) {}
   const StoreConfiguration of;
   fleet::ObjectStore store;
   fleet::ShippingList list;

@@ -74,6 +74,8 @@ class Home {
   [[nodiscard]] std::filesystem::path shipping_file(const std::string& store) const {
     return folder_ / ("shipping-" + store + ".sqlite");
   }
+  /// The appliance log's tree as it is published in the store.
+  [[nodiscard]] std::filesystem::path published_log() const { return folder_ / "published-log"; }
 
   /// Where a recorder that runs on this home is spoken to.
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;

@@ -15,6 +15,7 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/log_publishing.h"
 #include "apps/verify/verify_command.h"
 #include "archive/storage/file_system.h"
 #include "base/error.h"
@@ -59,10 +60,6 @@ ordered_json as_json(const Followed& followed, const std::string& folder) {
           {"why", or_null(followed.why)}};
 }
 
-std::string entries(const std::optional<crypto::Checkpoint>& checkpoint) {
-  return counted(checkpoint ? checkpoint->size : 0, "entry", "entries");
-}
-
 /// Counts leaf hashes as the bytes that they have.
 std::function<void(std::uint64_t)> shown_by(Progress& progress) {
   return [&progress](std::uint64_t leaves) { progress.update(leaves * sizeof(crypto::Sha256Digest), 0); };
@@ -93,36 +90,10 @@ struct PublishRequest {
   bool json = false;
 };
 
-std::string published_text(const Followed& followed, const std::string& folder) {
-  switch (followed.what) {
-    case Following::kBegun:
-      return "published in " + folder + ": " + entries(followed.shown) + ", and nothing but their hashes";
-    case Following::kSame:
-      return "nothing came since: " + folder + " has the log's " + entries(followed.shown);
-    case Following::kGoesOn:
-      return "published in " + folder + ": " + entries(followed.shown) + ", " +
-             std::to_string(followed.shown->size - followed.kept->size) + " of them new";
-    case Following::kOlder:
-      return "NOT PUBLISHED: " + folder + " has " + entries(followed.kept) + ", and this home's log has " +
-             entries(followed.shown) + ": its end was removed, or this home is a copy from before";
-    case Following::kTwoHistories:
-      return "NOT PUBLISHED: " + folder + " has another history of this device's log, which is signed, too" +
-             (followed.common
-                  ? "; the first " + counted(*followed.common, "entry", "entries") + " are the same"
-                  : "") +
-             "; 'kiroku log compare' says more";
-    case Following::kCouldNotTell:
-      break;
-  }
-  return "NOT PUBLISHED: " + followed.why;
-}
-
 int publish(const PublishRequest& request) {
   const Home home = Home::open(request.home);
-  const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
   Progress progress("publishing");
-  const Followed followed = follow_log(*witness::tiles_of(log), archive::real_file_system(), request.folder,
-                                       {home.device()}, witness::KeepEvidence::kNo, shown_by(progress));
+  const Followed followed = publish_log(home, request.folder, shown_by(progress));
   progress.clear();
   if (request.json) {
     print_json(as_json(followed, request.folder));
@@ -144,17 +115,17 @@ struct FollowRequest {
 std::vector<std::string> followed_text(const Followed& followed, const std::string& copy) {
   switch (followed.what) {
     case Following::kBegun:
-      return {"BEGUN: " + copy + " has the log's " + entries(followed.shown) + ".",
+      return {"BEGUN: " + copy + " has the log's " + entries_text(followed.shown) + ".",
               "Nothing was there to compare with. From now on the log must go on from these."};
     case Following::kSame:
-      return {"SAME: the log has the " + entries(followed.shown) + " that it had."};
+      return {"SAME: the log has the " + entries_text(followed.shown) + " that it had."};
     case Following::kGoesOn:
-      return {"GOES ON: the log has " + entries(followed.shown) + ", and its first " +
+      return {"GOES ON: the log has " + entries_text(followed.shown) + ", and its first " +
               std::to_string(followed.kept->size) + " are what they were."};
     case Following::kOlder:
       return {
-          "OLDER: the log is shown with " + entries(followed.shown) + ", and had " + entries(followed.kept) +
-              " before.",
+          "OLDER: the log is shown with " + entries_text(followed.shown) + ", and had " +
+              entries_text(followed.kept) + " before.",
           "What is shown is a beginning of what was. Ask once more later: if it stays so, somebody cut the "
           "log off, or shows an old copy."};
     case Following::kTwoHistories:
@@ -163,10 +134,10 @@ std::vector<std::string> followed_text(const Followed& followed, const std::stri
                                     " are the same. Behind that each goes its own way."
                               : std::string("Where they part its tiles do not tell."),
               "Nobody else than the holder of the device's key can have made both.",
-              "The copy: " + copy + ", " + entries(followed.kept),
+              "The copy: " + copy + ", " + entries_text(followed.kept),
               "The other one: " +
                   (followed.evidence.empty() ? std::string("not kept") : followed.evidence.string()) + ", " +
-                  entries(followed.shown),
+                  entries_text(followed.shown),
               followed.evidence.empty() ? "Keep what you were shown." : "Keep both."};
     case Following::kCouldNotTell:
       break;

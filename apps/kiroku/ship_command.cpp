@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -12,9 +13,11 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/log_publishing.h"
 #include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "fleet/shipper.h"
 
 namespace kiroku::apps {
@@ -22,6 +25,7 @@ namespace {
 
 constexpr std::chrono::seconds kLookInterval{5};
 constexpr std::chrono::seconds kLongestPause{60};
+constexpr std::chrono::hours kPublishInterval{1};
 
 struct Request {
   std::optional<std::string> home;
@@ -97,17 +101,52 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
   return found.holds() ? kDone : kNoAnswer;
 }
 
+/// The appliance log's tree in the home, brought up to date before it is shipped.
+class LogPublishing {
+ public:
+  /// `home` must outlive it.
+  LogPublishing(const Home& home, bool wanted) : home_(home), wanted_(wanted) {}
+
+  /// At most once an hour, as each publishing leaves locked objects in the store. What is wrong with the log
+  /// is told each time, and keeps nothing else from being shipped.
+  void bring_up_to_date(std::vector<std::string>& problems) {
+    if (!wanted_) return;
+    const auto now = std::chrono::steady_clock::now();
+    if (!tried_ || now - *tried_ >= kPublishInterval) {
+      tried_ = now;
+      problem_.clear();
+      try {
+        const witness::Followed came = publish_log(home_, home_.published_log());
+        if (!witness::is_up_to_date(came.what))
+          problem_ = published_text(came, home_.published_log().string());
+      } catch (const Error& error) {
+        problem_ = std::string("the log was not published: ") + error.what();
+      }
+    }
+    if (!problem_.empty()) problems.push_back(problem_);
+  }
+
+ private:
+  const Home& home_;
+  const bool wanted_;
+  std::optional<std::chrono::steady_clock::time_point> tried_;
+  std::string problem_;
+};
+
 /// Again and again until it is told to end; a store that is away is asked less and less often.
-int follow(fleet::Shipper& shipper, const Home& home) {
+int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing) {
   std::chrono::seconds pause = kLookInterval;
   std::string told;
   do {
     std::string now;
     try {
+      std::vector<std::string> problems;
+      publishing.bring_up_to_date(problems);
       const fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
+      problems.insert(problems.end(), report.problems.begin(), report.problems.end());
       if (report.sent > 0)
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
-      for (const std::string& problem : report.problems) now += (now.empty() ? "" : "; ") + problem;
+      now = joined(problems, "; ");
       pause = kLookInterval;
     } catch (const fleet::StoreError& error) {
       now = error.what();
@@ -134,7 +173,8 @@ int run(const Request& request) {
     throw UsageError("give one of --follow, --status and --probe");
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
-  const fleet::ShippingTerms terms{of.appliance, of.retain, home.device()};
+  const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
+                                   of.publish_log ? home.published_log() : ""};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   fleet::ShippingList list(shipping_list_file(home, of));
@@ -142,8 +182,12 @@ int run(const Request& request) {
   if (request.status) return tell_status(request, shipper.look(home.archive()), list);
   list.take();
   end_when_told();
-  if (request.follow) return follow(shipper, home);
+  LogPublishing publishing(home, of.publish_log);
+  if (request.follow) return follow(shipper, home, publishing);
+  std::vector<std::string> problems;
+  publishing.bring_up_to_date(problems);
   fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
+  report.problems.insert(report.problems.end(), problems.begin(), problems.end());
   const fleet::ShippingReport left = shipper.look(home.archive());
   report.waiting = left.waiting;
   report.waiting_bytes = left.waiting_bytes;

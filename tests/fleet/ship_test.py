@@ -455,6 +455,50 @@ def a_file_that_cannot_go_keeps_no_other_from_going(appliance, store):
     require(f"or-1/{case}/ledger.jsonl" in store.versions("recordings"), "the ledger did not follow")
 
 
+def the_logs_tree_is_published_there(appliance, store):
+    """Somebody without keys follows the appliance log, by what the store gives to anybody."""
+    other = Appliance(appliance.programs, appliance.home.parent / "published", store.endpoint, "recordings")
+    toml = other.home / "kiroku.toml"
+    toml.write_text(toml.read_text(encoding="utf-8").replace('appliance = "or-1"', 'appliance = "or-2"\npublish_log = true'),
+                    encoding="utf-8")
+    policy = other.home / "policy.json"
+    policy.write_text(json.dumps({"Version": "2012-10-17", "Statement": [{
+        "Effect": "Allow", "Principal": "*", "Action": "s3:GetObject", "Resource": "arn:aws:s3:::recordings/or-2/published/*"}]}))
+    store.put("recordings", "?policy=", policy)
+
+    def followed(expected, status=0):
+        told = other.ask("log", "follow", f"{store.endpoint}/recordings/or-2/published", str(other.home / "copy"), "--device",
+                         str(other.home / "device.pub"))
+        require(told.returncode == status and told.stdout.startswith(expected), f"expected {expected}: {told}")
+
+    followed("COULD NOT TELL", 3)
+    other.recorded(2)
+    other.kiroku("ship")
+    followed("BEGUN")
+    before = set(store.versions("recordings"))
+    other.kiroku("ship")
+    require(set(store.versions("recordings")) == before, "what had not changed was published again")
+    followed("SAME")
+    shutil.copytree(other.home, other.home.parent / "backup")
+    other.recorded(2)
+    other.kiroku("ship")
+    followed("GOES ON")
+    keys = [key for key in store.versions("recordings") if key.startswith("or-2/published/")]
+    require(all(key == "or-2/published/checkpoint" or key.startswith("or-2/published/tile/") for key in keys), f"also published: {keys}")
+    require(len(store.versions("recordings")["or-2/published/checkpoint"]) == 2, "a checkpoint is not a version of its own")
+    # Anybody may read that, and nothing else.
+    for key, open_to_all in (("or-2/published/checkpoint", True), ("or-2/growing/log/000000000000", False)):
+        answer = subprocess.run(["curl", "-s", "-o", "/dev/null", "-w", "%{http_code}", f"{store.endpoint}/recordings/{key}"],
+                                capture_output=True, text=True).stdout
+        require((answer == "200") == open_to_all, f"to anybody {key} answers {answer}")
+    # What does not go on from there is not published, and that is told; all else is shipped.
+    shutil.rmtree(other.home / "archive")
+    shutil.copytree(other.home.parent / "backup/archive", other.home / "archive")
+    told = other.ask("ship", "--json")
+    require(told.returncode == 3 and any("NOT PUBLISHED" in each for each in json.loads(told.stdout)["problems"]), f"not told: {told}")
+    followed("SAME")
+
+
 def what_is_wrong_is_said(appliance, store):
     toml = appliance.home / "kiroku.toml"
     good = toml.read_text(encoding="utf-8")
@@ -500,7 +544,7 @@ def main():
                         another_machine_gets_the_cases_back,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
                         what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
-                        what_is_wrong_is_said):
+                        the_logs_tree_is_published_there, what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)
 

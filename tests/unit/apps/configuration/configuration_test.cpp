@@ -247,6 +247,8 @@ TEST(Configuration, StoreNeedsAPlaceAndATime) {
   EXPECT_EQ(store->credentials, "store-credentials");
   EXPECT_EQ(store->appliance, "or-1");
   EXPECT_EQ(store->megabytes_per_second, 20);
+  EXPECT_FALSE(store->publish_log);
+  EXPECT_TRUE(parse_configuration(whole + "publish_log = true\n", "k.toml").store->publish_log);
   EXPECT_THAT(refusal("[store]\nendpoint = \"https://s.example\"\n"),
               HasSubstr("needs 'endpoint', 'bucket' and 'retain'"));
   EXPECT_THAT(refusal(whole + "appliance = \"OR 1\"\n"), HasSubstr("'appliance' is 'OR 1'"));

@@ -1,0 +1,50 @@
+#include "apps/kiroku/log_publishing.h"
+
+#include "apps/common/format.h"
+#include "archive/storage/file_system.h"
+#include "witness/cosigning.h"
+#include "witness/tiles.h"
+
+namespace kiroku::apps {
+
+using witness::Followed;
+using witness::Following;
+
+Followed publish_log(const Home& home, const std::filesystem::path& folder,
+                     const std::function<void(std::uint64_t)>& progress) {
+  const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
+  return follow_log(*witness::tiles_of(log), archive::real_file_system(), folder, {home.device()},
+                    witness::KeepEvidence::kNo, progress);
+}
+
+std::string entries_text(const std::optional<crypto::Checkpoint>& checkpoint) {
+  return counted(checkpoint ? checkpoint->size : 0, "entry", "entries");
+}
+
+std::string published_text(const Followed& followed, const std::string& folder) {
+  switch (followed.what) {
+    case Following::kBegun:
+      return "published in " + folder + ": " + entries_text(followed.shown) +
+             ", and nothing but their hashes";
+    case Following::kSame:
+      return "nothing came since: " + folder + " has the log's " + entries_text(followed.shown);
+    case Following::kGoesOn:
+      return "published in " + folder + ": " + entries_text(followed.shown) + ", " +
+             std::to_string(followed.shown->size - followed.kept->size) + " of them new";
+    case Following::kOlder:
+      return "NOT PUBLISHED: " + folder + " has " + entries_text(followed.kept) +
+             ", and this home's log has " + entries_text(followed.shown) +
+             ": its end was removed, or this home is a copy from before";
+    case Following::kTwoHistories:
+      return "NOT PUBLISHED: " + folder + " has another history of this device's log, which is signed, too" +
+             (followed.common
+                  ? "; the first " + counted(*followed.common, "entry", "entries") + " are the same"
+                  : "") +
+             "; 'kiroku log compare' says more";
+    case Following::kCouldNotTell:
+      break;
+  }
+  return "NOT PUBLISHED: " + followed.why;
+}
+
+}  // namespace kiroku::apps
