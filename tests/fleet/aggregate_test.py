@@ -180,7 +180,7 @@ def try_strangers(programs, configuration, server, folder, one, two):
     require(status == 403 and "revoked" in sentence, f"a revoked appliance is answered with {status} {sentence}")
 
 
-def try_falling_back(programs, authority, server, appliance):
+def try_falling_back(programs, configuration, authority, server, appliance):
     before = len(appliance.tokens())
     require(authority.asked[appliance.name] == 0, f"before the aggregator is killed, who asks is {authority.asked}")
     server.kill()
@@ -192,6 +192,19 @@ def try_falling_back(programs, authority, server, appliance):
     eventually(lambda: "not shared with other rooms: " in appliance.log.read_text(), "the log does not say why tokens are not shared")
     require(not any(json.loads(line)["type"] == "token-missed" for line in (appliance.case / "ledger.jsonl").read_text().splitlines()[:-1]),
             "falling back cost a time-stamp")
+    # Another server takes the appliance's reports, and has no rounds: the hospital's page and the terminal say so.
+    plain = configuration.with_name("plain.toml")
+    plain.write_text(configuration.read_text().partition("[sharing]")[0])
+    other = FleetServer(programs, configuration.parent / "other-page", plain)
+    try:
+        appliance.point_to(other.reports)
+        appliance.kiroku("fleet", "report")
+        row = next(row for row in other.rooms()["rooms"] if row["appliance"] == appliance.name)
+        require("not-shared" in row["concerns"] and row["recorder"]["authorities"][0]["not_shared"], f"the page's room is {row}")
+        told = subprocess.run([programs / "kiroku-fleet", "status", "--config", configuration], capture_output=True, text=True, check=True).stdout
+        require(f"not shared        time-stamps of {appliance.name}: " in told, f"kiroku-fleet status says {told}")
+    finally:
+        other.kill()
     appliance.kiroku("case", "stop", "--room", appliance.name)
     require_intact(programs, authority, appliance)
 
@@ -212,7 +225,7 @@ def try_everything(programs, folder, connection):
             enrol(programs, configuration, server, appliance)
         try_sharing(programs, authority, one, two)
         try_strangers(programs, configuration, server, folder, one, two)
-        try_falling_back(programs, authority, server, two)
+        try_falling_back(programs, configuration, authority, server, two)
     finally:
         server.kill()
         for appliance in appliances:
