@@ -25,6 +25,10 @@ import stamp  # noqa: E402  (a second implementation of the format, which has an
 TOO_MANY = "more requests came from this appliance in a minute than all its rooms need"
 
 
+class PatientServer(http.server.ThreadingHTTPServer):
+    request_queue_size = 256  # of a hospital whose rooms all ask at once
+
+
 class CountingAuthority:
     """An outside authority. Whoever asks has an address of their own, by which they are counted."""
 
@@ -46,7 +50,7 @@ class CountingAuthority:
             def log_message(self, *_):
                 pass
 
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.server = PatientServer(("127.0.0.1", 0), Handler)
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def url(self, who):
