@@ -8,8 +8,15 @@
 #include <string>
 
 #include "base/bytes.h"
+#include "base/error.h"
 
 namespace kiroku::evidence {
+
+/// Whoever gives shared tokens does not answer now, and the same question may be answered later.
+class SharedStampsAway : public Error {
+ public:
+  using Error::Error;
+};
 
 class SharedStamps {
  public:
@@ -28,7 +35,8 @@ class SharedStamps {
   /// Gives a SHA-256, and a nonce of kNonceBytes that was drawn for it, into the next round. Throws
   /// kiroku::Error.
   virtual Place enter(ByteView digest, ByteView nonce) = 0;
-  /// The shared token; nothing while its round is not stamped. Throws kiroku::Error.
+  /// The shared token; nothing while its round is not stamped. Throws SharedStampsAway where it is worth
+  /// asking again, kiroku::Error where it will not be given.
   virtual std::optional<Bytes> fetch(const Place& place) = 0;
   /// The way in words, beside timestamp::path_name(): "shared, by https://fleet.hospital.example:8444".
   [[nodiscard]] virtual std::string path() const = 0;

@@ -15,6 +15,8 @@ using std::chrono::nanoseconds;
 
 /// How often a round that is over is looked at until its token is there.
 constexpr std::chrono::seconds kLookAgain{1};
+/// Where nobody answers, after twice as long each time up to this.
+constexpr std::chrono::seconds kLongestLook{16};
 
 const timestamp::TrustStore& trust_or_nothing(const timestamp::TrustStore* trust) {
   static const timestamp::TrustStore kNothing;
@@ -165,15 +167,28 @@ std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
     // What the other side says of its round is believed within limits.
     Time look = clock_.now() + std::clamp<Clock::Duration>(place.ready_in, kLookAgain, std::chrono::hours(1));
     std::optional<Bytes> record;
+    std::string away;
+    Clock::Duration pause = kLookAgain;
     while (!record) {
-      if (look > until)
-        throw Error("its token does not come within " + whole_seconds(authority_.shared_patience));
+      if (look > until) {
+        throw Error("its token does not come within " + whole_seconds(authority_.shared_patience) +
+                    (away.empty() ? "" : ": " + away));
+      }
       {
         std::unique_lock lock(mutex_);
         if (clock_.wait_until(hurrying_, lock, look, [this] { return hurried_; })) return {};
       }
-      record = authority_.shared->fetch(place);
-      look = clock_.now() + kLookAgain;
+      try {
+        record = authority_.shared->fetch(place);
+        away.clear();
+        pause = kLookAgain;
+      } catch (const evidence::SharedStampsAway& error) {
+        // A network that is away for a moment, or a server that is started anew behind the same address,
+        // costs no round.
+        away = error.what();
+        pause = std::min<Clock::Duration>(2 * pause, kLongestLook);
+      }
+      look = clock_.now() + pause;
     }
     answer.answered = clock_.since_boot();
     answer.judgement = judge_shared(*record, digest, nonce, trust_or_nothing(trust_));

@@ -3,6 +3,7 @@
 #include <charconv>
 #include <iostream>
 #include <memory>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
@@ -13,8 +14,10 @@
 #include "apps/fleet/page_place.h"
 #include "archive/catalogue/catalogue_json.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "base/json_or_null.h"
 #include "base/number_text.h"
+#include "fleet/catalogue/room_board.h"
 
 namespace kiroku::apps {
 namespace {
@@ -144,10 +147,49 @@ int cases(const Request& request) {
   return kDone;
 }
 
+/// What the appliances that report say together.
+struct FleetNow {
+  std::size_t enrolled = 0, recording = 0;  // appliances that may report; rooms that record
+  /// Of appliances that are heard of, those whose rooms were to share time-stamps and do not; of the others
+  /// that is not known.
+  std::vector<std::string> unheard, unshared;
+};
+
+FleetNow fleet_now(const FleetConfiguration& configuration) {
+  fleet::FleetReports reports = configuration.open_reports();
+  FleetNow now;
+  std::set<std::string> enrolled, unheard, unshared;
+  for (const fleet::BoardRow& row : fleet::board_of(reports.appliances(), reports.now())) {
+    enrolled.insert(row.appliance);
+    if (!row.is_heard) {
+      unheard.insert(row.appliance);
+      continue;
+    }
+    if (row.room && row.room->state == "recording") ++now.recording;
+    if (std::ranges::find(row.concerns, fleet::Concern::kNotShared) != row.concerns.end())
+      unshared.insert(row.appliance);
+  }
+  now.enrolled = enrolled.size();
+  now.unheard.assign(unheard.begin(), unheard.end());
+  now.unshared.assign(unshared.begin(), unshared.end());
+  return now;
+}
+
+void print_rooms(const FleetNow& now) {
+  if (now.enrolled == 0) return;
+  std::cout << "rooms             " << now.recording << " recording, of "
+            << counted(now.enrolled, "appliance", "appliances") << " that may report\n";
+  if (!now.unheard.empty()) std::cout << "not heard of      " << joined(now.unheard) << "\n";
+  if (!now.unshared.empty())
+    std::cout << "not shared        time-stamps of " << joined(now.unshared)
+              << ": each asks the authority itself. 'kiroku status' there says why.\n";
+}
+
 int status(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::FleetCatalogue catalogue = configuration.open_catalogue();
   const fleet::FleetTotals totals = catalogue.totals();
+  const FleetNow now = fleet_now(configuration);
   if (request.json) {
     print_json({{"cases", totals.cases},
                 {"segments", totals.segments},
@@ -158,7 +200,11 @@ int status(const Request& request) {
                 {"never_verified", totals.never_verified},
                 {"not_intact", totals.alarms},
                 {"not_checked", totals.unchecked},
-                {"being_verified", totals.being_verified}});
+                {"being_verified", totals.being_verified},
+                {"enrolled", now.enrolled},
+                {"recording", now.recording},
+                {"not_heard", now.unheard},
+                {"not_shared", now.unshared}});
   } else {
     std::cout << "in the catalogue  " << counted(totals.cases, "case", "cases") << ", "
               << format_bytes(totals.bytes) << ", " << totals.open << " of them not closed\n"
@@ -168,6 +214,7 @@ int status(const Request& request) {
               << "not checked       " << totals.unchecked << ", though it was tried\n"
               << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
               << " whose ledger cannot be read\n";
+    print_rooms(now);
   }
   const bool is_bad = totals.alarms + totals.missing + totals.unreadable > 0;
   if (!request.json && (is_bad || totals.unchecked > 0))
@@ -209,7 +256,8 @@ void add_fleet_status_command(Command& program) {
       "Exit status 1 says that a case is not intact, not in the store any more, or has a ledger that cannot "
       "be read; 3 "
       "that one could not be checked. A case that was not intact counts until a later verification says "
-      "otherwise.");
+      "otherwise. Appliances that report are named where they are not heard of, and where their rooms do not "
+      "share time-stamps though they should; 'kiroku-fleet rooms' has each room.");
   const auto request = std::make_shared<Request>();
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);

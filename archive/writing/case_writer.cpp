@@ -267,7 +267,12 @@ void CaseWriter::store_authority_chain(const std::string& authority, const std::
     pem += pem_of(der);
   }
   const fs::path file = state.folder / kAuthoritiesFolder / (authority + ".pem");
+  // The same with each token: what was written again would have to be copied to every replica and store
+  // again.
+  std::string& written = state.chains[authority];
+  if (written == pem) return;
   state.durably([&] { state.reserve.write_durably(file, bytes_of(pem)); });
+  written = std::move(pem);
 }
 
 void CaseWriter::close(const std::string& reason, Moment now) {

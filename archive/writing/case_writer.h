@@ -124,7 +124,7 @@ class CaseWriter {
                                                                  const std::string& authority) const;
   /// Appends the entry of a token whose file is there already: the recorder died in between.
   void adopt_token(const TokenName& name, const TokenEntry& facts, Moment now);
-  /// The authority's certificates, a convenience beside the tokens; nothing where there are none.
+  /// The authority's certificates, a convenience beside the tokens: none, and the same as last, are no write.
   void store_authority_chain(const std::string& authority, const std::vector<Bytes>& chain_der);
   /// Appends `close`. Only tokens, token-missed and erased may follow.
   void close(const std::string& reason, Moment now);

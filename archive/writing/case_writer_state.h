@@ -100,6 +100,7 @@ struct CaseWriter::State {
   std::optional<StoredCheckpoint> last_checkpoint;
   std::optional<std::int64_t> last_logged_ns;
   std::optional<crypto::Sha256Digest> final_token;
+  std::map<std::string, std::string> chains;  // by authority: its certificates, as they were written last
   crypto::AskHardware ask_hardware = crypto::AskHardware::kYes;
   bool rests_on_hardware = false;
   Stage stage = Stage::kRecording;

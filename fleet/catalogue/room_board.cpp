@@ -38,6 +38,7 @@ std::vector<Concern> concerns_of_appliance(const BoardRow& row, const EnrolledAp
             std::ranges::all_of(recorder.authorities,
                                 [](const AuthorityReport& each) { return each.failures > 0; }),
         Concern::kNoAuthority);
+    add(std::ranges::any_of(recorder.authorities, &AuthorityReport::is_unshared), Concern::kNotShared);
   }
   add(std::chrono::abs(std::chrono::microseconds(row.clock_ahead_us)) > kClockMayDiffer, Concern::kClockOff);
   add(report.has_store && !report.shipping, Concern::kShippingUnknown);
@@ -116,8 +117,10 @@ ordered_json room_json(const RoomReport& room, const BoardRow& row) {
 ordered_json recorder_json(const ApplianceReport::Recorder& recorder) {
   ordered_json authorities = ordered_json::array();
   for (const AuthorityReport& each : recorder.authorities)
-    authorities.push_back(
-        {{"name", each.name}, {"failures", each.failures}, {"token_s", or_null(each.token_s)}});
+    authorities.push_back({{"name", each.name},
+                           {"failures", each.failures},
+                           {"token_s", or_null(each.token_s)},
+                           {"not_shared", each.is_unshared}});
   return {{"up_s", recorder.up_s},
           {"disk",
            {{"free_bytes", recorder.disk.free_bytes},
@@ -184,6 +187,8 @@ std::string_view concern_name(Concern concern) {
       return "without-box";
     case Concern::kNoAuthority:
       return "no-authority";
+    case Concern::kNotShared:
+      return "not-shared";
     case Concern::kClockOff:
       return "clock-off";
     case Concern::kClockFree:

@@ -122,8 +122,11 @@ ApplianceReport::Recorder parse_recorder(const json& of) {
     recorder.rooms.push_back(std::move(room));
   }
   for (const json& each : list_of(of, "authorities", kMostAuthorities)) {
-    recorder.authorities.push_back(
-        {short_name(field(each, "name"), "name"), size_of(each, "failures"), age_or_null(each, "token_s")});
+    AuthorityReport one{short_name(field(each, "name"), "name"), size_of(each, "failures"),
+                        age_or_null(each, "token_s")};
+    // Appliances of before say nothing of it.
+    if (each.contains("not_shared")) one.is_unshared = flag_of(each, "not_shared");
+    recorder.authorities.push_back(std::move(one));
   }
   recorder.disk = parse_disk(field(of, "disk"));
   const json& clock = field(of, "clock");
@@ -150,8 +153,10 @@ ordered_json json_of(const ApplianceReport::Recorder& recorder) {
   ordered_json rooms = ordered_json::array(), authorities = ordered_json::array();
   for (const RoomReport& each : recorder.rooms) rooms.push_back(json_of(each));
   for (const AuthorityReport& each : recorder.authorities)
-    authorities.push_back(
-        {{"name", each.name}, {"failures", each.failures}, {"token_s", or_null(each.token_s)}});
+    authorities.push_back({{"name", each.name},
+                           {"failures", each.failures},
+                           {"token_s", or_null(each.token_s)},
+                           {"not_shared", each.is_unshared}});
   return {{"up_s", recorder.up_s},
           {"rooms", std::move(rooms)},
           {"authorities", std::move(authorities)},
@@ -194,6 +199,7 @@ RoomReport room_report(const json& of) {
 void add_authorities(const json& of, UtcTime now, std::vector<AuthorityReport>& all) {
   for (const json& each : of) {
     AuthorityReport one{each.value("name", ""), each.value("failures", std::uint64_t{0})};
+    one.is_unshared = !each.value("not_shared", "").empty();
     const json& last = each.at("last_token");
     if (const auto time = last.is_string() ? parse_utc(last.get<std::string>()) : std::nullopt)
       one.token_s =
@@ -203,7 +209,9 @@ void add_authorities(const json& of, UtcTime now, std::vector<AuthorityReport>& 
       all.push_back(one);
       continue;
     }
-    // Of several rooms that ask one authority, the newest token and the most failures.
+    // Of several rooms that ask one authority, the newest token and the most failures; one that does not
+    // share is told.
+    known->is_unshared = known->is_unshared || one.is_unshared;
     known->failures = std::max(known->failures, one.failures);
     if (one.token_s) known->token_s = std::min(known->token_s.value_or(*one.token_s), *one.token_s);
   }

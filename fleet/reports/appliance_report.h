@@ -37,6 +37,8 @@ struct AuthorityReport {
   std::string name;                          // a short name
   std::uint64_t failures = 0;                // in a row
   std::optional<std::int64_t> token_s = {};  // how old its latest token is; none: none yet
+  /// Rooms were to share its latest token, and a room had to ask for one of its own.
+  bool is_unshared = false;
 };
 
 struct DiskReport {

@@ -7,6 +7,8 @@ namespace kiroku::fleet {
 namespace {
 
 constexpr long kRoundGoesOn = 202;
+/// The authority gave none for the round; asking again changes nothing.
+constexpr long kNoToken = 502;
 
 }  // namespace
 
@@ -29,7 +31,13 @@ evidence::SharedStamps::Place SharedStampClient::enter(ByteView digest, ByteView
 
 std::optional<Bytes> SharedStampClient::fetch(const Place& place) {
   if (!client_) connect();
-  const std::string answer = client_->get(stamp_path(authority_, place.ticket));
+  std::string answer;
+  try {
+    answer = client_->get(stamp_path(authority_, place.ticket));
+  } catch (const ReportError& error) {
+    if (!error.passes() || error.status() == kNoToken) throw;
+    throw evidence::SharedStampsAway(error.what());
+  }
   if (client_->status() == kRoundGoesOn) return {};
   return parse_record_answer(answer);
 }

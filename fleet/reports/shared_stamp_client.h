@@ -19,7 +19,8 @@ class SharedStampClient final : public evidence::SharedStamps {
   SharedStampClient(std::filesystem::path identity_file, std::string authority)
       : identity_file_(std::move(identity_file)), authority_(std::move(authority)) {}
 
-  /// Throw kiroku::Error: not enrolled, no answer, a refusal, or what no aggregator answers.
+  /// Throw kiroku::Error: not enrolled, a refusal, or what no aggregator answers. Of no answer, and of one
+  /// that a server gives while it is busy or without its database, fetch() throws SharedStampsAway.
   Place enter(ByteView digest, ByteView nonce) override;
   std::optional<Bytes> fetch(const Place& place) override;
   [[nodiscard]] std::string path() const override;

@@ -25,6 +25,10 @@ import stamp  # noqa: E402  (a second implementation of the format, which has an
 TOO_MANY = "more requests came from this appliance in a minute than all its rooms need"
 
 
+class PatientServer(http.server.ThreadingHTTPServer):
+    request_queue_size = 256  # of a hospital whose rooms all ask at once
+
+
 class CountingAuthority:
     """An outside authority. Whoever asks has an address of their own, by which they are counted."""
 
@@ -46,7 +50,7 @@ class CountingAuthority:
             def log_message(self, *_):
                 pass
 
-        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.server = PatientServer(("127.0.0.1", 0), Handler)
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def url(self, who):
@@ -180,7 +184,7 @@ def try_strangers(programs, configuration, server, folder, one, two):
     require(status == 403 and "revoked" in sentence, f"a revoked appliance is answered with {status} {sentence}")
 
 
-def try_falling_back(programs, authority, server, appliance):
+def try_falling_back(programs, configuration, authority, server, appliance):
     before = len(appliance.tokens())
     require(authority.asked[appliance.name] == 0, f"before the aggregator is killed, who asks is {authority.asked}")
     server.kill()
@@ -192,6 +196,19 @@ def try_falling_back(programs, authority, server, appliance):
     eventually(lambda: "not shared with other rooms: " in appliance.log.read_text(), "the log does not say why tokens are not shared")
     require(not any(json.loads(line)["type"] == "token-missed" for line in (appliance.case / "ledger.jsonl").read_text().splitlines()[:-1]),
             "falling back cost a time-stamp")
+    # Another server takes the appliance's reports, and has no rounds: the hospital's page and the terminal say so.
+    plain = configuration.with_name("plain.toml")
+    plain.write_text(configuration.read_text().partition("[sharing]")[0])
+    other = FleetServer(programs, configuration.parent / "other-page", plain)
+    try:
+        appliance.point_to(other.reports)
+        appliance.kiroku("fleet", "report")
+        row = next(row for row in other.rooms()["rooms"] if row["appliance"] == appliance.name)
+        require("not-shared" in row["concerns"] and row["recorder"]["authorities"][0]["not_shared"], f"the page's room is {row}")
+        told = subprocess.run([programs / "kiroku-fleet", "status", "--config", configuration], capture_output=True, text=True, check=True).stdout
+        require(f"not shared        time-stamps of {appliance.name}: " in told, f"kiroku-fleet status says {told}")
+    finally:
+        other.kill()
     appliance.kiroku("case", "stop", "--room", appliance.name)
     require_intact(programs, authority, appliance)
 
@@ -212,7 +229,7 @@ def try_everything(programs, folder, connection):
             enrol(programs, configuration, server, appliance)
         try_sharing(programs, authority, one, two)
         try_strangers(programs, configuration, server, folder, one, two)
-        try_falling_back(programs, authority, server, two)
+        try_falling_back(programs, configuration, authority, server, two)
     finally:
         server.kill()
         for appliance in appliances:

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # A PostgreSQL server for tests: a cluster of its own, reached by a socket in its folder alone.
 #
-# Usage: tests/fleet/postgres.sh up FOLDER | down FOLDER | with COMMAND...
-#   up    starts it with all its state below FOLDER, and prints how to connect as its administrator
+# Usage: tests/fleet/postgres.sh up FOLDER [durable] | down FOLDER | with COMMAND...
+#   up    starts it with all its state below FOLDER, and prints how to connect as its administrator; "durable": it flushes what it commits, as in a hospital.
+#         Where FOLDER has a cluster already, that one goes on
 #   down  ends it
 #   with  runs COMMAND beside one that lives as long; KIROKU_POSTGRES says how to connect
 #
@@ -19,11 +20,15 @@ as_user() (
   if ((EUID == 0)); then setpriv --reuid=postgres --regid=postgres --clear-groups "$@"; else "$@"; fi
 )
 
-up() { # FOLDER
+up() { # FOLDER [durable]
+  local flushes=off
+  [[ ${2-} != durable ]] || flushes=on
   mkdir -p "$1"
   ((EUID != 0)) || chown postgres: "$1"
-  as_user "$programs/initdb" --pgdata="$1/data" --username=administrator --auth=trust --encoding=UTF8 --no-sync >"$1.log" 2>&1 || { cat "$1.log" >&2; exit 1; }
-  as_user "$programs/pg_ctl" --pgdata="$1/data" --log="$1/server.log" --wait --options="-c listen_addresses='' -c unix_socket_directories='$1' -c fsync=off" start >>"$1.log" 2>&1 ||
+  [[ -e $1/data/PG_VERSION ]] ||
+    as_user "$programs/initdb" --pgdata="$1/data" --username=administrator --auth=trust --encoding=UTF8 --no-sync >"$1.log" 2>&1 || { cat "$1.log" >&2; exit 1; }
+  as_user "$programs/pg_ctl" --pgdata="$1/data" --log="$1/server.log" --wait \
+    --options="-c listen_addresses='' -c unix_socket_directories='$1' -c fsync=$flushes" start >>"$1.log" 2>&1 ||
     { cat "$1.log" "$1/server.log" >&2; exit 1; }
   echo "host=$1 user=administrator dbname=postgres"
 }
@@ -31,7 +36,7 @@ up() { # FOLDER
 down() { as_user "$programs/pg_ctl" --pgdata="$1/data" --mode=immediate --wait stop >/dev/null; }
 
 case $action in
-  up | down) "$action" "$2" ;;
+  up | down) "$action" "${@:2}" ;;
   with)
     shift
     folder=$(mktemp -d)

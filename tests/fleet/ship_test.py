@@ -171,6 +171,14 @@ def nothing_is_put_twice(appliance, store):
     (appliance.home / "archive" / case / "authorities/another.pem").write_text("none")
     require(json.loads(appliance.kiroku("ship", "--json"))["sent"] == 1, "a new file in a whole case was not noticed")
     (appliance.home / "archive" / case / "authorities/another.pem").unlink()
+    # A file that was written anew with the same bytes is there already.
+    chain = next((appliance.home / "archive" / case / "authorities").iterdir())
+    before, same = store.versions("recordings"), chain.read_bytes()
+    chain.unlink()
+    chain.write_bytes(same)
+    again = json.loads(appliance.kiroku("ship", "--json"))
+    require(again["sent"] == 0 and again["waiting"] == 0, f"a file with the same bytes is shipped again: {again}")
+    require(store.versions("recordings") == before, "a file with the same bytes has a second version")
 
 
 def a_killed_shipper_goes_on(appliance, store):
@@ -187,8 +195,9 @@ def a_killed_shipper_goes_on(appliance, store):
     require(not doubled, f"put twice: {doubled}")
 
 
-def judged(appliance, store, case, name="or-1"):
-    """What kiroku-verify says of the store's copy alone: its exit status and its words."""
+def judged(appliance, store, case, name="or-1", trust=None):
+    """What kiroku-verify says of the store's copy alone: its exit status and its words. `trust`: the root of an outside authority."""
+    roots = ["--trust", str(trust)] if trust else []
     with tempfile.TemporaryDirectory() as copy:
         parts = b""
         for key in sorted(store.versions("recordings")):
@@ -206,7 +215,7 @@ def judged(appliance, store, case, name="or-1"):
             ledger.write_bytes(parts)
         done = subprocess.run([str(appliance.programs / "kiroku-verify"), str(folder), "--device",
                                str(appliance.home / "device.pub"), "--own-authority",
-                               str(appliance.home / "own-authority.pem")], capture_output=True, text=True)
+                               str(appliance.home / "own-authority.pem"), *roots], capture_output=True, text=True)
         return done.returncode, done.stdout + done.stderr
 
 

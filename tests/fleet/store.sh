@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
 # A Ceph store with S3 and Object Lock for tests: one monitor, one OSD in a file, one gateway, as plain processes of this user on 127.0.0.1.
 #
-# Usage: tests/fleet/store.sh up FOLDER | down FOLDER
+# Usage: tests/fleet/store.sh up FOLDER | down FOLDER | kill FOLDER PART | again FOLDER PART
 #   up    starts it with all its state below FOLDER, and prints its endpoint; its user has access key "testaccess" and secret key "testsecret0123456789"
 #   down  ends its processes
+#   kill  ends a part of it by SIGKILL: "osd", where the bytes lie, or "gateway"
+#   again starts that part of it anew
 #
 # Leaves with 77 where Ceph is not installed (group fleet of deploy/dependencies).
 set -euo pipefail
-action=${1-} folder=${2-}
-[[ -n $folder && ($action == up || $action == down) ]] || { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$0"; exit 2; }
+action=${1-} folder=${2-} part=${3-}
+[[ -n $folder && ($action == up || $action == down || ($action =~ ^(kill|again)$ && $part =~ ^(osd|gateway)$)) ]] || { sed -n '2,/^[^#]/{s/^# \{0,1\}//p}' "$0"; exit 2; }
 for program in ceph-mon ceph-osd radosgw radosgw-admin ceph monmaptool ceph-authtool; do
   command -v "$program" >/dev/null || { echo "SKIPPED: $program is not installed"; exit 77; }
 done
@@ -25,7 +27,20 @@ stop() {
     [[ ! -d /proc/$pid ]] || kill -KILL "$pid"
   done
 }
-[[ $action == up ]] || { stop; exit; }
+start_osd() { ceph-osd -i 0 -c "$configuration"; }
+start_gateway() { radosgw -n client.rgw.a -c "$configuration" --rgw_frontends="beast endpoint=$(cat "$folder/address")"; }
+pid_of() { cat "$folder/run/$([[ $1 == osd ]] && echo osd.0 || echo client.rgw.a).pid"; }
+case $action in
+  down) stop && exit ;;
+  kill)
+    pid=$(pid_of "$part")
+    grep -qs "^\(ceph-\|radosgw\)" "/proc/$pid/comm" || { echo "the $part does not run" >&2; exit 1; }
+    kill -KILL "$pid"
+    while [[ -d /proc/$pid ]]; do sleep 0.05; done
+    exit
+    ;;
+  again) "start_$part" >>"$log" 2>&1 && exit ;;
+esac
 
 free_port() { python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'; }
 monitor_port=$(free_port) gateway_port=$(free_port) identifier=$(cat /proc/sys/kernel/random/uuid) osd=$(cat /proc/sys/kernel/random/uuid)
@@ -79,8 +94,9 @@ key() { ceph-authtool "$folder/keyring" --gen-key "$@"; }
   ceph-mon -i a -c "$configuration"
   ask osd new "$osd" 0
   ceph-osd -i 0 -c "$configuration" --mkfs --osd-uuid "$osd"
-  ceph-osd -i 0 -c "$configuration"
-  radosgw -n client.rgw.a -c "$configuration" --rgw_frontends="beast endpoint=127.0.0.1:$gateway_port"
+  start_osd
+  echo "127.0.0.1:$gateway_port" >"$folder/address"
+  start_gateway
   for _ in {1..600}; do
     [[ $(curl -so /dev/null -w '%{http_code}' "http://127.0.0.1:$gateway_port/") != 200 ]] || break
     sleep 0.2

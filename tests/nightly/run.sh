@@ -27,6 +27,7 @@ steps=(
   "faults     env KIROKU_FAULT_EVERY=1 KIROKU_POWER_CUTS=1000 build/release/tests/fault/fault_test"
   "kills      tests/fault/kill_at_random.sh 200"
   "store      tests/fleet/faults.py build/release/apps --kills 200"
+  "hospital   tests/fleet/kills.py build/release/apps --kills 200 --rooms 6"
   "sources    tests/fault/sources.sh 100"
   "clock      tests/fault/wall_clock.sh 20"
   "soak       tests/fault/soak.sh 24 200"

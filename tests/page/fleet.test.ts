@@ -32,7 +32,7 @@ const room = (name: string, state: string, more: object = {}) => ({
   without_box: false,
   ...more,
 });
-const report = (rooms: object[], more: object = {}) =>
+const report = (rooms: object[], more: object = {}, not_shared = false) =>
   JSON.stringify({
     format: 1,
     program: '0.1.0',
@@ -42,7 +42,7 @@ const report = (rooms: object[], more: object = {}) =>
     recorder: {
       up_s: kDay_s,
       rooms,
-      authorities: [{ name: 'freetsa', failures: 0, token_s: 30 }],
+      authorities: [{ name: 'freetsa', failures: 0, token_s: 30, not_shared }],
       disk: { free_bytes: 1e12, total_bytes: 2e12, hours_left: 120.5 },
       clock: { synchronised: true, error_ns: 1_000_000 },
     },
@@ -145,7 +145,7 @@ describe.skipIf(!hasDatabase)('On the page of a hospital', () => {
       const { page: here } = visitor;
       await hospital.keepHearing('or-1', () => report([room('or-1', 'recording'), room('or-2', 'standby')]));
       await hospital.hear('or-3', report([room('or-3', 'recording')], { now: new Date(Date.now() - 3_600_000).toISOString() }), 3600);
-      await hospital.keepHearing('or-4', () => report([room('or-4', 'recording', { silent: ['endoscope'], lost: 12 })]));
+      await hospital.keepHearing('or-4', () => report([room('or-4', 'recording', { silent: ['endoscope'], lost: 12 })], {}, true));
       await here.locator('.fleet-room').nth(3).waitFor();
       await expect.poll(heads).toEqual(['or-3', 'or-4', 'or-1', 'or-1 · or-2']);
       const unheard = here.locator('.fleet-room').first();
@@ -156,6 +156,7 @@ describe.skipIf(!hasDatabase)('On the page of a hospital', () => {
       // Nor is any fact of then told as of now.
       await expect.poll(() => unheard.getByText(/^(Clock|Authorities|Not shipped)$/).count()).toBe(0);
       await here.locator('.fleet-room').nth(1).getByText('A source is silent: Endoscope').waitFor();
+      await here.locator('.fleet-room').nth(1).getByText('Its time-stamps are not shared with other rooms').waitFor();
       expect(await seriousBarriers(here)).toEqual([]);
       await expectFits(visitor, 'fleet-rooms');
       await keepPicture(here, 'fleet-rooms');

@@ -51,6 +51,10 @@ class PlayedAggregator final : public evidence::SharedStamps {
   }
   std::optional<Bytes> fetch(const Place& place) override {
     EXPECT_EQ(place.ticket, "ticket");
+    if (away > 0) {
+      --away;
+      throw evidence::SharedStampsAway("cannot reach the aggregator");
+    }
     if (conduct == Conduct::kLoses) throw Error("there is no such ticket");
     if (conduct == Conduct::kNever) return {};
     if (conduct == Conduct::kGarbage) return to_bytes(bytes_of("<html>log in</html>"));
@@ -67,6 +71,7 @@ class PlayedAggregator final : public evidence::SharedStamps {
 
   std::atomic<Conduct> conduct = Conduct::kGood;
   std::atomic<int> entered = 0;
+  std::atomic<int> away = 0;  // so many times fetch() reaches nobody
 
  private:
   static Bytes other(const std::string& text) {
@@ -193,6 +198,46 @@ TEST_F(SharedStampingTest, AnAggregatorThatIsLateIsWaitedForNoLongerThanItMayBe)
   EXPECT_TRUE(own.valid()) << own.cause;
   EXPECT_EQ(own.not_shared, "its token does not come within 90 s");
   EXPECT_EQ(own.asked, own.answered) << "the wait is no part of what the authority took";
+}
+
+TEST_F(SharedStampingTest, AProofThatCannotBeFetchedIsAskedForAgainAfterLongerAndLonger) {
+  const auto stamper = this->stamper();
+  aggregator_->away = 3;
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  clock_.move(30s);
+  for (const std::chrono::seconds pause : {2s, 4s, 8s}) {
+    clock_.await_waiting(1);
+    const int left = aggregator_->away;
+    clock_.move(pause - 1ms);
+    clock_.await_waiting(1);
+    EXPECT_EQ(aggregator_->away, left) << "asked again before " << pause.count() << " s";
+    clock_.move(1ms);
+  }
+  const AuthorityAnswer shared = answer();
+  EXPECT_TRUE(shared.valid()) << shared.cause;
+  EXPECT_EQ(shared.path, "shared, by the aggregator");
+  EXPECT_EQ(aggregator_->entered, 1) << "the same place in the same round";
+  EXPECT_EQ(source_->requests, 0);
+  EXPECT_EQ(stamper->status()[0].not_shared, "");
+}
+
+TEST_F(SharedStampingTest, AnAggregatorThatStaysAwayIsAskedNoLongerThanItMayBeWaitedFor) {
+  const auto stamper = this->stamper();
+  aggregator_->away = 1000;
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  clock_.move(30s);
+  // At 30 s, then after 2, 4, 8, 16 and 16 s; the next look would be after 90 s.
+  for (const std::chrono::seconds pause : {2s, 4s, 8s, 16s, 16s}) {
+    clock_.await_waiting(1);
+    EXPECT_EQ(source_->requests, 0);
+    clock_.move(pause);
+  }
+  const AuthorityAnswer own = answer();
+  EXPECT_TRUE(own.valid()) << own.cause;
+  EXPECT_EQ(own.not_shared, "its token does not come within 90 s: cannot reach the aggregator");
+  EXPECT_EQ(aggregator_->away, 1000 - 6);
 }
 
 TEST_F(SharedStampingTest, ARoundThatEndsTooLateIsNotWaitedFor) {

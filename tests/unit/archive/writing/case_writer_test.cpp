@@ -28,6 +28,7 @@ using test::TemporaryFolder;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 class CaseWriterTest : public testing::Test {
  protected:
@@ -297,6 +298,30 @@ TEST_F(CaseWriterTest, StoresAChainAsPem) {
                 "\nAAA=\n-----END CERTIFICATE-----\n"
                 "-----BEGIN CERTIFICATE-----\nAQEB\n-----END CERTIFICATE-----\n");
   EXPECT_THROW(writer->store_authority_chain("a/b", {}), UsageError);
+}
+
+TEST_F(CaseWriterTest, WritesAChainAnewOnlyWhereItIsAnother) {
+  const auto writer = create();
+  const std::vector<Bytes> one{Bytes(50, std::byte{0})}, other{Bytes(51, std::byte{0})};
+  writer->store_authority_chain("swiss", one);
+  files_.forget_calls();
+  writer->store_authority_chain("swiss", one);
+  EXPECT_THAT(files_.calls(), IsEmpty());
+  writer->store_authority_chain("swiss", other);
+  EXPECT_THAT(files_.calls(), Not(IsEmpty()));
+  const std::string written = contents(writer->folder() / "authorities/swiss.pem");
+  writer->store_authority_chain("swiss", one);
+  EXPECT_NE(contents(writer->folder() / "authorities/swiss.pem"), written);
+}
+
+TEST_F(CaseWriterTest, AChainThatWasNotWrittenIsWrittenTheNextTime) {
+  const auto writer = create();
+  const std::vector<Bytes> chain{Bytes(50, std::byte{0})};
+  files_.fail("rename", EIO, 0, 1);
+  EXPECT_THROW(writer->store_authority_chain("swiss", chain), Error);
+  EXPECT_FALSE(fs::exists(writer->folder() / "authorities/swiss.pem"));
+  writer->store_authority_chain("swiss", chain);
+  EXPECT_TRUE(fs::exists(writer->folder() / "authorities/swiss.pem"));
 }
 
 TEST_F(CaseWriterTest, CloseStatesTotalsOfEveryStream) {

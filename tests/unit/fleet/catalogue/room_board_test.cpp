@@ -80,6 +80,10 @@ TEST(RoomBoard, EachTroubleIsTold) {
               }),
               ElementsAre(Concern::kNoAuthority));
   EXPECT_THAT(of([](R& r) { r.recorder->authorities = {{"a", 3}, {"b", 0}}; }), IsEmpty());
+  EXPECT_THAT(of([](R& r) {
+                r.recorder->authorities = {{"a", 0, 5}, {"b", 0, 5, true}};
+              }),
+              ElementsAre(Concern::kNotShared));
   EXPECT_THAT(of([](R& r) { r.shipping->waiting_s = 601; }), ElementsAre(Concern::kShippingStuck));
   EXPECT_THAT(of([](R& r) { r.shipping.reset(); }), ElementsAre(Concern::kShippingUnknown));
   EXPECT_THAT(of([](R& r) {

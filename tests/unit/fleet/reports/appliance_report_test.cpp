@@ -54,6 +54,27 @@ TEST(ApplianceReportTest, IsMadeOfWhatTheRecorderSays) {
   EXPECT_EQ(recorder.authorities.front().token_s, 60);
 }
 
+TEST(ApplianceReportTest, TellsThatARoomHadToAskForATokenOfItsOwn) {
+  json two = status();
+  two["rooms"].push_back(two["rooms"][0]);
+  two["rooms"][1]["room"] = "or-2";
+  EXPECT_FALSE(recorder_report(two, kNow).authorities.front().is_unshared);
+  two["rooms"][1]["authorities"][0]["not_shared"] = "cannot reach https://yamada:8444";
+  ApplianceReport report = whole();
+  report.recorder = recorder_report(two, kNow);
+  ASSERT_EQ(report.recorder->authorities.size(), 1U);
+  EXPECT_TRUE(report.recorder->authorities.front().is_unshared);
+  const std::string told = to_json(report);
+  EXPECT_THAT(told, Not(HasSubstr("yamada")));
+  EXPECT_TRUE(parse_report(told).recorder->authorities.front().is_unshared);
+}
+
+TEST(ApplianceReportTest, OfAnEarlierProgramSaysNothingOfSharing) {
+  json report = json::parse(to_json(whole()));
+  report["recorder"]["authorities"][0].erase("not_shared");
+  EXPECT_FALSE(parse_report(report.dump()).recorder->authorities.front().is_unshared);
+}
+
 TEST(ApplianceReportTest, HoldsNoFreeTextOfTheRecorder) {
   const std::string told = to_json(whole());
   EXPECT_THAT(told, Not(HasSubstr("Yamada")));
@@ -104,6 +125,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"age", [](json& of) { of["recorder"]["rooms"][0]["recording_s"] = 9'000'000'000'000LL; }},
         Wrong{"fraction", [](json& of) { of["number"] = 1.5; }},
         Wrong{"hours", [](json& of) { of["recorder"]["disk"]["hours_left"] = -0.5; }},
+        Wrong{"unshared", [](json& of) { of["recorder"]["authorities"][0]["not_shared"] = "away"; }},
         Wrong{"run", [](json& of) { of["run"] = "x"; }},
         Wrong{"program", [](json& of) { of["program"] = "0.1\n"; }},
         Wrong{"now", [](json& of) { of["now"] = "soon"; }},

@@ -104,6 +104,26 @@ TEST_F(SharedStampClientTest, SaysWhatTheAggregatorSays) {
               ThrowsMessage<Error>(HasSubstr("swiss is left alone for another 20 s\\u{001B}[2J")));
 }
 
+TEST_F(SharedStampClientTest, TellsWhoIsAwayFromWhoHasNoToken) {
+  enrol(server_.url(), authority_);
+  server_.answer(503, R"({"error":"the fleet's database does not answer"})");
+  EXPECT_THROW(client_.fetch({kTicket, 0ms}), evidence::SharedStampsAway);
+  for (const int status : {404, 403, 502}) {
+    server_.answer(status, R"({"error":"no"})");
+    try {
+      client_.fetch({kTicket, 0ms});
+      ADD_FAILURE() << status;
+    } catch (const evidence::SharedStampsAway&) {
+      ADD_FAILURE() << status << " is asked again";
+    } catch (const Error&) {
+      // It will not be given.
+    }
+  }
+  enrol("https://127.0.0.1:1", authority_);
+  SharedStampClient nobody(identity_, "swiss");
+  EXPECT_THROW(nobody.fetch({kTicket, 0ms}), evidence::SharedStampsAway);
+}
+
 TEST_F(SharedStampClientTest, AnApplianceThatIsNotEnrolledSaysSoAndIsFoundOnceItIs) {
   EXPECT_THAT([&] { client_.enter(kDigest, kNonce); }, ThrowsMessage<Error>(HasSubstr("is not enrolled")));
   enrol(server_.url(), authority_);

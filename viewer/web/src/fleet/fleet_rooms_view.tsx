@@ -124,7 +124,7 @@ function Room({ one }: { one: FleetRoom }) {
               {room !== null && <Fact name={t('fleet.lostFrames')} value={String(room.lost)} isBad={has('lost')} />}
               <Fact name={t('fleet.disk')} value={diskText(one)} isBad={has('disk-short')} />
               <Fact name={t('fleet.clock')} value={clockText(one)} isBad={has('clock-off') || has('clock-free')} />
-              <Fact name={t('fleet.authorities')} value={authoritiesText(one)} isBad={has('no-authority')} />
+              <Fact name={t('fleet.authorities')} value={authoritiesText(one)} isBad={has('no-authority') || has('not-shared')} />
               <Fact name={t('fleet.notShipped')} value={shippingText(one)} isBad={has('shipping-stuck') || has('shipping-unknown')} />
             </>
           )}
