@@ -32,8 +32,8 @@ std::size_t place_of(float value, float low, float high, std::size_t count) {
 }
 
 std::uint16_t cell_of(const std::uint8_t* rgb) {
-  // In the dark, shares are noise: they shrink to nothing.
-  constexpr float kDark = 16;
+  // In the dark, shares are noise: below so little light they shrink to nothing.
+  constexpr float kDark = 4;
   // What tissue has; the root of the light, as shade is to have cells, too.
   constexpr float kLeastRed = 0.24F, kMostRed = 0.72F, kLeastGreen = 0.08F, kMostGreen = 0.42F,
                   kMostRoot = 27.7F;

@@ -28,7 +28,8 @@ struct ColourCells {
     return cell[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
   }
 };
-/// After a median over 5 x 5 pixels, which takes noise and the blocks of a codec, and leaves borders in place.
+/// After a median over 5 x 5 pixels, which takes noise and the blocks of a codec, and leaves borders in
+/// place.
 ColourCells colour_cells(const Picture& picture, const Cover& cover);
 
 struct ColourModel {

@@ -86,9 +86,9 @@ void seek_border(const ColourCells& cells, const ColourModel& model, const Outli
   line.covered = !line.supported && covered >= kMuch * count;
 }
 
-std::vector<Line> lines_of(const ColourCells& cells, const OrganSurface& surface,
-                           const Pinhole& pinhole, const Camera& camera, const Outline& outline,
-                           const ColourModel& model, int reach) {
+std::vector<Line> lines_of(const ColourCells& cells, const OrganSurface& surface, const Pinhole& pinhole,
+                           const Camera& camera, const Outline& outline, const ColourModel& model,
+                           int reach) {
   const Vector3 middle = camera.view_m(surface.middle_m);
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   for (const OutlinePoint& point : outline.points) centre += point.pixel / double(outline.points.size());
@@ -244,8 +244,7 @@ std::optional<OutlineFit> fit_outline(const ColourCells& cells, const OrganSurfa
     constexpr double kLeastReach = 7;
     const int reach = static_cast<int>(
         std::max(kLeastReach, options.reach_px * (1 - double(round) / std::max(1, options.rounds))));
-    const std::vector<Line> lines =
-        lines_of(cells, surface, pinhole, fit.camera, outline, colours, reach);
+    const std::vector<Line> lines = lines_of(cells, surface, pinhole, fit.camera, outline, colours, reach);
     const Normal normal = normal_of(lines);
     if (normal.scale_px == 0) return {};
     const double shared = correlation_length(normal.residuals);
