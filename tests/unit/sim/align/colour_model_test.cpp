@@ -11,7 +11,7 @@ namespace {
 constexpr int kSide = 120;
 constexpr Rgb kOrgan{158, 64, 54}, kWall{150, 72, 74};
 
-Picture filled(const Rgb& colour) {
+Picture in_one_colour(const Rgb& colour) {
   Picture picture(kSide, kSide);
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) std::copy(colour.begin(), colour.end(), picture.pixel(x, y));
@@ -21,7 +21,7 @@ Picture filled(const Rgb& colour) {
 
 /// A square of the organ before a wall that is nearly as red, both in so much light.
 Picture organ_before_wall(double light) {
-  Picture picture = filled(kWall);
+  Picture picture = in_one_colour(kWall);
   for (int y = 0; y < kSide; ++y) {
     for (int x = 0; x < kSide; ++x) {
       const bool organ = x >= 40 && x < 80 && y >= 40 && y < 80;
@@ -62,7 +62,7 @@ TEST(ColourModel, TellsTissueFromTissueInTheShade) {
 }
 
 TEST(ColourCells, AreThoseOfTissueWhereSinglePixelsAreNoise) {
-  Picture picture = filled(kOrgan);
+  Picture picture = in_one_colour(kOrgan);
   const std::uint16_t clean = cells_of(picture).at(60, 60);
   for (int y = 2; y < kSide; y += 5) {
     for (int x = 2; x < kSide; x += 5) picture.pixel(x, y)[0] = 90;
@@ -73,7 +73,7 @@ TEST(ColourCells, AreThoseOfTissueWhereSinglePixelsAreNoise) {
 }
 
 TEST(ColourCells, AreNoneUnderCover) {
-  const Picture picture = filled({150, 152, 158});
+  const Picture picture = in_one_colour({150, 152, 158});
   const ColourCells cells = cells_of(picture);
   EXPECT_EQ(cells.at(60, 60), ColourCells::kCovered);
   EXPECT_EQ(cells.cell.size(), std::size_t(kSide) * kSide);
@@ -87,7 +87,7 @@ TEST(ColourCells, AreTakenOfTheSmallestPictures) {
 }
 
 TEST(ColourModel, KnowsNothingWhereAllIsCovered) {
-  const ColourModel model = colours_of(cells_of(filled({150, 152, 158})), square(), 40);
+  const ColourModel model = colours_of(cells_of(in_one_colour({150, 152, 158})), square(), 40);
   for (const float evidence : model.evidence) ASSERT_EQ(evidence, 0);
 }
 
