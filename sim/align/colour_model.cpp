@@ -8,22 +8,41 @@
 namespace kiroku::sim {
 namespace {
 
-constexpr int kSide = 16;
-
 /// Neighbouring cells share, so that noise does not make a colour unknown.
 std::array<float, kColours> smoothed(std::array<float, kColours> cells) {
-  for (const int step : {kSide * kSide, kSide, 1}) {
+  constexpr std::array<std::pair<std::size_t, std::size_t>, 3> kAxes{
+      {{kGreenCells * kLightCells, kRedCells}, {kLightCells, kGreenCells}, {1, kLightCells}}};
+  for (const auto& [step, count] : kAxes) {
     std::array<float, kColours> next{};
-    for (int cell = 0; cell < static_cast<int>(kColours); ++cell) {
-      const int place = cell / step % kSide;
-      const auto at = [&](int number) { return cells[static_cast<std::size_t>(number)]; };
-      const float before = place > 0 ? at(cell - step) : at(cell),
-                  after = place < kSide - 1 ? at(cell + step) : at(cell);
-      next[static_cast<std::size_t>(cell)] = (before + 2 * at(cell) + after) / 4;
+    for (std::size_t cell = 0; cell < kColours; ++cell) {
+      const std::size_t place = cell / step % count;
+      const float before = cells[place > 0 ? cell - step : cell],
+                  after = cells[place + 1 < count ? cell + step : cell];
+      next[cell] = (before + 2 * cells[cell] + after) / 4;
     }
     cells = next;
   }
   return cells;
+}
+
+/// Where a value lies between two others, as one of so many cells; what is beyond them is of the last.
+std::size_t place_of(float value, float low, float high, std::size_t count) {
+  const float at = (value - low) / (high - low) * static_cast<float>(count);
+  return static_cast<std::size_t>(std::clamp(at, 0.0F, static_cast<float>(count) - 0.5F));
+}
+
+std::uint16_t cell_of(const std::uint8_t* rgb) {
+  // In the dark, shares are noise: below so little light they shrink to nothing.
+  constexpr float kDark = 4;
+  // What tissue has; the root of the light, as shade is to have cells, too.
+  constexpr float kLeastRed = 0.24F, kMostRed = 0.72F, kLeastGreen = 0.08F, kMostGreen = 0.42F,
+                  kMostRoot = 27.7F;
+  const auto red = static_cast<float>(rgb[0]), green = static_cast<float>(rgb[1]);
+  const float light = red + green + static_cast<float>(rgb[2]);
+  const std::size_t reds = place_of(red / (light + kDark), kLeastRed, kMostRed, kRedCells),
+                    greens = place_of(green / (light + kDark), kLeastGreen, kMostGreen, kGreenCells),
+                    lights = place_of(std::sqrt(light), 0, kMostRoot, kLightCells);
+  return static_cast<std::uint16_t>((reds * kGreenCells + greens) * kLightCells + lights);
 }
 
 void compare_both(ColourModel& model) {
@@ -36,8 +55,24 @@ void compare_both(ColourModel& model) {
 
 }  // namespace
 
-ColourModel colours_of(const Picture& picture, const Cover& cover, const Silhouette& silhouette,
-                       double ring_px) {
+ColourCells colour_cells(const Picture& picture, const Cover& cover) {
+  constexpr int kMedianPx = 5;
+  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
+  cv::Mat smooth;
+  cv::medianBlur(from, smooth, kMedianPx);
+  ColourCells cells;
+  cells.width = picture.width;
+  cells.height = picture.height;
+  cells.cell.reserve(from.total());
+  for (int y = 0; y < smooth.rows; ++y) {
+    const auto* rgb = smooth.ptr<std::uint8_t>(y);
+    for (int x = 0; x < smooth.cols; ++x, rgb += 3)
+      cells.cell.push_back(cover.at(x, y) ? ColourCells::kCovered : cell_of(rgb));
+  }
+  return cells;
+}
+
+ColourModel colours_of(const ColourCells& cells, const Silhouette& silhouette, double ring_px) {
   constexpr float kSeamPx = 4;
   cv::Mat outside(silhouette.height, silhouette.width, CV_8U), inside(outside.size(), CV_8U);
   for (int y = 0; y < silhouette.height; ++y) {
@@ -55,8 +90,8 @@ ColourModel colours_of(const Picture& picture, const Cover& cover, const Silhoue
   const auto shrink = static_cast<float>(silhouette.shrink);
   for (int y = 0; y < silhouette.height; ++y) {
     for (int x = 0; x < silhouette.width; ++x) {
-      if (cover.at(x * silhouette.shrink, y * silhouette.shrink)) continue;
-      const std::size_t cell = colour_cell(picture.pixel(x * silhouette.shrink, y * silhouette.shrink));
+      const std::uint16_t cell = cells.at(x * silhouette.shrink, y * silhouette.shrink);
+      if (cell == ColourCells::kCovered) continue;
       if (silhouette.at(x, y) > 0) {
         if (shrink * to_border.at<float>(y, x) < kSeamPx) continue;
         model.within[cell] += 1;

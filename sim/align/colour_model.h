@@ -14,27 +14,32 @@
 
 namespace kiroku::sim {
 
-inline constexpr std::size_t kColours = 16 * 16 * 16;
+/// Colours are told by red's and green's share of the light, and coarsely by how much light there is. Light
+/// falls off, and tissue has lighter and darker spots: both leave the shares as they are.
+inline constexpr std::size_t kRedCells = 32, kGreenCells = 32, kLightCells = 8,
+                             kColours = kRedCells * kGreenCells * kLightCells;
 
-/// The number of a colour's cell.
-inline std::size_t colour_cell(const std::uint8_t* rgb) {
-  constexpr unsigned kDropped = 4, kBits = 4;
-  return (static_cast<std::size_t>(rgb[0] >> kDropped) << (2 * kBits)) |
-         (static_cast<std::size_t>(rgb[1] >> kDropped) << kBits) |
-         static_cast<std::size_t>(rgb[2] >> kDropped);
-}
+/// For each pixel the number of its colour's cell.
+struct ColourCells {
+  static constexpr std::uint16_t kCovered = 0xffff;  // nothing is known of what is below
+  int width = 0, height = 0;
+  std::vector<std::uint16_t> cell;  // (height x width)
+  [[nodiscard]] std::uint16_t at(int x, int y) const {
+    return cell[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
+  }
+};
+/// After a median over 5 x 5 pixels, which takes noise and the blocks of a codec, and leaves borders in
+/// place.
+ColourCells colour_cells(const Picture& picture, const Cover& cover);
 
 struct ColourModel {
   std::array<float, kColours> within{}, around{};  // shares, each of sum 1
   std::array<float, kColours> evidence{};          // log(within / around), bounded; 0 for what was not seen
-
-  [[nodiscard]] double evidence_of(const std::uint8_t* rgb) const { return evidence[colour_cell(rgb)]; }
 };
 
 /// Of the pixels within the silhouette and of those around it, a ring of `ring_px`; both without a seam along
 /// the outline and without what is covered. Without colours where one of the two is not in the picture.
-ColourModel colours_of(const Picture& picture, const Cover& cover, const Silhouette& silhouette,
-                       double ring_px);
+ColourModel colours_of(const ColourCells& cells, const Silhouette& silhouette, double ring_px);
 /// `share` of the newer.
 ColourModel mixed(const ColourModel& old, const ColourModel& newer, double share);
 

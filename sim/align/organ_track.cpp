@@ -78,6 +78,7 @@ class OrganTrack::Following {
     const Picture picture = scaled_down(given, kLesserSidePx);
     pinhole_ = pinhole_of(field_deg_, picture.width, picture.height);
     cover_ = cover_of(picture);
+    cells_ = colour_cells(picture, cover_);
     points_.follow(picture, cover_);
     AlignedMoment moment = place_ && !lost_ ? follow(picture) : find(picture);
     moment.time_ns = time_ns;
@@ -123,7 +124,7 @@ class OrganTrack::Following {
     if (!silhouette) return;
     const double ring_px =
         0.5 * pinhole_.focal_px * surface_.radius_m / -fit.camera.view_m(surface_.middle_m).z();
-    const ColourModel seen = colours_of(picture, cover_, *silhouette, ring_px);
+    const ColourModel seen = colours_of(cells_, *silhouette, ring_px);
     colours_ = colours_ ? mixed(*colours_, seen, kShare) : seen;
   }
 
@@ -142,12 +143,12 @@ class OrganTrack::Following {
       expected.covariance_m2 += kUnseenM * kUnseenM * MotionCovariance::Identity();
     }
     const ColourModel* const colours = colours_ ? &*colours_ : nullptr;
-    auto fit = fit_outline(picture, cover_, surface_, pinhole_, expected, colours, {16, 5, 6});
+    auto fit = fit_outline(cells_, surface_, pinhole_, expected, colours, {16, 5, 6});
     if (!fit || !is_outlined(*fit)) {
       // Flow may have followed what shines, or a tool: once more from where the organ was, and wide.
       const Expected before{place_->camera,
                             place_->covariance_m2 + kUnseenM * kUnseenM * MotionCovariance::Identity()};
-      const auto wide = fit_outline(picture, cover_, surface_, pinhole_, before, colours, {32, 9, 6});
+      const auto wide = fit_outline(cells_, surface_, pinhole_, before, colours, {32, 9, 6});
       if (wide && (!fit || wide->misfit_px < fit->misfit_px)) fit = wide;
     }
     if (!fit || !is_outlined(*fit)) return lost(WhyLost::kHidden, fit ? &*fit : nullptr);
@@ -173,7 +174,7 @@ class OrganTrack::Following {
       Expected near = *place_;
       constexpr double kAwayM = 0.03;
       near.covariance_m2 += kAwayM * kAwayM * MotionCovariance::Identity();
-      const auto fit = fit_outline(picture, cover_, surface_, pinhole_, near, &*colours_, {40, 12, 6});
+      const auto fit = fit_outline(cells_, surface_, pinhole_, near, &*colours_, {40, 12, 6});
       if (fit && explains(*fit) && is_borne_out(*fit)) return found(picture, *fit, 0);
     }
     if (pictures_lost_ <= searched_at_ + waits_) return lost(WhyLost::kNotLooked);
@@ -211,6 +212,7 @@ class OrganTrack::Following {
   int width_ = 0, height_ = 0;
   Pinhole pinhole_;
   Cover cover_;                    // of the picture that was taken last
+  ColourCells cells_;              // likewise
   std::optional<Expected> place_;  // the last that was held
   bool lost_ = true;
   std::optional<ColourModel> colours_;

@@ -24,15 +24,9 @@ struct Line {
   bool supported = false, covered = false;
 };
 
-const std::uint8_t* pixel_at(const Picture& picture, const Eigen::Vector2d& at) {
-  const auto x = std::lround(at.x()), y = std::lround(at.y());
-  if (x < 0 || y < 0 || x >= picture.width || y >= picture.height) return nullptr;
-  return picture.pixel(static_cast<int>(x), static_cast<int>(y));
-}
-
 /// The border along one normal: each place is as likely as the evidence within it and against what is beyond.
-void seek_border(const Picture& picture, const Cover& cover, const ColourModel& model,
-                 const OutlinePoint& point, int reach, Line& line) {
+void seek_border(const ColourCells& cells, const ColourModel& model, const OutlinePoint& point, int reach,
+                 Line& line) {
   constexpr double kShared = 0.25;  // neighbouring pixels say the same: of four, one counts
   const int count = 2 * reach + 1;
   std::vector<double> evidence(static_cast<std::size_t>(count), 0);
@@ -40,13 +34,14 @@ void seek_border(const Picture& picture, const Cover& cover, const ColourModel& 
   int covered = 0;
   for (int i = 0; i < count; ++i) {
     const Eigen::Vector2d at = point.pixel + (i - reach) * point.outward;
-    const auto* const rgb = pixel_at(picture, at);
-    if (rgb == nullptr) continue;
-    if (cover.at(static_cast<int>(std::lround(at.x())), static_cast<int>(std::lround(at.y())))) {
+    const int x = static_cast<int>(std::lround(at.x())), y = static_cast<int>(std::lround(at.y()));
+    if (x < 0 || y < 0 || x >= cells.width || y >= cells.height) continue;
+    const std::uint16_t cell = cells.at(x, y);
+    if (cell == ColourCells::kCovered) {
       ++covered;
       continue;
     }
-    evidence[static_cast<std::size_t>(i)] = model.evidence_of(rgb);
+    evidence[static_cast<std::size_t>(i)] = model.evidence[cell];
     shows_tissue[static_cast<std::size_t>(i)] = true;
   }
   double all = 0;
@@ -91,9 +86,9 @@ void seek_border(const Picture& picture, const Cover& cover, const ColourModel& 
   line.covered = !line.supported && covered >= kMuch * count;
 }
 
-std::vector<Line> lines_of(const Picture& picture, const Cover& cover, const OrganSurface& surface,
-                           const Pinhole& pinhole, const Camera& camera, const Outline& outline,
-                           const ColourModel& model, int reach) {
+std::vector<Line> lines_of(const ColourCells& cells, const OrganSurface& surface, const Pinhole& pinhole,
+                           const Camera& camera, const Outline& outline, const ColourModel& model,
+                           int reach) {
   const Vector3 middle = camera.view_m(surface.middle_m);
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   for (const OutlinePoint& point : outline.points) centre += point.pixel / double(outline.points.size());
@@ -104,7 +99,7 @@ std::vector<Line> lines_of(const Picture& picture, const Cover& cover, const Org
     line.view_m = point.view_m;
     line.derivative = point.outward.transpose() * pinhole.derivative(point.view_m, middle, surface.radius_m);
     line.angle = std::atan2(point.pixel.y() - centre.y(), point.pixel.x() - centre.x());
-    seek_border(picture, cover, model, point, reach, line);
+    seek_border(cells, model, point, reach, line);
   }
   std::ranges::sort(lines, {}, &Line::angle);
   return lines;
@@ -194,7 +189,7 @@ MotionCovariance better_known(const MotionCovariance& a, const MotionCovariance&
   return inverse(axes * directions.eigenvalues().cwiseMax(1).asDiagonal() * axes.transpose());
 }
 
-void judge(const Picture& picture, const Cover& cover, const Silhouette& silhouette, const Outline& outline,
+void judge(const ColourCells& cells, const Silhouette& silhouette, const Outline& outline,
            const ColourModel& model, const std::vector<Line>& lines, OutlineFit& fit) {
   fit.lines = lines.size();
   fit.share_in_picture = outline.share_in_picture;
@@ -217,9 +212,10 @@ void judge(const Picture& picture, const Cover& cover, const Silhouette& silhoue
   for (int y = 0; y < silhouette.height; y += kStep) {
     for (int x = 0; x < silhouette.width; x += kStep) {
       if (!(silhouette.at(x, y) > 0)) continue;
-      if (cover.at(x * silhouette.shrink, y * silhouette.shrink)) continue;
+      const std::uint16_t cell = cells.at(x * silhouette.shrink, y * silhouette.shrink);
+      if (cell == ColourCells::kCovered) continue;
       all += 1;
-      if (model.evidence_of(picture.pixel(x * silhouette.shrink, y * silhouette.shrink)) > 0) with += 1;
+      if (model.evidence[cell] > 0) with += 1;
     }
   }
   fit.agreement = all > 0 ? with / all : 0;
@@ -227,7 +223,7 @@ void judge(const Picture& picture, const Cover& cover, const Silhouette& silhoue
 
 }  // namespace
 
-std::optional<OutlineFit> fit_outline(const Picture& picture, const Cover& cover, const OrganSurface& surface,
+std::optional<OutlineFit> fit_outline(const ColourCells& cells, const OrganSurface& surface,
                                       const Pinhole& pinhole, const Expected& expected,
                                       const ColourModel* model, const OutlineFitOptions& options) {
   OutlineFit fit;
@@ -238,24 +234,23 @@ std::optional<OutlineFit> fit_outline(const Picture& picture, const Cover& cover
   ColourModel own;
   for (int round = 0; round <= options.rounds; ++round) {
     const auto silhouette =
-        silhouette_of(surface, fit.camera, pinhole, picture.width, picture.height, options.shrink);
+        silhouette_of(surface, fit.camera, pinhole, cells.width, cells.height, options.shrink);
     if (!silhouette) return {};
     const Outline outline =
         outline_of(surface, fit.camera, pinhole, *silhouette, options.spacing_px, kMarginPx);
     if (outline.points.size() < kLeastLines || outline.share_in_picture < kLeastShare) return {};
-    if (model == nullptr) own = colours_of(picture, cover, *silhouette, ring_px);
+    if (model == nullptr) own = colours_of(cells, *silhouette, ring_px);
     const ColourModel& colours = model != nullptr ? *model : own;
     constexpr double kLeastReach = 7;
     const int reach = static_cast<int>(
         std::max(kLeastReach, options.reach_px * (1 - double(round) / std::max(1, options.rounds))));
-    const std::vector<Line> lines =
-        lines_of(picture, cover, surface, pinhole, fit.camera, outline, colours, reach);
+    const std::vector<Line> lines = lines_of(cells, surface, pinhole, fit.camera, outline, colours, reach);
     const Normal normal = normal_of(lines);
     if (normal.scale_px == 0) return {};
     const double shared = correlation_length(normal.residuals);
     const Motion from_expected = motion_between(surface, expected.camera, fit.camera);
     if (round == options.rounds) {
-      judge(picture, cover, *silhouette, outline, colours, lines, fit);
+      judge(cells, *silhouette, outline, colours, lines, fit);
       // What residuals cannot show: a border seen so far outside, or inside, all along.
       constexpr double kSwellingPx = 0.5, kFloor = 1e-6;
       const MotionCovariance covariance =

@@ -55,7 +55,7 @@ inline constexpr double kWorstPx = 8;
 /// better (the largest ellipsoid within both: Benaskeur, "Consistent Fusion of Correlated Data Sources",
 /// IECON 2002), as errors of an outline are alike in successive pictures. So what the outline does not
 /// determine keeps the uncertainty of the expectation.
-std::optional<OutlineFit> fit_outline(const Picture& picture, const Cover& cover, const OrganSurface& surface,
+std::optional<OutlineFit> fit_outline(const ColourCells& cells, const OrganSurface& surface,
                                       const Pinhole& pinhole, const Expected& expected,
                                       const ColourModel* model, const OutlineFitOptions& options = {});
 

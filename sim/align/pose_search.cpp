@@ -271,12 +271,13 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
   constexpr std::size_t kTried = 48;
   if (hypotheses.size() > kTried) hypotheses.resize(kTried);
 
+  const ColourCells cells = colour_cells(picture, cover);
   const double unknown_m = 0.5 * range_.farthest_m;
   const MotionCovariance unknown_m2 = unknown_m * unknown_m * MotionCovariance::Identity();
   const auto fitted = [&](const std::vector<Camera>& from, const OutlineFitOptions& options) {
     std::vector<std::optional<OutlineFit>> each(from.size());
     for_each_part(from.size(), cores(), [&](std::size_t i) {
-      each[i] = fit_outline(picture, cover, surface_, pinhole, {from[i], unknown_m2}, nullptr, options);
+      each[i] = fit_outline(cells, surface_, pinhole, {from[i], unknown_m2}, nullptr, options);
     });
     std::vector<OutlineFit> fits;
     for (const auto& fit : each) {

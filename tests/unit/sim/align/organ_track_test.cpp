@@ -37,6 +37,36 @@ TEST_F(OrganTrackTest, FindsAndFollowsAnOrganWithinThreeOfItsStatedErrors) {
   }
 }
 
+/// Livers, fat and a black border in hard patches, as films of operations have them.
+Picture patches_of_tissue() {
+  constexpr std::array<Rgb, 5> kTissues{
+      {{72, 32, 32}, {128, 62, 64}, {214, 176, 112}, {8, 6, 6}, {100, 50, 52}}};
+  Picture picture(EndoscopeScene::kWidth, EndoscopeScene::kHeight);
+  constexpr int kPatchPx = 56;
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      const int bent = x + static_cast<int>(20 * std::sin(y / 40.0));
+      const auto& tissue = kTissues[static_cast<std::size_t>((bent / kPatchPx + 2 * (y / 150)) % 5)];
+      std::copy(tissue.begin(), tissue.end(), picture.pixel(x, y));
+    }
+  }
+  return picture;
+}
+
+TEST_F(OrganTrackTest, FindsAnOrganOfLightAndDarkPatchesBeforeOtherTissue) {
+  EndoscopeScene patched(test::liver_like_mesh({32, 10, 24}), patches_of_tissue());
+  OrganTrack track(plan_mesh(), EndoscopeScene::kFieldDeg);
+  for (int i = 0; i < 3; ++i) {
+    const EndoscopeScene::Look seen = look(8 + 2 * i);
+    const AlignedMoment moment = track.take(i, patched.picture(seen));
+    ASSERT_TRUE(moment.held()) << i << ": " << name_of(moment.why) << ", misfit " << moment.misfit_px
+                               << ", supported " << moment.supported;
+    const double error_m = way_between_m(surface_, moment.camera, seen.camera);
+    EXPECT_LT(error_m, 3e-3) << i;
+    EXPECT_LT(error_m, 3 * moment.standard_error_m) << i;
+  }
+}
+
 /// Each pixel twice in both directions, or every second one.
 Picture resized(const Picture& picture, bool larger) {
   Picture made(larger ? 2 * picture.width : picture.width / 2,
