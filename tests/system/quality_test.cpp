@@ -76,8 +76,9 @@ TEST_F(QualityTest, SaysEverywhereWhatItDidNotTryAndWhatTheFilmHasLost) {
       nlohmann::json::parse(read_text(folder() / "out/quality.json")).at("clips").at(0);
   EXPECT_EQ(clip.at("coded_as"), "ffv1");
   EXPECT_EQ(clip.at("coding_loses"), "no");
-  if (has_tool("pdftotext"))
+  if (has_tool("pdftotext")) {
     EXPECT_THAT(tool({"pdftotext", "-layout", path("out/quality.pdf"), "-"}).out, HasSubstr(kSentence));
+  }
 
   // However long the film is, and however little of it is measured.
   const ProcessResult part = kiroku(
