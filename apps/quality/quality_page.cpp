@@ -61,6 +61,7 @@ tr.ours td:first-child { font-weight: 600; }
 <h2>Figures</h2>
 <p id="facts"></p>
 <div class="table"><table id="table"></table></div>
+<div id="refused"></div>
 <p class="small">Bold: what Kiroku's recorder writes. Fine texture: the share of the original's energy in patterns of about four pixels that comes back in phase. False: energy there that the original does not have. dE: CIEDE2000; about 1 can just be told apart side by side.</p>
 <h2>By rate</h2>
 <div class="plots" id="plots"></div>
@@ -208,6 +209,7 @@ function open() {
     tr.classList.toggle('ours', one.codings.some((coding) => coding.name === row[0] && coding.ours));
     return tr;
   }));
+  $('refused').replaceChildren(...one.refused.map((text) => Object.assign(document.createElement('p'), { textContent: text })));
   $('plots').replaceChildren(...one.plots.map((plot) => Object.assign(new Image(), { src: 'data:image/svg+xml;base64,' + plot.svg, alt: plot.name })));
   const pictures = one.shown.length > 0;
   $('panes').hidden = !pictures;
@@ -270,6 +272,7 @@ std::string quality_page(const std::vector<ClipResult>& clips) {
     data["clips"].push_back({{"name", clip.name},
                              {"facts", quality_facts(clip)},
                              {"table", quality_table(clip)},
+                             {"refused", not_tried(clip)},
                              {"shown", clip.trial.facts.shown},
                              {"codings", std::move(codings)},
                              {"plots", std::move(plots)}});

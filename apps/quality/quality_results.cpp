@@ -84,6 +84,37 @@ trainer::Plot plot_of(const ClipResult& clip, const Measure& measure) {
   return plot;
 }
 
+const char* word_of(recorder::CodingLoss loss) {
+  switch (loss) {
+    case recorder::CodingLoss::kNone:
+      return "no";
+    case recorder::CodingLoss::kPossible:
+      return "possibly";
+    case recorder::CodingLoss::kCertain:
+      return "yes";
+    case recorder::CodingLoss::kUnknown:
+      break;
+  }
+  return "unknown";
+}
+
+/// What the film's own coding has taken before; "" where that is nothing.
+std::string loss_sentence(const recorder::SourceCoding& coding) {
+  const std::string named = coding.name.empty() ? "" : " (" + coding.name + ")";
+  constexpr const char* kRest = ": what that has lost is missing before, and all figures are of the rest.";
+  switch (coding.loss) {
+    case recorder::CodingLoss::kNone:
+      return "";
+    case recorder::CodingLoss::kPossible:
+      return " The film may be compressed itself" + named + kRest;
+    case recorder::CodingLoss::kCertain:
+      return " The film is compressed itself" + named + kRest;
+    case recorder::CodingLoss::kUnknown:
+      break;
+  }
+  return " Whether the film is compressed itself" + named + " is not known.";
+}
+
 }  // namespace
 
 std::vector<std::vector<std::string>> quality_table(const ClipResult& clip) {
@@ -104,7 +135,6 @@ std::vector<std::vector<std::string>> quality_table(const ClipResult& clip) {
 
 std::string quality_facts(const ClipResult& clip) {
   const recorder::ClipFacts& facts = clip.trial.facts;
-  const double rate = static_cast<double>(facts.file_bytes) * 8 / facts.seconds * 1e-6;
   std::string text = clip.name + ": " + facts.pictures_are + ", " + std::to_string(facts.pictures) +
                      " pictures measured, " + fixed(facts.seconds, 1) + " s. ";
   text += facts.whole_picture
@@ -112,21 +142,22 @@ std::string quality_facts(const ClipResult& clip) {
                     " of it), so that texture is measured in the whole picture. "
               : percent(facts.tissue) + " of it is lit tissue, in which texture is measured. ";
   text += "Its fine texture has " + fixed(facts.fine_texture, 2) + " of 255 steps (root mean square).";
-  // A whole file may be longer than the stretch that was measured: then its rate is not known.
-  constexpr double kOfCompressed = 50;
-  if (rate < kOfCompressed)
-    text += " The film is compressed itself (at most " + fixed(rate, 1) +
-            " Mbit/s): what that has lost is missing before, and all figures are of the rest.";
+  text += loss_sentence(facts.coding);
   return text;
+}
+
+std::vector<std::string> not_tried(const ClipResult& clip) {
+  std::vector<std::string> sentences;
+  for (const CodingFigures& one : clip.trial.codings) {
+    if (!one.refused.empty()) sentences.push_back(one.coding.name() + " was not tried: " + one.refused);
+  }
+  return sentences;
 }
 
 std::string quality_text(const ClipResult& clip) {
   std::string text =
       printable(quality_facts(clip)) + "\n\n" + format_table(quality_table(clip), "lrrrrrrrrrr", 0);
-  for (const CodingFigures& one : clip.trial.codings) {
-    if (!one.refused.empty())
-      text += "\n" + one.coding.name() + " was not tried: " + printable(one.refused) + "\n";
-  }
+  for (const std::string& sentence : not_tried(clip)) text += "\n" + printable(sentence) + "\n";
   return text;
 }
 
@@ -171,17 +202,20 @@ ordered_json quality_json(const std::vector<ClipResult>& clips) {
       }
       codings.push_back(std::move(entry));
     }
-    all["clips"].push_back({{"clip", clip.name},
-                            {"pictures_are", facts.pictures_are},
-                            {"rate", facts.rate},
-                            {"pictures", facts.pictures},
-                            {"seconds", facts.seconds},
-                            {"file_bytes", facts.file_bytes},
-                            {"tissue_share", facts.tissue},
-                            {"texture_measured_in", facts.whole_picture ? "whole picture" : "lit tissue"},
-                            {"fine_texture_rms", facts.fine_texture},
-                            {"shown_pictures", facts.shown},
-                            {"codings", std::move(codings)}});
+    all["clips"].push_back(
+        {{"clip", clip.name},
+         {"pictures_are", facts.pictures_are},
+         {"coded_as", facts.coding.name.empty() ? ordered_json(nullptr) : ordered_json(facts.coding.name)},
+         {"coding_loses", word_of(facts.coding.loss)},
+         {"rate", facts.rate},
+         {"pictures", facts.pictures},
+         {"seconds", facts.seconds},
+         {"file_bytes", facts.file_bytes},
+         {"tissue_share", facts.tissue},
+         {"texture_measured_in", facts.whole_picture ? "whole picture" : "lit tissue"},
+         {"fine_texture_rms", facts.fine_texture},
+         {"shown_pictures", facts.shown},
+         {"codings", std::move(codings)}});
   }
   return all;
 }
@@ -205,6 +239,7 @@ Bytes quality_pdf(const std::vector<ClipResult>& clips) {
     // A4 has no room for it; the page and the JSON have it.
     for (auto& row : block.table) row.erase(row.begin() + kMiddleTextureColumn);
     blocks.push_back(std::move(block));
+    for (const std::string& sentence : not_tried(clip)) blocks.push_back({"", sentence, {}, {}});
     for (const Measure& measure : measures()) blocks.push_back({"", "", {}, plot_of(clip, measure)});
   }
   return trainer::report_pdf("What each coding leaves of a clip", blocks);

@@ -21,7 +21,9 @@ struct ClipResult {
 std::string quality_facts(const ClipResult& clip);
 /// A row for each coding that was tried; the first is the head.
 std::vector<std::vector<std::string>> quality_table(const ClipResult& clip);
-/// Both for a terminal, and what was refused.
+/// A sentence for each coding that was refused, with the reason.
+std::vector<std::string> not_tried(const ClipResult& clip);
+/// All of that for a terminal.
 std::string quality_text(const ClipResult& clip);
 /// Everything but pictures: what 'quality.json' holds.
 nlohmann::ordered_json quality_json(const std::vector<ClipResult>& clips);

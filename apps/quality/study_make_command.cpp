@@ -305,9 +305,8 @@ void add_study_make_command(Command& study) {
   command.explain(
       "Each film is coded, decoded, and kept as lossless H.264, which takes nothing more away: every sample "
       "is compared. All films have one size, one time and random names; every reader sees them in a random "
-      "order of their own, with each coding as often in each part of it. Nobody sees by the folder which "
-      "film "
-      "is which, unless they take the films apart.");
+      "order of their own, with each coding as often as the others in each part of it, or once more. Nobody "
+      "sees by the folder which film is which, unless they take the films apart.");
   command.example("kiroku quality study make emr-*.mkv -o reading -r age1...",
                   "two readers, MPEG-2 of 4 Mbit/s beside uncompressed");
   command.example(

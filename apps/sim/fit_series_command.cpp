@@ -132,7 +132,11 @@ nlohmann::ordered_json json_of(const FitSeriesRequest& request, const sim::Serie
         {"rotation_scatter_degrees",
          vector_json(degrees(1) / kMillimetres *
                      deviations_mm(fit.pose_covariance.bottomRightCorner<3, 3>()))}};
-    if (fit.waveform.periodic()) object["cycle_s"] = fit.waveform.duration_s();
+    if (fit.waveform.periodic()) {
+      object["cycle_s"] = fit.waveform.duration_s();
+      object["cycle_error_s"] =
+          fit.cycle ? nlohmann::ordered_json(fit.cycle->error_s) : nlohmann::ordered_json(nullptr);
+    }
     object["rib_cage"] = group_json(fit.motion.rib_cage, fit.rib_cage);
     object["diaphragm"] = group_json(fit.motion.diaphragm, fit.diaphragm);
   }
@@ -195,8 +199,13 @@ void print_fit(const FitSeriesRequest& request, const sim::SeriesFit& fit,
     std::cout << "  from one view neither the depth nor a turn is sure: either can be off by millimetres and "
                  "degrees, and the amplitudes with them\n";
   }
-  if (fit.waveform.periodic())
-    std::cout << "  a breath lasts " << number_text(fit.waveform.duration_s(), 4) << " s\n";
+  if (fit.cycle) {
+    std::cout << "  a breath lasts " << number_text(fit.cycle->cycle_s, 4) << " +/- "
+              << number_text(fit.cycle->error_s, 2) << " s\n";
+  } else if (fit.waveform.periodic()) {
+    std::cout << "  a breath lasts " << number_text(fit.waveform.duration_s(), 4)
+              << " s, as the model says: the series is too short to tell\n";
+  }
   print_group("rib cage   ", fit.motion.rib_cage, fit.rib_cage);
   print_group("diaphragm  ", fit.motion.diaphragm, fit.diaphragm);
   std::cout << "  gradient correlation " << number_text(fit.similarity_before, 3) << ", "

@@ -37,6 +37,8 @@ class Clip {
   [[nodiscard]] Rational frame_rate() const { return source_->frame_rate(); }
   /// Of a sample.
   [[nodiscard]] int depth() const;
+  /// What the film's pictures were coded with before.
+  [[nodiscard]] SourceCoding coding() const { return source_->coding(); }
   /// The film's own pictures, for people.
   [[nodiscard]] std::string described() const { return given_.to_string(); }
 
@@ -51,8 +53,9 @@ class Clip {
   std::unique_ptr<class FrameFilter> filter_;  // null where pictures are taken as they come
 };
 
-/// `frame` as `wanted`, of the same size; the range is kept or changed with it. The filter is made when it is
-/// needed first and stays with its owner.
+/// `frame` as `wanted`, of the same size; the range is kept or changed with it. The frame's range stands in
+/// its color_range, not in its format's name (source/source.h, state_range_apart()). The filter is made when
+/// it is needed first and stays with its owner.
 media::Frame as_format(media::Frame frame, const PictureFormat& wanted,
                        std::unique_ptr<class FrameFilter>& filter);
 

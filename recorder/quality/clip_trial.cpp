@@ -52,6 +52,7 @@ class Survey {
     Clip clip(file, options.stretch);
     const PictureFormat& format = clip.format();
     facts.pictures_are = clip.described();
+    facts.coding = clip.coding();
     facts.width = format.width;
     facts.height = format.height;
     facts.depth = clip.depth();

@@ -31,6 +31,7 @@ inline constexpr double kShortestClipSeconds = 1;
 /// A clip's own facts, before it is coded.
 struct ClipFacts {
   std::string pictures_are;  // "1280x720 yuv420p"
+  SourceCoding coding;       // of the file
   int width = 0, height = 0, depth = 8;
   double rate = 0;     // pictures a second, nominal
   double seconds = 0;  // that its pictures last

@@ -249,6 +249,8 @@ class RoundTrip::Impl {
       const int received = avcodec_receive_frame(decoder_.get(), frame.get());
       if (received == AVERROR(EAGAIN) || received == AVERROR_EOF) return;
       require(received, action);
+      // Else libswscale would take full range for limited (clip.h, as_format()).
+      state_range_apart(*frame);
       take(std::move(frame));
     }
   }

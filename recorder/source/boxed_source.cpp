@@ -101,6 +101,7 @@ class BoxedSource : public Source {
   [[nodiscard]] std::optional<SoundFormat> sound_format() const override { return sound_; }
   [[nodiscard]] bool is_live() const override { return live_; }
   [[nodiscard]] std::string input() const override { return input_; }
+  [[nodiscard]] SourceCoding coding() const override { return coding_; }
   [[nodiscard]] std::string remark() const override { return remark_; }
 
   std::optional<TimedFrame> read() override {
@@ -247,6 +248,9 @@ class BoxedSource : public Source {
                 std::to_string(rate_.denominator) + " times a second";
         throw Error("a rate cannot be");
       }
+      const json& coding = facts.at("coding");
+      coding_.name = printable(coding.at(0).get<std::string>().substr(0, kLongestText));
+      coding_.loss = static_cast<CodingLoss>(within(coding.at(1), 0, static_cast<int>(CodingLoss::kCertain)));
       input_ = text_from(facts, "input");
       remark_ = text_from(facts, "remark");
       if (const auto sound = facts.find("sound"); sound != facts.end()) {
@@ -331,6 +335,7 @@ class BoxedSource : public Source {
   Rational rate_;
   std::optional<SoundFormat> sound_;
   bool lives_ = false, begun_ = false;
+  SourceCoding coding_;
   std::string input_, remark_;
   std::int64_t last_time_ns_ = -1;
 };

@@ -40,22 +40,29 @@ constexpr std::array<RtspTransport, 3> kRtspTransports{
     {{"tcp", "tcp", "TCP"}, {"udp", "udp", "UDP"}, {"multicast", "udp_multicast", "multicast"}}};
 constexpr AVRational kNanoseconds{1, 1'000'000'000};
 
-/// The same samples under the name that says their range apart from their layout.
-AVPixelFormat without_range(AVPixelFormat format) {
-  switch (format) {
-    case AV_PIX_FMT_YUVJ420P:
-      return AV_PIX_FMT_YUV420P;
-    case AV_PIX_FMT_YUVJ422P:
-      return AV_PIX_FMT_YUV422P;
-    case AV_PIX_FMT_YUVJ444P:
-      return AV_PIX_FMT_YUV444P;
-    case AV_PIX_FMT_YUVJ440P:
-      return AV_PIX_FMT_YUV440P;
-    case AV_PIX_FMT_YUVJ411P:
-      return AV_PIX_FMT_YUV411P;
+/// Not kCertain where the codec has a mode without loss, unless the profile rules that out.
+CodingLoss loss_of(const AVCodecContext& decoder) {
+  switch (decoder.codec_id) {
+    case AV_CODEC_ID_H264:
+      // ITU-T H.264, 7.4.2.1.1: transform bypass exists in the profiles of 4:4:4 prediction alone.
+      return decoder.profile == FF_PROFILE_UNKNOWN ||
+                     decoder.profile == FF_PROFILE_H264_HIGH_444_PREDICTIVE ||
+                     decoder.profile == FF_PROFILE_H264_CAVLC_444
+                 ? CodingLoss::kPossible
+                 : CodingLoss::kCertain;
+    case AV_CODEC_ID_HEVC:
+    case AV_CODEC_ID_VP9:
+    case AV_CODEC_ID_AV1:
+      return CodingLoss::kPossible;  // libavcodec describes them as lossy only
     default:
-      return format;
+      break;
   }
+  const AVCodecDescriptor* const described = avcodec_descriptor_get(decoder.codec_id);
+  if (described == nullptr) return CodingLoss::kUnknown;
+  const bool lossless = (described->props & AV_CODEC_PROP_LOSSLESS) != 0;
+  if ((described->props & AV_CODEC_PROP_LOSSY) != 0)
+    return lossless ? CodingLoss::kPossible : CodingLoss::kCertain;
+  return lossless ? CodingLoss::kNone : CodingLoss::kUnknown;
 }
 
 class FfmpegSource : public Source {
@@ -102,6 +109,10 @@ class FfmpegSource : public Source {
     char rate[32];
     std::snprintf(rate, sizeof rate, ", %.4g a second", double(rate_.numerator) / double(rate_.denominator));
     return format_.to_string() + rate + (transport_.empty() ? "" : ", RTSP over " + transport_);
+  }
+
+  [[nodiscard]] SourceCoding coding() const override {
+    return {avcodec_get_name(decoder_->codec_id), loss_of(*decoder_)};
   }
 
   std::optional<TimedFrame> read() override {
@@ -353,11 +364,7 @@ class FfmpegSource : public Source {
     for (;;) {
       const int received = avcodec_receive_frame(decoder_.get(), frame.get());
       if (received == 0) {
-        const auto format = static_cast<AVPixelFormat>(frame->format);
-        if (without_range(format) != format) {
-          frame->format = without_range(format);
-          frame->color_range = AVCOL_RANGE_JPEG;
-        }
+        state_range_apart(*frame);
         return frame;
       }
       if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) {

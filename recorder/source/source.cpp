@@ -27,6 +27,31 @@ PictureFormat format_of(const AVFrame& frame) {
           frame.color_trc,   frame.colorspace};
 }
 
+void state_range_apart(AVFrame& frame) {
+  AVPixelFormat plain = AV_PIX_FMT_NONE;
+  switch (frame.format) {
+    case AV_PIX_FMT_YUVJ420P:
+      plain = AV_PIX_FMT_YUV420P;
+      break;
+    case AV_PIX_FMT_YUVJ422P:
+      plain = AV_PIX_FMT_YUV422P;
+      break;
+    case AV_PIX_FMT_YUVJ444P:
+      plain = AV_PIX_FMT_YUV444P;
+      break;
+    case AV_PIX_FMT_YUVJ440P:
+      plain = AV_PIX_FMT_YUV440P;
+      break;
+    case AV_PIX_FMT_YUVJ411P:
+      plain = AV_PIX_FMT_YUV411P;
+      break;
+    default:
+      return;
+  }
+  frame.format = plain;
+  frame.color_range = AVCOL_RANGE_JPEG;
+}
+
 SoundFormat sound_format_of(const AVFrame& frame) {
   return {frame.sample_rate, frame.ch_layout.nb_channels, frame.format};
 }

@@ -39,6 +39,17 @@ struct PictureFormat {
 };
 PictureFormat format_of(const AVFrame& frame);
 
+/// Some decoders say by the name of the layout that samples are of full range (yuvj420p). The frame gets the
+/// layout's plain name, and its range stands in `color_range` alone, as encoders and filters are told it.
+void state_range_apart(AVFrame& frame);
+
+/// Whether the coding that pictures come in has taken something of them.
+enum class CodingLoss : std::uint8_t { kUnknown, kNone, kPossible, kCertain };
+struct SourceCoding {
+  std::string name;  // libavcodec's word: "h264"; "" where it is not known
+  CodingLoss loss = CodingLoss::kUnknown;
+};
+
 /// Decoded sound.
 struct SoundFormat {
   int sample_rate = 0, channels = 0;
@@ -76,6 +87,8 @@ class Source {
   [[nodiscard]] virtual bool is_live() const = 0;
   /// What comes, for people: "640x480 yuyv422, 30 a second". "" where nobody needs to be told.
   [[nodiscard]] virtual std::string input() const { return {}; }
+  /// What its pictures are coded with. Not known of what is made here (synthetic_source.h).
+  [[nodiscard]] virtual SourceCoding coding() const { return {}; }
   /// What a person should know of how it was opened: that it gives other pictures than were asked for, or
   /// comes another way. "" where there is nothing.
   [[nodiscard]] virtual std::string remark() const { return {}; }

@@ -100,6 +100,7 @@ class SourceBox {
                {"colours",
                 {format.colour_range, format.colour_primaries, format.colour_transfer, format.colour_space}},
                {"rate", {made->frame_rate().numerator, made->frame_rate().denominator}},
+               {"coding", {made->coding().name, static_cast<int>(made->coding().loss)}},
                {"input", made->input()},
                {"remark", made->remark()}};
     if (const auto sound = made->sound_format())

@@ -58,6 +58,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     Rational rate;
     std::optional<SoundFormat> sound;
     bool live = false, unboxed = false;
+    SourceCoding coding;
     std::string input, remark;
   };
 
@@ -181,7 +182,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     try {
       made = guard_->make_(address_, clock_, terms_);
       facts = {made->format(),     made->frame_rate(), made->sound_format(), made->is_live(),
-               made->is_unboxed(), made->input(),      made->remark()};
+               made->is_unboxed(), made->coding(),     made->input(),        made->remark()};
     } catch (...) {
       failure = std::current_exception();
     }
@@ -244,6 +245,7 @@ class SourceGuard::Guarded : public Source {
   [[nodiscard]] std::optional<SoundFormat> sound_format() const override { return facts_.sound; }
   [[nodiscard]] bool is_live() const override { return facts_.live; }
   [[nodiscard]] bool is_unboxed() const override { return facts_.unboxed; }
+  [[nodiscard]] SourceCoding coding() const override { return facts_.coding; }
   [[nodiscard]] std::string input() const override { return facts_.input; }
   [[nodiscard]] std::string remark() const override { return facts_.remark; }
 

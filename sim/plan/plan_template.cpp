@@ -231,8 +231,7 @@ PlanLandmarks read_plan_landmarks(const std::filesystem::path& file) {
 ordered_json plan_template(const ordered_json& document, const Plan& plan, const PlanLandmarks& landmarks) {
   std::vector<Vector3> places_m;
   for (const auto& [name, place_m] : landmarks) places_m.push_back(place_m);
-  // Landmarks that could not even be brought onto themselves carry no template.
-  const ThinPlateSpline refuses_what_tells_no_mapping(places_m, places_m);
+  check_landmarks(places_m, "the template");
   const LengthUnit unit = plan.body.unit;
   const double units = units_per_metre(unit);
   ordered_json made{{"format", kTemplateFormat}, {"name", plan.name}, {"length_unit", unit_text(unit)}};

@@ -21,19 +21,18 @@ Eigen::MatrixXd rows_of(std::span<const Vector3> places_m) {
   return rows;
 }
 
-void check_spread(std::span<const Vector3> places_m, const char* whose) {
+void check_spread(std::span<const Vector3> places_m, const std::string& whose) {
   for (std::size_t i = 0; i < places_m.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (places_m[i] == places_m[j])
-        throw Error(std::string("two landmarks of ") + whose + " lie at one place: pick them anew");
+        throw Error("two landmarks of " + whose + " lie at one place: pick them anew");
     }
   }
   Eigen::MatrixXd rows = rows_of(places_m);
   rows.rowwise() -= rows.colwise().mean().eval();
   const Eigen::VectorXd spread = Eigen::JacobiSVD<Eigen::MatrixXd>(rows).singularValues();
   if (spread[2] > ThinPlateSpline::kFlattest * spread[0]) return;
-  throw Error(std::string("the landmarks of ") + whose +
-              " lie in one plane, or on a line (their spread across it is " +
+  throw Error("the landmarks of " + whose + " lie in one plane, or on a line (their spread across it is " +
               number_text(100 * spread[2] / spread[0], 2) +
               " % of their largest): pick one more that lies well beside it");
 }
@@ -61,6 +60,14 @@ Eigen::Matrix<double, 4, 3> affine_of(std::span<const Vector3> from_m, std::span
 }
 
 }  // namespace
+
+void check_landmarks(std::span<const Vector3> places_m, const std::string& whose) {
+  if (places_m.size() < kFewest) {
+    throw Error("there are " + std::to_string(places_m.size()) + " landmarks of " + whose +
+                ", and it takes four at least: pick more");
+  }
+  check_spread(places_m, whose);
+}
 
 ThinPlateSpline::ThinPlateSpline(std::span<const Vector3> from_m, std::span<const Vector3> to_m)
     : from_m_(from_m.begin(), from_m.end()) {

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -35,6 +36,10 @@ class ThinPlateSpline {
   std::vector<Vector3> from_m_;
   Eigen::Matrix<double, Eigen::Dynamic, 3> weights_;  // (n + 4) rows: w_i, t, A by columns
 };
+
+/// Whether one organ's landmarks can tell a mapping at all. kiroku::Error in a sentence, with `whose` ("the
+/// template"), where they are fewer than four, two lie at one place, or all lie (nearly) in one plane.
+void check_landmarks(std::span<const Vector3> places_m, const std::string& whose);
 
 /// The affine mapping that fits best in the mean square; (n) distances that it leaves, m. What is known of
 /// the landmarks is as for ThinPlateSpline.

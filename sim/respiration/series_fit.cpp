@@ -584,8 +584,9 @@ class SeriesFitter {
       constexpr double kShorter = 0.6, kLonger = 1.6;
       // Less than a breath tells no cycle.
       if (span_s > kLonger * given_s) {
-        fit_.waveform = Waveform(SineWave{
-            best_cycle_s(times_s, diaphragm_m, diaphragm_weights, kShorter * given_s, kLonger * given_s)});
+        fit_.cycle =
+            fit_cycle(times_s, diaphragm_m, diaphragm_weights, kShorter * given_s, kLonger * given_s);
+        fit_.waveform = Waveform(SineWave{fit_.cycle->cycle_s});
       }
     }
     constexpr double kLeastSpanS = 8;
@@ -593,8 +594,9 @@ class SeriesFitter {
     if (!drift)
       fit_.findings.push_back("no drift was sought: the series lasts " + number_text(span_s, 3) + " s, and " +
                               number_text(kLeastSpanS) + " s are needed");
-    fit_.rib_cage = fit_wave(times_s, rib_cage_m, rib_cage_weights, fit_.waveform, drift);
-    fit_.diaphragm = fit_wave(times_s, diaphragm_m, diaphragm_weights, fit_.waveform, drift);
+    const double cycle_error_s = fit_.cycle ? fit_.cycle->error_s : 0;
+    fit_.rib_cage = fit_wave(times_s, rib_cage_m, rib_cage_weights, fit_.waveform, drift, cycle_error_s);
+    fit_.diaphragm = fit_wave(times_s, diaphragm_m, diaphragm_weights, fit_.waveform, drift, cycle_error_s);
     take(fit_.rib_cage, fit_.motion.rib_cage);
     take(fit_.diaphragm, fit_.motion.diaphragm);
   }

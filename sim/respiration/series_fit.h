@@ -9,6 +9,7 @@
 // pictures.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,6 +39,8 @@ struct SeriesMoment {
 struct SeriesFit {
   BreathingMotion motion;
   Waveform waveform{SineWave{}};  // the model's; of a sine the cycle that was found
+  /// Of a sine whose cycle was sought in the diaphragm's motion; nothing where it is the model's own.
+  std::optional<CycleFit> cycle;
   WaveFit rib_cage, diaphragm;
   /// From where the CT has the patient to where they lay; about BreathingScene::middle_m().
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -53,7 +56,7 @@ struct SeriesFit {
   double similarity_posed = 0;   // and as the patient was found to lie, without breathing
   double similarity_after = 0;   // mean of all pictures
   /// How alike the change of the pictures from their mean is to that of the DRRs by the waveform alone
-  /// (correlation of gradients), and the most that the same DRRs reach in another order.
+  /// (correlation of gradients), and the root mean square that the same DRRs reach in other orders.
   double change = 0, change_by_chance = 0;
   /// In one sentence with its numbers: why this is no fit. Empty where it is one.
   std::string refusal;

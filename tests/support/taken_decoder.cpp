@@ -89,6 +89,7 @@ class TakenSource {
                {"colours", {1, 2, 2, 2}},
                {"live", manner_ != "future"},
                {"input", "64x64"},
+               {"coding", {"ffv1", 1}},
                {"remark", ""}};
     if (manner_ == "slow") facts["rate"] = {1, INT32_MAX};
     if (manner_ == "fast") facts["rate"] = {INT32_MAX, 1};

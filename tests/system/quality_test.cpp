@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "media/film_writer.h"
 #include "tests/support/textured_film.h"
 #include "tests/system/program_test.h"
 
@@ -56,6 +57,33 @@ TEST_F(QualityTest, WritesATableAPageAndPlots) {
   const ProcessResult again =
       kiroku({"quality", clip, "--coding", "lossless", "--measured", "1", "-o", path("out"), "--force"});
   EXPECT_EQ(again.status, 0) << again.err;
+}
+
+TEST_F(QualityTest, SaysEverywhereWhatItDidNotTryAndWhatTheFilmHasLost) {
+  // RGB becomes 4:4:4, for which Matroska has no name.
+  media::FilmWriter rgb(path("rgb.mkv"), {192, 176, 3, 25, 1});
+  for (int n = 0; n < 30; ++n)
+    rgb.add({192, 176, 3, std::vector<std::uint8_t>(std::size_t{192} * 176 * 3, std::uint8_t(4 * n))});
+  rgb.finish();
+  constexpr const char* kSentence = "uncompressed was not tried: Matroska";
+  const ProcessResult made = kiroku({"quality", path("rgb.mkv"), "--coding", "lossless", "--coding",
+                                     "uncompressed", "--measured", "1", "-o", path("out")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr(kSentence));
+  EXPECT_THAT(made.out, Not(HasSubstr("compressed itself"))) << "FFV1 loses nothing";
+  EXPECT_THAT(read_text(folder() / "out/quality.html"), HasSubstr(kSentence));
+  const nlohmann::json clip =
+      nlohmann::json::parse(read_text(folder() / "out/quality.json")).at("clips").at(0);
+  EXPECT_EQ(clip.at("coded_as"), "ffv1");
+  EXPECT_EQ(clip.at("coding_loses"), "no");
+  if (has_tool("pdftotext")) {
+    EXPECT_THAT(tool({"pdftotext", "-layout", path("out/quality.pdf"), "-"}).out, HasSubstr(kSentence));
+  }
+
+  // However long the film is, and however little of it is measured.
+  const ProcessResult part = kiroku(
+      {"quality", film("film.mp4", 250), "--duration", "1s", "--coding", "lossless", "--measured", "1"});
+  EXPECT_THAT(part.out, HasSubstr("The film is compressed itself (h264): what that has lost is missing"));
 }
 
 TEST_F(QualityTest, SaysFiguresToOtherPrograms) {

@@ -62,7 +62,7 @@ std::size_t checked(int answer, int points) {
 std::optional<Interval> around(double value, double reach) {
   constexpr double kNone = 1e-6;
   if (reach < kNone) return std::nullopt;
-  return Interval{value - reach, std::min(1.0, value + reach)};
+  return Interval{std::max(-1.0, value - reach), std::min(1.0, value + reach)};
 }
 
 constexpr const char* kOneAlone = "one thing alone tells no agreement";

@@ -20,8 +20,8 @@ enum class AgreementWeights { kNone, kLinear, kQuadratic };
 struct Kappa {
   double value = 0;
   double standard_error = 0;
-  /// 95 %, cut at 1. None where the standard error is zero, as where all agree: few things that are judged
-  /// alike are no proof that all others are.
+  /// 95 %, cut at -1 and at 1, as no kappa is beyond. None where the standard error is zero, as where all
+  /// agree: few things that are judged alike are no proof that all others are.
   std::optional<Interval> interval;
 };
 struct Agreement {

@@ -181,7 +181,9 @@ ordered_json fitted_json(const FittedSeries& fitted) {
            {{"refusal", found ? ordered_json(nullptr) : ordered_json(fit.refusal)},
             {"motion", found ? motion_json(fitted.motion) : ordered_json(nullptr)},
             {"errors", found ? ordered_json{{"rib_cage", errors_json(fit.rib_cage)},
-                                            {"diaphragm", errors_json(fit.diaphragm)}}
+                                            {"diaphragm", errors_json(fit.diaphragm)},
+                                            {"cycle_s", fit.cycle ? ordered_json(fit.cycle->error_s)
+                                                                  : ordered_json(nullptr)}}
                              : ordered_json(nullptr)},
             {"similarity", {{"before", fit.similarity_before}, {"after", fit.similarity_after}}},
             {"change", fit.change},

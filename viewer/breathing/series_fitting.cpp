@@ -53,14 +53,16 @@ FittedSeries fit_to_radiographs(const BreathingBench& bench, const FitDeed& deed
   if (fitted.fit.refusal.empty()) {
     fitted.motion.motion = fitted.fit.motion;
     if (fitted.motion.cycle_s) {
-      const double cycle_s = fitted.fit.waveform.duration_s();
-      fitted.motion.cycle_s = cycle_s;
+      const sim::CycleFit cycle =
+          fitted.fit.cycle.value_or(sim::CycleFit{fitted.fit.waveform.duration_s(), 0});
+      fitted.motion.cycle_s = cycle.cycle_s;
       // A phase is the same a cycle later: the one that is nearest to where its slider was.
-      const auto near = [&](sim::GroupMotion& found, const sim::GroupMotion& start) {
-        found.phase_s += cycle_s * std::round((start.phase_s - found.phase_s) / cycle_s);
+      const auto near = [&](sim::WaveFit& found, sim::GroupMotion& motion, const sim::GroupMotion& start) {
+        shift_phase(found, std::round((start.phase_s - found.phase_s) / cycle.cycle_s), cycle);
+        motion.phase_s = found.phase_s;
       };
-      near(fitted.motion.motion.rib_cage, deed.start.motion.rib_cage);
-      near(fitted.motion.motion.diaphragm, deed.start.motion.diaphragm);
+      near(fitted.fit.rib_cage, fitted.motion.motion.rib_cage, deed.start.motion.rib_cage);
+      near(fitted.fit.diaphragm, fitted.motion.motion.diaphragm, deed.start.motion.diaphragm);
     }
     progress("looking for the tumour", 0, 1);
     fitted.tumour = seen_of(bench, fitted.fit,

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "recorder/quality/shown_film.h"
+#include "tests/support/full_range_film.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/textured_film.h"
 
@@ -86,6 +88,48 @@ TEST_F(ClipTrial, TellsWhatEachCodingLeaves) {
   // A picture beside its neighbour would be far off: what comes back is compared with what it was.
   for (const CodingFamily family : {kMpeg2, kMpeg2Chroma422, kH264, kH265})
     EXPECT_GT(*figures_of(result, family, 4'000'000).psnr, 30) << coding_word(family);
+}
+
+TEST_F(ClipTrial, TakesNoContrastOfFullRangeThatACodingDidNot) {
+  using enum CodingFamily;
+  test::write_full_range_film(folder_ / "full.mkv", 320, 192, 30);
+  ASSERT_EQ(Clip(folder_ / "full.mkv", {}).format().colour_range, AVCOL_RANGE_JPEG);
+  TrialOptions options;
+  options.measured = 2;
+  const TrialResult result =
+      try_codings(folder_ / "full.mkv",
+                  {{kMpeg2, 4'000'000}, {kLossless, 0}, {kH264, 4'000'000}, {kH265, 4'000'000}}, options);
+  for (const CodingFigures& one : result.codings) {
+    ASSERT_EQ(one.refused, "") << one.coding.name();
+    if (one.psnr) {
+      EXPECT_GT(*one.psnr, 40) << one.coding.name();
+      EXPECT_LT(one.colour_mean, 1) << one.coding.name();
+    }
+  }
+  EXPECT_TRUE(figures_of(result, kLossless).identical);
+  for (const CodingFamily family : {kH264, kH265})
+    EXPECT_GT(*figures_of(result, family, 4'000'000).psnr, 45) << coding_word(family);
+}
+
+TEST_F(ClipTrial, KnowsWhetherTheFilmsOwnCodingLoses) {
+  const auto coding_of = [&](const std::filesystem::path& file) { return Clip(file, {}).coding(); };
+  const std::filesystem::path lossy = film(320, 192, 30);
+  EXPECT_EQ(coding_of(lossy).name, "h264");
+  EXPECT_EQ(coding_of(lossy).loss, CodingLoss::kCertain);
+  test::write_full_range_film(folder_ / "ffv1.mkv", 192, 176, 30);
+  EXPECT_EQ(coding_of(folder_ / "ffv1.mkv").name, "ffv1");
+  EXPECT_EQ(coding_of(folder_ / "ffv1.mkv").loss, CodingLoss::kNone);
+  test::write_full_range_film(folder_ / "raw.mkv", 192, 176, 30, Profile::kUncompressed);
+  EXPECT_EQ(coding_of(folder_ / "raw.mkv").name, "rawvideo");
+  EXPECT_EQ(coding_of(folder_ / "raw.mkv").loss, CodingLoss::kNone);
+  // H.264 without loss: nothing but its pictures tells.
+  write_shown_film(lossy, {}, {CodingFamily::kUncompressed, 0}, folder_ / "shown.mp4", {});
+  EXPECT_EQ(coding_of(folder_ / "shown.mp4").loss, CodingLoss::kPossible);
+  // What is told of a film is what its trial tells.
+  TrialOptions options;
+  options.measured = 1;
+  options.stretch = {0, 1'000'000'000};
+  EXPECT_EQ(try_codings(lossy, {}, options).facts.coding.loss, CodingLoss::kCertain);
 }
 
 TEST_F(ClipTrial, MeasuresTheStretchThatIsAskedFor) {

@@ -4,13 +4,16 @@ extern "C" {
 #include <libavutil/frame.h>
 }
 
+#include <algorithm>
 #include <fstream>
 #include <sstream>
+#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/full_range_film.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/textured_film.h"
 
@@ -69,6 +72,34 @@ TEST_F(ShownFilmTest, ShowsWhatACodingTookAndNoMore) {
   // What is shown of what was shown is the same again.
   show(folder_ / "mpeg2.mp4", {CodingFamily::kUncompressed, 0}, "again.mp4");
   EXPECT_TRUE(same_pictures(folder_ / "mpeg2.mp4", folder_ / "again.mp4"));
+}
+
+TEST_F(ShownFilmTest, OfFullRangeIsAsBrightAndDarkWhateverTheCoding) {
+  const std::filesystem::path of = folder_ / "full.mkv";
+  test::write_full_range_film(of, 320, 192, 30);
+  const auto range_of = [](const std::filesystem::path& file) {
+    const media::Frame frame = Clip(file, {}).next();
+    int least = 255, most = 0;
+    for (int y = 0; y < frame->height; ++y) {
+      for (int x = 0; x < frame->width; ++x) {
+        const int value = frame->data[0][y * frame->linesize[0] + x];
+        least = std::min(least, value);
+        most = std::max(most, value);
+      }
+    }
+    return std::pair(least, most);
+  };
+  const auto [dark, bright] = range_of(of);
+  ASSERT_LT(dark, 5);
+  ASSERT_GT(bright, 250);
+  for (const CodingFamily family :
+       {CodingFamily::kLossless, CodingFamily::kMpeg2, CodingFamily::kH264, CodingFamily::kH265}) {
+    const std::string name = std::string(coding_word(family)) + ".mp4";
+    show(of, {family, has_rate(family) ? 4'000'000 : 0}, name);
+    const auto [least, most] = range_of(folder_ / name);
+    EXPECT_NEAR(least, dark, 6) << name;
+    EXPECT_NEAR(most, bright, 6) << name;
+  }
 }
 
 TEST_F(ShownFilmTest, TellsNothingOfTheCodingBesideItsPictures) {

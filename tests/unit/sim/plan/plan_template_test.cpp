@@ -262,7 +262,11 @@ TEST_F(PlanTemplateTest, SaysWhatIsNoTemplate) {
   own_landmarks_.erase("place 3");
   own_landmarks_.erase("place 4");
   own_landmarks_.erase("place 5");
-  EXPECT_THAT(refused([&] { (void)made(); }), HasSubstr("there are 3 landmarks"));
+  EXPECT_EQ(refused([&] { (void)made(); }),
+            "there are 3 landmarks of the template, and it takes four at least: pick more")
+      << "there is one organ here";
+  own_landmarks_["place 3"] = own_landmarks_.begin()->second;
+  EXPECT_THAT(refused([&] { (void)made(); }), HasSubstr("two landmarks of the template lie at one place"));
 }
 
 TEST_F(PlanTemplateTest, ReadsLandmarks) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -27,16 +28,92 @@ Series series_of(const GroupMotion& motion, const Waveform& waveform, double wob
 TEST(WaveFit, ASineIsFoundWithItsCycleBaselineAndDrift) {
   const GroupMotion truth{0.008, 1.1, std::nullopt, -0.003, 0.0001};
   const Series series = series_of(truth, Waveform(SineWave{4.2}), 0.0003);
-  const double cycle_s = best_cycle_s(series.times_s, series.moved_m, series.weights, 2.2, 5.8);
-  EXPECT_NEAR(cycle_s, 4.2, 0.02);
-  const WaveFit fit =
-      fit_wave(series.times_s, series.moved_m, series.weights, Waveform(SineWave{cycle_s}), true);
+  const CycleFit cycle = fit_cycle(series.times_s, series.moved_m, series.weights, 2.2, 5.8);
+  EXPECT_NEAR(cycle.cycle_s, 4.2, 4 * cycle.error_s);
+  EXPECT_LT(cycle.error_s, 0.01);
+  const WaveFit fit = fit_wave(series.times_s, series.moved_m, series.weights,
+                               Waveform(SineWave{cycle.cycle_s}), true, cycle.error_s);
   EXPECT_NEAR(fit.amplitude_m, truth.amplitude_m, 4 * fit.amplitude_error_m);
   EXPECT_NEAR(fit.baseline_m, truth.baseline_m, 4 * fit.baseline_error_m);
   EXPECT_NEAR(fit.drift_m_per_s, truth.drift_m_per_s, 4 * fit.drift_error_m_per_s);
   EXPECT_LT(fit.amplitude_error_m, 0.0001);
   EXPECT_NEAR(fit.left_m, 0.0002, 0.0001);
   EXPECT_GT(fit.explained, 0.99);
+}
+
+TEST(WaveFit, TheCycleOfALongSeriesIsFoundAsExactlyAsItIsThere) {
+  const Waveform truth(SineWave{3.6});
+  const GroupMotion motion{0.01, 0.6, std::nullopt, 0, 0};
+  for (const double lasts_s : {6, 30, 300, 600}) {
+    Series series;
+    for (int i = 0; i < 5 * lasts_s; ++i) {
+      series.times_s.push_back(0.2 * i);
+      series.moved_m.push_back(motion.moved_m(truth, 0.2 * i));
+      series.weights.push_back(1);
+    }
+    const CycleFit cycle = fit_cycle(series.times_s, series.moved_m, series.weights, 2.16, 5.76);
+    EXPECT_NEAR(cycle.cycle_s, 3.6, 1e-4) << lasts_s;
+    const WaveFit fit = fit_wave(series.times_s, series.moved_m, series.weights,
+                                 Waveform(SineWave{cycle.cycle_s}), lasts_s > 8, cycle.error_s);
+    EXPECT_NEAR(fit.phase_s, 0.6, 1e-3) << lasts_s;
+    EXPECT_NEAR(fit.amplitude_m, 0.01, 1e-5) << lasts_s;
+    EXPECT_LT(fit.left_m, 1e-5) << lasts_s;
+  }
+}
+
+/// How often a number lies within twice its standard error of the truth, and how far it and what is stated
+/// scatter.
+struct Coverage {
+  double truth = 0;
+  int within = 0, all = 0;
+  double squares = 0, stated = 0;
+  void add(double found, double error) {
+    within += std::abs(found - truth) < 2 * error ? 1 : 0;
+    ++all;
+    squares += (found - truth) * (found - truth);
+    stated += error * error;
+  }
+  [[nodiscard]] double share() const { return double(within) / all; }
+  /// 1 where what is stated is what is.
+  [[nodiscard]] double ratio() const { return std::sqrt(stated / squares); }
+};
+
+TEST(WaveFit, StandardErrorsCountThatTheCycleWasFittedToo) {
+  const Waveform truth(SineWave{3.6});
+  const GroupMotion diaphragm{0.01, 0.6, std::nullopt, 0.001, 0.00002},
+      rib_cage{0.004, 1.5, std::nullopt, 0, 0};
+  Coverage cycle_s{3.6}, phase_s{0.6}, of_rib_cage_s{1.5}, three_cycles_later_s{0.6 + 3 * 3.6},
+      as_if_known_s{0.6};
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 0.001);
+  for (int repeat = 0; repeat < 200; ++repeat) {
+    Series one, two;
+    for (int i = 0; i < 150; ++i) {
+      const double time_s = 0.2 * i;
+      for (Series* const series : {&one, &two}) {
+        series->times_s.push_back(time_s);
+        series->weights.push_back(1);
+      }
+      one.moved_m.push_back(diaphragm.moved_m(truth, time_s) + noise(random));
+      two.moved_m.push_back(rib_cage.moved_m(truth, time_s) + 0.4 * noise(random));
+    }
+    const CycleFit cycle = fit_cycle(one.times_s, one.moved_m, one.weights, 2.16, 5.76);
+    cycle_s.add(cycle.cycle_s, cycle.error_s);
+    const Waveform sine(SineWave{cycle.cycle_s});
+    WaveFit found = fit_wave(one.times_s, one.moved_m, one.weights, sine, true, cycle.error_s);
+    phase_s.add(found.phase_s, found.phase_error_s);
+    const WaveFit other = fit_wave(two.times_s, two.moved_m, two.weights, sine, true, cycle.error_s);
+    of_rib_cage_s.add(other.phase_s, other.phase_error_s);
+    as_if_known_s.add(found.phase_s,
+                      fit_wave(one.times_s, one.moved_m, one.weights, sine, true).phase_error_s);
+    shift_phase(found, 3, cycle);
+    three_cycles_later_s.add(found.phase_s, found.phase_error_s);
+  }
+  for (const Coverage* const one : {&cycle_s, &phase_s, &of_rib_cage_s, &three_cycles_later_s}) {
+    EXPECT_GT(one->share(), 0.9) << one->truth;
+    EXPECT_NEAR(one->ratio(), 1, 0.12) << one->truth;
+  }
+  EXPECT_LT(as_if_known_s.ratio(), 0.7) << "it would be another question";
 }
 
 TEST(WaveFit, ANegativeAmplitudeIsHalfACycleLater) {

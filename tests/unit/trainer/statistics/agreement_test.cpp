@@ -180,5 +180,18 @@ TEST(Agreement, SaysWhyThereIsNoKappa) {
   EXPECT_THROW(fleiss_kappa(std::vector<std::vector<int>>{{-1, 0}}, 5, Weights::kNone), UsageError);
 }
 
+TEST(Agreement, OfFewThingsHasAnIntervalThatStaysWithinWhatAKappaCanBe) {
+  // Two things, three readers: by Student's t with one degree of freedom the interval goes far beyond.
+  const std::vector<std::vector<int>> few{{0, 0, 1}, {1, 1, 1}};
+  const Agreement fleiss = fleiss_kappa(few, 2, Weights::kNone);
+  ASSERT_TRUE(fleiss.kappa && fleiss.kappa->interval);
+  EXPECT_EQ(fleiss.kappa->interval->low, -1);
+  EXPECT_EQ(fleiss.kappa->interval->high, 1);
+  const Agreement cohen = cohens_kappa(of_table({{0, 1}, {2, 1}}), 2, Weights::kNone);
+  ASSERT_TRUE(cohen.kappa && cohen.kappa->interval);
+  EXPECT_EQ(cohen.kappa->interval->low, -1);
+  EXPECT_LT(cohen.kappa->interval->high, 1);
+}
+
 }  // namespace
 }  // namespace kiroku::trainer

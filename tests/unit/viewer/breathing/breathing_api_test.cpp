@@ -224,6 +224,7 @@ TEST_F(LongSeriesApi, FitsCancelsAndFitsAgain) {
   EXPECT_NEAR(fitted["motion"]["diaphragm"]["amplitude_mm"].get<double>(), 9, 1);
   EXPECT_NEAR(fitted["motion"]["cycle_s"].get<double>(), 3.6, 0.05);
   EXPECT_GT(fitted["errors"]["diaphragm"]["amplitude_mm"], 0);
+  EXPECT_GT(fitted["errors"]["cycle_s"], 0);
   EXPECT_GT(fitted["similarity"]["after"], fitted["similarity"]["before"]);
   EXPECT_EQ(fitted["tumour"].size(), 16U);
   EXPECT_GT(std::ranges::count_if(fitted["tumour"], [](const json& one) { return !one.is_null(); }), 10);

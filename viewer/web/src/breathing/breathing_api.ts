@@ -62,7 +62,8 @@ export interface SeenTumour {
 export interface Fitted {
   refusal: string | null;
   motion: Motion | null;
-  errors: Record<Group, GroupErrors> | null;
+  /** Standard errors; of the cycle null where it was not sought. */
+  errors: (Record<Group, GroupErrors> & { cycle_s: number | null }) | null;
   similarity: { before: number; after: number };
   findings: string[];
   took_s: number;

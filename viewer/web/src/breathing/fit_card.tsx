@@ -51,6 +51,14 @@ function Found({ fitted, motion }: { fitted: Fitted; motion: Motion }) {
           </tr>
         </tbody>
       </table>
+      {found.cycle_s !== null && errors.cycle_s !== null && (
+        <p>
+          {t('breathing.cycle')}:{' '}
+          <span class="mono">
+            {found.cycle_s.toFixed(3)} ± {errors.cycle_s.toFixed(4)} s
+          </span>
+        </p>
+      )}
       <p>{t('breathing.fit.similarity', { before: similarity.before.toFixed(3), after: similarity.after.toFixed(3) })}</p>
       <p>{t('breathing.fit.seen', { n: tumour.filter((one) => one !== null).length, all: tumour.length })}</p>
       {fitted.findings.map((finding) => (
