@@ -56,7 +56,7 @@ fleet::CaseQuery query_of(const Request& request) {
   query.appliance = request.appliance;
   query.state = request.state;
   query.verdict = request.verdict;
-  query.never_verified = request.unverified;
+  query.unverified = request.unverified;
   query.needs_a_person = request.attention;
   if (request.from) query.opened_from = time_of(*request.from, "--from");
   if (request.to) query.opened_before = time_of(*request.to, "--to");
@@ -92,17 +92,18 @@ void print_table(const std::vector<fleet::FleetCase>& cases) {
                     is_there ? format_local(row.opened).substr(0, kToTheMinute) : "-",
                     row.state == "closed" && row.duration_ns ? format_duration(*row.duration_ns) : row.state,
                     format_bytes(row.bytes), verdict_of(each),
-                    row.verified ? format_local(*row.verified).substr(0, kToTheMinute) : "never"});
+                    row.verified ? format_local(*row.verified).substr(0, kToTheMinute) : "not as it is now"});
   }
   std::cout << format_table(rows, "lllrrll", 0);
 }
 
 int history(const Request& request, fleet::FleetCatalogue& catalogue) {
   if (!request.appliance) throw UsageError("say whose case it is: --appliance NAME");
-  const auto all = catalogue.verifications(*request.appliance, *request.history);
+  const std::vector<fleet::EnteredVerification> all =
+      catalogue.verifications(*request.appliance, *request.history);
   if (request.json) {
     ordered_json told = ordered_json::array();
-    for (const fleet::Verification& each : all) {
+    for (const fleet::EnteredVerification& each : all) {
       told.push_back({{"at", format_utc(each.when)},
                       {"verdict", each.verdict},
                       {"findings", each.findings},
@@ -112,7 +113,7 @@ int history(const Request& request, fleet::FleetCatalogue& catalogue) {
     return kDone;
   }
   if (all.empty()) std::cout << "It was never verified here.\n";
-  for (const fleet::Verification& each : all) {
+  for (const fleet::EnteredVerification& each : all) {
     std::cout << format_local(each.when) << "  " << printable(each.verdict)
               << (each.detail.empty() ? "" : ": " + printable(each.detail)) << "\n";
   }
@@ -197,8 +198,10 @@ int status(const Request& request) {
                 {"open", totals.open},
                 {"unreadable", totals.unreadable},
                 {"missing", totals.missing},
-                {"never_verified", totals.never_verified},
+                {"unverified", totals.unverified},
                 {"not_intact", totals.alarms},
+                {"incomplete", totals.incomplete},
+                {"unproven", totals.unproven},
                 {"not_checked", totals.unchecked},
                 {"being_verified", totals.being_verified},
                 {"enrolled", now.enrolled},
@@ -208,18 +211,20 @@ int status(const Request& request) {
   } else {
     std::cout << "in the catalogue  " << counted(totals.cases, "case", "cases") << ", "
               << format_bytes(totals.bytes) << ", " << totals.open << " of them not closed\n"
-              << "never verified    " << totals.never_verified << ", and " << totals.being_verified
-              << " being verified now\n"
+              << "not verified      " << totals.unverified << " as they are now, and "
+              << totals.being_verified << " being verified now\n"
               << "not intact        " << totals.alarms << "\n"
+              << "not proven        " << totals.incomplete << " incomplete, " << totals.unproven
+              << " unproven\n"
               << "not checked       " << totals.unchecked << ", though it was tried\n"
               << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
               << " whose ledger cannot be read\n";
     print_rooms(now);
   }
   const bool is_bad = totals.alarms + totals.missing + totals.unreadable > 0;
-  if (!request.json && (is_bad || totals.unchecked > 0))
-    std::cout << "'kiroku-fleet cases --attention' names them.\n";
-  return is_bad ? kAnswerIsNo : totals.unchecked > 0 ? kNoAnswer : kDone;
+  const bool is_unknown = totals.incomplete + totals.unproven + totals.unchecked > 0;
+  if (!request.json && (is_bad || is_unknown)) std::cout << "'kiroku-fleet cases --attention' names them.\n";
+  return is_bad ? kAnswerIsNo : is_unknown ? kNoAnswer : kDone;
 }
 
 }  // namespace
@@ -236,9 +241,11 @@ void add_fleet_cases_command(Command& program) {
   command.option("--to", "TIME", request->to, "only what began before");
   command.choice("--state", {"closed", "open", "unreadable", "missing"}, request->state, "only these", "any");
   command.option("--verdict", "VERDICT", request->verdict, "only these, such as tampered");
-  command.flag("--unverified", request->unverified, "only what was never verified");
-  command.flag("--attention", request->attention,
-               "only what needs a person: not intact, not checked, missing, or unreadable");
+  command.flag("--unverified", request->unverified,
+               "only what is not verified as it is now: never, or it changed since");
+  command.flag(
+      "--attention", request->attention,
+      "only what needs a person: not intact, incomplete, unproven, not checked, missing, or unreadable");
   command.option("--limit", "N", request->limit, "how many at most", "100");
   command.option("--after", "PLACE", request->after, "what follows the page that ended with this");
   command.option("--history", "CASE", request->history,
@@ -255,9 +262,10 @@ void add_fleet_status_command(Command& program) {
   command.explain(
       "Exit status 1 says that a case is not intact, not in the store any more, or has a ledger that cannot "
       "be read; 3 "
-      "that one could not be checked. A case that was not intact counts until a later verification says "
-      "otherwise. Appliances that report are named where they are not heard of, and where their rooms do not "
-      "share time-stamps though they should; 'kiroku-fleet rooms' has each room.");
+      "that one is incomplete or unproven, or could not be checked. A case that was not intact counts until "
+      "a later verification says otherwise. Appliances that report are named where they are not heard of, "
+      "and "
+      "where their rooms do not share time-stamps though they should; 'kiroku-fleet rooms' has each room.");
   const auto request = std::make_shared<Request>();
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);

@@ -30,7 +30,7 @@ fleet::CaseQuery query_of(const viewer::StoredCasesQuestion& question) {
   query.appliance = question.appliance;
   query.state = question.state;
   query.verdict = question.verdict;
-  query.never_verified = question.never_verified;
+  query.unverified = question.unverified;
   query.needs_a_person = question.needs_a_person;
   query.opened_from = question.opened_from;
   query.opened_before = question.opened_before;
@@ -81,8 +81,8 @@ std::vector<viewer::StoredAppliance> HospitalCases::appliances() {
   for (const fleet::ApplianceTotals& each :
        with_catalogue([](fleet::FleetCatalogue& catalogue) { return catalogue.totals_by_appliance(); })) {
     const fleet::FleetTotals& of = each.totals;
-    all.push_back({each.appliance, of.cases, of.bytes, of.open, of.never_verified, of.alarms, of.unchecked,
-                   of.missing, of.unreadable, each.newest, each.seen});
+    all.push_back({each.appliance, of.cases, of.bytes, of.open, of.unverified, of.alarms, of.incomplete,
+                   of.unproven, of.unchecked, of.missing, of.unreadable, each.newest, each.seen});
   }
   return all;
 }

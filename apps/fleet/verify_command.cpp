@@ -1,5 +1,4 @@
 // 'kiroku-fleet verify': stored cases are verified anew, by any number of workers.
-#include <algorithm>
 #include <iostream>
 #include <memory>
 
@@ -9,10 +8,9 @@
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/stored_judge.h"
+#include "apps/fleet/verified_cases.h"
 #include "apps/kiroku/told_to_end.h"
-#include "base/clock.h"
 #include "base/error.h"
-#include "base/number_text.h"
 
 namespace kiroku::apps {
 namespace {
@@ -32,12 +30,6 @@ struct Request {
   bool follow = false, all = false, json = false;
 };
 
-/// The finding that the verdict stands on, in its sentence.
-std::string gravest(const archive::VerificationReport& report) {
-  const auto worst = std::ranges::max_element(report.findings, {}, &archive::Finding::severity);
-  return worst == report.findings.end() || worst->severity == archive::Severity::kNote ? "" : worst->text;
-}
-
 class Worker {
  public:
   Worker(const FleetConfiguration& configuration, const Request& request)
@@ -48,27 +40,22 @@ class Worker {
 
   /// All that is due, one after the other, until it is told to end.
   void run() {
-    const UtcTime began = time_.utc();
+    const UtcTime began = catalogue_.now();
     // What could not be checked before may be checked by now: whoever asks for all is not told of a pause.
     if (request_.all) catalogue_.end_pauses();
     while (!told_to_end()) {
-      const UtcTime now = time_.utc();
+      fleet::FleetCatalogue::Due due{configuration_.verify_every, configuration_.settles, kLongestPending};
       // With --all what this run has verified is not due again.
-      const UtcTime verified_before = request_.all ? began : now - configuration_.verify_every;
-      const auto lease = catalogue_.lease({verified_before, configuration_.settles, kLongestPending}, kLease);
+      if (request_.all) due.verified_before = began;
+      const auto lease = catalogue_.lease(due, kLease);
       if (!lease) return;
       take(*lease);
     }
   }
 
-  /// The exit status that all so far amounts to.
-  [[nodiscard]] int status() const { return bad_ > 0 ? kAnswerIsNo : unchecked_ > 0 ? kNoAnswer : kDone; }
+  /// All so far.
+  [[nodiscard]] const VerifiedCases& verified() const { return verified_; }
   [[nodiscard]] const nlohmann::ordered_json& told() const { return told_; }
-  [[nodiscard]] std::string summary() const {
-    return counted(done_, "case", "cases") + " verified" +
-           (bad_ > 0 ? ", " + std::to_string(bad_) + " NOT INTACT" : "") +
-           (unchecked_ > 0 ? ", " + std::to_string(unchecked_) + " could not be checked" : "");
-  }
 
  private:
   void take(const fleet::Lease& lease) {
@@ -85,39 +72,31 @@ class Worker {
       }
       // The store is away, or lets this access key read nothing: that says nothing of this case, and every
       // other would fare the same.
-      catalogue_.give_back(lease, std::chrono::seconds(0), time_.utc(), "");
+      catalogue_.give_back(lease, std::chrono::seconds(0), "");
       throw;
     } catch (const std::exception& error) {
       could_not(lease, error.what());
       return;
     }
     if (!catalogue_.enter(lease, found)) {
-      ++unchecked_;
-      tell(lease, {"could-not-check", found.when, false, 0,
+      verified_.add_unchecked();
+      tell(lease, {"could-not-check", false, 0,
                    "the case changed while it was verified, or took too long: it is verified again"});
       return;
     }
-    ++done_;
-    if (found.alarm) ++bad_;
+    verified_.add(found);
     tell(lease, found);
   }
 
   /// What could not be checked has no verdict, and is tried again later.
   void could_not(const fleet::Lease& lease, const std::string& why) {
-    ++unchecked_;
-    tell(lease, {"could-not-check", time_.utc(), false, 0, why});
-    catalogue_.give_back(lease, kPause, time_.utc(), why);
+    verified_.add_unchecked();
+    tell(lease, {"could-not-check", false, 0, why});
+    catalogue_.give_back(lease, kPause, why);
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
-    const archive::VerificationReport report = judge_.judge(lease.appliance, lease.case_id, lease.changed);
-    const auto told =
-        static_cast<std::size_t>(std::ranges::count_if(report.findings, [](const archive::Finding& each) {
-          return each.severity != archive::Severity::kNote;
-        }));
-    const archive::Verdict verdict = report.verdict;
-    return {std::string(archive::verdict_name(verdict)), time_.utc(), archive::exit_status(verdict) != kDone,
-            told, gravest(report)};
+    return verification_of(judge_.judge(lease.appliance, lease.case_id, lease.changed));
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
@@ -135,10 +114,9 @@ class Worker {
 
   const FleetConfiguration& configuration_;
   const Request& request_;
-  const Clock& time_ = Clock::system();
   StoredJudge judge_;
   fleet::FleetCatalogue catalogue_;
-  std::uint64_t done_ = 0, bad_ = 0, unchecked_ = 0;
+  VerifiedCases verified_;
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 
@@ -178,9 +156,9 @@ int run(const Request& request) {
   if (request.json) {
     print_json({{"cases", worker.told()}});
   } else {
-    std::cout << worker.summary() << "\n";
+    std::cout << worker.verified().summary() << "\n";
   }
-  return worker.status();
+  return worker.verified().status();
 }
 
 }  // namespace
@@ -189,14 +167,14 @@ void add_fleet_verify_command(Command& program) {
   Command& command =
       program.add_command("verify", "verifies stored cases anew, those that wait longest first");
   command.explain(
-      "Each case that was never verified, or not for the time that [verification] says, is fetched "
+      "Each case that is not verified as it is now, or not for the time that [verification] says, is fetched "
       "from the "
       "store into a scratch folder and judged as 'kiroku-verify' does, by the key of its appliance, the "
       "roots of "
       "[verification] and the appliance's log in the store. Any number of these may run, on one machine or "
       "many: each "
-      "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one could not be "
-      "checked.");
+      "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one is incomplete or "
+      "unproven, or could not be checked.");
   const auto request = std::make_shared<Request>();
   command.flag("--all", request->all, "every case that is closed or was cut off, due or not");
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");

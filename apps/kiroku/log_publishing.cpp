@@ -1,7 +1,7 @@
 #include "apps/kiroku/log_publishing.h"
 
-#include "apps/common/format.h"
 #include "archive/storage/file_system.h"
+#include "base/number_text.h"
 #include "witness/cosigning.h"
 #include "witness/tiles.h"
 

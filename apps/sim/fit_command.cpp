@@ -75,9 +75,10 @@ std::string mean_text(const sim::Spread& spread) {
          number_text(kMillimetres * spread.deviation, 3);
 }
 
-void write_model(const FitRequest& request, const sim::BreathingMotion& motion) {
+void write_model(const FitRequest& request, const sim::BreathingModel& model,
+                 const sim::BreathingMotion& motion) {
   const fs::path output = request.output;
-  write_text_file(output, sim::with_motion(request.model, motion, fs::absolute(output).parent_path()));
+  write_text_file(output, sim::with_motion(model, request.model, motion, fs::absolute(output).parent_path()));
 }
 
 int fit_to_radiographs(const FitRequest& request, const sim::BreathingModel& model) {
@@ -89,7 +90,7 @@ int fit_to_radiographs(const FitRequest& request, const sim::BreathingModel& mod
   const auto positions =
       sim::parse_positions(sim::read_document(*request.positions), *request.positions, views.size());
   const sim::MotionFitResult found = sim::fit_motion(model, views, positions, {request.directions});
-  write_model(request, found.motion);
+  write_model(request, model, found.motion);
   if (request.json) {
     print_json({{"file", request.output},
                 {"fitted_on", *request.positions},
@@ -308,7 +309,7 @@ int fit_to_shape(const FitRequest& request, const sim::BreathingModel& model) {
     for (const std::string& warning : found.warnings) print_error("kiroku", "warning: " + warning);
   }
   if (found.refusal.empty()) {
-    write_model(request, found.motion);
+    write_model(request, model, found.motion);
     if (request.errors) {
       write_text_file(*request.errors, sim::landmark_csv(*errors, found.steps));
       write_text_file(fs::path(*request.errors).replace_extension(".svg"),

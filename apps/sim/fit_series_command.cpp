@@ -252,7 +252,7 @@ int run(const FitSeriesRequest& request) {
   if (fit.refusal.empty()) {
     const fs::path output = request.output;
     write_text_file(
-        output, sim::with_motion(request.model, fit.motion, fs::absolute(output).parent_path(),
+        output, sim::with_motion(model, request.model, fit.motion, fs::absolute(output).parent_path(),
                                  fit.waveform.periodic() ? std::optional<double>(fit.waveform.duration_s())
                                                          : std::nullopt));
     if (request.track) write_text_file(*request.track, sim::track_csv(*track));

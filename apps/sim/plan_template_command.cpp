@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -97,6 +98,8 @@ int adapt(const TemplateRequest& request) {
     throw Error("the template does not suit this organ, for what is told above: " + request.output +
                 " is not written");
   write_document(request.output, made);
+  std::vector<std::string> warnings = adapted.warnings;
+  warnings.insert(warnings.end(), reading.plan->body.warnings.begin(), reading.plan->body.warnings.end());
   if (request.json) {
     nlohmann::ordered_json fits = nlohmann::ordered_json::array();
     for (const sim::LandmarkFit& fit : adapted.fits) {
@@ -106,9 +109,11 @@ int adapt(const TemplateRequest& request) {
     print_json({{"file", request.output},
                 {"landmarks", fits},
                 {"unused", adapted.unused},
+                {"warnings", warnings},
                 {"furthest_to_surface_mm", adapted.furthest_to_surface_m * sim::kMmPerM}});
     return kDone;
   }
+  for (const std::string& warning : warnings) print_error("kiroku", "warning: " + warning);
   for (const std::string& name : adapted.unused)
     print_error("kiroku",
                 "warning: the landmark '" + name + "' is not used: only one of the two organs has it");

@@ -14,7 +14,7 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 2;
+constexpr std::int64_t kVersion = 3;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -36,7 +36,7 @@ constexpr const char* kTables[] = {
          pending      timestamptz DEFAULT now(),           -- since when nothing is known of it as it is; null once it was verified
          verdict      text,
          verified     timestamptz,
-         alarm        boolean NOT NULL DEFAULT false,      -- the newest verdict was none of a whole case, whatever changed since
+         alarm        boolean NOT NULL DEFAULT false,      -- the newest verdict says that it is not intact, whatever changed since
          unchecked    text,                                -- why the newest try gave no verdict
          leased_by    text,
          leased_until timestamptz,
@@ -57,8 +57,6 @@ constexpr const char* kTables[] = {
     R"(CREATE TRIGGER forget BEFORE UPDATE ON kiroku.cases FOR EACH ROW
          WHEN ((OLD.ledger_bytes, OLD.changed) IS DISTINCT FROM (NEW.ledger_bytes, NEW.changed))
          EXECUTE FUNCTION kiroku.forget())",
-    R"(CREATE INDEX cases_for_a_person ON kiroku.cases (opened DESC, appliance DESC, case_id DESC)
-         WHERE alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable'))",
     R"(CREATE TABLE kiroku.verifications (
          number    bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
          appliance text COLLATE "C" NOT NULL,
@@ -99,6 +97,23 @@ constexpr const char* kReportTables[] = {
     R"(CREATE TABLE kiroku.wrong_codes (
          failures bigint NOT NULL, last timestamptz NOT NULL, open_again timestamptz NOT NULL))",
     "INSERT INTO kiroku.wrong_codes VALUES (0, now(), now())",
+};
+
+#define KIROKU_NEEDS_A_PERSON                                                                         \
+  "(alarm OR unchecked IS NOT NULL OR verdict IN ('incomplete', 'unproven') OR state IN ('missing', " \
+  "'unreadable'))"
+
+// What version 3 has otherwise: an alarm says that a case is not intact, and no more that it could not be
+// proven or has no end. Of a case that changed since the history knows which of them it was.
+constexpr const char* kAlarmsOfWhatIsNotIntact[] = {
+    "DROP INDEX IF EXISTS kiroku.cases_for_a_person",
+    "CREATE INDEX cases_for_a_person ON kiroku.cases (opened DESC, appliance DESC, case_id DESC) "
+    "WHERE " KIROKU_NEEDS_A_PERSON,
+    R"(UPDATE kiroku.cases AS c SET alarm = false
+         WHERE alarm AND (SELECT v.verdict FROM kiroku.verifications AS v
+                          WHERE v.appliance = c.appliance AND v.case_id = c.case_id AND
+                                v.verdict <> 'could-not-check'
+                          ORDER BY v.number DESC LIMIT 1) IN ('incomplete', 'unproven'))",
 };
 
 // Roles belong to the whole server, and may be there from another database of it.
@@ -159,18 +174,20 @@ CatalogueRow row_of(const Postgres::Rows& rows, int at) {
   return row;
 }
 
-constexpr int kTotalsColumns = 10;
+constexpr int kTotalsColumns = 12;
 constexpr std::string_view kTotals = R"(
     count(*), least(coalesce(sum(segments), 0), 9223372036854775807)::bigint,
     least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
     count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
     count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
-    count(*) FILTER (WHERE alarm), count(unchecked),
+    count(*) FILTER (WHERE alarm), count(*) FILTER (WHERE verdict = 'incomplete'),
+    count(*) FILTER (WHERE verdict = 'unproven'), count(unchecked),
     count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now()))";
 
 FleetTotals totals_of(const Postgres::Rows& rows, int row) {
   const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(row, column)); };
-  return {count(0), count(1), count(2), count(3), count(4), count(5), count(6), count(7), count(8), count(9)};
+  return {count(0), count(1), count(2), count(3), count(4),  count(5),
+          count(6), count(7), count(8), count(9), count(10), count(11)};
 }
 
 class PostgresCaseTable final : public archive::CaseTable {
@@ -245,8 +262,12 @@ void FleetCatalogue::prepare(Postgres& database) {
       for (const char* statement : kTables) database.ask(statement);
       database.ask("INSERT INTO kiroku.version VALUES ($1)", {number(kVersion)});
     }
-    if (!there || *there < kVersion) {
+    constexpr std::int64_t kWithReports = 2;
+    if (!there || *there < kWithReports) {
       for (const char* statement : kReportTables) database.ask(statement);
+    }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kAlarmsOfWhatIsNotIntact) database.ask(statement);
       database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
     }
     for (const char* statement : kRoles) database.ask(statement);
@@ -291,8 +312,8 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
   if (query.case_id) require("case_id = " + parameter(query.case_id));
   if (query.state) require("state = " + parameter(query.state));
   if (query.verdict) require("verdict = " + parameter(query.verdict));
-  if (query.never_verified) require("verified IS NULL");
-  if (query.needs_a_person) require("(alarm OR unchecked IS NOT NULL OR state IN ('missing', 'unreadable'))");
+  if (query.unverified) require("verified IS NULL");
+  if (query.needs_a_person) require(KIROKU_NEEDS_A_PERSON);
   if (query.opened_from) require("opened >= " + time_from(parameter(number(*query.opened_from))));
   if (query.opened_before) require("opened < " + time_from(parameter(number(*query.opened_before))));
   if (query.after) {
@@ -333,22 +354,29 @@ std::vector<ApplianceTotals> FleetCatalogue::totals_by_appliance() {
   return all;
 }
 
+UtcTime FleetCatalogue::now() {
+  const Postgres::Rows rows = database_.ask("SELECT (extract(epoch FROM now()) * 1000000)::bigint");
+  return UtcTime(std::chrono::microseconds(rows.integer(0, 0)));
+}
+
 std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds for_how_long) {
   // Only the database's clock counts: workers' clocks may differ, and a ledger claims what its writer likes.
+  const auto* const ago = std::get_if<std::chrono::seconds>(&due.verified_before);
   const Postgres::Rows rows = database_.ask(
       R"(UPDATE kiroku.cases AS c
          SET leased_by = gen_random_uuid()::text, leased_until = now() + $2::bigint * interval '1 second'
          FROM (SELECT appliance, case_id FROM kiroku.cases
                WHERE state <> 'missing' AND (leased_until IS NULL OR leased_until <= now()) AND
                      CASE WHEN verified IS NOT NULL THEN verified < )" +
-          time_from("$1") + R"(
+          (ago ? "now() - $1::bigint * interval '1 second'" : time_from("$1")) + R"(
                           ELSE pending <= now() - $4::bigint * interval '1 second' OR
                                (state = 'closed' AND changed_at <= now() - $3::bigint * interval '1 second') END
                ORDER BY verified NULLS FIRST, pending LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
          WHERE c.appliance = due.appliance AND c.case_id = due.case_id
          RETURNING c.appliance, c.case_id, (extract(epoch FROM c.changed_at) * 1000000)::bigint, c.leased_by)",
-      {number(due.verified_before), number(std::int64_t{for_how_long.count()}),
-       number(std::int64_t{due.settled.count()}), number(std::int64_t{due.longest_pending.count()})});
+      {ago ? number(std::int64_t{ago->count()}) : number(std::get<UtcTime>(due.verified_before)),
+       number(std::int64_t{for_how_long.count()}), number(std::int64_t{due.settled.count()}),
+       number(std::int64_t{due.longest_pending.count()})});
   if (rows.size() == 0) return {};
   return Lease{rows.text(0, 0), rows.text(0, 1), UtcTime(std::chrono::microseconds(rows.integer(0, 2))),
                rows.text(0, 3)};
@@ -358,19 +386,17 @@ bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {
   bool entered = false;
   database_.together([&] {
     const Postgres::Rows rows = database_.ask(
-        "UPDATE kiroku.cases SET verdict = $4, verified = " + time_from("$5") +
-            ", alarm = $6, unchecked = NULL, pending = NULL, leased_by = NULL, leased_until = NULL "
-            "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state <> 'missing' RETURNING 1",
-        {lease.appliance, lease.case_id, lease.holder, found.verdict, number(found.when),
-         found.alarm ? "true" : "false"});
+        "UPDATE kiroku.cases SET verdict = $4, verified = now(), alarm = $5, unchecked = NULL, "
+        "pending = NULL, leased_by = NULL, leased_until = NULL "
+        "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 AND state <> 'missing' RETURNING 1",
+        {lease.appliance, lease.case_id, lease.holder, found.verdict, found.alarm ? "true" : "false"});
     entered = rows.size() == 1;
     if (entered) keep(lease, found);
   });
   return entered;
 }
 
-void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when,
-                               const std::string& why) {
+void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, const std::string& why) {
   database_.together([&] {
     const Postgres::Rows rows = database_.ask(
         "UPDATE kiroku.cases SET leased_by = NULL, leased_until = now() + $4::bigint * interval '1 second', "
@@ -378,7 +404,7 @@ void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, U
         "RETURNING 1",
         {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{pause.count()}),
          why.empty() ? std::nullopt : Postgres::Value(printable(why))});
-    if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", when, false, 0, why});
+    if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", false, 0, why});
   });
 }
 
@@ -390,22 +416,20 @@ void FleetCatalogue::end_pauses() {
 void FleetCatalogue::keep(const Lease& lease, const Verification& found) {
   database_.ask(
       "INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail) VALUES ($1, "
-      "$2, " +
-          time_from("$3") + ", $4, $5, $6)",
-      {lease.appliance, lease.case_id, number(found.when), found.verdict,
-       number(std::uint64_t{found.findings}), found.detail});
+      "$2, now(), $3, $4, $5)",
+      {lease.appliance, lease.case_id, found.verdict, number(std::uint64_t{found.findings}), found.detail});
 }
 
-std::vector<Verification> FleetCatalogue::verifications(const std::string& appliance,
-                                                        const std::string& case_id) {
+std::vector<EnteredVerification> FleetCatalogue::verifications(const std::string& appliance,
+                                                               const std::string& case_id) {
   const Postgres::Rows rows = database_.ask(
       "SELECT verdict, (extract(epoch FROM at) * 1000000)::bigint, findings, detail FROM "
       "kiroku.verifications "
       "WHERE appliance = $1 AND case_id = $2 ORDER BY number",
       {appliance, case_id});
-  std::vector<Verification> all;
+  std::vector<EnteredVerification> all;
   for (int i = 0; i < rows.size(); ++i) {
-    Verification& one = all.emplace_back();
+    EnteredVerification& one = all.emplace_back();
     one.verdict = rows.text(i, 0);
     one.when = UtcTime(std::chrono::microseconds(rows.integer(i, 1)));
     one.findings = static_cast<std::size_t>(rows.integer(i, 2));

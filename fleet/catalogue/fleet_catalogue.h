@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "archive/catalogue/case_table.h"
@@ -19,8 +20,8 @@ namespace kiroku::fleet {
 struct FleetCase {
   std::string appliance;
   archive::CatalogueRow row;
-  /// The newest verdict was none of a whole case. It stays where the case changed since and has no verdict
-  /// now.
+  /// The newest verdict says that the case is not intact. It stays where the case changed since and has no
+  /// verdict now.
   bool alarm = false;
   std::optional<std::string> unchecked = {};  // why the newest try gave no verdict
 };
@@ -28,8 +29,8 @@ struct FleetCase {
 /// What is asked for; an empty field asks for anything. Newest first.
 struct CaseQuery {
   std::optional<std::string> appliance = {}, case_id = {}, state = {}, verdict = {};
-  bool never_verified = false;
-  bool needs_a_person = false;  // an alarm, not checked, missing, or unreadable
+  bool unverified = false;      // without a verdict as it is now, also where it had one before it changed
+  bool needs_a_person = false;  // an alarm, incomplete, unproven, not checked, missing, or unreadable
   std::optional<UtcTime> opened_from = {}, opened_before = {};  // half open
   std::size_t limit = 100;
   /// What follows this one in the same order: the last of the page before.
@@ -50,16 +51,20 @@ struct Lease {
 /// What one verification found.
 struct Verification {
   std::string verdict;
-  UtcTime when;
-  bool alarm = false;  // it is none of a whole case; not told of old ones
+  bool alarm = false;  // the case is not intact; not told of old ones
   std::size_t findings = 0;
   std::string detail;  // the first finding's sentence, or why it could not be judged; may be empty
+};
+/// One that was entered.
+struct EnteredVerification : Verification {
+  UtcTime when;  // by the database's clock
 };
 
 struct FleetTotals {
   std::uint64_t cases = 0, segments = 0, bytes = 0;
   std::uint64_t open = 0, unreadable = 0, missing = 0;
-  std::uint64_t never_verified = 0, alarms = 0, unchecked = 0;
+  std::uint64_t unverified = 0;  // as CaseQuery has it; of those that are not missing
+  std::uint64_t alarms = 0, incomplete = 0, unproven = 0, unchecked = 0;
   std::uint64_t being_verified = 0;
 };
 
@@ -92,9 +97,13 @@ class FleetCatalogue {
   /// In the order of their names.
   [[nodiscard]] std::vector<ApplianceTotals> totals_by_appliance();
 
-  /// Which cases are due: by when the catalogue saw them, as a ledger claims what its writer likes.
+  /// Now by the database's clock, by which all here is.
+  [[nodiscard]] UtcTime now();
+  /// Which cases are due: by when the catalogue saw them, as a ledger claims what its writer likes, and
+  /// workers' clocks may differ.
   struct Due {
-    UtcTime verified_before;       // last verified before this; or without a verdict, and
+    /// Last verified so long ago, or before this moment of now(); or without a verdict, and
+    std::variant<std::chrono::seconds, UtcTime> verified_before;
     std::chrono::seconds settled;  // closed and unchanged for so long,
     std::chrono::seconds
         longest_pending;  // or, whatever it is and however it changes, without one for so long
@@ -102,18 +111,18 @@ class FleetCatalogue {
   /// Leases a case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
   /// SKIP LOCKED). Nothing where none is due.
   std::optional<Lease> lease(const Due& due, std::chrono::seconds for_how_long);
-  /// Enters what was found, and ends the lease. False, and nothing entered, where the lease is another's by
-  /// now, or the case changed since it was leased.
+  /// Enters what was found as of now(), and ends the lease. False, and nothing entered, where the lease is
+  /// another's by now, or the case changed since it was leased.
   bool enter(const Lease& lease, const Verification& found);
   /// Ends it without a verdict, so that another may try once `pause` is over. `why` is kept among what was
   /// found, as of the verdict "could-not-check", unless it is empty; what the case's row says stays. Nothing
   /// where the lease is another's by now.
-  void give_back(const Lease& lease, std::chrono::seconds pause, UtcTime when, const std::string& why);
+  void give_back(const Lease& lease, std::chrono::seconds pause, const std::string& why);
   /// Every case that waits after it could not be checked may be tried at once. Leases stay.
   void end_pauses();
   /// All that was ever found of a case, oldest first.
-  [[nodiscard]] std::vector<Verification> verifications(const std::string& appliance,
-                                                        const std::string& case_id);
+  [[nodiscard]] std::vector<EnteredVerification> verifications(const std::string& appliance,
+                                                               const std::string& case_id);
 
  private:
   void keep(const Lease& lease, const Verification& found);

@@ -20,13 +20,21 @@ std::array<Pose, kJaws> jaw_poses(const Pose& tool, const Vector3& half_extent_m
   return jaws;
 }
 
+bool presses_with_face(const Contact& contact, const Vector3& to_other) {
+  // A box's edges are sharp: normals are its faces', but for nodes that lie beside an edge.
+  constexpr double kAlongFace = 0.5;
+  return contact.normal.dot(to_other) > kAlongFace * to_other.norm();
+}
+
 Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
-             double friction) {
+             const std::array<Pose, kJaws>& poses, double friction) {
   Grip grip{felt, 0, 0, 0};
   double normal_n = 0;
   Vector3 along_n = Vector3::Zero();
   for (const Contact& contact : contacts) {
     if (contact.tool < first || contact.tool >= first + kJaws) continue;
+    const std::size_t which = contact.tool - first;
+    if (!presses_with_face(contact, poses[1 - which].position_m - poses[which].position_m)) continue;
     const double pressed_n = contact.force_n.dot(contact.normal);
     normal_n += pressed_n;
     along_n += contact.force_n - pressed_n * contact.normal;

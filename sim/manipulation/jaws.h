@@ -34,10 +34,14 @@ Tool jaw(const std::string& tool, std::size_t which, const Vector3& half_extent_
 /// Where the jaws are while their faces are `opening_m` apart.
 std::array<Pose, kJaws> jaw_poses(const Pose& tool, const Vector3& half_extent_m, double opening_m);
 
+/// Whether a jaw presses tissue there with its face, which looks along `to_other`, from this jaw to the other
+/// (of any length but none). What lies at its back or sides is not between the jaws.
+bool presses_with_face(const Contact& contact, const Vector3& to_other);
+
 /// What jaws do to the tissue between them, N; all zero where they touch nothing.
 struct Grip {
-  std::array<ToolForce, kJaws> jaws;  // what each feels, about its own origin
-  double squeeze_n = 0;               // the mean of the forces with which the jaws press
+  std::array<ToolForce, kJaws> jaws;  // what each feels, about its own origin; also at its back and sides
+  double squeeze_n = 0;               // the mean of the forces with which the jaws' faces press
   double pull_n = 0;                  // what acts along their faces, both together
   double most_pull_n = 0;             // friction holds no more: 2 mu N
 };
@@ -46,9 +50,9 @@ struct Grip {
 /// balance to a thousandth (contact_solver.h).
 bool slips(const Grip& grip);
 
-/// Of the contacts, those of tools `first` and `first` + 1 are the jaws'.
+/// Of the contacts, those of tools `first` and `first` + 1 are the jaws', which are at these poses.
 Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
-             double friction);
+             const std::array<Pose, kJaws>& poses, double friction);
 
 /// The same of a clip that was left, of which `held` is what it holds (Manipulation::leave()), now at these
 /// places. Forces on it balance, so that what acts along one jaw is taken back at the other: pull_n is the

@@ -140,13 +140,17 @@ std::size_t Manipulation::leave(std::size_t jaw, std::size_t other_jaw) {
   hold.tool = static_cast<std::uint32_t>(jaw);
   hold.floats = true;
   hold.pose.position_m.setZero();
+  const Vector3 to_other_m = poses_[jaw] && poses_[other_jaw]
+                                 ? Vector3(poses_[other_jaw]->position_m - poses_[jaw]->position_m)
+                                 : Vector3::Zero();
   for (const std::size_t tool : {jaw, other_jaw}) {
     const Tool& one = known_tool(tools_, tool);
     if (one.action != ToolAction::kSticks)
       throw UsageError(one.name + " is no jaw of a clip: it does not stick");
     const std::size_t before = hold.nodes.size();
     for (const Contact& contact : result_.contacts) {
-      if (contact.tool != tool) continue;
+      if (contact.tool != tool || !presses_with_face(contact, tool == jaw ? to_other_m : -to_other_m))
+        continue;
       constexpr std::size_t kAllAxes = 3;
       if (body_.body().free_components(contact.node) < kAllAxes) {
         throw Error(one.name + " presses tissue that is fixed along an axis: a clip there could not move " +

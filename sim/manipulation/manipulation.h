@@ -73,11 +73,11 @@ class Manipulation {
   /// a tool that holds nothing.
   void release(std::size_t tool);
 
-  /// Leaves a clip: what these two tools that stick, its jaws, press as of the last step is held together as
-  /// one rigid body that floats. No hand moves it: forces and torques on it balance, with
-  /// the arms that these have as it is left. The tools are away from
-  /// then on, and what is held is the first one's, until released. How many nodes are held. kiroku::Error if
-  /// one of the tools presses nothing, or all nodes are on one line; kiroku::UsageError for tools that do not
+  /// Leaves a clip: what these two tools that stick, its jaws, press between them as of the last step is held
+  /// together as one rigid body that floats; not what lies at their backs. No hand moves it: forces and
+  /// torques on it balance, with the arms that these have as it is left. The tools are away from then on, and
+  /// what is held is the first one's, until released. How many nodes are held. kiroku::Error if one of the
+  /// tools presses nothing there, or all nodes are on one line; kiroku::UsageError for tools that do not
   /// stick.
   std::size_t leave(std::size_t jaw, std::size_t other_jaw);
   /// Where a clip that was left is, as of the last step: how its nodes moved since, small rotations as of

@@ -370,12 +370,15 @@ void PlanRun::grip(std::size_t tool, const ManipulationResult& result) {
   const Pose& pose = *frame_.poses[tool];
   PlanGrip& now = frame_.grips[tool];
   const auto first = static_cast<std::uint32_t>(place_of_[tool]);
-  now.grip =
-      grip_of({result.tools[first], result.tools[first + 1]}, result.contacts, first, grasper.tool.friction);
-  frame_.tools[tool] = felt_by(now.grip, pose, jaw_poses(pose, grasper.jaw_half_extent_m(), now.opening_m));
+  const auto jaws = jaw_poses(pose, grasper.jaw_half_extent_m(), now.opening_m);
+  now.grip = grip_of({result.tools[first], result.tools[first + 1]}, result.contacts, first, jaws,
+                     grasper.tool.friction);
+  frame_.tools[tool] = felt_by(now.grip, pose, jaws);
   std::map<std::uint32_t, Vector3> there_m;
   for (const Contact& contact : result.contacts) {
     if (contact.tool < first || contact.tool >= first + kJaws) continue;
+    const std::size_t which = contact.tool - first;
+    if (!presses_with_face(contact, jaws[1 - which].position_m - jaws[which].position_m)) continue;
     there_m[contact.node] = pose.to_tool(
         mesh_.nodes[contact.node] +
         frame_.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{contact.node})));
@@ -415,7 +418,7 @@ void PlanRun::tell_slips() {
           " mm so far: it pulls with " + number_text(grip.pull_n, 3) + " N, and jaws that press with " +
           number_text(grip.squeeze_n, 3) + " N each hold " + number_text(grip.most_pull_n, 3) + " N at most");
     }
-    if (grip.squeeze_n == 0 && figures.most_nodes[tool] > 0 && lost_told_[tool] == 0) {
+    if (grip.squeeze_n == 0 && figures.largest_squeeze_n[tool] > 0 && lost_told_[tool] == 0) {
       lost_told_[tool] = 1;
       figures.remarks.push_back(at + "the tissue has slipped out of '" + grasper.tool.name + "'");
     }

@@ -22,6 +22,8 @@ using nlohmann::ordered_json;
 
 constexpr const char* kTemplateFormat = "kiroku-plan-template/1";
 constexpr const char* kFromSurface = "from_surface";
+constexpr const char* kCorotational = "corotational";
+constexpr const char* kGravity = "gravity_m_s2";
 constexpr double kOnSurface = 1e-9;  // m
 
 const char* unit_text(LengthUnit unit) { return unit == LengthUnit::kMetre ? "m" : "mm"; }
@@ -206,6 +208,34 @@ class Adapter {
   double furthest_m_ = 0;
 };
 
+/// Has the adapted plan computed as the template's plan was. The patient's document goes first, and what then
+/// differs is told.
+std::vector<std::string> take_physics(const JsonField& from, const ordered_json& patient,
+                                      const BodyModel& body, ordered_json& made) {
+  std::vector<std::string> warnings;
+  if (const auto corotational = from.optional_member(kCorotational)) {
+    const bool turns = corotational->boolean();
+    if (!patient.contains(kCorotational)) {
+      made[kCorotational] = turns;
+    } else if (patient[kCorotational] != turns) {
+      warnings.emplace_back(std::string("the template's plan was computed ") +
+                            (turns ? "with 'corotational', for large rotations, and the patient's document "
+                                     "says false: where tissue turns far, its stress and forces come out "
+                                     "too high"
+                                   : "without 'corotational', and the patient's document says true: stress "
+                                     "and forces are not those of the template's plan"));
+    }
+  }
+  if (const auto gravity = from.optional_member(kGravity)) {
+    if (!gravity->vector().isZero(0) && body.gravity_m_s2.isZero(0)) {
+      warnings.emplace_back(
+          "the template's plan was computed with gravity, and the patient's document has none: write "
+          "'gravity_m_s2' there, in the direction in which this patient lies");
+    }
+  }
+  return warnings;
+}
+
 /// What the others' spline misses each landmark by.
 std::optional<double> left_out_m(const std::vector<Vector3>& from_m, const std::vector<Vector3>& to_m,
                                  std::size_t which) {
@@ -236,6 +266,8 @@ ordered_json plan_template(const ordered_json& document, const Plan& plan, const
   const double units = units_per_metre(unit);
   ordered_json made{{"format", kTemplateFormat}, {"name", plan.name}, {"length_unit", unit_text(unit)}};
   if (document.contains("time_step_s")) made["time_step_s"] = document["time_step_s"];
+  made[kCorotational] = plan.corotational;
+  if (!plan.body.gravity_m_s2.isZero(0)) made[kGravity] = numbers_of(plan.body.gravity_m_s2);
   for (const auto& [name, place_m] : landmarks)
     made["landmarks"][name] = numbers_of(written_position(place_m, unit));
   made["tools"] = document.at("tools");
@@ -259,7 +291,8 @@ AdaptedPlan adapt_template(const std::string& text, const std::string& file, con
   const JsonField field(document, file);
   if (!field.is_object() || !field.has("format") || field.member("format").text() != kTemplateFormat)
     throw Error("cannot use " + file + ": it is no template of a plan, as 'kiroku plan template' saves it");
-  field.expect_object({"format", "name", "length_unit", "time_step_s", "landmarks", "tools", "steps"});
+  field.expect_object({"format", "name", "length_unit", "time_step_s", kCorotational, kGravity, "landmarks",
+                       "tools", "steps"});
   const LengthUnit unit = unit_of(field.member("length_unit"));
   if (unit != body.unit) {
     throw Error("the template is in " + std::string(unit_text(unit)) + " and the patient's organ in " +
@@ -294,6 +327,7 @@ AdaptedPlan adapt_template(const std::string& text, const std::string& file, con
     if (key != "name" && key != "tools" && key != "steps" && key != "time_step_s") made[key] = value;
   }
   if (ordered.contains("time_step_s")) made["time_step_s"] = ordered["time_step_s"];
+  adapted.warnings = take_physics(field, patient, body, made);
   (void)field.member("tools").members();
   made["tools"] = ordered.at("tools");
   made["steps"] = ordered.at("steps");

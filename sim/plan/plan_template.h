@@ -7,10 +7,13 @@
 // thread-safe.
 //
 // {"format": "kiroku-plan-template/1", "name": "...", "length_unit": "mm", "time_step_s": 0.05,
+//  "corotational": false, "gravity_m_s2": [0, 0, -9.81],
 //  "landmarks": {"hilum": [1, 2, 3], ...}, "tools": {...}, "steps": [...]}
 //
-// Steps are those of the plan. The pose with which a tool comes to the organ also has "from_surface": how far
-// its origin is from the organ at rest, negative inside.
+// Steps are those of the plan. 'corotational' is the adapted plan's, too, unless the patient's document says
+// otherwise. Gravity is in the frame of the plan's own patient: it serves for a warning alone. The pose with
+// which a tool comes to the organ also has "from_surface": how far its origin is from the organ at rest,
+// negative inside.
 #pragma once
 
 #include <filesystem>
@@ -43,9 +46,10 @@ struct LandmarkFit {
 };
 struct AdaptedPlan {
   nlohmann::ordered_json document;
-  std::vector<LandmarkFit> fits;     // by name
-  std::vector<std::string> unused;   // landmarks that one of the two does not have
-  double furthest_to_surface_m = 0;  // how far a tool was moved, beside the spline, to suit the surface
+  std::vector<LandmarkFit> fits;      // by name
+  std::vector<std::string> unused;    // landmarks that one of the two does not have
+  std::vector<std::string> warnings;  // where it is computed otherwise than the template's plan
+  double furthest_to_surface_m = 0;   // how far a tool was moved, beside the spline, to suit the surface
 };
 /// The template's text on a patient's body, of which `patient` is the document: a plan, of which tools and
 /// steps are left out, or the body alone. kiroku::Error in a sentence: for a template that is none (with

@@ -187,6 +187,16 @@ class BreathingReader {
   double units_ = 1;
 };
 
+/// The places in a document that was read that name files.
+std::vector<nlohmann::ordered_json*> names_of_files(nlohmann::ordered_json& document) {
+  std::vector<nlohmann::ordered_json*> names;
+  for (const char* const pointer : {"/mesh", "/labels", "/breathing/trace"}) {
+    const nlohmann::ordered_json::json_pointer place(pointer);
+    if (document.contains(place)) names.push_back(&document.at(place));
+  }
+  return names;
+}
+
 nlohmann::ordered_json motion_json(const GroupMotion& motion, double units) {
   nlohmann::ordered_json object{{"amplitude", motion.amplitude_m * units}, {"phase_s", motion.phase_s}};
   if (motion.direction) {
@@ -219,7 +229,8 @@ std::vector<double> phase_times_s(const Waveform& waveform, std::size_t phases) 
 }
 
 BreathingModel read_breathing_model(const fs::path& file) {
-  nlohmann::json document = JsonField::parse(read_document(file), file.string());
+  std::string text = read_document(file);
+  nlohmann::json document = JsonField::parse(text, file.string());
   const JsonField root(document, file.string());
   root.expect_object({"name", "mesh", "length_unit", "materials", "tumour", "labels", "lung", "groups",
                       "slide", "breathing", "phases"});
@@ -231,23 +242,29 @@ BreathingModel read_breathing_model(const fs::path& file) {
                               {"poisson_ratio", kLungTissue.poisson_ratio},
                               {"density_kg_m3", kLungTissue.density_kg_m3}}};
   }
-  return BreathingReader(root, file.parent_path(), materials_given).take();
+  BreathingModel model = BreathingReader(root, file.parent_path(), materials_given).take();
+  model.document = std::move(text);
+  return model;
 }
 
-std::string with_motion(const fs::path& file, const BreathingMotion& motion, const fs::path& folder,
-                        std::optional<double> cycle_s) {
-  nlohmann::ordered_json document = nlohmann::ordered_json::parse(read_document(file));
+std::vector<fs::path> files_of(const BreathingModel& model, const fs::path& file) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::parse(model.document);
+  std::vector<fs::path> files;
+  for (const nlohmann::ordered_json* name : names_of_files(document))
+    files.push_back(file.parent_path() / name->get<std::string>());
+  return files;
+}
+
+std::string with_motion(const BreathingModel& model, const fs::path& file, const BreathingMotion& motion,
+                        const fs::path& folder, std::optional<double> cycle_s) {
+  nlohmann::ordered_json document = nlohmann::ordered_json::parse(model.document);
   const double units = document.at("length_unit") == "m" ? 1 : units_per_metre(LengthUnit::kMillimetre);
-  const auto rename = [&](nlohmann::ordered_json& object, const char* key) {
-    if (!object.contains(key)) return;
-    const fs::path named = file.parent_path() / object.at(key).get<std::string>();
-    object[key] = fs::proximate(fs::absolute(named), fs::absolute(folder)).string();
-  };
-  rename(document, "mesh");
-  rename(document, "labels");
+  for (nlohmann::ordered_json* name : names_of_files(document)) {
+    const fs::path named = file.parent_path() / name->get<std::string>();
+    *name = fs::proximate(fs::absolute(named), fs::absolute(folder)).string();
+  }
   if (!document.contains("breathing")) document["breathing"] = nlohmann::ordered_json::object();
   nlohmann::ordered_json& breathing = document["breathing"];
-  rename(breathing, "trace");
   if (cycle_s) breathing["cycle_s"] = *cycle_s;
   breathing["rib_cage"] = motion_json(motion.rib_cage, units);
   breathing["diaphragm"] = motion_json(motion.diaphragm, units);

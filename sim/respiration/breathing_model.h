@@ -37,6 +37,7 @@ struct BreathingModel {
   Waveform waveform{SineWave{}};
   std::size_t phases = 36;  // over the waveform's duration
   std::vector<std::string> warnings;
+  std::string document;  // its text, as it was read
 
   /// The tumour; kiroku::Error that says how to give one where there is none.
   [[nodiscard]] const Tumour& needed_tumour() const;
@@ -47,9 +48,13 @@ struct BreathingModel {
 /// find_boundary_groups() throw. Mesh, labels and trace are sought beside the model.
 BreathingModel read_breathing_model(const std::filesystem::path& file);
 
-/// The same document with another motion, for a file in `folder`: the files that it names are named from
-/// there. `cycle_s` replaces the cycle of a sine.
-std::string with_motion(const std::filesystem::path& file, const BreathingMotion& motion,
-                        const std::filesystem::path& folder, std::optional<double> cycle_s = {});
+/// Mesh, labels and trace of a model that was read from `file`, whichever it names.
+std::vector<std::filesystem::path> files_of(const BreathingModel& model, const std::filesystem::path& file);
+
+/// The document of a model that was read from `file`, as it was then, with another motion, for a file in
+/// `folder`: the files that it names are named from there. `cycle_s` replaces the cycle of a sine.
+std::string with_motion(const BreathingModel& model, const std::filesystem::path& file,
+                        const BreathingMotion& motion, const std::filesystem::path& folder,
+                        std::optional<double> cycle_s = {});
 
 }  // namespace kiroku::sim

@@ -218,6 +218,29 @@ describe.skipIf(!hasDatabase)('On the page of a hospital', () => {
       await here.locator('.case-row').getByText('or-1').waitFor();
       expect(await seriousBarriers(here)).toEqual([]);
     });
+    step('never under another question than theirs', async () => {
+      const { page: here } = visitor;
+      await here.getByLabel('Needs a person').uncheck();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(2);
+      await hospital.tell('ALTER TABLE kiroku.cases RENAME TO away');
+      await here.getByLabel('Verdict').selectOption('incomplete');
+      await here.getByText('The program behind this page gave no answer.').waitFor();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(0);
+      expect(await seriousBarriers(here)).toEqual([]);
+      await hospital.tell('ALTER TABLE kiroku.away RENAME TO cases');
+      await here.getByRole('button', { name: 'Try again' }).click();
+      await here.getByText('No case is so.').waitFor();
+      // That it was so is why the browser complains.
+      visitor.problems.length = 0;
+    });
+    step('with what is not proven apart from what is not intact', async () => {
+      const { page: here } = visitor;
+      await hospital.tell("UPDATE kiroku.cases SET verdict = 'unproven', verified = now() WHERE appliance = 'or-9'");
+      await here.getByRole('link', { name: 'Appliances' }).click();
+      const row = here.getByRole('row', { name: /or-9/ });
+      await row.getByText('1 unproven').waitFor();
+      await expect.poll(() => row.getByText('not intact').count()).toBe(0);
+    });
     step('without anything that the page complains of', () => {
       expect(visitor.problems).toEqual([]);
     });

@@ -45,7 +45,7 @@ StoredCasesQuestion question_of(const Request& request) {
   question.appliance = request.query_text("appliance");
   question.state = request.query_text("state");
   question.verdict = request.query_text("verdict");
-  question.never_verified = flag_of(request, "unverified");
+  question.unverified = flag_of(request, "unverified");
   question.needs_a_person = flag_of(request, "attention");
   question.opened_from = time_of(request, "from");
   question.opened_before = time_of(request, "before");
@@ -62,8 +62,10 @@ ordered_json appliance_json(const StoredAppliance& one) {
           {"cases", one.cases},
           {"bytes", one.bytes},
           {"open", one.open},
-          {"never_verified", one.never_verified},
+          {"unverified", one.unverified},
           {"not_intact", one.alarms},
+          {"incomplete", one.incomplete},
+          {"unproven", one.unproven},
           {"not_checked", one.unchecked},
           {"missing", one.missing},
           {"unreadable", one.unreadable},

@@ -19,14 +19,14 @@ namespace kiroku::viewer {
 struct StoredCase {
   std::string appliance;
   archive::CatalogueRow row;
-  bool alarm = false;                    // the newest verdict was none of a whole case
+  bool alarm = false;                    // the newest verdict says that it is not intact
   std::optional<std::string> unchecked;  // why the newest try gave no verdict
 };
 
 /// Empty fields ask for anything.
 struct StoredCasesQuestion {
   std::optional<std::string> appliance, state, verdict;
-  bool never_verified = false, needs_a_person = false;
+  bool unverified = false, needs_a_person = false;
   std::optional<UtcTime> opened_from, opened_before;
   std::size_t limit = 50;
   std::optional<std::string> after;  // StoredCasesPage::next of the page before
@@ -40,7 +40,8 @@ struct StoredCasesPage {
 struct StoredAppliance {
   std::string name;
   std::uint64_t cases = 0, bytes = 0;
-  std::uint64_t open = 0, never_verified = 0, alarms = 0, unchecked = 0, missing = 0, unreadable = 0;
+  std::uint64_t open = 0, unverified = 0, alarms = 0, incomplete = 0, unproven = 0, unchecked = 0;
+  std::uint64_t missing = 0, unreadable = 0;
   UtcTime newest;  // when its newest case began, as its ledger says
   UtcTime seen;    // when the catalogue saw the last change, by the database's clock
 };

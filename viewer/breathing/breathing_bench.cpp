@@ -1,6 +1,9 @@
 #include "viewer/breathing/breathing_bench.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <fstream>
+#include <string_view>
 #include <sys/stat.h>
 #include <utility>
 
@@ -19,6 +22,18 @@ namespace fs = std::filesystem;
 
 std::string pixels_text(std::size_t columns, std::size_t rows) {
   return std::to_string(columns) + " x " + std::to_string(rows);
+}
+
+crypto::Sha256Digest hash_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw IoError("read", file, errno);
+  crypto::Sha256 hash;
+  constexpr std::size_t kPart = std::size_t{1} << 20;
+  std::string part(kPart, '\0');
+  while (in.read(part.data(), static_cast<std::streamsize>(part.size())) || in.gcount() > 0)
+    hash.update(bytes_of(std::string_view(part).substr(0, static_cast<std::size_t>(in.gcount()))));
+  if (in.bad()) throw IoError("read", file, errno);
+  return hash.finish();
 }
 
 void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
@@ -49,6 +64,7 @@ BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(cons
   const auto tell = [&](const char* what) {
     if (step) step(what);
   };
+  for (const fs::path& path : sim::files_of(model_, file_)) named_.push_back({path, hash_of(path)});
   const sim::Tumour& tumour = model_.needed_tumour();
   check_radiographs(radiographs_, inputs.geometry);
   tell("solving for how the lung moves");
@@ -147,7 +163,14 @@ std::string BreathingBench::save(const std::string& name, const MotionDeed& moti
     throw Refusal(409, "there are " + std::to_string(kMostModels) +
                            " models beside this one, as many as are kept: have some removed");
   }
-  const std::string text = sim::with_motion(file_, motion.motion, folder, motion.cycle_s);
+  for (const NamedFile& named : named_) {
+    if (hash_of(named.path) != named.hash) {
+      throw Refusal(409, "'" + named.path.filename().string() +
+                             "' has changed since this lung was opened, so that what is shown would not be "
+                             "what is saved: start the workbench anew");
+    }
+  }
+  const std::string text = sim::with_motion(model_, file_, motion.motion, folder, motion.cycle_s);
   require_disk_room(folder, text.size(), "remove models that nobody needs");
   constexpr mode_t kMode = 0640;
   timestamp::write_new_file(file, bytes_of(text), kMode);

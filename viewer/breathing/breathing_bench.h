@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "crypto/hash.h"
 #include "sim/drr/mesh_projector.h"
 #include "sim/drr/overlay.h"
 #include "sim/respiration/breathing_model.h"
@@ -101,9 +102,10 @@ class BreathingBench {
   }
   [[nodiscard]] const sim::Volume& volume() const { return volume_; }
 
-  /// Writes the model with another motion beside it, as `name` with ".json", durably; returns that. Refusal
-  /// 400 for a name that is no file's, 409 where there is such a file or are kMostModels, 507 where the disk
-  /// has no room.
+  /// Writes the model, as it was when this was made, with another motion beside it, as `name` with ".json",
+  /// durably; returns that. Refusal 400 for a name that is no file's, 409 where there is such a file or are
+  /// kMostModels, or where a file that the model names is another by now: nobody has seen such a lung; 507
+  /// where the disk has no room. kiroku::IoError.
   [[nodiscard]] std::string save(const std::string& name, const MotionDeed& motion) const;
 
  private:
@@ -112,8 +114,14 @@ class BreathingBench {
     sim::ProjectionImage still;
   };
 
+  struct NamedFile {
+    std::filesystem::path path;
+    crypto::Sha256Digest hash;
+  };
+
   std::filesystem::path file_;
   sim::BreathingModel model_;
+  std::vector<NamedFile> named_;  // by the model
   std::vector<BenchRadiograph> radiographs_;
   double start_s_;
   std::optional<BenchRecording> recording_;

@@ -1,5 +1,6 @@
 #include "viewer/breathing/breathing_socket.h"
 
+#include <exception>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -10,6 +11,25 @@
 namespace kiroku::viewer {
 
 using nlohmann::ordered_json;
+
+namespace {
+
+std::string told_text(const std::string& sentence) { return ordered_json{{"told", sentence}}.dump(); }
+
+std::string saved_text(std::uint64_t input, const SaveMotion& wanted, const std::string& file,
+                       const SealedModel* seal) {
+  ordered_json saved{
+      {"input", input}, {"file", file}, {"motion", motion_json(wanted.motion)}, {"seal", nullptr}};
+  if (seal) {
+    ordered_json stamps = ordered_json::array();
+    for (const SealedModel::Stamp& stamp : seal->stamps)
+      stamps.push_back({{"authority", stamp.authority}, {"time", stamp.time}, {"problem", stamp.problem}});
+    saved["seal"] = {{"file", seal->file}, {"sha256", seal->sha256}, {"time_stamps", std::move(stamps)}};
+  }
+  return ordered_json{{"saved", std::move(saved)}}.dump();
+}
+
+}  // namespace
 
 BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
                                  std::shared_ptr<SocketOutput> output)
@@ -23,7 +43,7 @@ void BreathingSocket::receive(const SocketMessage& message) {
   const BreathingMessage said = parse_breathing_message(text_of(message.bytes));
   if (said.input <= last_input_) throw Refusal(400, "'input' must rise from message to message");
   last_input_ = said.input;
-  if (const auto* wanted = std::get_if<SaveMotion>(&said.deed)) return save(*wanted);
+  if (const auto* wanted = std::get_if<SaveMotion>(&said.deed)) return save(said.input, *wanted);
   if (const auto* fit = std::get_if<FitDeed>(&said.deed)) return begin_fit(*fit);
   if (std::holds_alternative<CancelFit>(said.deed) && fit_) fit_->cancel();
   if (const auto* motion = std::get_if<MotionDeed>(&said.deed)) live_->apply(said.input, *motion);
@@ -31,42 +51,42 @@ void BreathingSocket::receive(const SocketMessage& message) {
   if (const auto* look = std::get_if<LookDeed>(&said.deed)) live_->apply(said.input, *look);
 }
 
-void BreathingSocket::save(const SaveMotion& wanted) {
-  if (wanted.seal) return seal(wanted);
-  const auto task = [this, wanted] {
-    tell_saved(wanted, room_.bench().save(wanted.file, wanted.motion), nullptr);
+void BreathingSocket::save(std::uint64_t input, const SaveMotion& wanted) {
+  if (wanted.seal) return begin_seal(input, wanted);
+  const auto task = [this, input, wanted] {
+    output_->send_text(saved_text(input, wanted, room_.bench().save(wanted.file, wanted.motion), nullptr));
   };
   if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
 }
 
-void BreathingSocket::seal(const SaveMotion& wanted) {
-  // Not a task of the workbench: pictures go on while an authority is asked.
+void BreathingSocket::begin_seal(std::uint64_t input, const SaveMotion& wanted) {
+  if (seal_ && !seal_->over()) return tell("a model is being sealed: wait until its time-stamps have come");
+  // Neither a task of the workbench nor of who reads the page's messages: pictures and sliders go on while
+  // authorities are asked.
+  seal_.reset();
+  seal_ = std::make_unique<BackgroundSeal>([this, input, wanted] { return seal(input, wanted); }, output_);
+}
+
+std::vector<std::string> BreathingSocket::seal(std::uint64_t input, const SaveMotion& wanted) const {
+  std::vector<std::string> messages;
   try {
     if (!room_.sealer()) throw Refusal(404, "this server seals no models: it serves no home of its own");
     const std::string file = room_.bench().save(wanted.file, wanted.motion);
     try {
       const SealedModel sealed =
           room_.sealer()(std::filesystem::absolute(room_.bench().file()).parent_path() / file);
-      tell_saved(wanted, file, &sealed);
-    } catch (const Error&) {
-      tell_saved(wanted, file, nullptr);
+      messages.push_back(saved_text(input, wanted, file, &sealed));
+    } catch (const std::exception&) {
+      messages.push_back(saved_text(input, wanted, file, nullptr));
       throw;
     }
-  } catch (const Error& error) {
-    output_->send_text(ordered_json{{"told", error.what()}}.dump());
+  } catch (const std::exception& error) {
+    messages.push_back(told_text(error.what()));
   }
+  return messages;
 }
 
-void BreathingSocket::tell_saved(const SaveMotion& wanted, const std::string& file, const SealedModel* seal) {
-  ordered_json saved{{"file", file}, {"motion", motion_json(wanted.motion)}, {"seal", nullptr}};
-  if (seal) {
-    ordered_json stamps = ordered_json::array();
-    for (const SealedModel::Stamp& stamp : seal->stamps)
-      stamps.push_back({{"authority", stamp.authority}, {"time", stamp.time}, {"problem", stamp.problem}});
-    saved["seal"] = {{"file", seal->file}, {"sha256", seal->sha256}, {"time_stamps", std::move(stamps)}};
-  }
-  output_->send_text(ordered_json{{"saved", std::move(saved)}}.dump());
-}
+void BreathingSocket::tell(const std::string& sentence) const { output_->send_text(told_text(sentence)); }
 
 void BreathingSocket::begin_fit(const FitDeed& deed) {
   const auto ended = [output = output_](const std::string& sentence) {
@@ -99,9 +119,7 @@ BreathingListener BreathingSocket::listener() {
   };
   out.moved = [this](const BreathingTable& table) { output_->send_text(path_json(table).dump()); };
   out.measured = [this](const BreathingTable& table) { output_->send_text(similarity_json(table).dump()); };
-  out.told = [this](const std::string& sentence) {
-    output_->send_text(ordered_json{{"told", sentence}}.dump());
-  };
+  out.told = [this](const std::string& sentence) { tell(sentence); };
   out.failed = [this](const std::string& sentence) {
     room_.tell("a breathing workbench ended: " + sentence);
     // Nothing is computed any more, however long the connection is kept.

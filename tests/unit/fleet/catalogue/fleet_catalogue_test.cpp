@@ -92,7 +92,8 @@ class FleetCatalogueTest : public OfItsOwn {
     row.bytes = 1000;
     catalogue_.table_of(appliance)->put(row, {1, changed});
   }
-  static FleetCatalogue::Due due(int verified_before_day) { return {day(verified_before_day), 0s, 0s}; }
+  static constexpr std::chrono::hours kQuarter{24 * 91};
+  static FleetCatalogue::Due due() { return {kQuarter, 0s, 0s}; }
   static UtcTime day(int number) { return *parse_utc("2026-08-01T00:00:00Z") + std::chrono::days(number); }
   std::vector<std::string> found(const CaseQuery& query) {
     std::vector<std::string> names;
@@ -118,16 +119,16 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   put("or-1", "b", day(3), "open");
   put("or-2", "a", day(2));
   put("or-2", "c", day(4), "unreadable");
-  for (std::optional<Lease> lease = catalogue_.lease({day(5), 0s, 600s}, 600s); lease;
-       lease = catalogue_.lease({day(5), 0s, 600s}, 600s)) {
-    if (lease->appliance == "or-2") catalogue_.enter(*lease, {"tampered", day(9), true, 1, ""});
+  for (std::optional<Lease> lease = catalogue_.lease({kQuarter, 0s, 600s}, 600s); lease;
+       lease = catalogue_.lease({kQuarter, 0s, 600s}, 600s)) {
+    if (lease->appliance == "or-2") catalogue_.enter(*lease, {"tampered", true, 1, ""});
   }
   EXPECT_THAT(found({}), ElementsAre("or-2/c", "or-1/b", "or-2/a", "or-1/a"));
   EXPECT_THAT(found({.appliance = "or-2"}), ElementsAre("or-2/c", "or-2/a"));
   EXPECT_THAT(found({.appliance = "or-2", .case_id = "a"}), ElementsAre("or-2/a"));
   EXPECT_THAT(found({.state = "open"}), ElementsAre("or-1/b"));
   EXPECT_THAT(found({.verdict = "tampered"}), ElementsAre("or-2/a"));
-  EXPECT_THAT(found({.state = "closed", .never_verified = true}), ElementsAre("or-1/a"));
+  EXPECT_THAT(found({.state = "closed", .unverified = true}), ElementsAre("or-1/a"));
   EXPECT_THAT(found({.opened_from = day(2), .opened_before = day(4)}), ElementsAre("or-1/b", "or-2/a"));
   EXPECT_THAT(catalogue_.appliances(), ElementsAre("or-1", "or-2"));
   const FleetTotals totals = catalogue_.totals();
@@ -136,7 +137,7 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   EXPECT_EQ(totals.bytes, 4000U);
   EXPECT_EQ(totals.open, 1U);
   EXPECT_EQ(totals.unreadable, 1U);
-  EXPECT_EQ(totals.never_verified, 3U);
+  EXPECT_EQ(totals.unverified, 3U);
   EXPECT_EQ(totals.alarms, 1U);
   const std::vector<ApplianceTotals> each = catalogue_.totals_by_appliance();
   ASSERT_EQ(each.size(), 2U);
@@ -175,7 +176,7 @@ TEST_F(FleetCatalogueTest, LeasesEachDueCaseToOneWorker) {
     workers.push_back(std::async(std::launch::async, [this] {
       FleetCatalogue own = catalogue();
       std::vector<Lease> leases;
-      while (std::optional<Lease> lease = own.lease({day(100), 0s, 600s}, 600s)) leases.push_back(*lease);
+      while (std::optional<Lease> lease = own.lease({kQuarter, 0s, 600s}, 600s)) leases.push_back(*lease);
       return leases;
     }));
   }
@@ -199,17 +200,17 @@ TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {
   table->set_verdict("old", "intact", day(20));
   table->set_verdict("older", "intact", day(10));
   for (const char* expected : {"never", "older", "old"}) {
-    const std::optional<Lease> lease = catalogue_.lease(due(50), 600s);
+    const std::optional<Lease> lease = catalogue_.lease({day(50), 0s, 0s}, 600s);
     ASSERT_TRUE(lease);
     EXPECT_EQ(lease->case_id, expected);
   }
-  EXPECT_FALSE(catalogue_.lease(due(50), 600s));
+  EXPECT_FALSE(catalogue_.lease({day(50), 0s, 0s}, 600s));
 }
 
 TEST_F(FleetCatalogueTest, ACaseThatChangedJustNowWaitsForItsLog) {
   put("or-1", "a", day(1));
-  EXPECT_FALSE(catalogue_.lease({day(100), 600s, 600s}, 600s));
-  EXPECT_TRUE(catalogue_.lease({day(100), 0s, 600s}, 600s));
+  EXPECT_FALSE(catalogue_.lease({kQuarter, 600s, 600s}, 600s));
+  EXPECT_TRUE(catalogue_.lease({kQuarter, 0s, 600s}, 600s));
 }
 
 TEST_F(FleetCatalogueTest, NothingThatALedgerClaimsPutsItsVerificationOffOrStopsOthers) {
@@ -227,7 +228,7 @@ TEST_F(FleetCatalogueTest, NothingThatALedgerClaimsPutsItsVerificationOffOrStops
   EXPECT_THAT(found({}), ElementsAre("or-1/future", "or-1/past"));
   EXPECT_GT(catalogue_.totals().bytes, 1U);
   std::set<std::string> leased;
-  while (const std::optional<Lease> lease = catalogue_.lease({day(100), 0s, 600s}, 600s))
+  while (const std::optional<Lease> lease = catalogue_.lease({kQuarter, 0s, 600s}, 600s))
     leased.insert(lease->case_id);
   EXPECT_THAT(leased, ElementsAre("future", "past"));
 }
@@ -236,83 +237,146 @@ TEST_F(FleetCatalogueTest, WhoeverChangesACaseAgainAndAgainPutsNothingOff) {
   put("or-1", "a", day(1));
   for (std::int64_t change = 1; change < 4; ++change) put("or-1", "a", day(1), "closed", change);
   // It has not settled, and is long enough without a verdict.
-  EXPECT_FALSE(catalogue_.lease({day(100), 600s, 600s}, 600s));
-  const std::optional<Lease> lease = catalogue_.lease({day(100), 600s, 0s}, 600s);
+  EXPECT_FALSE(catalogue_.lease({kQuarter, 600s, 600s}, 600s));
+  const std::optional<Lease> lease = catalogue_.lease({kQuarter, 600s, 0s}, 600s);
   ASSERT_TRUE(lease);
   // What is changed under a lease is free for the next one at once.
   put("or-1", "a", day(1), "closed", 9);
-  EXPECT_TRUE(catalogue_.lease({day(100), 600s, 0s}, 600s));
+  EXPECT_TRUE(catalogue_.lease({kQuarter, 600s, 0s}, 600s));
 }
 
 TEST_F(FleetCatalogueTest, AnAlarmStandsUntilAVerificationSaysOtherwise) {
   put("or-1", "a", day(1));
-  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(100), 600s), {"tampered", day(101), true, 1, "no"}));
+  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(), 600s), {"tampered", true, 1, "no"}));
   put("or-1", "a", day(1), "closed", 7);
   EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
   EXPECT_TRUE(catalogue_.find({})[0].alarm);
   EXPECT_EQ(catalogue_.totals().alarms, 1U);
-  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(100), 600s), {"intact", day(102), false, 0, ""}));
+  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(), 600s), {"intact", false, 0, ""}));
   EXPECT_EQ(catalogue_.totals().alarms, 0U);
+}
+
+TEST_F(FleetCatalogueTest, WhatIsNotProvenNeedsAPersonAndRaisesNoAlarm) {
+  put("or-1", "cut-off", day(1));
+  put("or-1", "whole", day(2));
+  put("or-1", "without-a-root", day(3));
+  while (const std::optional<Lease> lease = catalogue_.lease(due(), 600s)) {
+    const char* verdict = lease->case_id == "cut-off"          ? "incomplete"
+                          : lease->case_id == "without-a-root" ? "unproven"
+                                                               : "intact";
+    EXPECT_TRUE(catalogue_.enter(*lease, {verdict, false, 1, ""}));
+  }
+  EXPECT_THAT(found({.needs_a_person = true}), ElementsAre("or-1/without-a-root", "or-1/cut-off"));
+  const FleetTotals totals = catalogue_.totals();
+  EXPECT_EQ(totals.alarms, 0U);
+  EXPECT_EQ(totals.incomplete, 1U);
+  EXPECT_EQ(totals.unproven, 1U);
+  // What changed since is not verified as it is now, though its history knows more.
+  put("or-1", "cut-off", day(1), "closed", 7);
+  EXPECT_THAT(found({.needs_a_person = true}), ElementsAre("or-1/without-a-root"));
+  EXPECT_THAT(found({.unverified = true}), ElementsAre("or-1/cut-off"));
+  EXPECT_EQ(catalogue_.totals().unverified, 1U);
+  EXPECT_EQ(catalogue_.verifications("or-1", "cut-off").size(), 1U);
+}
+
+TEST_F(FleetCatalogueTest, ACaseIsDueAgainByTheDatabasesClock) {
+  put("or-1", "a", day(1));
+  const UtcTime before = catalogue_.now();
+  EXPECT_TRUE(catalogue_.enter(*catalogue_.lease(due(), 600s), {"intact", false, 0, ""}));
+  const std::optional<UtcTime> verified = catalogue_.find({})[0].row.verified;
+  ASSERT_TRUE(verified);
+  EXPECT_GE(*verified, before);
+  EXPECT_LE(*verified, catalogue_.now());
+  // Neither after a time, nor for whoever asks for all that this run has not verified.
+  EXPECT_FALSE(catalogue_.lease(due(), 600s));
+  EXPECT_FALSE(catalogue_.lease({before, 0s, 0s}, 600s));
+  Postgres(connection()).ask("UPDATE kiroku.cases SET verified = now() - interval '90 days'");
+  EXPECT_FALSE(catalogue_.lease(due(), 600s));
+  Postgres(connection()).ask("UPDATE kiroku.cases SET verified = now() - interval '92 days'");
+  EXPECT_TRUE(catalogue_.lease(due(), 600s));
+}
+
+TEST_F(FleetCatalogueTest, AlarmsOfACatalogueOfTheSecondVersionAreOfWhatIsNotIntactAlone) {
+  // That version raised an alarm for whatever is not intact for certain.
+  for (const char* id : {"changed", "incomplete", "tampered", "unchecked", "unproven"})
+    put("or-1", id, day(1));
+  while (const std::optional<Lease> lease = catalogue_.lease(due(), 600s)) {
+    const bool is_named = lease->case_id == "incomplete" || lease->case_id == "tampered";
+    EXPECT_TRUE(catalogue_.enter(*lease, {is_named ? lease->case_id : "unproven", true, 1, ""}));
+  }
+  put("or-1", "changed", day(1), "closed", 7);
+  put("or-1", "unchecked", day(1), "closed", 7);
+  while (const std::optional<Lease> lease = catalogue_.lease(due(), 600s)) {
+    if (lease->case_id == "unchecked") catalogue_.give_back(*lease, 600s, "its key was missing");
+  }
+  Postgres database(connection());
+  database.ask("UPDATE kiroku.version SET version = 2");
+  EXPECT_THAT([&] { (void)catalogue(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+  std::set<std::string> alarms;
+  for (const FleetCase& each : catalogue().find({})) {
+    if (each.alarm) alarms.insert(each.row.case_id);
+  }
+  EXPECT_THAT(alarms, ElementsAre("tampered"));
 }
 
 TEST_F(FleetCatalogueTest, WhatWasCutOffOrCannotBeReadIsVerifiedOnceItsTimeIsOver) {
   put("or-1", "open", day(1), "open");
   put("or-1", "unreadable", day(2), "unreadable");
   put("or-1", "missing", day(0), "missing");
-  EXPECT_FALSE(catalogue_.lease({day(100), 0s, 600s}, 600s));
-  const std::optional<Lease> cut_off = catalogue_.lease(due(100), 600s);
+  EXPECT_FALSE(catalogue_.lease({kQuarter, 0s, 600s}, 600s));
+  const std::optional<Lease> cut_off = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(cut_off);
   EXPECT_EQ(cut_off->case_id, "open");
-  EXPECT_TRUE(catalogue_.enter(*cut_off, {"incomplete", day(101), true, 1, "it has no end"}));
-  const std::optional<Lease> other = catalogue_.lease(due(100), 600s);
+  EXPECT_TRUE(catalogue_.enter(*cut_off, {"incomplete", false, 1, "it has no end"}));
+  const std::optional<Lease> other = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(other);
   EXPECT_EQ(other->case_id, "unreadable");
-  EXPECT_FALSE(catalogue_.lease(due(100), 600s));
+  EXPECT_FALSE(catalogue_.lease(due(), 600s));
 }
 
 TEST_F(FleetCatalogueTest, WhatADeadWorkerHeldIsAnothersAndItsVerdictCountsNoMore) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> dead = catalogue_.lease(due(100), 0s);
+  const std::optional<Lease> dead = catalogue_.lease(due(), 0s);
   ASSERT_TRUE(dead);
-  const std::optional<Lease> next = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> next = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(next);
   EXPECT_EQ(next->case_id, "a");
-  EXPECT_FALSE(catalogue_.enter(*dead, {"intact", day(101), false, 0, ""}));
+  EXPECT_FALSE(catalogue_.enter(*dead, {"intact", false, 0, ""}));
   EXPECT_THAT(catalogue_.verifications("or-1", "a"), IsEmpty());
-  EXPECT_TRUE(catalogue_.enter(*next, {"tampered", day(102), true, 2, "segment 3 is not there"}));
-  EXPECT_FALSE(catalogue_.enter(*next, {"intact", day(103), false, 0, ""}));
+  EXPECT_TRUE(catalogue_.enter(*next, {"tampered", true, 2, "segment 3 is not there"}));
+  EXPECT_FALSE(catalogue_.enter(*next, {"intact", false, 0, ""}));
   const std::vector<FleetCase> rows = catalogue_.find({});
   EXPECT_EQ(rows[0].row.last_verdict, "tampered");
-  EXPECT_EQ(rows[0].row.verified, day(102));
-  const std::vector<Verification> all = catalogue_.verifications("or-1", "a");
+  const std::vector<EnteredVerification> all = catalogue_.verifications("or-1", "a");
   ASSERT_EQ(all.size(), 1U);
   EXPECT_EQ(all[0].findings, 2U);
-  EXPECT_EQ(all[0].when, day(102));
+  EXPECT_EQ(all[0].when, rows[0].row.verified);
   EXPECT_EQ(all[0].detail, "segment 3 is not there");
 }
 
 TEST_F(FleetCatalogueTest, NoVerdictIsEnteredOfACaseThatChangedMeanwhile) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> lease = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> lease = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(lease);
   put("or-1", "a", day(1), "closed", 7);
-  EXPECT_FALSE(catalogue_.enter(*lease, {"intact", day(101), false, 0, ""}));
+  EXPECT_FALSE(catalogue_.enter(*lease, {"intact", false, 0, ""}));
   EXPECT_EQ(catalogue_.find({})[0].row.last_verdict, std::nullopt);
 }
 
 TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
   put("or-1", "a", day(1));
-  const std::optional<Lease> lease = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> lease = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(lease);
-  catalogue_.give_back(*lease, 600s, day(101), "the store was away");
-  EXPECT_FALSE(catalogue_.lease(due(100), 600s)) << "it rests";
+  catalogue_.give_back(*lease, 600s, "the store was away");
+  EXPECT_FALSE(catalogue_.lease(due(), 600s)) << "it rests";
   put("or-1", "b", day(2));
-  const std::optional<Lease> other = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> other = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(other);
-  catalogue_.give_back(*other, 0s, day(102), "again");
-  EXPECT_TRUE(catalogue_.lease(due(100), 600s));
-  catalogue_.give_back(*other, 0s, day(103), "the lease is another's");
-  const std::vector<Verification> all = catalogue_.verifications("or-1", "b");
+  catalogue_.give_back(*other, 0s, "again");
+  EXPECT_TRUE(catalogue_.lease(due(), 600s));
+  catalogue_.give_back(*other, 0s, "the lease is another's");
+  const std::vector<EnteredVerification> all = catalogue_.verifications("or-1", "b");
   ASSERT_EQ(all.size(), 1U);
   EXPECT_EQ(all[0].verdict, "could-not-check");
   EXPECT_EQ(all[0].detail, "again");
@@ -324,15 +388,14 @@ TEST_F(FleetCatalogueTest, WhatIsGivenBackIsDueAgain) {
 TEST_F(FleetCatalogueTest, WhoAsksForAllWaitsForNoPauseAndTakesNoLease) {
   put("or-1", "a", day(1));
   put("or-1", "b", day(2));
-  const std::optional<Lease> paused = catalogue_.lease(due(100), 600s),
-                             held = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> paused = catalogue_.lease(due(), 600s), held = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(paused && held);
-  catalogue_.give_back(*paused, 600s, day(101), "its key was missing");
+  catalogue_.give_back(*paused, 600s, "its key was missing");
   catalogue_.end_pauses();
-  const std::optional<Lease> again = catalogue_.lease(due(100), 600s);
+  const std::optional<Lease> again = catalogue_.lease(due(), 600s);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->case_id, paused->case_id);
-  EXPECT_FALSE(catalogue_.lease(due(100), 600s)) << "the other is leased";
+  EXPECT_FALSE(catalogue_.lease(due(), 600s)) << "the other is leased";
 }
 
 TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
@@ -343,16 +406,16 @@ TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   EXPECT_EQ(reader.find({}).size(), 1U);
   CatalogueRow row = reader.find({})[0].row;
   expect_refused([&] { reader.table_of("or-1")->put(row, {}); }, "kiroku-fleet init");
-  expect_refused([&] { reader.lease(due(100), 600s); }, "permission denied");
+  expect_refused([&] { reader.lease(due(), 600s); }, "permission denied");
   expect_refused([&] { verifier.table_of("or-1")->put(row, {}); }, "permission denied");
   expect_refused([&] { verifier.table_of("or-1")->remove("a"); }, "permission denied");
   EXPECT_NO_THROW(indexer.table_of("or-1")->put(row, {}));
   expect_refused([&] { indexer.table_of("or-1")->remove("a"); }, "permission denied");
   expect_refused([&] { indexer.table_of("or-1")->set_verdict("a", "intact", day(1)); }, "permission denied");
-  const std::optional<Lease> lease = verifier.lease(due(100), 600s);
+  const std::optional<Lease> lease = verifier.lease(due(), 600s);
   ASSERT_TRUE(lease);
-  expect_refused([&] { indexer.enter(*lease, {"intact", day(101), false, 0, ""}); }, "permission denied");
-  EXPECT_TRUE(verifier.enter(*lease, {"intact", day(101), false, 0, ""}));
+  expect_refused([&] { indexer.enter(*lease, {"intact", false, 0, ""}); }, "permission denied");
+  EXPECT_TRUE(verifier.enter(*lease, {"intact", false, 0, ""}));
   // What was found once nobody takes back.
   for (const char* role : {"kiroku_indexer", "kiroku_verifier"}) {
     Postgres database(connection(user_of(role)));

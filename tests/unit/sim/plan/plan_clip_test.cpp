@@ -1,5 +1,6 @@
 // A clip closes on a block, is left there, holds what is between its jaws, and goes where the block does.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -124,7 +125,13 @@ TEST_F(PlanClipTest, StaysWhenItsApplierLeavesAndHoldsAsABodyInBalanceThatMovesA
     // The jaws still press, about as they did.
     EXPECT_NEAR(frame.grips[clip].grip.squeeze_n, closed_n, 0.3 * closed_n);
   }
-  EXPECT_GE(left_m.size(), 20U);
+  // On this coarse mesh tissue also lies at the jaws' sides: that is not between them, and is not held.
+  const std::size_t pressed = left_m.size();
+  std::erase_if(left_m, [&](const auto& one) {
+    return std::abs(std::abs(left.to_tool(one.second).z()) - 0.007) > 1e-6;
+  });
+  EXPECT_GE(left_m.size(), 12U);
+  EXPECT_LT(left_m.size(), pressed);
   // What is held moves as one rigid body (of small rotations), and the jaws with it.
   const std::map<std::uint32_t, Vector3> now_m = held_by_clip(run, forceps);
   ASSERT_EQ(now_m.size(), left_m.size());

@@ -18,6 +18,7 @@ namespace {
 
 using nlohmann::json;
 using nlohmann::ordered_json;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -186,6 +187,30 @@ TEST_P(PlanGrasperTest, HoldsBelowTwiceFrictionTimesTheSqueezeAndSlipsThere) {
   EXPECT_GT(steps[3]["tools"]["grasper"]["largest_squeeze_n"].get<double>(), 0.05);
   EXPECT_THAT(all.forces, HasSubstr(",grasper jaw 1,"));
   EXPECT_THAT(all.forces, HasSubstr(",grasper jaw 2,"));
+}
+
+TEST_P(PlanGrasperTest, ABackThatPushesTheTissueSqueezesNothing) {
+  pull(60, 1);
+  document_["steps"].push_back({{"do", "retract"},
+                                {"tool", "grasper"},
+                                {"path",
+                                 {{{"at_s", 1}, {"position", {60, 10, 60}}},
+                                  {{"at_s", 2}, {"position", {30, 10, 60}}},
+                                  {{"at_s", 3}, {"position", {30, 10, 34}}},
+                                  {{"at_s", 4}, {"position", {30, 10, 32}}}}}});
+  const GrasperRun all = run(plan(GetParam()));
+  EXPECT_THAT(all.figures[2].remarks, Contains(HasSubstr("the tissue has slipped out of 'grasper'")));
+  // The back of the lower jaw has come down on the block by a millimetre.
+  const PlanFrame& end = all.frames.back().frame;
+  const Grip& grip = end.grips[0].grip;
+  EXPECT_GT(grip.jaws[1].nodes, 0U);
+  EXPECT_GT(grip.jaws[1].force_n.z(), 0.01);
+  EXPECT_GT(end.tools[0].force_n.z(), 0.01) << "what the hand feels stays";
+  EXPECT_EQ(grip.squeeze_n, 0);
+  EXPECT_EQ(grip.pull_n, 0);
+  EXPECT_EQ(grip.most_pull_n, 0);
+  EXPECT_EQ(all.figures[3].largest_squeeze_n[0], 0);
+  EXPECT_THAT(all.figures[3].remarks, IsEmpty()) << "nothing was held that could slip out";
 }
 
 TEST_P(PlanGrasperTest, TissueThatIsPulledOnSlipsOutAndIsBackAtRest) {

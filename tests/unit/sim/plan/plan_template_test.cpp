@@ -22,6 +22,7 @@ namespace kiroku::sim {
 namespace {
 
 using nlohmann::ordered_json;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
@@ -240,6 +241,45 @@ TEST_F(PlanTemplateTest, OnItsOwnOrganItIsThePlanAgain) {
       }
     }
   }
+}
+
+TEST_F(PlanTemplateTest, AnAdaptedPlanIsComputedAsTheTemplatesPlanWas) {
+  plan_["corotational"] = true;
+  const ordered_json turning = made();
+  EXPECT_EQ(turning["corotational"], true);
+  EXPECT_TRUE(read(adapted(turning).document).corotational);
+  EXPECT_THAT(adapted(turning).warnings, IsEmpty());
+  plan_["corotational"] = false;
+  EXPECT_FALSE(read(adapted(made()).document).corotational);
+  // The patient's own document goes first, and is told where it is another's.
+  patient_["corotational"] = false;
+  EXPECT_THAT(adapted(made()).warnings, IsEmpty());
+  EXPECT_FALSE(read(adapted(turning).document).corotational);
+  EXPECT_THAT(adapted(turning).warnings, ElementsAre(HasSubstr("the patient's document says false")));
+  patient_["corotational"] = true;
+  EXPECT_TRUE(read(adapted(made()).document).corotational);
+  EXPECT_THAT(adapted(made()).warnings, ElementsAre(HasSubstr("the patient's document says true")));
+  // A template that was saved before this was kept says nothing of it.
+  ordered_json old = turning;
+  old.erase("corotational");
+  EXPECT_THAT(adapted(old).warnings, IsEmpty());
+  old["corotational"] = "yes";
+  EXPECT_THAT(refused([&] { (void)adapted(old); }), HasSubstr("corotational is of type string"));
+}
+
+TEST_F(PlanTemplateTest, TellsWhereThePatientsDocumentHasNoGravity) {
+  const ordered_json weight = {
+      {"region", "all"}, {"young_modulus_pa", 5000}, {"poisson_ratio", 0.4}, {"density_kg_m3", 1060}};
+  plan_["materials"] = patient_["materials"] = {weight};
+  EXPECT_FALSE(made().contains("gravity_m_s2"));
+  plan_["gravity_m_s2"] = {0, 0, -9.81};
+  const AdaptedPlan without = adapted(made());
+  EXPECT_FALSE(without.document.contains("gravity_m_s2")) << "it is in another patient's frame";
+  EXPECT_THAT(without.warnings, ElementsAre(HasSubstr("the patient's document has none")));
+  patient_["gravity_m_s2"] = {0, -9.81, 0};
+  const AdaptedPlan with = adapted(made());
+  EXPECT_THAT(with.warnings, IsEmpty());
+  EXPECT_EQ(with.document["gravity_m_s2"], patient_["gravity_m_s2"]);
 }
 
 TEST_F(PlanTemplateTest, SaysWhatIsNoTemplate) {

@@ -120,10 +120,15 @@ TEST_F(BreathingDocument, WhatIsWrongIsToldWithItsPlace) {
 }
 
 TEST_F(BreathingDocument, AFittedMotionIsWrittenIntoTheSameDocument) {
-  static_cast<void>(read(R"(, "name": "kept", "breathing": {"trace": "rpm.csv"})"));
+  const BreathingModel model = read(R"(, "name": "kept", "breathing": {"trace": "rpm.csv"})");
+  EXPECT_THAT(files_of(model, folder_.path() / "lung.json"),
+              testing::ElementsAre(folder_.path() / "lung.msh", folder_.path() / "rpm.csv"));
+  // What was read counts, whatever is there by now.
+  write("lung.json", "another");
   std::filesystem::create_directory(folder_.path() / "fitted");
   const BreathingMotion motion{{0.0042, 0.3, std::nullopt}, {0.011, 0.75, Vector3(0, 0, -1)}};
-  write("fitted/lung.json", with_motion(folder_.path() / "lung.json", motion, folder_.path() / "fitted"));
+  write("fitted/lung.json",
+        with_motion(model, folder_.path() / "lung.json", motion, folder_.path() / "fitted"));
   const BreathingModel again = read_breathing_model(folder_.path() / "fitted/lung.json");
   EXPECT_NEAR(again.motion.rib_cage.amplitude_m, 0.0042, 1e-15);
   EXPECT_EQ(again.motion.rib_cage.phase_s, 0.3);

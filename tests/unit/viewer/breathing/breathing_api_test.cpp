@@ -2,6 +2,7 @@
 #include "viewer/breathing/breathing_api.h"
 
 #include <fstream>
+#include <future>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -118,10 +119,28 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   client->send_text(message(4, "save", {{"file", "lung"}, {"motion", motion}, {"seal", false}}));
   EXPECT_THAT(until_said(*client, "told"), HasSubstr("there is a file 'lung.json' already"));
   client->send_text(message(5, "save", {{"file", "by hand"}, {"motion", motion}, {"seal", false}}));
-  EXPECT_EQ(until_said(*client, "saved")["file"], "by hand.json");
+  const json told = until_said(*client, "saved");
+  EXPECT_EQ(told["file"], "by hand.json");
+  EXPECT_EQ(told["input"], 5) << "by which the page knows what it sent";
   const sim::BreathingModel saved = sim::read_breathing_model(chest.folder() / "by hand.json");
   EXPECT_NEAR(saved.motion.diaphragm.amplitude_m, 0.0045, 1e-12);
   EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
+}
+
+// A fit may write over the model's file while its page is open. What is saved is what was seen.
+TEST_F(BreathingApi, SavesTheModelThatWasOpened) {
+  const auto client = routes.connect("breathing/table");
+  const json motion = until_said(*client, "opened")["motion"];
+  chest.write("lung.json", test::ChestBench::document(R"("tumour": {"region": 2}, "name": "another")"));
+  client->send_text(message(1, "save", {{"file", "seen"}, {"motion", motion}, {"seal", false}}));
+  EXPECT_EQ(until_said(*client, "saved")["file"], "seen.json");
+  EXPECT_EQ(sim::read_breathing_model(chest.folder() / "seen.json").name, "");
+  // The mesh is named, not kept: with another one the saved lung would be one that nobody has seen.
+  std::ofstream(chest.folder() / "lung.msh", std::ios::app) << "\n";
+  client->send_text(message(2, "save", {{"file", "other"}, {"motion", motion}, {"seal", false}}));
+  EXPECT_THAT(until_said(*client, "told").get<std::string>(),
+              HasSubstr("'lung.msh' has changed since this lung was opened"));
+  EXPECT_FALSE(std::filesystem::exists(chest.folder() / "other.json"));
 }
 
 // The folder may lie on a recorder's disk, and whoever may plan may save.
@@ -185,6 +204,36 @@ TEST_F(SealingApi, SealsWhatItSavedAndTellsWhereThatFailed) {
   client->send_text(message(3, "save", wanted("other")));
   EXPECT_EQ(until_said(*client, "saved")["seal"], nullptr);
   EXPECT_THAT(until_said(*client, "told"), HasSubstr("the log is full"));
+}
+
+/// Whose authority answers once it is let.
+struct SlowSealingApi : BreathingApi {
+  std::promise<void> let;
+  BreathingRoom slow_room{bench, 2, [](const std::string& /*sentence*/) {},
+                          [answer = let.get_future().share()](const std::filesystem::path& /*model*/) {
+                            answer.wait();
+                            return SealedModel{"planned.seal.json", "ab12", {{"embedded", "now", ""}}};
+                          }};
+  test::ServedRoutes slow_routes{[this](Router& router) { add_breathing_routes(router, slow_room, context); },
+                                 "anna", Role::kSurgeon};
+};
+
+TEST_F(SlowSealingApi, PicturesGoOnWhileAuthoritiesAreAsked) {
+  const auto client = slow_routes.connect("breathing/table");
+  const json motion = until_said(*client, "opened")["motion"];
+  client->send_text(message(1, "save", {{"file", "planned"}, {"motion", motion}, {"seal", true}}));
+  client->send_text(message(2, "moment", {{"time_s", bench.radiographs()[4].time_s}}));
+  EXPECT_EQ(picture_with(*client, 2)["radiograph"], 4);
+  client->send_text(message(3, "save", {{"file", "another"}, {"motion", motion}, {"seal", true}}));
+  EXPECT_THAT(until_said(*client, "told").get<std::string>(), HasSubstr("a model is being sealed"));
+  client->send_text(message(4, "save", {{"file", "unsealed"}, {"motion", motion}, {"seal", false}}));
+  EXPECT_EQ(until_said(*client, "saved")["file"], "unsealed.json");
+  let.set_value();
+  const json saved = until_said(*client, "saved");
+  EXPECT_EQ(saved["input"], 1);
+  EXPECT_EQ(saved["file"], "planned.json");
+  EXPECT_EQ(saved["seal"]["file"], "planned.seal.json");
+  EXPECT_FALSE(std::filesystem::exists(chest.folder() / "another.json"));
 }
 
 TEST_F(BreathingApi, SaysWhyASeriesIsTooShortForAFit) {

@@ -1,7 +1,9 @@
 // The breathing workbench's logic: what is undone, directions as angles, moments of a time line.
 import { describe, expect, it } from 'vitest';
 import { History } from '@/breathing/history';
+import { KeptMotion } from '@/breathing/kept_motion';
 import { anglesOf, directionOf, type Motion, rangeOf, sameMotion, withDirection, withNumber } from '@/breathing/motion';
+import { noticesOfSaved } from '@/breathing/saved_notices';
 import { distances, later, meanOf, momentAt, stepped } from '@/breathing/time_line';
 
 const kStill = { amplitude_mm: 3, phase_s: 0, direction: null, baseline_mm: 0, drift_mm_per_min: 0 };
@@ -41,6 +43,57 @@ describe('What was changed', () => {
     history.change(withDirection(kMotion, 'rib_cage', [0, 0, 1]), 'x');
     expect(history.canUndo).toBe(true);
     expect(history.now.diaphragm).toEqual(kMotion.diaphragm);
+  });
+});
+
+describe('What is saved', () => {
+  it('is what was sent, whatever digits the server answers with', () => {
+    const kept = new KeptMotion();
+    expect(kept.has(kMotion)).toBe(true);
+    kept.open(kMotion);
+    let input = 0;
+    for (let place = -200; place <= 200; ++place) {
+      const motion = withNumber(kMotion, 'diaphragm', 'drift_mm_per_min', place / 10);
+      kept.send(++input, motion);
+      kept.save(input);
+      expect(kept.has(motion)).toBe(true);
+      expect(kept.has(withNumber(motion, 'diaphragm', 'drift_mm_per_min', place / 10 + 0.1))).toBe(false);
+    }
+  });
+  it('is the one that was sent last, and nothing that was not saved', () => {
+    const kept = new KeptMotion();
+    kept.open(kMotion);
+    const [sealed, later, refused] = [4, 5, 6].map((mm) => withNumber(kMotion, 'rib_cage', 'amplitude_mm', mm)) as [Motion, Motion, Motion];
+    kept.send(7, sealed);
+    kept.send(8, later);
+    kept.send(9, refused);
+    expect(kept.has(later)).toBe(false);
+    kept.save(8);
+    kept.save(7); // its authority took its time
+    expect([kept.has(sealed), kept.has(later), kept.has(refused)]).toEqual([false, true, false]);
+    kept.send(0, refused); // nothing could be sent
+    kept.save(0);
+    expect(kept.has(refused)).toBe(false);
+  });
+});
+
+describe('A model that was sealed', () => {
+  const stamp = (authority: string, time: string, problem: string) => ({ authority, time, problem });
+  const told = (...time_stamps: ReturnType<typeof stamp>[]) =>
+    noticesOfSaved('lung.json', { file: 'lung.seal.json', sha256: 'ab', time_stamps }).map(({ kind, text }) => [kind, text]);
+  it('is told as a success where a time-stamp came', () => {
+    expect(noticesOfSaved('lung.json', null).map(({ kind }) => kind)).toEqual(['done']);
+    expect(told(stamp('swiss', '2026-11-27T10:00:00Z', ''))).toEqual([['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps: 1.']]);
+  });
+  it('is told as a problem, with authority and reason, where one did not', () => {
+    expect(told(stamp('swiss', '', 'it does not answer'))).toEqual([
+      ['problem', 'Saved as lung.json and sealed in lung.seal.json, without any time-stamp. swiss: it does not answer'],
+    ]);
+    expect(told()).toEqual([['problem', 'Saved as lung.json and sealed in lung.seal.json, without any time-stamp. No authority was asked.']]);
+    expect(told(stamp('swiss', '2026-11-27T10:00:00Z', ''), stamp('dfn', '', 'it refuses'))).toEqual([
+      ['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps: 1.'],
+      ['problem', 'A time-stamp is missing. dfn: it refuses'],
+    ]);
   });
 });
 

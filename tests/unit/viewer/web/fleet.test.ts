@@ -1,6 +1,8 @@
 import { describe, expect, it } from 'vitest';
+import type { FleetCase } from '@/api/types';
 import { hrefOf, parseRoute } from '@/base/route';
-import { kAnything, queryOf, shownCase } from '@/fleet/question';
+import { type CasesPage, FoundCases } from '@/fleet/found_cases';
+import { type FleetQuestion, kAnything, queryOf, shownCase } from '@/fleet/question';
 
 describe('What is asked of all appliances', () => {
   it('is anything, unless somebody narrows it', () => {
@@ -21,6 +23,60 @@ describe('What is asked of all appliances', () => {
     expect(query.get('from')).toBe(new Date(2026, 7, 5).toISOString());
     expect(query.get('before')).toBe(new Date(2026, 8, 1).toISOString());
     expect(Object.fromEntries(queryOf({ ...kAnything, from: 'soon' }, 10))).toEqual({ limit: '10' });
+  });
+});
+
+describe('The list of cases', () => {
+  const page = (next: string | null, ...ids: string[]): CasesPage => ({ cases: ids.map((id) => ({ id }) as FleetCase), next });
+  /** Each question is answered when the test says so. */
+  const catalogue = () => {
+    const waiting: { after: string | undefined; answer: (page: CasesPage) => void; fail: (error: Error) => void }[] = [];
+    const cases = new FoundCases((_question, after) => new Promise<CasesPage>((answer, fail) => waiting.push({ after, answer, fail })));
+    const ids = () => cases.list.peek()?.map(({ id }) => id);
+    return { cases, ids, waiting };
+  };
+  const kTampered: FleetQuestion = { ...kAnything, verdict: 'tampered' };
+
+  it('never stands under another question than its own', async () => {
+    const { cases, ids, waiting } = catalogue();
+    const all = cases.find(kAnything);
+    waiting[0]?.answer(page('b', 'a', 'b'));
+    expect(await all).toBe(true);
+    const more = cases.more();
+    expect(waiting[1]?.after).toBe('b');
+    const tampered = cases.find(kTampered);
+    expect([ids(), cases.next.peek()]).toEqual([undefined, null]);
+    waiting[1]?.answer(page(null, 'c')); // of the question before
+    await more;
+    waiting[2]?.fail(new Error('the catalogue does not answer'));
+    expect(await tampered).toBe(false);
+    expect([ids(), cases.next.peek(), cases.problem.peek()]).toEqual([undefined, null, 'the catalogue does not answer']);
+    const again = cases.find(kTampered);
+    expect(cases.problem.peek()).toBe(undefined);
+    waiting[3]?.answer(page(null, 'd'));
+    await again;
+    expect([ids(), cases.problem.peek()]).toEqual([['d'], undefined]);
+  });
+  it('has each page once, however often it is asked for', async () => {
+    const { cases, ids, waiting } = catalogue();
+    const all = cases.find(kAnything);
+    waiting[0]?.answer(page('b', 'a', 'b'));
+    await all;
+    const both = [cases.more(), cases.more()];
+    waiting[1]?.answer(page('d', 'c', 'd'));
+    waiting[2]?.answer(page('d', 'c', 'd'));
+    await Promise.all(both);
+    expect(ids()).toEqual(['a', 'b', 'c', 'd']);
+  });
+  it('stays while the same is asked again in vain', async () => {
+    const { cases, ids, waiting } = catalogue();
+    const all = cases.find(kAnything);
+    waiting[0]?.answer(page(null, 'a'));
+    await all;
+    const again = cases.find(kAnything);
+    waiting[1]?.fail(new Error('the catalogue does not answer'));
+    expect(await again).toBe(false);
+    expect([ids(), cases.problem.peek()]).toEqual([['a'], undefined]);
   });
 });
 

@@ -78,6 +78,8 @@ export interface ModelSeal {
   time_stamps: { authority: string; time: string; problem: string }[];
 }
 interface Saved {
+  /** Of the message that asked for it. */
+  input: number;
   file: string;
   motion: Motion;
   seal: ModelSeal | null;

@@ -9,6 +9,7 @@ import { FitCard } from '@/breathing/fit_card';
 import { LungController } from '@/breathing/lung_controller';
 import { kGroups } from '@/breathing/motion';
 import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
+import { noticesOfSaved } from '@/breathing/saved_notices';
 import { beginOf, distances, meanOf, momentAt } from '@/breathing/time_line';
 import { TimePlot } from '@/breathing/time_plot';
 import { t, word } from '@/i18n/i18n';
@@ -203,11 +204,9 @@ function LungView({ wanted, isOther, leave }: LungProps) {
         if (fitted.refusal === null) announce(t('breathing.fit.found', { took: fitted.took_s.toFixed(1) }));
       },
       saved: (file, seal) => {
-        const text = seal
-          ? t('breathing.sealed', { file, seal: seal.file, stamps: seal.time_stamps.filter(({ time }) => time !== '').length })
-          : t('planning.saved', { plan: file });
-        notify(text, 'done');
-        announce(text);
+        const told = noticesOfSaved(file, seal);
+        for (const { text, kind } of told) notify(text, kind);
+        announce(told.map(({ text }) => text).join(' '));
       },
       lost: (sentence) => leave(sentence && inOwnWords(sentence, 409)),
     });

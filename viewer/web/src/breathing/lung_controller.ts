@@ -14,6 +14,7 @@ import {
   type Path,
   type Similarity,
 } from '@/breathing/breathing_api';
+import { KeptMotion } from '@/breathing/kept_motion';
 import { type Motion, sameMotion } from '@/breathing/motion';
 import { later, stepped, type TimeLine } from '@/breathing/time_line';
 
@@ -47,7 +48,7 @@ export class LungController {
 
   private readonly connection: LungConnection;
   private history: History<Motion> | undefined;
-  private kept: Motion | undefined;
+  private readonly kept = new KeptMotion();
   private readonly sent = new Map<number, number>();
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
@@ -57,7 +58,7 @@ export class LungController {
     this.connection = new LungConnection({
       opened: (opened) => {
         this.history = new History(opened.motion, sameMotion);
-        this.kept = opened.motion;
+        this.kept.open(opened.motion);
         this.opened.value = opened;
         this.motion.value = opened.motion;
         this.send({ look: this.look.value });
@@ -89,8 +90,8 @@ export class LungController {
         events.told(sentence);
       },
       told: events.told,
-      saved: ({ file, motion, seal }) => {
-        this.kept = motion;
+      saved: ({ input, file, seal }) => {
+        this.kept.save(input);
         this.tellSteps();
         events.saved(file, seal);
       },
@@ -118,9 +119,11 @@ export class LungController {
     this.moment.value = moment;
     this.rate.value = { latency_ms: this.latency.value, perSecond: (1000 * this.shown_ms.length) / kRateOver_ms };
   }
-  private send(deed: LungDeed): void {
+  /** The message's number; 0 while nothing can be sent. */
+  private send(deed: LungDeed): number {
     const number = this.connection.send(deed);
     if (number > 0 && !('save' in deed) && !('fit' in deed) && !('cancel' in deed)) this.sent.set(number, performance.now());
+    return number;
   }
 
   /** By a control that has this name; one step until it is let go. */
@@ -145,11 +148,13 @@ export class LungController {
     this.send({ motion: this.history.now });
   }
   private tellSteps(): void {
-    const { history, kept } = this;
-    if (history && kept) this.steps.value = { undo: history.canUndo, redo: history.canRedo, saved: sameMotion(history.now, kept) };
+    const { history } = this;
+    if (history) this.steps.value = { undo: history.canUndo, redo: history.canRedo, saved: this.kept.has(history.now) };
   }
   save(file: string, seal: boolean): void {
-    if (this.history) this.send({ save: { file, motion: this.history.now, seal } });
+    if (!this.history) return;
+    const motion = this.history.now;
+    this.kept.send(this.send({ save: { file, motion, seal } }), motion);
   }
 
   /** From where the sliders stand. */

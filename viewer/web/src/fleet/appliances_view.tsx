@@ -12,7 +12,7 @@ import { StateCard } from '@/shell/state_card';
 import { attempt } from '@/shell/state';
 
 /** What needs a person, gravest first. */
-const kConcerns = ['not_intact', 'missing', 'unreadable', 'not_checked'] as const;
+const kConcerns = ['not_intact', 'missing', 'unreadable', 'incomplete', 'unproven', 'not_checked'] as const;
 
 function Concerns({ one }: { one: FleetAppliance }) {
   const told = kConcerns.filter((what) => one[what] > 0);
@@ -64,7 +64,7 @@ export function AppliancesView() {
                     {t('fleet.open')}
                   </th>
                   <th scope="col" class="number">
-                    {t('fleet.neverVerified')}
+                    {t('fleet.unverified')}
                   </th>
                   <th scope="col" class="number">
                     {t('cases.size')}
@@ -84,7 +84,7 @@ export function AppliancesView() {
                     </td>
                     <td class="number">{one.cases}</td>
                     <td class="number">{one.open}</td>
-                    <td class="number">{one.never_verified}</td>
+                    <td class="number">{one.unverified}</td>
                     <td class="number">{formatBytes(one.bytes)}</td>
                     <td>{formatMoment(one.newest)}</td>
                     <td>{formatMoment(one.seen)}</td>

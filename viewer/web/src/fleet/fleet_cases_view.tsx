@@ -1,10 +1,11 @@
 // The list of all appliances' cases, newest first; more is asked for at its end.
 import { useSignal } from '@preact/signals';
-import { useEffect } from 'preact/hooks';
+import { useEffect, useMemo } from 'preact/hooks';
 import type { FleetAppliance, FleetCase, Verdict } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
 import { fleet } from '@/fleet/fleet_api';
+import { FoundCases } from '@/fleet/found_cases';
 import { type FleetQuestion, kAnything } from '@/fleet/question';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { returns } from '@/shell/connection';
@@ -152,8 +153,7 @@ function Questions({ asked, appliances, ask }: { asked: FleetQuestion; appliance
 export function FleetCasesView({ first }: { first?: string | undefined }) {
   const asked = useSignal<FleetQuestion>({ ...kAnything, appliance: first ?? '' });
   const appliances = useSignal<readonly FleetAppliance[]>([]);
-  const list = useSignal<readonly FleetCase[] | undefined>(undefined);
-  const next = useSignal<string | null>(null);
+  const cases = useMemo(() => new FoundCases((question, after) => fleet.list(question, kPage, after)), []);
 
   useEffect(() => {
     document.title = `${t('nav.cases')} · Kiroku`;
@@ -164,24 +164,15 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
     });
   }, [returns.value]);
   const question = asked.value;
+  const find = async () => {
+    if ((await cases.find(question)) && question !== kAnything) announce(t('cases.found', { n: cases.list.peek()?.length ?? 0 }));
+  };
   useEffect(() => {
-    void attempt(async () => {
-      const found = await fleet.list(question, kPage);
-      if (asked.peek() !== question) return; // another was asked meanwhile
-      list.value = found.cases;
-      next.value = found.next;
-      if (question !== kAnything) announce(t('cases.found', { n: found.cases.length }));
-    });
+    void find();
   }, [question, returns.value]);
-  const loadMore = (after: string) =>
-    attempt(async () => {
-      const found = await fleet.list(question, kPage, after);
-      if (asked.peek() !== question) return;
-      list.value = [...(list.peek() ?? []), ...found.cases];
-      next.value = found.next;
-    });
 
-  const after = next.value;
+  const list = cases.list.value;
+  const problem = cases.problem.value;
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
       <div class="view-head">
@@ -194,7 +185,14 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
           asked.value = { ...asked.peek(), ...more };
         }}
       />
-      {list.value?.length === 0 && (
+      {problem !== undefined && (
+        <StateCard icon="alarm" title={t('state.noAnswer')} what={t('state.noAnswerWhat')} why={problem}>
+          <button type="button" class="button button-main" onClick={() => void find()}>
+            {t('state.again')}
+          </button>
+        </StateCard>
+      )}
+      {list?.length === 0 && (
         <StateCard icon="cases" title={t('fleet.none')} what={t('fleet.noneWhat')}>
           <button
             type="button"
@@ -207,13 +205,13 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
           </button>
         </StateCard>
       )}
-      <ul class="case-list" aria-label={t('nav.cases')} aria-busy={list.value === undefined}>
-        {list.value?.map((one) => (
+      <ul class="case-list" aria-label={t('nav.cases')} aria-busy={list === undefined && problem === undefined}>
+        {list?.map((one) => (
           <Row key={one.id} one={one} />
         ))}
       </ul>
-      {after !== null && (
-        <button type="button" class="button" onClick={() => void loadMore(after)}>
+      {cases.next.value !== null && (
+        <button type="button" class="button" onClick={() => void cases.more()}>
           <Icon name="cases" />
           {t('cases.more')}
         </button>

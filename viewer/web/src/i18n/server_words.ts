@@ -233,6 +233,11 @@ export const kServerSentences: readonly SentencePair[] = [
   ['another fit is being computed on this machine: try again when it is done', 'この装置で別のあてはめを計算中です。終わってから再試行してください'],
   ['you have a fit computed already, on another page: wait for that, or cancel it', '別のページであてはめを計算中です。終わるのを待つか、中止してください'],
   ['you have a fit computed already: wait for that, or cancel it', 'あてはめを計算中です。終わるのを待つか、中止してください'],
+  ['a model is being sealed: wait until its time-stamps have come', 'モデルを封印しています。時刻証明が届くまでお待ちください'],
+  [
+    "'{file}' has changed since this lung was opened, so that what is shown would not be what is saved: start the workbench anew",
+    'この肺を開いた後に「{file}」が変更されたため、表示中の内容を保存できません。作業台を起動し直してください',
+  ],
   ['this server seals no models: it serves no home of its own', 'このサーバーではモデルを封印できません'],
   ['the fit was cancelled', 'あてはめを中止しました'],
   ['finding how the patient lies', '患者の位置を求めています'],

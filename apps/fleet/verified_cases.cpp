@@ -1,0 +1,55 @@
+#include "apps/fleet/verified_cases.h"
+
+#include <algorithm>
+
+#include "apps/common/command_line.h"
+#include "base/number_text.h"
+
+namespace kiroku::apps {
+namespace {
+
+using archive::Verdict;
+
+/// The finding that the verdict stands on, in its sentence.
+std::string gravest(const archive::VerificationReport& report) {
+  const auto worst = std::ranges::max_element(report.findings, {}, &archive::Finding::severity);
+  return worst == report.findings.end() || worst->severity == archive::Severity::kNote ? "" : worst->text;
+}
+
+}  // namespace
+
+fleet::Verification verification_of(const archive::VerificationReport& report) {
+  const auto told =
+      static_cast<std::size_t>(std::ranges::count_if(report.findings, [](const archive::Finding& each) {
+        return each.severity != archive::Severity::kNote;
+      }));
+  const int status = archive::exit_status(report.verdict);
+  return {std::string(archive::verdict_name(report.verdict)), status != kDone && status != kNoAnswer, told,
+          gravest(report)};
+}
+
+void VerifiedCases::add(const fleet::Verification& entered) {
+  ++done_;
+  if (entered.alarm) ++not_intact_;
+  if (entered.verdict == archive::verdict_name(Verdict::kIncomplete)) ++incomplete_;
+  if (entered.verdict == archive::verdict_name(Verdict::kUnproven)) ++unproven_;
+}
+
+int VerifiedCases::status() const {
+  if (not_intact_ > 0) return kAnswerIsNo;
+  return incomplete_ + unproven_ + unchecked_ > 0 ? kNoAnswer : kDone;
+}
+
+std::string VerifiedCases::summary() const {
+  std::string words = counted(done_, "case", "cases") + " verified";
+  const auto add = [&](std::uint64_t count, const char* what) {
+    if (count > 0) words += ", " + std::to_string(count) + " " + what;
+  };
+  add(not_intact_, "NOT INTACT");
+  add(incomplete_, "incomplete");
+  add(unproven_, "unproven");
+  add(unchecked_, "could not be checked");
+  return words;
+}
+
+}  // namespace kiroku::apps

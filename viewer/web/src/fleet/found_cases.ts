@@ -1,0 +1,57 @@
+// The list of all appliances' cases that was asked for, and what follows it. A list stands under its own question alone.
+import { signal } from '@preact/signals';
+import type { FleetCase } from '@/api/types';
+import type { FleetQuestion } from '@/fleet/question';
+import { notifyOf, textOf } from '@/shell/state';
+
+export interface CasesPage {
+  cases: readonly FleetCase[];
+  next: string | null;
+}
+export type AskForCases = (question: FleetQuestion, after?: string) => Promise<CasesPage>;
+
+export class FoundCases {
+  /** Undefined while there is no answer to the newest question. */
+  readonly list = signal<readonly FleetCase[] | undefined>(undefined);
+  readonly next = signal<string | null>(null);
+  /** Why there is none. */
+  readonly problem = signal<string | undefined>(undefined);
+  private question: FleetQuestion | undefined;
+
+  constructor(private readonly ask: AskForCases) {}
+
+  /** True once its answer is the list. What was found stays while the same is asked for again. */
+  async find(question: FleetQuestion): Promise<boolean> {
+    if (question !== this.question) {
+      this.list.value = undefined;
+      this.next.value = null;
+    }
+    this.question = question;
+    this.problem.value = undefined;
+    try {
+      const found = await this.ask(question);
+      if (this.question !== question) return false; // another was asked meanwhile
+      this.list.value = found.cases;
+      this.next.value = found.next;
+      return true;
+    } catch (error) {
+      if (this.question !== question) return false;
+      if (this.list.peek() === undefined) this.problem.value = textOf(error);
+      else notifyOf(error);
+      return false;
+    }
+  }
+  async more(): Promise<void> {
+    const { question } = this;
+    const after = this.next.peek();
+    if (question === undefined || after === null) return;
+    try {
+      const found = await this.ask(question, after);
+      if (this.question !== question || this.next.peek() !== after) return;
+      this.list.value = [...(this.list.peek() ?? []), ...found.cases];
+      this.next.value = found.next;
+    } catch (error) {
+      notifyOf(error);
+    }
+  }
+}
