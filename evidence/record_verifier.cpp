@@ -30,9 +30,11 @@ class DerCover : public RenewalCover {
     for (; encoded_ < chain; ++encoded_) append(chains_, encode_chain(record_.chains[encoded_]));
     return crypto::digest(algorithm, sequence_of_chains(chains_));
   }
-  std::optional<Bytes> object(const DataObject& object, std::size_t /*chain*/,
-                              crypto::HashAlgorithm algorithm) override {
-    return object.digest(algorithm);
+  ObjectValues object(const DataObject& object, std::size_t /*chain*/,
+                      crypto::HashAlgorithm algorithm) override {
+    ObjectValues values{.bytes = object.digest(algorithm), .canonical = {}};
+    values.is_partial = !values.bytes;
+    return values;
   }
   [[nodiscard]] bool joins_objects_and_chains() const override { return true; }
 
@@ -53,6 +55,7 @@ class RecordJudge {
         no_ends_(Policy::without_ends()),
         policy_(rules.policy != nullptr ? *rules.policy : no_ends_) {
     out_.covered_from.resize(objects.size());
+    out_.only_as_canonical.resize(objects.size());
   }
 
   RecordJudgement judge() {
@@ -74,13 +77,16 @@ class RecordJudge {
   void judge_token(TimeStampJudgement& judged, const std::optional<Bytes>& root);
   /// The first time-stamp of a chain against the data; the root that its token must be over.
   std::optional<Bytes> judge_beginning(TimeStampJudgement& judged, crypto::HashAlgorithm algorithm);
-  /// What the first time-stamp of a chain must hold: of each object its value; nothing where it has none.
-  /// `joined`: the hash of the chains before, where that is a part of each value.
-  std::vector<std::optional<Bytes>> values_of_objects(std::size_t chain, crypto::HashAlgorithm algorithm,
-                                                      const std::optional<Bytes>& joined);
+  /// What the first time-stamp of a chain must hold: one of the values of each object. `joined`: the hash of
+  /// the chains before, where that is a part of each value.
+  std::vector<ObjectValues> values_of_objects(std::size_t chain, crypto::HashAlgorithm algorithm,
+                                              const std::optional<Bytes>& joined);
   /// `chains`: the hash of the chains before, where it is a value of its own.
   void match_objects(TimeStampJudgement& judged, const HashList& list,
-                     const std::vector<std::optional<Bytes>>& values, const std::optional<Bytes>& chains);
+                     const std::vector<ObjectValues>& values, const std::optional<Bytes>& chains);
+  /// The same where there is no list: the token is over one object. The value that it is over, or should be.
+  std::optional<Bytes> match_one(TimeStampJudgement& judged, const ObjectValues& values);
+  void add_not_read(const std::string& name, const ObjectValues& values, const std::string& place);
   void judge_order();
   void judge_ends();
   void judge_end_of(const TimeStampJudgement& judged, const std::string& place, UtcTime time, bool newest);
@@ -178,7 +184,12 @@ std::optional<Bytes> RecordJudge::judge_beginning(TimeStampJudgement& judged,
     }
     match_objects(judged, first, values, chains);
     // One value alone is no hash of data and chains, whatever the token is over.
-    if (chains && first.size() == 1) return {};
+    if (chains && first.size() == 1) {
+      if (values.empty())
+        add("record-data-not-covered", Standing::kCouldNotCheck, place,
+            place + " covers the chains before it alone, and no data was given that it could cover");
+      return {};
+    }
     return root_of(algorithm, here.reduced_tree);
   }
   if (chains) {
@@ -189,35 +200,54 @@ std::optional<Bytes> RecordJudge::judge_beginning(TimeStampJudgement& judged,
     add("record-data-not-covered", values.empty() ? Standing::kCouldNotCheck : Standing::kRefused, place,
         place + " has no hash tree, so it covers one object, and " + std::to_string(values.size()) +
             " were given");
-  } else if (values.front()) {
-    match_objects(judged, {*values.front()}, values, {});
-    return values.front();
+  } else {
+    return match_one(judged, values.front());
   }
   return {};
 }
 
-std::vector<std::optional<Bytes>> RecordJudge::values_of_objects(std::size_t chain,
-                                                                 crypto::HashAlgorithm algorithm,
-                                                                 const std::optional<Bytes>& joined) {
-  std::vector<std::optional<Bytes>> values;
+std::optional<Bytes> RecordJudge::match_one(TimeStampJudgement& judged, const ObjectValues& values) {
+  std::string ignored;
+  const auto info = timestamp::parse_token_info(time_stamp(judged).token, ignored);
+  for (const std::optional<Bytes>* value : {&values.bytes, &values.canonical}) {
+    if (!*value || !info || info->imprint != **value) continue;
+    match_objects(judged, {**value}, {values}, {});
+    return **value;
+  }
+  if (values.is_partial) {
+    add_not_read(objects_.front().name, values, place_of(judged.chain, judged.index));
+    return {};
+  }
+  const Bytes& value = values.canonical ? *values.canonical : *values.bytes;
+  match_objects(judged, {value}, {values}, {});
+  return value;
+}
+
+void RecordJudge::add_not_read(const std::string& name, const ObjectValues& values,
+                               const std::string& place) {
+  add("record-data-not-read", Standing::kCouldNotCheck, place,
+      name + " could not be read" + (values.why.empty() ? "" : " as XML, since " + values.why) +
+          ", so whether " + place + " covers it is not known");
+}
+
+std::vector<ObjectValues> RecordJudge::values_of_objects(std::size_t chain, crypto::HashAlgorithm algorithm,
+                                                         const std::optional<Bytes>& joined) {
+  std::vector<ObjectValues> values;
   values.reserve(objects_.size());
   for (const DataObject& object : objects_) {
-    std::optional<Bytes> value = cover_.object(object, chain, algorithm);
-    if (!value) {
-      add("record-data-not-read", Standing::kCouldNotCheck, place_of(chain, 0),
-          object.name + " could not be read, so whether " + place_of(chain, 0) + " covers it is not known");
-    } else if (joined) {
-      append(*value, *joined);
-      value = crypto::digest(algorithm, *value);
+    ObjectValues its = cover_.object(object, chain, algorithm);
+    for (std::optional<Bytes>* value : {&its.bytes, &its.canonical}) {
+      if (!*value || !joined) continue;
+      append(**value, *joined);
+      *value = crypto::digest(algorithm, **value);
     }
-    values.push_back(std::move(value));
+    values.push_back(std::move(its));
   }
   return values;
 }
 
 void RecordJudge::match_objects(TimeStampJudgement& judged, const HashList& list,
-                                const std::vector<std::optional<Bytes>>& values,
-                                const std::optional<Bytes>& chains) {
+                                const std::vector<ObjectValues>& values, const std::optional<Bytes>& chains) {
   constexpr std::size_t kMostNamed = 3;
   const HeldValues held(list);
   std::set<Bytes> known;
@@ -225,11 +255,18 @@ void RecordJudge::match_objects(TimeStampJudgement& judged, const HashList& list
   std::size_t missing = 0;
   std::string names;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!values[i]) continue;
-    if (held.contains(*values[i])) {
+    const bool has_bytes = values[i].bytes && held.contains(*values[i].bytes);
+    const bool has_canonical = values[i].canonical && held.contains(*values[i].canonical);
+    if (has_bytes) known.insert(*values[i].bytes);
+    if (has_canonical) known.insert(*values[i].canonical);
+    if (has_bytes || has_canonical) {
       judged.objects.push_back(i);
-      known.insert(*values[i]);
+      if (!has_bytes) out_.only_as_canonical[i] = true;
       if (!out_.covered_from[i]) out_.covered_from[i] = judged.chain;
+      continue;
+    }
+    if (values[i].is_partial) {
+      add_not_read(objects_[i].name, values[i], place_of(judged.chain, judged.index));
       continue;
     }
     // What joins later may be missing before, never afterwards.

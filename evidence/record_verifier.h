@@ -73,6 +73,8 @@ struct RecordJudgement {
   std::vector<Problem> problems;
   /// Of each object: the first chain that covers it.
   std::vector<std::optional<std::size_t>> covered_from;
+  /// Of each object: of some chain it is the canonical XML that is covered, and not the bytes.
+  std::vector<bool> only_as_canonical;
 
   /// The worst of the problems.
   [[nodiscard]] Standing standing() const;
@@ -100,6 +102,15 @@ struct JudgingRules {
   bool objects_may_join = false;
 };
 
+/// What may stand for an object in a list of hashes: either value.
+struct ObjectValues {
+  std::optional<Bytes> bytes;      // of its bytes
+  std::optional<Bytes> canonical;  // of its canonical XML
+  /// It may have one more, which could not be had. In half a sentence why, where that is known.
+  bool is_partial = false;
+  std::string why = {};
+};
+
 /// What a renewal is over, which depends on how the record is written. Not thread-safe; asked for chains in
 /// their order.
 class RenewalCover {
@@ -112,9 +123,9 @@ class RenewalCover {
   virtual Bytes time_stamp(std::size_t chain, std::size_t index, crypto::HashAlgorithm algorithm) = 0;
   /// The hash of all chains before this one, of which there is one at least.
   virtual Bytes chains_before(std::size_t chain, crypto::HashAlgorithm algorithm) = 0;
-  /// Of an object, as this chain hashes it; nothing where it cannot be had.
-  virtual std::optional<Bytes> object(const DataObject& object, std::size_t chain,
-                                      crypto::HashAlgorithm algorithm) = 0;
+  /// Of an object, as this chain may hash it.
+  virtual ObjectValues object(const DataObject& object, std::size_t chain,
+                              crypto::HashAlgorithm algorithm) = 0;
   /// Whether a hash-tree renewal has a value for each object together with the chains before (RFC 4998
   /// section 5.2), or one for the chains and one for each object (RFC 6283 section 4.2.2).
   [[nodiscard]] virtual bool joins_objects_and_chains() const = 0;

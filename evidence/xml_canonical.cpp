@@ -1,6 +1,9 @@
 #include "evidence/xml_canonical.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdint>
 #include <map>
 #include <tuple>
 #include <vector>
@@ -100,6 +103,212 @@ class Check {
     if (!is_known || parts.local.empty() || parts.local.find(':') != std::string_view::npos)
       throw Error("nothing declares the prefix of the name " + in_quotes(name));
   }
+};
+
+/// Whether XML has this character (XML 1.0, production 2).
+bool is_character(std::uint32_t code) {
+  return code == 0x9 || code == 0xA || code == 0xD || (code >= 0x20 && code <= 0xD7FF) ||
+         (code >= 0xE000 && code <= 0xFFFD) || (code >= 0x10000 && code <= 0x10FFFF);
+}
+
+/// Takes one character of UTF-8 (RFC 3629 section 4) off the front; nothing where there is none.
+std::optional<std::uint32_t> take_character(std::string_view& text) {
+  const auto byte = [&](std::size_t at) { return std::uint32_t{static_cast<unsigned char>(text[at])}; };
+  const std::uint32_t first = byte(0);
+  const std::size_t length = first < 0x80   ? 1U
+                             : first < 0xC2 ? 0U
+                             : first < 0xE0 ? 2U
+                             : first < 0xF0 ? 3U
+                                            : 4U;
+  if (length == 0 || first > 0xF4 || text.size() < length) return {};
+  std::uint32_t code = length == 1 ? first : first & (0xFFU >> (length + 1));
+  for (std::size_t at = 1; at < length; ++at) {
+    if ((byte(at) & 0xC0U) != 0x80U) return {};
+    code = code << 6U | (byte(at) & 0x3FU);
+  }
+  constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x10000};
+  if (code < kLeast.at(length)) return {};
+  text.remove_prefix(length);
+  return code;
+}
+
+/// Refuses what the parser forgives: it ends at a NUL, takes any encoding for UTF-8 and any entity for text,
+/// and drops declarations. What it did not read, or read as something else, its canonical form would not
+/// have, and could be changed unseen. This reads the marks of XML alone; names and attributes are the
+/// parser's.
+class StrictMarks {
+ public:
+  explicit StrictMarks(std::string_view xml) : whole_(xml), left_(xml) {}
+
+  /// Whether it begins with an XML declaration.
+  bool require() {
+    if (left_.starts_with("\xFE\xFF") || left_.starts_with("\xFF\xFE"))
+      throw Error("it is in UTF-16, which is not read");
+    if (left_.starts_with("\xEF\xBB\xBF")) left_.remove_prefix(3);
+    const bool is_declared = declaration();
+    require_characters();
+    while (!left_.empty()) {
+      if (left_.front() == '<')
+        markup();
+      else
+        text();
+    }
+    return is_declared;
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw Error("it is no XML: " + why + " at byte " + std::to_string(whole_.size() - left_.size()));
+  }
+
+  void skip_space() { left_.remove_prefix(std::min(left_.find_first_not_of(" \t\r\n"), left_.size())); }
+  /// XML 1.0, production 23. The parser would let a value run on behind its end.
+  bool declaration() {
+    if (!left_.starts_with("<?xml") || left_.find_first_of(" \t\r\n") != 5) return false;
+    left_.remove_prefix(5);
+    skip_space();
+    const auto version = declared("version");
+    if (!version) refuse("its declaration has no version");
+    if (*version != "1.0") throw Error("it is of XML " + in_quotes(*version) + ", and 1.0 alone is read");
+    if (const auto encoding = declared("encoding")) require_encoding(*encoding);
+    if (const auto standalone = declared("standalone");
+        standalone && *standalone != "yes" && *standalone != "no")
+      refuse("its declaration is none");
+    if (!left_.starts_with("?>")) refuse("its declaration is none");
+    left_.remove_prefix(2);
+    return true;
+  }
+  std::optional<std::string_view> declared(std::string_view name) {
+    if (!left_.starts_with(name)) return {};
+    left_.remove_prefix(name.size());
+    skip_space();
+    if (!left_.starts_with('=')) refuse("its declaration is none");
+    left_.remove_prefix(1);
+    skip_space();
+    if (!left_.starts_with('"') && !left_.starts_with('\'')) refuse("its declaration is none");
+    const std::size_t end = left_.find(left_.front(), 1);
+    if (end == std::string_view::npos) refuse("its declaration is none");
+    const std::string_view value = left_.substr(1, end - 1);
+    left_.remove_prefix(end + 1);
+    skip_space();
+    return value;
+  }
+  void require_encoding(std::string_view declared) const {
+    std::string name(declared);
+    for (char& c : name) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    if (name == "utf-8") return;
+    const bool is_plain = std::ranges::all_of(whole_, [](char c) { return (c & 0x80) == 0; });
+    if (name != "us-ascii" || !is_plain)
+      throw Error("it says that it is in " + in_quotes(declared) + ", and UTF-8 alone is read");
+  }
+
+  void require_characters() {
+    const std::string_view begun = left_;
+    while (!left_.empty()) {
+      const auto code = take_character(left_);
+      if (!code) refuse("what is no UTF-8 stands");
+      if (!is_character(*code)) refuse("before this a character that XML does not have ends");
+    }
+    left_ = begun;
+  }
+
+  void text() {
+    if (left_.front() == '&') {
+      if (depth_ == 0) refuse("text stands outside of its outermost element");
+      reference();
+      return;
+    }
+    const std::size_t end = std::min(left_.find_first_of("<&"), left_.size());
+    if (left_.substr(0, end).find("]]>") != std::string_view::npos) refuse("\"]]>\" stands in the text");
+    left_.remove_prefix(end);
+  }
+  void reference() {
+    const std::size_t end = left_.find(';');
+    if (end == std::string_view::npos) refuse("a reference without end stands");
+    std::string_view name = left_.substr(1, end - 1);
+    if (name.starts_with('#')) {
+      name.remove_prefix(1);
+      const bool is_hexadecimal = name.starts_with('x');
+      if (is_hexadecimal) name.remove_prefix(1);
+      std::uint32_t code = 0;
+      const char* const behind = name.data() + name.size();
+      const auto [read, error] = std::from_chars(name.data(), behind, code, is_hexadecimal ? 16 : 10);
+      if (error != std::errc{} || read != behind || !is_character(code))
+        refuse("a reference to a character that XML does not have stands");
+    } else if (name != "amp" && name != "lt" && name != "gt" && name != "quot" && name != "apos") {
+      refuse("the entity " + in_quotes(name) + ", which nothing declares, stands");
+    }
+    left_.remove_prefix(end + 1);
+  }
+
+  void markup() {
+    if (left_.starts_with("<!--")) {
+      skip_behind("-->", 4);
+    } else if (left_.starts_with("<![CDATA[")) {
+      if (depth_ == 0) refuse("text stands outside of its outermost element");
+      skip_behind("]]>", 9);
+    } else if (left_.starts_with("<!DOCTYPE")) {
+      throw Error("it has a DOCTYPE, which is not read");
+    } else if (left_.starts_with("<!")) {
+      refuse("a mark that is none stands");
+    } else if (left_.starts_with("<?")) {
+      skip_behind("?>", 2);
+    } else {
+      tag();
+    }
+  }
+  void skip_behind(std::string_view end, std::size_t from) {
+    const std::size_t at = left_.find(end, from);
+    if (at == std::string_view::npos) refuse("a mark without end stands");
+    left_.remove_prefix(at + end.size());
+  }
+  void tag() {
+    const bool is_end = left_.starts_with("</");
+    if (is_end && depth_ == 0) refuse("an end of an element that did not begin stands");
+    left_.remove_prefix(1);
+    for (char before = '<';;) {
+      left_.remove_prefix(std::min(left_.find_first_of("\"'<>/"), left_.size()));
+      if (left_.empty()) refuse("a mark without end stands");
+      const char here = left_.front();
+      if (here == '<') refuse("a mark within a mark stands");
+      if (here == '"' || here == '\'') {
+        value();
+        before = here;
+        continue;
+      }
+      // The parser takes a slash in its place alone.
+      const bool is_empty = here == '>' && before == '/' && !is_end;
+      left_.remove_prefix(1);
+      before = here;
+      if (here != '>') continue;
+      if (is_end)
+        --depth_;
+      else if (!is_empty)
+        ++depth_;
+      return;
+    }
+  }
+  void value() {
+    const char quote = left_.front();
+    const std::array<char, 3> stops{quote, '<', '&'};
+    left_.remove_prefix(1);
+    for (;;) {
+      left_.remove_prefix(
+          std::min(left_.find_first_of(std::string_view(stops.data(), stops.size())), left_.size()));
+      if (left_.empty() || left_.front() == '<')
+        refuse("the value of an attribute does not end before what stands");
+      if (left_.front() == '&') {
+        reference();
+        continue;
+      }
+      left_.remove_prefix(1);
+      return;
+    }
+  }
+
+  const std::string_view whole_;
+  std::string_view left_;
+  std::size_t depth_ = 0;  // elements that are open
 };
 
 class Writing {
@@ -277,15 +486,19 @@ std::optional<Canonicalization> canonicalization_named(std::string_view uri) {
 pugi::xml_document parse_xml(std::string_view xml) {
   if (xml.size() > kLongestXml)
     throw Error("it has more than " + std::to_string(kLongestXml >> 20U) + " MiB of XML");
+  const bool is_declared = StrictMarks(xml).require();
   pugi::xml_document document;
   const pugi::xml_parse_result parsed = document.load_buffer(
-      xml.data(), xml.size(), pugi::parse_full | pugi::parse_ws_pcdata | pugi::parse_fragment);
+      xml.data(), xml.size(), pugi::parse_full | pugi::parse_ws_pcdata | pugi::parse_fragment,
+      pugi::encoding_utf8);
   if (!parsed)
     throw Error("it is no XML: " + std::string(parsed.description()) + " at byte " +
                 std::to_string(parsed.offset));
   std::size_t elements = 0;
   for (const pugi::xml_node& child : document.children()) {
     if (child.type() == pugi::node_doctype) throw Error("it has a DOCTYPE, which is not read");
+    if (child.type() == pugi::node_declaration && (!is_declared || child.previous_sibling()))
+      throw Error("it is no XML: a declaration stands behind its beginning");
     // The parser drops or keeps what stands outside of the outermost element; XML has white space there
     // alone.
     const bool is_text = child.type() == pugi::node_pcdata || child.type() == pugi::node_cdata;

@@ -4,7 +4,10 @@
 // bounded. Pure functions, thread-safe.
 //
 // A document with a DOCTYPE is refused: its entities and attributes by default would have to be read. So are
-// names whose prefix nothing declares, and an attribute that stands twice.
+// names whose prefix nothing declares, and an attribute that stands twice; other encodings than UTF-8,
+// XML 1.1, characters that XML does not have, entities that nothing declares, and a declaration behind the
+// beginning. Whatever stands in a document that is read is in its canonical form, or is what that form leaves
+// out.
 #pragma once
 
 #include <cstddef>

@@ -206,13 +206,19 @@ class XmlCover : public RenewalCover {
     for (const pugi::xml_node& each : later) sequence.remove_child(each);
     return digest_of(canonical_element(sequence, parts_.how[chain]), algorithm);
   }
-  std::optional<Bytes> object(const DataObject& object, std::size_t chain, HashAlgorithm algorithm) override {
-    if (!object.content || !begins_as_xml(*object.content)) return object.digest(algorithm);
+  /// Also of XML the bytes as they are: archives that take files for octets hash them so.
+  ObjectValues object(const DataObject& object, std::size_t chain, HashAlgorithm algorithm) override {
+    ObjectValues values{.bytes = object.digest(algorithm), .canonical = {}};
+    values.is_partial = !values.bytes;
+    if (!object.content || !begins_as_xml(*object.content)) return values;
     try {
-      return digest_of(canonical_document(parse_xml(text_of(*object.content)), parts_.how[chain]), algorithm);
-    } catch (const Error&) {
-      return {};
+      values.canonical =
+          digest_of(canonical_document(parse_xml(text_of(*object.content)), parts_.how[chain]), algorithm);
+    } catch (const Error& error) {
+      values.is_partial = true;
+      values.why = error.what();
     }
+    return values;
   }
   [[nodiscard]] bool joins_objects_and_chains() const override { return false; }
 
@@ -229,6 +235,7 @@ class XmlCover : public RenewalCover {
 
 bool begins_as_xml(ByteView file) {
   std::string_view text = text_of(file).substr(0, 4096);
+  if (text.starts_with("\xFE\xFF") || text.starts_with("\xFF\xFE")) return true;
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   const std::size_t at = text.find_first_not_of(" \t\r\n");
   return at != std::string_view::npos && text[at] == '<';

@@ -17,7 +17,8 @@ namespace kiroku::evidence {
 /// Bytes of the longest record that is read.
 inline constexpr std::size_t kLongestXmlRecord = std::size_t{4} << 20U;
 
-/// Whether a file begins as XML does: an angle bracket behind a byte order mark and white space.
+/// Whether a file begins as XML does: an angle bracket behind a byte order mark and white space, or the byte
+/// order mark of UTF-16, which may be XML and is not read.
 bool begins_as_xml(ByteView file);
 
 class XmlRecord {
@@ -32,8 +33,9 @@ class XmlRecord {
 
   /// Chains, hash values and tokens, as a record of RFC 4998 would have them.
   [[nodiscard]] const EvidenceRecord& record() const;
-  /// As judge_record(). An object with `content` that is XML is hashed in the canonical form of the chain
-  /// that covers it; where that form cannot be made, it could not be read.
+  /// As judge_record(). An object with `content` that is XML is covered by its canonical form, as the chain
+  /// makes it, or by its bytes; where that form cannot be made and the bytes are not covered, it could not be
+  /// read.
   [[nodiscard]] RecordJudgement judge(const std::vector<DataObject>& objects,
                                       const JudgingRules& rules) const;
 

@@ -66,6 +66,12 @@ bool is_validity_of_the_trusted(X509_STORE_CTX* context, TokenCode code) {
          depth == sk_X509_num(X509_STORE_CTX_get0_chain(context)) - 1;
 }
 
+Refusal root_not_valid(const std::string& who, UtcTime time) {
+  return {TokenCode::kRootNotValidAtTime, "the trusted certificate " + who +
+                                              " was not valid at the token's time, " + format_utc(time) +
+                                              ": give the root that the authority had then"};
+}
+
 Refusal refusal_of(X509_STORE_CTX* context, UtcTime time) {
   const int error = X509_STORE_CTX_get_error(context);
   const TokenCode code = code_of(error, X509_STORE_CTX_get_error_depth(context));
@@ -81,11 +87,7 @@ Refusal refusal_of(X509_STORE_CTX* context, UtcTime time) {
             "no certificate that was given signed that of " + who +
                 ", though one has its issuer's name: give the authority's root and chain"};
   }
-  if (is_validity_of_the_trusted(context, code)) {
-    return {TokenCode::kRootNotValidAtTime, "the trusted certificate " + who +
-                                                " was not valid at the token's time, " + format_utc(time) +
-                                                ": give the root that the authority had then"};
-  }
+  if (is_validity_of_the_trusted(context, code)) return root_not_valid(who, time);
   return {code, "the certificate path does not hold at " + who + ": " + X509_verify_cert_error_string(error)};
 }
 
@@ -128,7 +130,7 @@ CertificatePath validate(X509_STORE* trusted, X509* signer, STACK_OF(X509) * hel
 /// token, and which roots of one name, renewed and cross-certified certificates share.
 class SignedPaths {
  public:
-  using Path = std::vector<X509*>;  // signer first, trusted certificate last; borrowed
+  using Path = VerifiedSignatures::Path;  // borrowed
 
   SignedPaths(const std::vector<Certificate>& trusted, X509* signer, STACK_OF(X509) * helpers,
               VerifiedSignatures& verified)
@@ -148,15 +150,21 @@ class SignedPaths {
           continue;
         }
         std::deque<Path>& out = i < trusted_ ? complete_ : begun;
-        if (out.size() == kMostPaths || path.size() == kLongestPath) continue;
+        if (out.size() == kMostPaths || path.size() == kLongestPath) {
+          is_cut_ = true;
+          continue;
+        }
         out.push_back(path);
         out.back().push_back(issuers_[i]);
       }
     }
+    is_cut_ = is_cut_ || !begun.empty();
     forget_openssl_errors();
   }
 
   [[nodiscard]] const std::deque<Path>& complete() const { return complete_; }
+  /// Whether there may be more.
+  [[nodiscard]] bool is_cut() const { return is_cut_; }
 
  private:
   static constexpr std::size_t kMostPaths = 32, kLongestPath = 16;
@@ -166,8 +174,10 @@ class SignedPaths {
     for (std::size_t next = 0; next < issuers_.size(); ++next) {
       for (int i = 0; i < sk_X509_num(helpers); ++i) {
         X509* const helper = sk_X509_value(helpers, i);
+        // The same certificate twice, or in another spelling, would only make more paths.
+        const auto is_it = [&](X509* known) { return known == helper || X509_cmp(known, helper) == 0; };
         if (std::find(issuers_.begin(), issuers_.end(), helper) == issuers_.end() &&
-            verified_.is_by(helper, issuers_[next])) {
+            verified_.is_by(helper, issuers_[next]) && std::ranges::none_of(issuers_, is_it)) {
           issuers_.push_back(helper);
         }
       }
@@ -178,17 +188,27 @@ class SignedPaths {
   std::vector<X509*> issuers_;  // trusted ones first
   std::size_t trusted_ = 0;     // how many of them
   std::deque<Path> complete_;
+  bool is_cut_ = false;
 };
 
 /// One path of SignedPaths, with nothing else that could be taken in its place.
-CertificatePath validate_only(const SignedPaths::Path& path, UtcTime time) {
+std::optional<Refusal> validate_only(const SignedPaths::Path& path, UtcTime time) {
   const CertificateStore store(X509_STORE_new());
   if (!store || X509_STORE_add_cert(store.get(), path.back()) != 1) {
     throw Error("cannot make a certificate store: " + crypto::last_openssl_error());
   }
   const BorrowedCertificates between(sk_X509_new_null());
   for (std::size_t i = 1; i + 1 < path.size(); ++i) sk_X509_push(between.get(), path[i]);
-  return validate(store.get(), path.front(), between.get(), time, X509_V_FLAG_PARTIAL_CHAIN);
+  return validate(store.get(), path.front(), between.get(), time, X509_V_FLAG_PARTIAL_CHAIN).refusal;
+}
+
+CertificatePath of_certificates(const SignedPaths::Path& path) {
+  CertificatePath out;
+  for (X509* certificate : path) {
+    X509_up_ref(certificate);
+    out.certificates.emplace_back(certificate);
+  }
+  return out;
 }
 
 }  // namespace
@@ -221,8 +241,32 @@ bool VerifiedSignatures::is_by(X509* certificate, X509* issuer) {
 }
 
 bool VerifiedSignatures::take(std::size_t signatures) {
-  left_ -= std::min(left_, signatures);
-  return left_ > 0;
+  if (signatures > left_) {
+    left_ = 0;
+    is_spent_ = true;
+    return false;
+  }
+  left_ -= signatures;
+  return true;
+}
+
+std::optional<std::optional<Refusal>> VerifiedSignatures::refusal_of(
+    const Path& path, UtcTime time, const std::function<std::optional<Refusal>(const Path&)>& validate) {
+  // Time enters a validation by this alone.
+  std::time_t seconds = seconds_of(time);
+  std::vector<int> validity;
+  for (const X509* certificate : path) {
+    validity.push_back(X509_cmp_time(X509_get0_notBefore(certificate), &seconds));
+    validity.push_back(X509_cmp_time(X509_get0_notAfter(certificate), &seconds));
+  }
+  const auto known = refusals_.find({path, validity});
+  if (known == refusals_.end()) {
+    if (!take(path.size())) return {};
+    return refusals_.emplace(std::pair(path, std::move(validity)), validate(path)).first->second;
+  }
+  if (known->second && known->second->code == TokenCode::kRootNotValidAtTime)
+    return root_not_valid(subject_of(path.back()), time);
+  return known->second;
 }
 
 CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
@@ -235,16 +279,17 @@ CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>&
   bool is_of_a_signed_path = false;
   const SignedPaths paths(trusted, signer, helpers, verified);
   for (const SignedPaths::Path& path : paths.complete()) {
-    if (!verified.take(path.size())) break;
-    CertificatePath each = validate_only(path, time);
-    if (!each.refusal) return each;
+    const auto refusal = verified.refusal_of(
+        path, time, [&](const SignedPaths::Path& asked) { return validate_only(asked, time); });
+    if (!refusal) break;
+    if (!*refusal) return of_certificates(path);
     // What accuses must hold of each path.
-    if (!is_of_a_signed_path || verdict_of(each.refusal->code) == TokenVerdict::kCouldNotCheck) {
-      first = std::move(each);
+    if (!is_of_a_signed_path || verdict_of((*refusal)->code) == TokenVerdict::kCouldNotCheck) {
+      first.refusal = *refusal;
       is_of_a_signed_path = true;
     }
   }
-  if (verified.is_spent()) {
+  if (verified.is_spent() || paths.is_cut()) {
     first.refusal = Refusal{TokenCode::kTooDear,
                             "the certificates that were given certify each other in so many ways that not "
                             "every path from " +

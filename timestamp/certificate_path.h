@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <map>
 #include <optional>
 #include <utility>
@@ -25,29 +26,41 @@ struct CertificatePath {
   std::optional<Refusal> refusal;
 };
 
-/// Which certificates were signed by which, each pair verified once; and how much may still be verified.
-/// Whoever holds the key of a trusted certificate can have others certify each other without end, and a
-/// signature takes 0.1 ms. Holds pointers alone: whatever was asked about must outlive it. Not thread-safe.
+/// Which certificates were signed by which, and what became of paths, each verified once; and how much may
+/// still be verified. Whoever holds the key of a trusted certificate can have others certify each other
+/// without end, and a signature takes 0.1 ms. Holds pointers alone: whatever was asked about must outlive it.
+/// Not thread-safe.
 class VerifiedSignatures {
  public:
+  using Path = std::vector<X509*>;  // signer first, trusted certificate last
+
   /// False also where nothing more may be verified.
   bool is_by(X509* certificate, X509* issuer);
-  /// Counts what is verified elsewhere. False if nothing is left.
-  bool take(std::size_t signatures);
-  [[nodiscard]] bool is_spent() const { return left_ == 0; }
+  /// Why a path does not hold at this time, nothing where it does. `validate` is asked, and so many
+  /// signatures are counted as the path has certificates, once for all times at which the same of them are
+  /// valid. The outer nothing: no more may be verified.
+  std::optional<std::optional<Refusal>> refusal_of(
+      const Path& path, UtcTime time, const std::function<std::optional<Refusal>(const Path&)>& validate);
+  /// Whether something was not verified for want of what is left.
+  [[nodiscard]] bool is_spent() const { return is_spent_; }
 
  private:
+  bool take(std::size_t signatures);
+
   static constexpr std::size_t kMost = 8192;
   std::size_t left_ = kMost;
+  bool is_spent_ = false;
   std::map<std::pair<X509*, X509*>, bool> known_;
+  std::map<std::pair<Path, std::vector<int>>, std::optional<Refusal>> refusals_;
 };
 
 /// Builds and validates a path from `signer` to one of `trusted` (which `store` holds as well), with
 /// `helpers` between. A path to a self-signed root is preferred; failing that, any trusted certificate ends
 /// it, since experts hand over intermediates. If one path holds, no other certificate spoils it, whether it
 /// is trusted, lies among the helpers, or only pretends to be part of a path (same name and key identifier,
-/// other key). Refused is what is refused on each path; up to 32 are looked at. Keys and hashes must give 112
-/// bits of security, and an intermediate that restricts its extended key usage must allow timeStamping.
+/// other key). Refused is what is refused on each path: where there are more than 32, or longer ones than of
+/// 16 certificates, and none that was looked at holds, it is too dear. Keys and hashes must give 112 bits of
+/// security, and an intermediate that restricts its extended key usage must allow timeStamping.
 CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>& trusted, X509* signer,
                               STACK_OF(X509) * helpers, UtcTime time, VerifiedSignatures& verified);
 

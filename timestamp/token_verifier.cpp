@@ -178,7 +178,6 @@ class Judge {
   std::optional<crypto::HashAlgorithm> signature_hash_;
   std::optional<CertificatePath> path_;
   bool path_is_own_ = false;     // it ends at the recorder's own authority
-  VerifiedSignatures verified_;  // where the certificates are of no pool, which outlives this
   bool is_of_the_pool_ = false;  // enclosed_
   TokenJudgement out_;
 };
@@ -393,9 +392,10 @@ const CertificatePath& Judge::path() {
   path_is_own_ = !path_->refusal;
   if (!path_is_own_ && !trust_.outside.certificates.empty()) {
     CertificatePath outside = path_to(trust_.outside, pool != nullptr ? &pool->verified_outside : nullptr);
-    // Of two refusals the one that knew the issuer says more.
+    // Of two refusals the one that knew the issuer says more, and what accuses must hold of both.
     const bool said_more = path_->refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
-                           outside.refusal->code == TokenCode::kIssuerUnknown;
+                           (outside.refusal->code == TokenCode::kIssuerUnknown ||
+                            verdict_of(path_->refusal->code) == TokenVerdict::kCouldNotCheck);
     if (!said_more) path_ = std::move(outside);
   }
   return *path_;

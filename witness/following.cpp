@@ -20,7 +20,7 @@ using Leaves = std::vector<crypto::Sha256Digest>;
 
 // What a copy has beside the published log itself.
 constexpr std::string_view kLockFile = ".following";
-constexpr std::string_view kBeginningFile = ".beginning";  // while the first tiles are written
+constexpr std::string_view kBeginningFile = ".beginning";  // while first tiles are written, also of evidence
 constexpr std::string_view kForked = "forked-";            // a history that one key signed beside the copy's
 constexpr std::string_view kDoubted = "doubted-";          // one that a key of the device did not sign
 constexpr std::string_view kUnplaced = "unplaced-";  // a signed checkpoint whose tiles were not to be had
@@ -330,11 +330,12 @@ class Follower {
   fs::path keep_history(std::string_view kind, const FoundNote& shown, const Leaves* leaves) {
     if (!keep_evidence_) return {};
     const fs::path folder = copy_ / name_of(kind, shown.checkpoint);
-    const auto kept = static_cast<std::size_t>(std::ranges::count_if(
-        files_.names_in(copy_), [&](const std::string& name) { return name.starts_with(kind); }));
-    const bool is_new = !files_.exists(folder / kPublishedCheckpoint);
-    if (is_new && kept >= kMostHistories) {
-      result_.not_kept = std::to_string(kept) + " others are kept already";
+    const auto others =
+        static_cast<std::size_t>(std::ranges::count_if(files_.names_in(copy_), [&](const std::string& name) {
+          return name.starts_with(kind) && name != folder.filename();
+        }));
+    if (others >= kMostHistories && !files_.exists(folder / kPublishedCheckpoint)) {
+      result_.not_kept = std::to_string(others) + " others are kept already";
       return {};
     }
     try {
@@ -347,21 +348,26 @@ class Follower {
       result_.not_kept = error.what();
       return {};
     }
-    keep_tiles(folder, leaves, is_new && kept == 0);
+    keep_tiles(folder, leaves, others == 0);
     return folder;
   }
 
+  /// Those that a crash or a full disk cut off are written anew the next time.
   void keep_tiles(const fs::path& folder, const Leaves* leaves, bool is_first) {
-    if (leaves == nullptr || files_.exists(folder / "tile")) return;
-    if (!is_first && leaves->size() > kMostTiledEntries) {
+    const fs::path beginning = folder / kBeginningFile;
+    const bool is_cut_off = files_.exists(beginning);
+    if (leaves == nullptr || (files_.exists(folder / "tile") && !is_cut_off)) return;
+    if (!is_first && !is_cut_off && leaves->size() > kMostTiledEntries) {
       result_.not_kept = "of its hashes nothing is kept, as they are more than " +
                          std::to_string(kMostTiledEntries) + ", and of another history they are";
       return;
     }
     try {
+      if (!is_cut_off) files_.write_durably(beginning, {});
       TileWriter tiles(files_, folder, 0);
       for (const crypto::Sha256Digest& leaf : *leaves) tiles.append(leaf);
       tiles.finish();
+      files_.remove(beginning);
     } catch (const Error& error) {
       result_.not_kept = "of its hashes not all are kept: " + std::string(error.what());
     }

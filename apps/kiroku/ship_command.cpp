@@ -107,16 +107,17 @@ class LogPublishing {
   /// `home` must outlive it.
   LogPublishing(const Home& home, bool wanted) : home_(home), wanted_(wanted) {}
 
-  /// At most once an hour, as each publishing leaves locked objects in the store. What is wrong with the log
-  /// is told each time, and keeps nothing else from being shipped.
+  /// At most once an hour, as each publishing leaves locked objects in the store; again at once where nothing
+  /// could be published, as after a full disk. What is wrong with the log is told each time, and keeps
+  /// nothing else from being shipped.
   void bring_up_to_date(std::vector<std::string>& problems) {
     if (!wanted_) return;
     const auto now = std::chrono::steady_clock::now();
     if (!tried_ || now - *tried_ >= kPublishInterval) {
-      tried_ = now;
       problem_.clear();
       try {
         const witness::Followed came = publish_log(home_, home_.published_log());
+        tried_ = now;
         if (!witness::is_up_to_date(came.what))
           problem_ = published_text(came, home_.published_log().string());
       } catch (const Error& error) {
@@ -138,23 +139,22 @@ int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing)
   std::chrono::seconds pause = kLookInterval;
   std::string told;
   do {
-    std::string now;
+    std::vector<std::string> problems;
     try {
-      std::vector<std::string> problems;
       publishing.bring_up_to_date(problems);
       const fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
       problems.insert(problems.end(), report.problems.begin(), report.problems.end());
       if (report.sent > 0)
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
-      now = joined(problems, "; ");
       pause = kLookInterval;
     } catch (const fleet::StoreError& error) {
-      now = error.what();
+      problems.emplace_back(error.what());
       pause = std::max(std::min(2 * pause, kLongestPause), error.wait());
     } catch (const Error& error) {
-      now = error.what();
+      problems.emplace_back(error.what());
       pause = std::min(2 * pause, kLongestPause);
     }
+    const std::string now = joined(problems, "; ");
     // The same trouble is told once, and that it is over.
     if (now != told) {
       if (now.empty()) {

@@ -67,6 +67,14 @@ struct Judged {
   RecordJudgement judgement;
 };
 
+/// Of the files those of which the canonical XML was there, and not the bytes.
+std::vector<std::string> only_as_canonical(const RecordJudgement& judgement, const Request& request) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < request.files.size(); ++i)
+    if (judgement.only_as_canonical[i]) names.push_back(request.files[i]);
+  return names;
+}
+
 Judged judge(const Request& request) {
   const MappedFile record(request.record);
   std::deque<MappedFile> files;
@@ -113,7 +121,7 @@ const char* verdict_name(Standing standing) {
 
 std::string time_of(const std::optional<UtcTime>& time) { return time ? format_utc(*time) : "unknown"; }
 
-void print_as_json(const Judged& judged) {
+void print_as_json(const Judged& judged, const Request& request) {
   const RecordJudgement& judgement = judged.judgement;
   const auto time = [](const std::optional<UtcTime>& at) {
     return at ? ordered_json(format_utc(*at)) : ordered_json(nullptr);
@@ -139,6 +147,7 @@ void print_as_json(const Judged& judged) {
               {"end", judgement.end
                           ? ordered_json{{"time", format_utc(judgement.end->time)}, {"of", judgement.end->of}}
                           : ordered_json(nullptr)},
+              {"only_as_canonical_xml", only_as_canonical(judgement, request)},
               {"time_stamps", std::move(stamps)},
               {"problems", std::move(problems)}});
 }
@@ -146,9 +155,15 @@ void print_as_json(const Judged& judged) {
 void print(const Judged& judged, const Request& request) {
   const RecordJudgement& judgement = judged.judgement;
   const Standing standing = judgement.standing();
-  const std::string files = request.files.size() == 1
-                                ? "the file was there"
-                                : std::to_string(request.files.size()) + " files were there";
+  const std::vector<std::string> canonical = only_as_canonical(judgement, request);
+  const std::string count = std::to_string(request.files.size());
+  const std::string files =
+      request.files.size() != 1
+          ? count + " files were there" +
+                (canonical.empty() ? ""
+                                   : ", " + std::to_string(canonical.size()) + " of them as canonical XML,")
+      : canonical.empty() ? "the file was there"
+                          : "the file's canonical XML was there";
   std::cout << (standing == Standing::kHolds ? paint(Colour::kGreen, "HOLDS") + ": " + files + " at "
                 : standing == Standing::kRefused
                     ? paint(Colour::kRed, "REFUSED") + ": the record says since "
@@ -161,6 +176,14 @@ void print(const Judged& judged, const Request& request) {
               << printable(each.token.signer_subject) << "\n";
   }
   if (standing == Standing::kHolds) {
+    for (const std::string& name : canonical)
+      std::cout
+          << "  XML       " << printable(name)
+          << ": how it is written is not covered, nor are comments where the record's method leaves them "
+             "out\n";
+    if (const std::size_t others = judgement.time_stamps.front().other_values; others > 0)
+      std::cout << "  others    " << others << " more hash " << (others == 1 ? "value is" : "values are")
+                << " of data that was not given\n";
     std::cout << "  clock     "
               << (judgement.outside() ? "external: outside authorities'"
                                       : "self-issued: a time-stamp is the recorder's own authority's")
@@ -176,7 +199,7 @@ void print(const Judged& judged, const Request& request) {
 int run(const Request& request) {
   const Judged judged = judge(request);
   if (request.json)
-    print_as_json(judged);
+    print_as_json(judged, request);
   else
     print(judged, request);
   switch (judged.judgement.standing()) {
@@ -208,8 +231,9 @@ void add_token_evidence_command(Command& token) {
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "For records that an archive made, over a case's files or over others. A case's own record is judged "
-      "with the case by 'kiroku verify'. Records in XML hash data that is XML in its canonical form. Exit "
-      "status: 0 holds, 1 refused, 2 could not be checked or unusable input.");
+      "with the case by 'kiroku verify'. Of data that is XML a record in XML may cover the canonical form "
+      "alone, which is then said: how it is written may be new, and comments. Exit status: 0 holds, 1 "
+      "refused, 2 could not be checked or unusable input.");
   command.example("kiroku token evidence handed-over.xml case.tar --trust archive-roots.pem",
                   "since when an archive's record proves what it was given");
   command.on_run([request] { return run(*request); });

@@ -136,21 +136,23 @@ TEST_F(Token, ServicesOfATrustedListAreListedAndTrusted) {
   EXPECT_THAT(unknown.out, HasSubstr("qualified could not be told: the token is not valid"));
 }
 
+/// A record of one time-stamp without a hash tree.
+std::string xml_record_of(const std::string& token) {
+  return "<EvidenceRecord xmlns='urn:ietf:params:xml:ns:ers' Version='1.0'><ArchiveTimeStampSequence>"
+         "<ArchiveTimeStampChain Order='1'><DigestMethod "
+         "Algorithm='http://www.w3.org/2001/04/xmlenc#sha256'/><CanonicalizationMethod "
+         "Algorithm='http://www.w3.org/2001/10/xml-exc-c14n#'/><ArchiveTimeStamp Order='1'><TimeStamp>"
+         "<TimeStampToken Type='RFC3161'>" +
+         token +
+         "</TimeStampToken></TimeStamp></ArchiveTimeStamp></ArchiveTimeStampChain>"
+         "</ArchiveTimeStampSequence></EvidenceRecord>";
+}
+
 TEST_F(Token, OfARecordInXmlIsJudgedOverItsFile) {
   stamp();
   ASSERT_EQ(tool({"openssl", "ts", "-reply", "-in", "response", "-token_out", "-out", "token"}).status, 0);
   const ProcessResult base64 = tool({"openssl", "base64", "-in", "token"});
-  const auto xml_of = [](const std::string& token) {
-    return "<EvidenceRecord xmlns='urn:ietf:params:xml:ns:ers' Version='1.0'><ArchiveTimeStampSequence>"
-           "<ArchiveTimeStampChain Order='1'><DigestMethod "
-           "Algorithm='http://www.w3.org/2001/04/xmlenc#sha256'/><CanonicalizationMethod "
-           "Algorithm='http://www.w3.org/2001/10/xml-exc-c14n#'/><ArchiveTimeStamp Order='1'><TimeStamp>"
-           "<TimeStampToken Type='RFC3161'>" +
-           token +
-           "</TimeStampToken></TimeStamp></ArchiveTimeStamp></ArchiveTimeStampChain>"
-           "</ArchiveTimeStampSequence></EvidenceRecord>";
-  };
-  write_text(folder() / "record.xml", xml_of(base64.out));
+  write_text(folder() / "record.xml", xml_record_of(base64.out));
   const auto answer = kiroku_json({"token", "evidence", "record.xml", "data", "--json"});
   EXPECT_EQ(answer["verdict"], "holds");
   EXPECT_EQ(answer["form"], "rfc6283");
@@ -158,15 +160,37 @@ TEST_F(Token, OfARecordInXmlIsJudgedOverItsFile) {
   EXPECT_EQ(answer["time_stamps"].size(), 1U);
   EXPECT_THAT(kiroku({"token", "evidence", "record.xml", "data"}).out,
               testing::StartsWith("HOLDS: the file was there"));
+  EXPECT_EQ(answer["only_as_canonical_xml"], nlohmann::json::array());
 
   write_text(folder() / "other", "something else\n");
   const ProcessResult of_other = kiroku({"token", "evidence", "record.xml", "other"});
   EXPECT_EQ(of_other.status, 1) << of_other.out;
   EXPECT_THAT(of_other.out, HasSubstr("record-imprint-differs"));
-  write_text(folder() / "broken.xml", xml_of("no token"));
+  write_text(folder() / "broken.xml", xml_record_of("no token"));
   EXPECT_REFUSED(kiroku({"token", "evidence", "broken.xml", "data"}), "is no base64");
   EXPECT_REFUSED(kiroku({"token", "evidence", "response", "data"}),
                  "cannot read the evidence record response");
+}
+
+TEST_F(Token, OfARecordInXmlOverCanonicalXmlThatIsSaid) {
+  // What is stamped is the canonical form, in the file that is called data.
+  write_text(folder() / "data", "<a b=\"1\"></a>");
+  stamp();
+  ASSERT_EQ(tool({"openssl", "ts", "-reply", "-in", "response", "-token_out", "-out", "token"}).status, 0);
+  write_text(folder() / "record.xml", xml_record_of(tool({"openssl", "base64", "-in", "token"}).out));
+  EXPECT_THAT(kiroku({"token", "evidence", "record.xml", "data"}).out,
+              testing::StartsWith("HOLDS: the file was there"));
+  write_text(folder() / "written.xml", "<a  b='1'><!-- said later --></a>");
+  const ProcessResult held = kiroku({"token", "evidence", "record.xml", "written.xml"});
+  EXPECT_EQ(held.status, 0) << held.out;
+  EXPECT_THAT(held.out, testing::StartsWith("HOLDS: the file's canonical XML was there"));
+  EXPECT_THAT(held.out, HasSubstr("written.xml: how it is written is not covered"));
+  const auto answer = kiroku_json({"token", "evidence", "record.xml", "written.xml", "--json"});
+  EXPECT_EQ(answer["only_as_canonical_xml"], nlohmann::json::array({"written.xml"}));
+  write_text(folder() / "sjis.xml", "<?xml version='1.0' encoding='Shift_JIS'?><a b='1'></a>");
+  const ProcessResult open = kiroku({"token", "evidence", "record.xml", "sjis.xml"});
+  EXPECT_EQ(open.status, 2) << open.out;
+  EXPECT_THAT(open.out, HasSubstr("UTF-8 alone is read"));
 }
 
 TEST_F(Token, ACasesOwnRecordIsJudgedOverItsFilesAsAnybodyElsesIs) {

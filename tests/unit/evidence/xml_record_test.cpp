@@ -120,12 +120,68 @@ TEST(CanonicalXml, RefusesWhatHasNone) {
   EXPECT_THAT(why("<p:a/>"), HasSubstr("nothing declares the prefix"));
   EXPECT_THAT(why("<a xmlns:p='urn:x' xmlns:q='urn:x' p:n='1' q:n='2'/>"), HasSubstr("stands twice"));
   EXPECT_THAT(why("<a xmlns:p=''/>"), HasSubstr("back"));
+  // What the parser would pass over in silence.
+  EXPECT_THAT(why(std::string("<a>good</a>\0EVIL<b>", 19)), HasSubstr("a character that XML does not have"));
+  for (const char* reference : {"&#0;", "&#x0;", "&#x00;", "&#1;", "&#xD800;", "&#xFFFE;", "&#1114112;",
+                                "&#4294967296;", "&#;", "&#x;", "&#-1;", "&#X41;"}) {
+    EXPECT_THAT(why("<a>good" + std::string(reference) + "evil</a>"), HasSubstr("a reference to"))
+        << reference;
+    EXPECT_THAT(why("<a b='good" + std::string(reference) + "evil'/>"), HasSubstr("a reference to"))
+        << reference;
+  }
+  for (const char* name : {"&nbsp;", "&AMP;", "& b;", "&;"})
+    EXPECT_THAT(why("<a>" + std::string(name) + "</a>"), HasSubstr("which nothing declares")) << name;
+  EXPECT_THAT(why("<a>AT&T</a>"), HasSubstr("a reference without end"));
+  EXPECT_THAT(why("<a/>&#32;"), HasSubstr("outside of its outermost element"));
+  EXPECT_THAT(why("<a/><![CDATA[ ]]>"), HasSubstr("outside of its outermost element"));
+  EXPECT_THAT(why("<a b='<'/>"), HasSubstr("the value of an attribute"));
+  EXPECT_THAT(why("<a>]]></a>"), HasSubstr("]]>"));
+  EXPECT_THAT(why("<a>\x01</a>"), HasSubstr("a character that XML does not have"));
+  EXPECT_THAT(why("<?xml version='1.0'?><?xml version='1.0' hidden='x'?><a/>"), HasSubstr("a declaration"));
+  EXPECT_THAT(why("<a/><?xml version='1.0'?>"), HasSubstr("a declaration"));
+  EXPECT_THAT(why("<?XML version='1.0'?><a/>"), HasSubstr("a declaration"));
+  EXPECT_THAT(why(" <?xml version='1.0'?><a/>"), HasSubstr("a declaration"));
+  EXPECT_THAT(why("<?xml version='1.0' hidden='x'?><a/>"), HasSubstr("its declaration is none"));
+  EXPECT_THAT(why("<?xml version='1.0?><a b='?><c/>"), HasSubstr("XML \"1.0?><a b=\""));
+  EXPECT_THAT(why("<?xml version='1.1'?><a/>"), HasSubstr("XML \"1.1\", and 1.0 alone is read"));
   std::string deep, many = "<a";
   for (int i = 0; i < 200; ++i) deep += "<a>";
   for (int i = 0; i < 200; ++i) deep += "</a>";
   for (int i = 0; i < 100; ++i) many += " n" + std::to_string(i) + "='x'";
   EXPECT_THAT(why(deep), HasSubstr("more than 100 others"));
   EXPECT_THAT(why(many + "/>"), HasSubstr("more than 64 attributes"));
+}
+
+TEST(CanonicalXml, KeepsWhatLooksLikeAReferenceWhereItIsNone) {
+  EXPECT_EQ(canonical("<?xml version='1.0' encoding='utf-8' standalone='no' ?><a b='&#x1F600;>'>"
+                      "<!-- &nbsp; < --><?p &#0; <?><![CDATA[&nbsp;<b>]]>&#65;\xC3\xA9</a>",
+                      kInclusive),
+            "<a b=\"\xF0\x9F\x98\x80>\"><?p &#0; <?>&amp;nbsp;&lt;b&gt;A\xC3\xA9</a>");
+}
+
+// The parser knows few encodings, and takes the others for UTF-8.
+TEST(CanonicalXml, OfAnotherEncodingIsNotMade) {
+  const auto why = [](const std::string& xml) -> std::string {
+    try {
+      parse_xml(xml);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(why("<?xml version=\"1.0\" encoding=\"Shift_JIS\"?><a>\x8E\xE8</a>"),
+              HasSubstr("it says that it is in \"Shift_JIS\", and UTF-8 alone is read"));
+  for (const char* name : {"EUC-JP", "ISO-2022-JP", "windows-1252", "ISO-8859-1", "UTF-16"})
+    EXPECT_THAT(why("<?xml version='1.0' encoding='" + std::string(name) + "'?><a/>"), HasSubstr(name));
+  EXPECT_THAT(why(std::string("\xFF\xFE<\0a\0/\0>\0", 10)), HasSubstr("UTF-16"));
+  EXPECT_THAT(why(std::string("\xFE\xFF\0<\0a\0/\0>", 10)), HasSubstr("UTF-16"));
+  EXPECT_THAT(why("<?xml version='1.0' encoding='US-ASCII'?><a>\xC3\xA9</a>"), HasSubstr("US-ASCII"));
+  for (const char* bytes : {"\x8E\xE8", "\xC0\x80", "\xE0\x80\x80", "\xF5\x80\x80\x80", "\xC3", "\x80"})
+    EXPECT_THAT(why("<a>" + std::string(bytes) + "</a>"), HasSubstr("no UTF-8"));
+  for (const char* bytes : {"\xED\xA0\x80", "\xEF\xBF\xBE", "\xF4\x90\x80\x80"})
+    EXPECT_THAT(why("<a>" + std::string(bytes) + "</a>"), HasSubstr("that XML does not have"));
+  EXPECT_EQ(why("\xEF\xBB\xBF<?xml version='1.0' encoding='Utf-8'?><a>\xE6\x89\x8B</a>"), "");
+  EXPECT_EQ(why("<?xml version='1.0' encoding='us-ascii'?><a/>"), "");
 }
 
 // A namespace that is declared once and used by many siblings is written for each of them.
@@ -219,6 +275,27 @@ class XmlRecordTest : public ::testing::Test {
     chains_.back().push_back(stamped(chains_.back().size(), algorithm_, {value}, stamp));
   }
 
+  /// A record of one time-stamp over this alone; without a tree the token is over it.
+  void stamp_alone(const std::string& data, bool has_tree = true) {
+    constexpr HashAlgorithm kHash = HashAlgorithm::kSha256;
+    const Stamp stamp = third_.at("2044-05-01");
+    std::string stamped_once = stamped(1, kHash, {hash_of(kHash, data)}, stamp);
+    if (!has_tree)
+      stamped_once = "<ArchiveTimeStamp Order=\"1\"><TimeStamp>" +
+                     inside_time_stamp(stamp(kHash, hash_of(kHash, data))) +
+                     "</TimeStamp></ArchiveTimeStamp>";
+    chains_ = {{"<DigestMethod Algorithm=\"" + uri_of(kHash) + "\"/><CanonicalizationMethod Algorithm=\"" +
+                    kExclusive + "\"/>",
+                stamped_once}};
+  }
+  /// Of the record over a file with these bytes.
+  [[nodiscard]] RecordJudgement judge_file(const std::string& bytes) const {
+    DataObject object = object_of(bytes);
+    object.content = bytes_of(bytes);
+    return XmlRecord::parse(record()).judge({object},
+                                            {.trust = &trust_, .policy = nullptr, .now = day("2046-11-01")});
+  }
+
   PlayedAuthority first_{"First", "2026-01-01", "2032-01-01"};
   PlayedAuthority second_{"Second", "2030-01-01", "2040-01-01"};
   PlayedAuthority third_{"Third", "2038-01-01", "2050-01-01"};
@@ -293,19 +370,70 @@ TEST_F(XmlRecordTest, AHashTreeRenewalCoversTheDataItself) {
 }
 
 TEST_F(XmlRecordTest, DataThatIsXmlIsHashedInItsCanonicalForm) {
-  const std::string written = "<a  b='1'/>", form = "<a b=\"1\"></a>";
-  chains_.clear();
-  chains_.push_back({"<DigestMethod Algorithm=\"" + uri_of(HashAlgorithm::kSha256) +
-                     "\"/><CanonicalizationMethod Algorithm=\"" + kExclusive + "\"/>"});
-  chains_.back().push_back(
-      stamped(1, HashAlgorithm::kSha256, {hash_of(HashAlgorithm::kSha256, form)}, third_.at("2044-05-01")));
-  DataObject object = object_of(written);
-  object.content = bytes_of(written);
-  const JudgingRules rules{.trust = &trust_, .policy = nullptr, .now = day("2046-11-01")};
-  EXPECT_EQ(codes_of(XmlRecord::parse(record()).judge({object}, rules)), "");
-  const std::string broken = "<a b='1'>";
-  object.content = bytes_of(broken);
-  EXPECT_THAT(codes_of(XmlRecord::parse(record()).judge({object}, rules)), HasSubstr("record-data-not-read"));
+  stamp_alone("<a b=\"1\"></a>");
+  const RecordJudgement judgement = judge_file("<a  b='1'/>");
+  EXPECT_EQ(codes_of(judgement), "");
+  EXPECT_EQ(judgement.only_as_canonical, std::vector{true});
+  EXPECT_EQ(codes_of(judge_file("<a b='2'/>")), "record-data-not-covered");
+  EXPECT_EQ(codes_of(judge_file("<a b='1'>")), "record-data-not-read");
+}
+
+// What stands where the parser does not look is no part of what was there.
+TEST_F(XmlRecordTest, DataWithMoreThanItsCanonicalFormSaysIsNotCovered) {
+  stamp_alone("<a>good</a>");
+  EXPECT_EQ(codes_of(judge_file("<a>good</a>")), "");
+  for (const std::string& more :
+       {std::string("<a>good</a>\0EVIL<b>", 19), std::string("<a>good&#0;evil hidden</a>"),
+        std::string("<a>good</a><?xml hidden='evil'?>"), std::string("<a>good</a>\0", 12)})
+    EXPECT_EQ(codes_of(judge_file(more)), "record-data-not-read") << more;
+}
+
+TEST_F(XmlRecordTest, DataInAnotherEncodingAccusesNobody) {
+  stamp_alone("<a>\xE6\x89\x8B</a>");
+  const RecordJudgement judgement =
+      judge_file("<?xml version=\"1.0\" encoding=\"Shift_JIS\"?><a>\x8E\xE8</a>");
+  EXPECT_EQ(codes_of(judgement), "record-data-not-read");
+  EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
+  EXPECT_THAT(
+      judgement.problems.front().text,
+      HasSubstr(" could not be read as XML, since it says that it is in \"Shift_JIS\", and UTF-8 alone is "
+                "read, so whether archiveTimeStampSequence[0][0] covers it is not known"));
+  EXPECT_EQ(codes_of(judge_file(std::string("\xFF\xFE<\0a\0/\0>\0", 10))), "record-data-not-read");
+}
+
+// Archives that take files for octets.
+TEST_F(XmlRecordTest, DataThatIsXmlMayBeHashedAsItsBytes) {
+  for (const std::string& file :
+       {std::string("<a  b='1'/>"), std::string("<!DOCTYPE html><html>"),
+        std::string("<?xml version=\"1.0\" encoding=\"Shift_JIS\"?><a>\x8E\xE8</a>"),
+        std::string("\xFF\xFE<\0a\0/\0>\0", 10), std::string("<a>good</a>\0more", 16)}) {
+    for (const bool has_tree : {true, false}) {
+      stamp_alone(file, has_tree);
+      const RecordJudgement judgement = judge_file(file);
+      EXPECT_EQ(codes_of(judgement), "") << file << has_tree;
+      EXPECT_EQ(judgement.only_as_canonical, std::vector{false});
+      EXPECT_TRUE(judgement.time_stamps.front().imprint_fits);
+    }
+  }
+}
+
+TEST_F(XmlRecordTest, WithoutATreeTheTokenIsOverTheDataInEitherForm) {
+  stamp_alone("<a b=\"1\"></a>", false);
+  EXPECT_EQ(codes_of(judge_file("<a  b='1'/>")), "");
+  EXPECT_EQ(codes_of(judge_file("<a  b='2'/>")), "record-imprint-differs");
+  EXPECT_EQ(codes_of(judge_file("<a  b='1'>")), "record-data-not-read");
+}
+
+TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfData) {
+  auto without = chains_;
+  without.resize(1);
+  const Bytes chains = hash_of(HashAlgorithm::kSha512, sequence_of(without, kNamespace));
+  without.push_back({chains_[1][0], stamped(1, HashAlgorithm::kSha512, {chains}, second_.at("2034-06-01"))});
+  const RecordJudgement judgement =
+      XmlRecord::parse(record_of(without))
+          .judge({}, {.trust = &trust_, .policy = nullptr, .now = day("2034-07-01")});
+  EXPECT_EQ(codes_of(judgement), "record-data-not-covered");
+  EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
 }
 
 TEST_F(XmlRecordTest, WhatIsNoneIsRefusedByPlaceAndReason) {

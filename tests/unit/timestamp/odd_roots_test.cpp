@@ -157,6 +157,69 @@ TEST_F(OddRoots, WhatATrustedIntermediateVouchesForHoldsWhateverItsRootSays) {
          judge(signer, {between.certificate.get()}, trusting({strict.get(), signer.certificate.get()})));
 }
 
+// OpenSSL's own path fails for each of these, and what was looked at once costs nothing more.
+TEST_F(OddRoots, ALongCaseIsNotTooDear) {
+  const Credential other = issue("Other", CertificateRole::kAuthority, nullptr);
+  const Certificate other_expired = expired(other);
+  const Credential between = issue("Between", CertificateRole::kAuthority, &root_);
+  const Certificate cross = certified(between, other);
+  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
+  const TrustStore trust = trusting({other_expired.get(), root_.certificate.get()});
+  const TrustStore wrong = trusting({other_expired.get()});
+  CertificatePool pool, of_the_wrong;
+  Expectation expectation, with_the_wrong;
+  expectation.pool = &pool;
+  with_the_wrong.pool = &of_the_wrong;
+  TokenRecipe recipe;
+  recipe.signer = &signer;
+  recipe.enclosed = {signer.certificate.get(), cross.get(), between.certificate.get()};
+  recipe.gen_time = std::string(kYearOfTheToken) + "0805091502Z";
+  const Bytes token = make_token(recipe);
+  for (int i = 0; i < 3'000; ++i) {
+    ASSERT_EQ(judge_token(token, expectation, trust).code, TokenCode::kValid) << i;
+    ASSERT_EQ(judge_token(token, with_the_wrong, wrong).code, TokenCode::kRootNotValidAtTime) << i;
+  }
+  // Whether it was valid is asked of each time anew.
+  recipe.gen_time = "20400201000000Z";
+  const TokenJudgement late = judge_token(make_token(recipe), expectation, trust);
+  expect("token-certificate-not-valid-at-time", late);
+  recipe.gen_time = "20240201000000Z";
+  expect("token-valid", judge_token(make_token(recipe), with_the_wrong, wrong));
+}
+
+// Nobody is accused for what was not looked at: 40 certificates of one intermediate that all have ended.
+TEST_F(OddRoots, OfMorePathsThanAreLookedAtNoneAccuses) {
+  const Credential between = issue("Between", CertificateRole::kAuthority, &root_);
+  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
+  const TrustStore trust = trusting({root_.certificate.get()});
+  std::vector<Certificate> certificates;
+  std::vector<X509*> enclosed;
+  const auto judge_with = [&](int many) {
+    while (static_cast<int>(certificates.size()) < many) {
+      const auto at = static_cast<long>(certificates.size());
+      certificates.push_back(copy_of(between));
+      X509* const ended = certificates.back().get();
+      ASN1_INTEGER_set(X509_get_serialNumber(ended), 1'000 + at);
+      EXPECT_EQ(ASN1_TIME_set_string(X509_getm_notAfter(ended), "20250101000000Z"), 1);
+      sign_again(ended, root_);
+      enclosed.push_back(ended);
+    }
+    return judge(signer, enclosed, trust);
+  };
+  expect("token-certificate-not-valid-at-time", judge_with(20));
+  const TokenJudgement judgement = judge_with(40);
+  expect("token-too-dear", judgement);
+  EXPECT_EQ(verdict_of(judgement.code), TokenVerdict::kCouldNotCheck);
+  // Nor by an outside root, where it is the way to the recorder's own that was not looked at to its end.
+  TrustStore both;
+  both.add_own_authority(bytes_of(pem_of(root_.certificate.get())), "the recorder's own root");
+  both.add_trusted(bytes_of(pem_of(certificates.front().get())), "an outside intermediate");
+  expect("token-too-dear", judge(signer, enclosed, both));
+  // One that holds is enough.
+  enclosed.push_back(between.certificate.get());
+  expect("token-valid", judge(signer, enclosed, trust));
+}
+
 // Whoever holds a trusted key has certificates without end certify each other, and each token is to be judged
 // by all of their paths.
 TEST_F(OddRoots, WhoCertifiesInCirclesIsNotFollowedWithoutEnd) {

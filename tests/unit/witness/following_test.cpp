@@ -215,6 +215,61 @@ TEST_F(FollowingTest, ASecondHistoryIsToldWhereItsEvidenceFindsNoRoom) {
   }
 }
 
+TEST_F(FollowingTest, EvidenceThatWasCutOffIsMadeWholeTheNextTime) {
+  follow(log, 300);
+  const LogToShow shown = PublishedLog(key, 100).at(600);
+  const auto keeps = [&](archive::FileSystem& files, const fs::path& where) {
+    return follow_log(*tiles_of(shown), files, where, {device});
+  };
+  // What is kept is the history itself, which others can follow.
+  const auto expect_whole = [&](const Followed& followed) {
+    EXPECT_EQ(followed.not_kept, "");
+    const Followed evidence = follow_log(*tiles_in_folder(followed.evidence), archive::real_file_system(),
+                                         folder.path() / ("again-" + std::to_string(++made_)), {device});
+    EXPECT_EQ(evidence.what, Following::kBegun) << evidence.why;
+    EXPECT_EQ(evidence.shown->root, shown.checkpoint.root);
+    EXPECT_FALSE(fs::exists(followed.evidence / ".beginning"));
+  };
+  std::size_t calls = 0;
+  {
+    const test::TemporaryFolder elsewhere;
+    fs::copy(copy, elsewhere.path() / "copy", fs::copy_options::recursive);
+    test::FaultFileSystem counted(elsewhere.path());
+    expect_whole(keeps(counted, elsewhere.path() / "copy"));
+    calls = counted.count();
+  }
+  for (std::size_t at = 0; at < calls; ++at) {
+    const test::TemporaryFolder elsewhere;
+    const fs::path where = elsewhere.path() / "copy";
+    fs::copy(copy, where, fs::copy_options::recursive);
+    test::FaultFileSystem killed(elsewhere.path());
+    killed.kill_at(at);
+    EXPECT_THROW(keeps(killed, where), test::Killed) << at;
+    killed.heal();
+    SCOPED_TRACE(at);
+    expect_whole(keeps(killed, where));
+  }
+  for (std::size_t room = 1; room < 6; ++room) {
+    const test::TemporaryFolder elsewhere;
+    const fs::path where = elsewhere.path() / "copy";
+    fs::copy(copy, where, fs::copy_options::recursive);
+    test::FaultFileSystem full(elsewhere.path());
+    full.fail("write", ENOSPC, room);
+    SCOPED_TRACE(room);
+    // It is said for as long as it is so.
+    for (int i = 0; i < 2; ++i) {
+      full.fail("write", ENOSPC, i == 0 ? room : 1);
+      const Followed followed = keeps(full, where);
+      EXPECT_EQ(followed.what, Following::kTwoHistories);
+      if (!followed.not_kept.empty()) EXPECT_THAT(followed.not_kept, HasSubstr("No space left on device"));
+      EXPECT_EQ(followed.not_kept.empty(),
+                !fs::exists(followed.evidence / ".beginning") && fs::exists(followed.evidence / "tile"));
+    }
+    full.heal();
+    expect_whole(keeps(full, where));
+  }
+}
+
 TEST_F(FollowingTest, OfACheckpointAloneASecondHistoryOfTheSameLengthIsTold) {
   follow(log, 300);
   const fs::path other = published(PublishedLog(key, 10), 300);
