@@ -111,10 +111,10 @@ class PlayedClock : public sim::SchedulerClock {
 
 /// A loop that takes three periods for every other step skips two there: it makes half of its steps.
 TEST(HandMotion, IsRecordedInRealTimeWhereALoopIsLate) {
-  constexpr double kPeriod = 1e-3;
-  MotionPlayer player(turning(), kPeriod);
+  constexpr double kPeriodSeconds = 1e-3;
+  MotionPlayer player(turning(), kPeriodSeconds);
   PlayedClock clock;
-  MotionRecorder recorder(player, kPeriod, 5, clock);
+  MotionRecorder recorder(player, kPeriodSeconds, 5, clock);
   std::vector<sim::Pose> poses(2);
   const std::vector<sim::Vector3> none(2, sim::Vector3::Zero());
   for (int step = 0; step < 2000; ++step) {
