@@ -52,6 +52,10 @@ trainer::ExclusionOptions options_of(const Request& request) {
   options.touch = trainer::touch_of(request.touch.value_or("fingertips"));
   if (options.touch != trainer::Touch::kTrocar && (request.tip || request.seal_friction))
     throw UsageError("--tip and --seal-friction are of instruments: add --touch trocar");
+  if (options.touch == trainer::Touch::kTrocar && options.feedback == trainer::Feedback::kTangential)
+    throw UsageError(
+        "--feedback tangential is of fingers, and would play nothing of an instrument's lever: leave it out "
+        "with --touch trocar");
   if (request.tip) options.instruments.tip = trainer::instrument_tip_of(*request.tip);
   if (request.seal_friction) {
     options.instruments.seal_friction_n =
@@ -387,7 +391,8 @@ void add_train_exclusion_command(Command& train) {
                  "of a fingertip on the organ: the most force along its surface, in pressing ones; 0 glides",
                  "0.5, or what the organ's file says");
   command.choice("--feedback", {"full", "tangential"}, request->feedback,
-                 "forces in three directions, or their part along each finger", "full");
+                 "forces in three directions, or their part along each finger, which instruments do not have",
+                 "full");
   command.choice("--touch", {"fingertips", "hand", "trocar"}, request->touch,
                  "with fingertips alone, with phalanges and palm, too, or with instruments that pivot in "
                  "trocars",

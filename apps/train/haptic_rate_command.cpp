@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
@@ -66,6 +68,30 @@ struct Outcome {
 
 /// The file of a trial's hand motion, trials counted from 1.
 std::string motion_file(std::size_t trial) { return "hand-" + std::to_string(trial) + ".txt"; }
+
+/// Hand motions of an earlier run that this one, with so many, did not write: beside its trials.csv they
+/// would belong to no answer.
+void remove_other_motions(const OutputFolder& folder, std::size_t motions) {
+  namespace fs = std::filesystem;
+  std::vector<fs::path> others;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder.path(""))) {
+    const std::string name = entry.path().filename().string();
+    constexpr std::string_view kBefore = "hand-", kAfter = ".txt";
+    if (name.size() <= kBefore.size() + kAfter.size() || !name.starts_with(kBefore) ||
+        !name.ends_with(kAfter))
+      continue;
+    const std::string number = name.substr(kBefore.size(), name.size() - kBefore.size() - kAfter.size());
+    if (number.find_first_not_of("0123456789") != std::string::npos) continue;
+    bool written = false;
+    for (std::size_t trial = 1; trial <= motions && !written; ++trial) written = name == motion_file(trial);
+    if (!written) others.push_back(entry.path());
+  }
+  for (const fs::path& other : others) {
+    std::error_code failed;
+    fs::remove(other, failed);
+    if (failed) throw IoError("remove", other, failed.value());
+  }
+}
 
 trainer::RateProtocol protocol_of(const Request& request) {
   trainer::RateProtocol protocol;
@@ -227,7 +253,7 @@ std::string trials_csv(const Outcome& outcome) {
       csv += csv_field(session.subject) + (session.simulated ? ",yes," : ",no,") + trial.fingers.text() +
              "," + std::to_string(++number) + "," + exact(trial.rate_hz) +
              (trial.vibrating ? ",vibrating," : ",continuous,");
-      // A motion belongs to its answer, and to no other.
+      // Which motion an answer is of, so that one that is mixed up or changed is seen.
       if (!outcome.motions.empty())
         csv +=
             motion_file(number) + "," + crypto::to_hex(crypto::sha256(bytes_of(outcome.motions[number - 1])));
@@ -482,6 +508,7 @@ int run(const Request& request) {
   const Outcome outcome = ask(request, subjects, plate, protocol);
   for (std::size_t trial = 1; trial <= outcome.motions.size(); ++trial)
     folder.write(motion_file(trial), outcome.motions[trial - 1]);
+  if (request.force) remove_other_motions(folder, outcome.motions.size());
   folder.write("trials.csv", trials_csv(outcome));
   keep(request, database_file, outcome, began);
   const trainer::RateComparison comparison = trainer::compare_fingers(outcome.sessions);
@@ -538,7 +565,8 @@ void add_train_haptic_rate_command(Command& train) {
   command.option("--seed", "N", request->seed, "of all chance in it");
   command.option("--database", "FILE", request->database, "keeps the results there, beside what it has",
                  "DIR/results.sqlite");
-  command.flag("-f,--force", request->force, "replaces what an earlier run left in DIR");
+  command.flag("-f,--force", request->force,
+               "replaces what an earlier run left in DIR, its hand motions included");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "A soft plate of 20 x 20 x 1.5 cm is pressed between 0.5 and 1 N while its forces are renewed at 100 "

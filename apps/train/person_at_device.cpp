@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "sim/haptics/rate_scheduler.h"
 #include "sim/haptics/udp_device.h"
 #include "trainer/hand/safe_device.h"
 #include "trainer/haptic_rate/held_forces.h"
@@ -39,8 +40,9 @@ bool PersonAtDevice::feels_vibration(const trainer::Fingers& fingers, double rat
   // However this ends, no force stays on a finger.
   const trainer::AtRest at_rest(safe);
   const auto seconds = std::chrono::duration<double>(std::max(4.0, 4 / rate_hz));
+  sim::MonotonicClock clock;
   trainer::MotionRecorder recorder(safe, 1 / kRateHz,
-                                   std::chrono::duration<double>(kPatience + seconds).count() + 1);
+                                   std::chrono::duration<double>(kPatience + seconds).count() + 1, clock);
   sim::HapticContact contact(plate_.contact(), trainer::Plate::fingers(fingers.count()));
   trainer::HeldForces held(contact, rate_hz);
   sim::ForceLoopOptions options;

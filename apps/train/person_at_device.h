@@ -17,7 +17,7 @@ class PersonAtDevice : public trainer::RateSubject {
   /// kiroku::Error where no pose comes within 30 seconds, kiroku::UsageError where the terminal is closed.
   bool feels_vibration(const trainer::Fingers& fingers, double rate_hz) override;
   /// What the hand did in the last feels_vibration(), as the device gave it and SafeDevice believed it, with
-  /// its wrist where it has one: from when poses are waited for until the question.
+  /// its wrist where it has one: from when poses are waited for until the question, in real time.
   [[nodiscard]] const trainer::HandMotion& motion() const { return motion_; }
 
  private:

@@ -15,7 +15,9 @@
 namespace kiroku::sim {
 
 /// Colours are told by red's and green's share of the light, and coarsely by how much light there is. Light
-/// falls off, and tissue has lighter and darker spots: both leave the shares as they are.
+/// falls off, and tissue has lighter and darker spots: both leave the shares as they are. A model knows its
+/// colours in light of one cell more or less: a third more in bright pictures, at least, and by a larger
+/// factor in the shade. Beyond that they are unknown to it (evidence 0), not the other's.
 inline constexpr std::size_t kRedCells = 32, kGreenCells = 32, kLightCells = 8,
                              kColours = kRedCells * kGreenCells * kLightCells;
 

@@ -181,12 +181,12 @@ ExclusionOutcome ExclusionRunner::run_in_real_time(sim::HapticDevice& device,
   SafeDevice safe(device, period_s, options_.limits);
   // However this ends, no force stays on a finger.
   const AtRest at_rest(safe);
-  MotionRecorder recorder(safe, period_s, body_.task().most_s + 1);
+  sim::MonotonicClock clock;
+  MotionRecorder recorder(safe, period_s, body_.task().most_s + 1, clock);
   HandForces forces(body_, device.tools(), options_.feedback, options_.touch, options_.instruments);
   ExclusionJudge judge(body_.task());
   sim::ForceLoopOptions loop_options;
   loop_options.rate_hz = options_.force_rate_hz;
-  sim::MonotonicClock clock;
   std::uint64_t pictures = 0;
   sim::ForceLoopStatistics statistics;
   const nanoseconds begun = clock.now();

@@ -168,9 +168,22 @@ MotionRecorder::MotionRecorder(sim::HapticDevice& device, double period_s, doubl
   motion_.wrists.resize(moments);
 }
 
+MotionRecorder::MotionRecorder(sim::HapticDevice& device, double period_s, double longest_s,
+                               sim::SchedulerClock& clock)
+    : MotionRecorder(device, period_s, longest_s) {
+  clock_ = &clock;
+}
+
+double MotionRecorder::now_s() {
+  if (!clock_) return static_cast<double>(steps_) * period_s_;
+  const std::chrono::nanoseconds now = clock_->now();
+  if (!begun_) begun_ = now;
+  return std::chrono::duration<double>(now - *begun_).count();
+}
+
 bool MotionRecorder::read(std::span<sim::Pose> poses) {
+  const double now_s = this->now_s();
   if (!device_.read(poses)) return false;
-  const double now_s = static_cast<double>(steps_) * period_s_;
   // Half a period: the step nearest to when one is due.
   const bool due = kept_ == 0 || now_s - motion_.times_s[kept_ - 1] > kLeastSeconds - period_s_ / 2;
   if (due && kept_ < motion_.times_s.size()) {

@@ -10,6 +10,8 @@
 // have a wrist: its seven numbers stand behind those of the fingers, in the moments that had one.
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -17,6 +19,7 @@
 
 #include "sim/contact/pose.h"
 #include "sim/haptics/haptic_device.h"
+#include "sim/haptics/rate_scheduler.h"
 
 namespace kiroku::trainer {
 
@@ -63,9 +66,12 @@ class MotionPlayer : public sim::HapticDevice {
 /// most. Not thread-safe.
 class MotionRecorder : public sim::HapticDevice {
  public:
-  /// `device` must outlive it; every write() is `period_s` later. Room for `longest_s` is taken at once, so
-  /// that a force loop is not held up; what comes later is not kept.
+  /// `device` must outlive it; in its own time, every write() is `period_s` later. Room for `longest_s` is
+  /// taken at once, so that a force loop is not held up; what comes later is not kept.
   MotionRecorder(sim::HapticDevice& device, double period_s, double longest_s);
+  /// In the time of `clock`, which must outlive it, from the first read() on: a force loop that is late skips
+  /// steps, so that steps do not tell its time.
+  MotionRecorder(sim::HapticDevice& device, double period_s, double longest_s, sim::SchedulerClock& clock);
   [[nodiscard]] std::size_t tools() const override { return device_.tools(); }
   bool read(std::span<sim::Pose> poses) override;
   void write(std::span<const sim::Vector3> forces_n) override;
@@ -77,8 +83,11 @@ class MotionRecorder : public sim::HapticDevice {
 
  private:
   static constexpr double kLeastSeconds = 0.01;
+  [[nodiscard]] double now_s();
   sim::HapticDevice& device_;
   double period_s_;
+  sim::SchedulerClock* clock_ = nullptr;  // none: in its own time
+  std::optional<std::chrono::nanoseconds> begun_;
   std::uint64_t steps_ = 0;
   std::size_t kept_ = 0;
   HandMotion motion_;

@@ -30,14 +30,6 @@ double twist_rad(const Eigen::Quaterniond& of) {
   return std::remainder(2 * std::atan2(of.z(), of.w()), 2 * std::numbers::pi);
 }
 
-/// A direction of length 1 in the trocar's frame, no more than kMostTiltRadians from its z axis.
-Vector3 within_cone(const Vector3& along) {
-  if (along.z() >= std::cos(kMostTiltRadians)) return along;
-  const Vector3 across(along.x(), along.y(), 0);
-  const Vector3 aside = across.norm() > 1e-9 ? Vector3(across.normalized()) : Vector3(Vector3::UnitX());
-  return std::cos(kMostTiltRadians) * Vector3::UnitZ() + std::sin(kMostTiltRadians) * aside;
-}
-
 std::vector<sim::ContactTool> tools_of(const std::string& part, const sim::ToolShape& shape,
                                        std::size_t instruments, double friction) {
   std::vector<sim::ContactTool> tools;
@@ -59,11 +51,18 @@ InstrumentTip instrument_tip_of(const std::string& name) {
 }
 
 InstrumentPlace instrument_at(const Trocar& trocar, const Pose& handle) {
-  const Vector3 to_trocar = -trocar.pose.to_tool(handle.position_m);
+  Vector3 to_trocar = -trocar.pose.to_tool(handle.position_m);
+  const double aside_m = std::hypot(to_trocar.x(), to_trocar.y());
+  // Drawn back along the trocar's axis until an instrument can lie there: so the shaft's direction does not
+  // jump where a hand passes the trocar or goes through the wall.
+  const double off_sphere_m =
+      std::sqrt(std::max(0.0, kLeastOutsideMetres * kLeastOutsideMetres - aside_m * aside_m));
+  const double in_cone_m = aside_m / std::tan(kMostTiltRadians);
+  to_trocar.z() = std::max({to_trocar.z(), off_sphere_m, in_cone_m});
   const double far_m = to_trocar.norm();
-  const Vector3 along = within_cone(far_m > 1e-9 ? Vector3(to_trocar / far_m) : Vector3(Vector3::UnitZ()));
+  const Vector3 along = to_trocar / far_m;
   InstrumentPlace place;
-  place.outside_m = std::max(far_m, kLeastOutsideMetres);
+  place.outside_m = std::max(far_m, kLeastOutsideMetres);  // rounding may leave it a hair less
   place.depth_m = kInstrumentMetres - place.outside_m;
   place.tilt_x_rad = std::atan2(along.x(), along.z());
   place.tilt_y_rad = std::atan2(along.y(), along.z());

@@ -54,8 +54,10 @@ struct InstrumentPlace {
   [[nodiscard]] sim::Vector3 along() const { return handle.orientation * sim::Vector3::UnitZ(); }
 };
 
-/// What a device's handle does to an instrument; where no instrument can follow (kLeastOutsideMetres,
-/// kMostTiltRadians), as near as it can. Pure; thread-safe.
+/// What a device's handle does to an instrument. Where no instrument can follow (kLeastOutsideMetres,
+/// kMostTiltRadians), that of the handle drawn back along the trocar's axis to the first place where one can.
+/// Continuous everywhere: while a handle moves, the tip's end goes less than 30 times as far. Pure;
+/// thread-safe.
 InstrumentPlace instrument_at(const Trocar& trocar, const sim::Pose& handle);
 
 /// What acts on the parts of an instrument, N and N m in the mesh's frame.

@@ -45,13 +45,23 @@ Silhouette square() {
 
 ColourCells cells_of(const Picture& picture) { return colour_cells(picture, cover_of(picture)); }
 
-TEST(ColourModel, KnowsTissueInOtherLightThanItWasLearntIn) {
+TEST(ColourModel, KnowsTissueInLightOfOneCellMoreOrLess) {
   const ColourModel model = colours_of(cells_of(organ_before_wall(1)), square(), 40);
   for (const double light : {0.6, 0.8, 1.2}) {
     const ColourCells cells = cells_of(organ_before_wall(light));
     EXPECT_GT(model.evidence[cells.at(60, 60)], 1) << light;
     EXPECT_LT(model.evidence[cells.at(20, 60)], -1) << light;
   }
+}
+
+/// In half as much light again the wall is two cells lighter: it is unknown, and not taken for the organ's.
+TEST(ColourModel, DoesNotKnowTissueInLightOfTwoCellsMore) {
+  const ColourModel model = colours_of(cells_of(organ_before_wall(1)), square(), 40);
+  const auto lights_of = [](std::uint16_t cell) { return cell % kLightCells; };
+  const std::uint16_t learnt = cells_of(organ_before_wall(1)).at(20, 60),
+                      lighter = cells_of(organ_before_wall(1.5)).at(20, 60);
+  ASSERT_EQ(lights_of(lighter), lights_of(learnt) + 2);
+  EXPECT_EQ(model.evidence[lighter], 0);
 }
 
 TEST(ColourModel, TellsTissueFromTissueInTheShade) {

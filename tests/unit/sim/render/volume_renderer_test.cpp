@@ -1,5 +1,6 @@
 #include "sim/render/volume_renderer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <functional>
@@ -714,12 +715,21 @@ TEST(VolumeRenderer, DrawsTheSameByComputingAsByDrawing) {
                        drawn(false, rich.mesh, rich.opened, rich.scene))
                 .share,
             0.001);
-  // Sides that are no multiple of a group's, the organ over one corner of the picture.
-  Scene odd = scene_of(ball());
-  odd.width = 101;
-  odd.height = 67;
-  odd.camera.centre += odd.camera.half_extent * 0.7;
-  EXPECT_LT(difference(drawn(true, ball(), {}, odd), drawn(false, ball(), {}, odd)).share, 0.001);
+  // Sides that are no multiple of a group's, the organ over one corner of the picture. The bytes of the
+  // second are more than one row of groups packs, 1024 groups of 256 bytes.
+  constexpr std::ptrdiff_t kRowBytes = 262'144;
+  for (const auto& [width, height] : {std::pair{101, 67}, {331, 307}}) {
+    Scene odd = scene_of(ball());
+    odd.width = width;
+    odd.height = height;
+    odd.camera.centre += odd.camera.half_extent * 0.7;
+    const Picture picture = drawn(true, ball(), {}, odd);
+    EXPECT_LT(difference(picture, drawn(false, ball(), {}, odd)).share, 0.001) << width << " x " << height;
+    if (std::ssize(picture.rgb) <= kRowBytes) continue;
+    EXPECT_GT(std::count_if(picture.rgb.begin() + kRowBytes, picture.rgb.end(),
+                            [](std::uint8_t byte) { return byte > 0; }),
+              10'000);
+  }
 }
 
 TEST(VolumeRenderer, FindsLayersThatTheLastPictureDidNotHave) {

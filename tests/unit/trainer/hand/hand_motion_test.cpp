@@ -1,5 +1,8 @@
 #include "trainer/hand/hand_motion.h"
 
+#include <algorithm>
+#include <chrono>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -96,6 +99,37 @@ TEST(HandMotion, TellsWhatIsWrongWithAFile) {
               HasSubstr("seven more where there is a wrist"));
   EXPECT_THAT(refusal(second + "fingers 1\n0" + pose + " 0 0 0 3 0 0 0\n"), HasSubstr("of the wrist is not"));
   EXPECT_EQ(refusal(second + "fingers 1\n0" + pose + pose + "\n"), "nothing was refused");
+}
+
+/// Time that a test moves by hand.
+class PlayedClock : public sim::SchedulerClock {
+ public:
+  std::chrono::nanoseconds now() override { return time; }
+  void sleep_until(std::chrono::nanoseconds until) override { time = std::max(time, until); }
+  std::chrono::nanoseconds time = std::chrono::hours(7);
+};
+
+/// A loop that takes three periods for every other step skips two there: it makes half of its steps.
+TEST(HandMotion, IsRecordedInRealTimeWhereALoopIsLate) {
+  constexpr double kPeriodSeconds = 1e-3;
+  MotionPlayer player(turning(), kPeriodSeconds);
+  PlayedClock clock;
+  MotionRecorder recorder(player, kPeriodSeconds, 5, clock);
+  std::vector<sim::Pose> poses(2);
+  const std::vector<sim::Vector3> none(2, sim::Vector3::Zero());
+  for (int step = 0; step < 2000; ++step) {
+    EXPECT_TRUE(recorder.read(poses));
+    recorder.write(none);
+    clock.time += std::chrono::milliseconds(step % 2 == 0 ? 1 : 3);
+  }
+  const HandMotion found = recorder.motion();
+  EXPECT_EQ(found.times_s.front(), 0);
+  EXPECT_NEAR(found.duration_s(), 4, 0.012);
+  // What the player gave after so many steps was given in twice the time.
+  for (const double time_s : {0.5, 1.5, 1.9})
+    EXPECT_TRUE(found.at(2 * time_s)[0].position_m.isApprox(turning().at(time_s)[0].position_m, 1e-2));
+  for (std::size_t moment = 1; moment < found.times_s.size(); ++moment)
+    ASSERT_GT(found.times_s[moment], found.times_s[moment - 1]);
 }
 
 TEST(HandMotion, WhatIsPlayedIsWhatIsRecorded) {
