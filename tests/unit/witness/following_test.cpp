@@ -261,7 +261,9 @@ TEST_F(FollowingTest, EvidenceThatWasCutOffIsMadeWholeTheNextTime) {
       full.fail("write", ENOSPC, i == 0 ? room : 1);
       const Followed followed = keeps(full, where);
       EXPECT_EQ(followed.what, Following::kTwoHistories);
-      if (!followed.not_kept.empty()) EXPECT_THAT(followed.not_kept, HasSubstr("No space left on device"));
+      if (!followed.not_kept.empty()) {
+        EXPECT_THAT(followed.not_kept, HasSubstr("No space left on device"));
+      }
       EXPECT_EQ(followed.not_kept.empty(),
                 !fs::exists(followed.evidence / ".beginning") && fs::exists(followed.evidence / "tile"));
     }
