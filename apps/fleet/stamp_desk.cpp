@@ -1,6 +1,5 @@
 #include "apps/fleet/stamp_desk.h"
 
-#include <ranges>
 #include <utility>
 
 #include "apps/fleet/desk_refusal.h"
@@ -82,8 +81,10 @@ void StampDesk::count(const std::string& fingerprint) {
 const StampDesk::Collected& StampDesk::of(const std::string& authority) const {
   const auto found = authorities_.find(authority);
   if (found != authorities_.end()) return found->second;
-  throw DeskRefusal{kNotFound, "no authority named " + authority +
-                                   " is shared here; there are: " + joined(std::views::keys(authorities_))};
+  std::vector<std::string> names;
+  for (const auto& [name, its] : authorities_) names.push_back(name);
+  throw DeskRefusal{kNotFound,
+                    "no authority named " + authority + " is shared here; there are: " + joined(names)};
 }
 
 StampDesk::Answer StampDesk::enter(const std::string& appliance, const fleet::StampRequest& request) {
