@@ -468,8 +468,8 @@ def the_logs_tree_is_published_there(appliance, store):
     """Somebody without keys follows the appliance log, by what the store gives to anybody."""
     other = Appliance(appliance.programs, appliance.home.parent / "published", store.endpoint, "recordings")
     toml = other.home / "kiroku.toml"
-    toml.write_text(toml.read_text(encoding="utf-8").replace('appliance = "or-1"', 'appliance = "or-2"\npublish_log = true'),
-                    encoding="utf-8")
+    before, _, name = toml.read_text(encoding="utf-8").rpartition('"or-1"')
+    toml.write_text(f'{before}"or-2"\npublish_log = true{name}', encoding="utf-8")
     policy = other.home / "policy.json"
     policy.write_text(json.dumps({"Version": "2012-10-17", "Statement": [{
         "Effect": "Allow", "Principal": "*", "Action": "s3:GetObject", "Resource": "arn:aws:s3:::recordings/or-2/published/*"}]}))

@@ -235,9 +235,13 @@ def judge(response, roots, own_roots):
             alone = _openssl("verify", "-partial_chain", "-attime", str(stamp.gen_ns // _NANO), "-CAfile", str(path / "root.pem"), str(path / "root.pem"))
             why += done.stderr.decode(errors="replace") if alone.returncode == 0 else f"a root of another time than {stamp.gen_ns}\n"
         # Without a path the signature can still be judged, and whether the signer may sign.
-        done = _openssl("cms", "-verify", "-inform", "DER", "-in", str(path / "token.der"), "-noverify", "-binary", "-out", str(path / "content"))
+        done = _openssl("cms", "-verify", "-inform", "DER", "-in", str(path / "token.der"), "-noverify", "-binary", "-out", str(path / "content"),
+                        "-signer", str(path / "signer.pem"))
         if done.returncode != 0:
             return "refused", "", done.stderr.decode(errors="replace")
+        # Whatever the roots are, a certificate of another time cannot have signed.
+        signer = _openssl("verify", "-partial_chain", "-attime", str(stamp.gen_ns // _NANO), "-CAfile", str(path / "signer.pem"), str(path / "signer.pem"))
+        why += signer.stderr.decode(errors="replace")
         if re.search("expired|not yet valid|purpose|signing certificate|key usage", why, re.I):
             return "refused", "", why
         return "untrusted" if why else "no trust", "", why

@@ -61,8 +61,9 @@ class PlayedAggregator final : public evidence::SharedStamps {
     if (conduct == Conduct::kReplays && given_) return given_;
     Bytes record = round().file_of(conduct == Conduct::kOtherNote ? 1 : 0);
     if (conduct == Conduct::kSpoiled) {
-      const auto there = std::ranges::search(record, other("digest"));
-      there.front() ^= std::byte{1};
+      const Bytes digest = other("digest");
+      const auto there = std::search(record.begin(), record.end(), digest.begin(), digest.end());
+      *there ^= std::byte{1};
     }
     given_ = record;
     return record;

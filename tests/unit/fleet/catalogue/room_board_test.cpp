@@ -17,7 +17,7 @@ ApplianceReport well(const std::string& room, const std::string& state = "record
   report.program = "0.1.0";
   report.run = std::string(32, 'a');
   report.now = kNoon;
-  report.recorder.emplace();
+  report.recorder = ApplianceReport::Recorder{};
   report.recorder->rooms = {{room, state, "20261127T115000Z-3f9c21ab", 600, 3}};
   report.recorder->disk = {1U << 30, 2U << 30, 40.0};
   report.recorder->clock = {true, 1000};
