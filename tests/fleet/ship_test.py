@@ -50,9 +50,15 @@ class Store:
 
     def put(self, bucket, key, file):
         """A new version of an object, by somebody who has the access key."""
+        self.send(f"{bucket}/{key}", file)
+
+    def set_policy(self, bucket, file):
+        self.send(f"{bucket}?policy=", file)
+
+    def send(self, path, file):
         command = ["curl", "-sS", "-m", "60", "-T", str(file), "--aws-sigv4", "aws:amz:us-east-1:s3", "--user", USER, "-H",
-                   f"x-amz-content-sha256: {hashlib.sha256(file.read_bytes()).hexdigest()}", "-f", f"{self.endpoint}/{bucket}/{key}"]
-        require(subprocess.run(command, capture_output=True).returncode == 0, f"{key} was not put")
+                   f"x-amz-content-sha256: {hashlib.sha256(file.read_bytes()).hexdigest()}", "-f", f"{self.endpoint}/{path}"]
+        require(subprocess.run(command, capture_output=True).returncode == 0, f"{path} was not put")
 
     def versions(self, bucket):
         """Every version of every object: {key: [version, ...]}."""
@@ -473,7 +479,7 @@ def the_logs_tree_is_published_there(appliance, store):
     policy = other.home / "policy.json"
     policy.write_text(json.dumps({"Version": "2012-10-17", "Statement": [{
         "Effect": "Allow", "Principal": "*", "Action": "s3:GetObject", "Resource": "arn:aws:s3:::recordings/or-2/published/*"}]}))
-    store.put("recordings", "?policy=", policy)
+    store.set_policy("recordings", policy)
 
     def followed(expected, status=0):
         told = other.ask("log", "follow", f"{store.endpoint}/recordings/or-2/published", str(other.home / "copy"), "--device",
