@@ -1,8 +1,6 @@
 #include "apps/kiroku/plan_seal.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <fstream>
 #include <variant>
 
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include "apps/common/file.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "crypto/file_hash.h"
 
 namespace kiroku::apps {
 namespace {
@@ -55,30 +54,9 @@ PlanSeal parse_plan_seal(std::string_view text, const std::string& name_for_erro
 }
 
 SealedFile hashed(const std::string& role, const std::string& name, const std::filesystem::path& path) {
-  constexpr std::size_t kPiece = std::size_t{1} << 20;
-  // A pipe or a device may give no end of bytes, or none at all; whoever wrote a seal chose its names.
-  std::error_code unknown;
-  if (std::filesystem::exists(path, unknown) && !std::filesystem::is_regular_file(path, unknown) &&
-      !std::filesystem::is_directory(path, unknown)) {
-    throw Error("cannot read " + path.string() + ": it is a pipe, a socket or a device and no file");
-  }
-  std::ifstream in(path, std::ios::binary);
-  if (!in || std::filesystem::is_directory(path)) {
-    const int error_number = std::filesystem::is_directory(path) ? EISDIR : errno;
-    throw IoError("read", path, error_number);
-  }
-  SealedFile file{role, name, 0, {}};
-  crypto::Sha256 hash;
-  Bytes piece(kPiece);
-  while (in) {
-    in.read(reinterpret_cast<char*>(piece.data()), static_cast<std::streamsize>(piece.size()));
-    const auto read = static_cast<std::size_t>(in.gcount());
-    hash.update(ByteView(piece).first(read));
-    file.bytes += read;
-  }
-  if (in.bad()) throw IoError("read", path, EIO);
-  file.sha256 = hash.finish();
-  return file;
+  // Whoever wrote a seal chose its names.
+  const crypto::FileHash found = crypto::hash_file(path);
+  return {role, name, found.bytes, found.sha256};
 }
 
 std::function<bool(const archive::LogEntryBody&)> states_seal(const crypto::Sha256Digest& seal) {

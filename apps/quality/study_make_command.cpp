@@ -23,6 +23,7 @@
 #include "base/clock.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
+#include "crypto/file_hash.h"
 #include "media/output_file.h"
 #include "media/output_folder.h"
 #include "recorder/quality/shown_film.h"
@@ -241,7 +242,7 @@ int run(const Request& request) {
   study.points = questions.points;
   films.level(study.made);
   for (const study::StudyKey::Film& film : films.films()) {
-    const study::FileHash hash = study::hash_file(films.path(film));
+    const crypto::FileHash hash = crypto::hash_file(films.path(film));
     study.films.push_back({film.name, hash.bytes, hash.sha256});
   }
   const study::StudyKey key = films.key(study.id);

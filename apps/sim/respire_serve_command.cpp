@@ -92,9 +92,11 @@ Workbench workbench_of(const RespireServeRequest& request, const Home& home) {
   line.show("reading " + request.model);
   viewer::BenchInputs inputs{.file = request.model,
                              .model = sim::read_breathing_model(request.model),
+                             .named = {},
                              .volume = {},
                              .geometry = geometry_from(made.geometry),
                              .radiographs = {}};
+  inputs.named = viewer::files_named_by(inputs.model, inputs.file);
   static_cast<void>(inputs.model.needed_tumour());  // before what takes long
   if (request.start) inputs.start_s = parse_number(*request.start, "--start");
   // Nobody's pictures are opened before what they are opened for is known to be there.

@@ -116,6 +116,7 @@ int main(int argc, char** argv) {
   try {
     viewer::BenchInputs inputs{.file = argv[2],
                                .model = sim::read_breathing_model(argv[2]),
+                               .named = {},
                                .volume = sim::read_volume(argv[1], {}).volume,
                                .geometry = sim::read_geometry(argv[3]).geometry,
                                .radiographs = {}};

@@ -1,14 +1,12 @@
 #include "viewer/breathing/breathing_bench.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <fstream>
-#include <string_view>
 #include <sys/stat.h>
 #include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "crypto/file_hash.h"
 #include "sim/respiration/series_fit.h"
 #include "timestamp/small_files.h"
 #include "viewer/http/disk_room.h"
@@ -22,18 +20,6 @@ namespace fs = std::filesystem;
 
 std::string pixels_text(std::size_t columns, std::size_t rows) {
   return std::to_string(columns) + " x " + std::to_string(rows);
-}
-
-crypto::Sha256Digest hash_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw IoError("read", file, errno);
-  crypto::Sha256 hash;
-  constexpr std::size_t kPart = std::size_t{1} << 20;
-  std::string part(kPart, '\0');
-  while (in.read(part.data(), static_cast<std::streamsize>(part.size())) || in.gcount() > 0)
-    hash.update(bytes_of(std::string_view(part).substr(0, static_cast<std::size_t>(in.gcount()))));
-  if (in.bad()) throw IoError("read", file, errno);
-  return hash.finish();
 }
 
 void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
@@ -55,16 +41,23 @@ void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
 
 }  // namespace
 
+std::vector<NamedFile> files_named_by(const sim::BreathingModel& model, const fs::path& file) {
+  std::vector<NamedFile> named;
+  for (const fs::path& path : sim::files_of(model, file))
+    named.push_back({path, crypto::hash_file(path).sha256});
+  return named;
+}
+
 BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(const std::string& step)>& step)
     : file_(std::move(inputs.file)),
       model_(std::move(inputs.model)),
+      named_(std::move(inputs.named)),
       radiographs_(std::move(inputs.radiographs)),
       start_s_(inputs.start_s),
       recording_(std::move(inputs.recording)) {
   const auto tell = [&](const char* what) {
     if (step) step(what);
   };
-  for (const fs::path& path : sim::files_of(model_, file_)) named_.push_back({path, hash_of(path)});
   const sim::Tumour& tumour = model_.needed_tumour();
   check_radiographs(radiographs_, inputs.geometry);
   tell("solving for how the lung moves");
@@ -164,7 +157,7 @@ std::string BreathingBench::save(const std::string& name, const MotionDeed& moti
                            " models beside this one, as many as are kept: have some removed");
   }
   for (const NamedFile& named : named_) {
-    if (hash_of(named.path) != named.hash) {
+    if (crypto::hash_file(named.path).sha256 != named.sha256) {
       throw Refusal(409, "'" + named.path.filename().string() +
                              "' has changed since this lung was opened, so that what is shown would not be "
                              "what is saved: start the workbench anew");

@@ -32,10 +32,20 @@ struct BenchRecording {
   double first_s = 0;  // when the first was taken, since the case began
 };
 
+/// A file that a model is made of, as it was when the model was read.
+struct NamedFile {
+  std::filesystem::path path;
+  crypto::Sha256Digest sha256;
+};
+/// Those that the model's document names. Call it as soon as the model was read: what is exchanged before is
+/// not noticed. Throws kiroku::IoError, kiroku::Error for what is no file.
+std::vector<NamedFile> files_named_by(const sim::BreathingModel& model, const std::filesystem::path& file);
+
 /// What a bench is made of.
 struct BenchInputs {
   std::filesystem::path file;  // the model's
   sim::BreathingModel model;
+  std::vector<NamedFile> named;  // files_named_by() of the model
   sim::Volume volume;
   sim::ProjectionGeometry geometry;
   std::vector<BenchRadiograph> radiographs;      // by their times; may be none
@@ -112,11 +122,6 @@ class BreathingBench {
   struct View {
     sim::ProjectionGeometry geometry;
     sim::ProjectionImage still;
-  };
-
-  struct NamedFile {
-    std::filesystem::path path;
-    crypto::Sha256Digest hash;
   };
 
   std::filesystem::path file_;

@@ -1,7 +1,6 @@
 #include "viewer/study/closing.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <fstream>
 
 #include <nlohmann/json.hpp>
@@ -9,6 +8,7 @@
 #include "base/error.h"
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
+#include "crypto/file_hash.h"
 #include "viewer/study/answers.h"
 
 namespace kiroku::study {
@@ -31,7 +31,7 @@ std::vector<std::string> bound_files(const Study& study) {
 Check check_file(const fs::path& folder, const std::string& name, std::uint64_t bytes,
                  const std::string& sha256) {
   try {
-    const FileHash now = hash_file(folder / name);
+    const crypto::FileHash now = crypto::hash_file(folder / name);
     if (now.bytes == bytes && crypto::to_hex(now.sha256) == sha256)
       return {"file", State::kHolds, name + " is as it was"};
     return {"file", State::kDiffers, name + " was changed"};
@@ -41,24 +41,6 @@ Check check_file(const fs::path& folder, const std::string& name, std::uint64_t 
 }
 
 }  // namespace
-
-FileHash hash_file(const fs::path& file) {
-  require_no_pipe(file);
-  std::ifstream input(file, std::ios::binary);
-  if (!input) throw IoError("open", file, errno == 0 ? ENOENT : errno);
-  crypto::Sha256 hash;
-  FileHash found;
-  std::string unit(std::size_t{1} << 20U, '\0');
-  while (input) {
-    input.read(unit.data(), static_cast<std::streamsize>(unit.size()));
-    const auto got = static_cast<std::size_t>(input.gcount());
-    hash.update(bytes_of(std::string_view(unit).substr(0, got)));
-    found.bytes += got;
-  }
-  if (!input.eof()) throw IoError("read", file, EIO);
-  found.sha256 = hash.finish();
-  return found;
-}
 
 std::vector<Progress> progress_of(const fs::path& folder, const StudyOnDisk& study) {
   std::vector<Progress> all;
@@ -99,7 +81,7 @@ crypto::Sha256Digest close_study(archive::FileSystem& files, const fs::path& fol
   for (const std::string& name : bound_files(study.study)) {
     // Who answered nothing has no file yet.
     if (!fs::exists(folder / name)) files.write_durably(folder / name, {});
-    const FileHash hash = hash_file(folder / name);
+    const crypto::FileHash hash = crypto::hash_file(folder / name);
     json["files"].push_back({{"name", name}, {"bytes", hash.bytes}, {"sha256", crypto::to_hex(hash.sha256)}});
   }
   const std::string text = json.dump(1) + "\n";
@@ -145,7 +127,7 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
   } catch (const nlohmann::json::exception& error) {
     throw UsageError(file.string() + " is no end of a study: " + error.what());
   }
-  const FileHash key = hash_file(folder / kKeyFile);
+  const crypto::FileHash key = crypto::hash_file(folder / kKeyFile);
   if (key.sha256 != study.study.key)
     found.checks.push_back({"key", State::kDiffers, "key.age is not the one that the study was made with"});
   return found;

@@ -46,12 +46,6 @@ struct ClosedStudy {
 };
 ClosedStudy check_closed(const std::filesystem::path& folder, const StudyOnDisk& study);
 
-/// Size and hash of a file. kiroku::IoError.
-struct FileHash {
-  std::uint64_t bytes = 0;
-  crypto::Sha256Digest sha256{};
-};
-FileHash hash_file(const std::filesystem::path& file);
 /// Whether the films are those that the study was made with. Throws nothing: what cannot be read differs.
 std::vector<Check> check_films(const std::filesystem::path& folder, const Study& study);
 

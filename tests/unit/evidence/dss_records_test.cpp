@@ -1,12 +1,12 @@
 // The evidence records of the European Commission's DSS (https://github.com/esig/dss), judged as DSS's own
-// tests of them say (dss-evidence-record-asn1/src/test). They are no part of this project: KIROKU_DSS names a
-// folder with a checkout; without it these tests are skipped.
+// tests of them say (dss-evidence-record-asn1/src/test).
 //
 // DSS tells of each record which data was found in it, how many values are of nothing that was given
 // ("orphans"), and of each token whether its imprint is the tree's root and its signature is good. No root is
 // trusted.
+#include "tests/support/dss_records.h"
+
 #include <array>
-#include <cstdlib>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -14,26 +14,15 @@
 #include "crypto/encoding.h"
 #include "evidence/record_verifier.h"
 #include "tests/support/evidence_kit.h"
-#include "tests/support/shared_data.h"
 
 namespace kiroku::evidence {
 namespace {
 
 using crypto::HashAlgorithm;
 
-/// One of DSS's test classes. `tokens`: for each time-stamp i (imprint intact) or x (not), where it renews a
-/// chain also whether the data was found under it: + or -, and of a time-stamp renewal whether the token
-/// before it was.
-struct Expected {
-  const char* name;
-  const char* file;
-  std::vector<std::string> data;  // the bytes, or "sha256:BASE64" of them
-  std::size_t found;              // values of the first list that are of the data
-  std::size_t orphans;            // values that are not
-  const char* tokens;
-
-  friend void PrintTo(const Expected& expected, std::ostream* out) { *out << expected.name; }
-};
+/// `tokens`: for each time-stamp i (imprint intact) or x (not), where it renews a chain also whether the data
+/// was found under it: + or -, and of a time-stamp renewal whether the token before it was.
+using Expected = test::DssExpectation;
 
 const std::vector<Expected>& expectations() {
   const std::string tab = "\t", one = "\1", two = "\2", three = "\3";
@@ -133,27 +122,12 @@ const std::vector<Expected>& expectations() {
   return more;
 }
 
-class DssRecord : public ::testing::TestWithParam<Expected> {
+class DssRecord : public test::DssTest {
  protected:
-  void SetUp() override {
-    if (std::getenv("KIROKU_DSS") == nullptr) {
-      GTEST_SKIP() << "needs a checkout of esig/dss: set KIROKU_DSS to its folder";
-    }
-  }
-  static Bytes file(const std::string& name) {
-    return test::read_whole(std::filesystem::path(std::getenv("KIROKU_DSS")) /
-                            "dss-evidence-record-asn1/src/test/resources" / name);
-  }
+  static Bytes file(const std::string& name) { return resource("dss-evidence-record-asn1", name); }
   static DataObject object(const std::string& text) {
     if (text.starts_with("file:")) return test::object_of(std::string(text_of(file(text.substr(5)))));
-    if (!text.starts_with("sha256:")) return test::object_of(text);
-    return {text, [text](HashAlgorithm algorithm) -> std::optional<Bytes> {
-              const std::string name = std::string(crypto::hash_name(algorithm)) + ":";
-              const std::size_t at = text.find(name);
-              if (at == std::string::npos) return {};
-              const std::string value = text.substr(at + name.size());
-              return crypto::from_base64(value.substr(0, value.find(' ')), crypto::Base64Padding::kPadded);
-            }};
+    return text.starts_with("sha256:") ? test::object_by_hashes(text) : test::object_of(text);
   }
 };
 

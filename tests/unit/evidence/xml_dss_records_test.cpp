@@ -1,34 +1,22 @@
 // The evidence records in XML (RFC 6283) of the European Commission's DSS (https://github.com/esig/dss),
-// judged as DSS's own tests of them say (dss-evidence-record-xml/src/test). They are no part of this project:
-// KIROKU_DSS names a folder with a checkout; without it these tests are skipped.
-#include <cstdlib>
-
+// judged as DSS's own tests of them say (dss-evidence-record-xml/src/test).
 #include <gtest/gtest.h>
 
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "evidence/xml_canonical.h"
 #include "evidence/xml_record.h"
+#include "tests/support/dss_records.h"
 #include "tests/support/evidence_kit.h"
-#include "tests/support/shared_data.h"
 
 namespace kiroku::evidence {
 namespace {
 
 using crypto::HashAlgorithm;
 
-/// One of DSS's test classes. `tokens`: for each time-stamp i (imprint intact) or x (not), where it renews
-/// also + or - (what was before it is covered), of a hash-tree renewal also d or n (so is data).
-struct Expected {
-  const char* name;
-  const char* file;
-  std::vector<std::string> data;  // the bytes, "file:NAME", or "sha256:BASE64" and the like
-  std::size_t found;              // values of the first list that are of the data
-  std::size_t orphans;            // values that are not
-  const char* tokens;
-
-  friend void PrintTo(const Expected& expected, std::ostream* out) { *out << expected.name; }
-};
+/// `tokens`: for each time-stamp i (imprint intact) or x (not), where it renews also + or - (what was before
+/// it is covered), of a hash-tree renewal also d or n (so is data).
+using Expected = test::DssExpectation;
 
 std::vector<Expected> expectations() {
   const std::string uuid = "da2e47f2-53f4-4610-8210-f0f05d67d0c9", xades = "file:valid-xades-t.xml",
@@ -118,31 +106,14 @@ std::vector<Expected> expectations() {
   };
 }
 
-class DssXmlRecord : public ::testing::TestWithParam<Expected> {
+class DssXmlRecord : public test::DssTest {
  protected:
-  void SetUp() override {
-    if (std::getenv("KIROKU_DSS") == nullptr)
-      GTEST_SKIP() << "needs a checkout of esig/dss: set KIROKU_DSS to its folder";
-  }
-  static Bytes file(const std::string& name) {
-    return test::read_whole(std::filesystem::path(std::getenv("KIROKU_DSS")) /
-                            "dss-evidence-record-xml/src/test/resources" / name);
-  }
+  static Bytes file(const std::string& name) { return resource("dss-evidence-record-xml", name); }
   static XmlRecord record_in(const std::string& name) {
     const Bytes bytes = file(name);
     return XmlRecord::parse(text_of(bytes));
   }
 };
-
-DataObject object_by_hashes(const std::string& text) {
-  return {text, [text](HashAlgorithm algorithm) -> std::optional<Bytes> {
-            const std::string name = std::string(crypto::hash_name(algorithm)) + ":";
-            const std::size_t at = text.find(name);
-            if (at == std::string::npos) return {};
-            const std::string value = text.substr(at + name.size());
-            return crypto::from_base64(value.substr(0, value.find(' ')), crypto::Base64Padding::kPadded);
-          }};
-}
 
 TEST_P(DssXmlRecord, IsJudgedAsItsOwnTestSays) {
   const Expected& expected = GetParam();
@@ -156,7 +127,7 @@ TEST_P(DssXmlRecord, IsJudgedAsItsOwnTestSays) {
       objects.push_back(test::object_of(std::string(text_of(files.back()))));
       objects.back().content = files.back();
     } else {
-      objects.push_back(text.starts_with("sha") ? object_by_hashes(text) : test::object_of(text));
+      objects.push_back(text.starts_with("sha") ? test::object_by_hashes(text) : test::object_of(text));
     }
   }
   const RecordJudgement judgement = record.judge(objects, {.now = utc_now()});

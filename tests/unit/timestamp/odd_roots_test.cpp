@@ -99,6 +99,18 @@ class OddRoots : public ::testing::Test {
   Credential signer_ = plain("Signer", CertificateRole::kSigner, root_);
 };
 
+/// A signer below an intermediate that its root and an expired root certify.
+class CrossCertifiedRoots : public OddRoots {
+ protected:
+  Credential other_ = issue("Other", CertificateRole::kAuthority, nullptr);
+  Certificate other_expired_ = expired(other_);
+  Credential between_ = issue("Between", CertificateRole::kAuthority, &root_);
+  Certificate cross_ = certified(between_, other_);
+  Credential of_between_ = issue("Signer", CertificateRole::kSigner, &between_);
+  TrustStore trust_ = trusting({other_expired_.get(), root_.certificate.get()});
+  TrustStore wrong_ = trusting({other_expired_.get()});
+};
+
 TEST_F(OddRoots, OfOneNameAreTakenInAnyOrder) {
   const Credential earlier = issue("Root", CertificateRole::kAuthority, nullptr);
   expect("token-valid", judge(signer_, {}, trusting({earlier.certificate.get(), root_.certificate.get()})));
@@ -132,17 +144,11 @@ TEST_F(OddRoots, ARenewedRootHoldsBesideTheExpiredOne) {
             "2026-08-05T09:15:02.000000Z: give the root that the authority had then");
 }
 
-TEST_F(OddRoots, ACrossCertificateUnderAnExpiredRootSpoilsNothing) {
-  const Credential other = issue("Other", CertificateRole::kAuthority, nullptr);
-  const Certificate other_expired = expired(other);
-  const Credential between = issue("Between", CertificateRole::kAuthority, &root_);
-  const Certificate cross = certified(between, other);
-  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
-  const TrustStore trust = trusting({other_expired.get(), root_.certificate.get()});
-  expect("token-valid", judge(signer, {cross.get(), between.certificate.get()}, trust));
-  expect("token-valid", judge(signer, {between.certificate.get(), cross.get()}, trust));
+TEST_F(CrossCertifiedRoots, AnExpiredOneSpoilsNothing) {
+  expect("token-valid", judge(of_between_, {cross_.get(), between_.certificate.get()}, trust_));
+  expect("token-valid", judge(of_between_, {between_.certificate.get(), cross_.get()}, trust_));
   expect("token-root-not-valid-at-time",
-         judge(signer, {cross.get(), between.certificate.get()}, trusting({other_expired.get()})));
+         judge(of_between_, {cross_.get(), between_.certificate.get()}, wrong_));
 }
 
 TEST_F(OddRoots, WhatATrustedIntermediateVouchesForHoldsWhateverItsRootSays) {
@@ -158,33 +164,26 @@ TEST_F(OddRoots, WhatATrustedIntermediateVouchesForHoldsWhateverItsRootSays) {
 }
 
 // OpenSSL's own path fails for each of these, and what was looked at once costs nothing more.
-TEST_F(OddRoots, ALongCaseIsNotTooDear) {
-  const Credential other = issue("Other", CertificateRole::kAuthority, nullptr);
-  const Certificate other_expired = expired(other);
-  const Credential between = issue("Between", CertificateRole::kAuthority, &root_);
-  const Certificate cross = certified(between, other);
-  const Credential signer = issue("Signer", CertificateRole::kSigner, &between);
-  const TrustStore trust = trusting({other_expired.get(), root_.certificate.get()});
-  const TrustStore wrong = trusting({other_expired.get()});
+TEST_F(CrossCertifiedRoots, OfALongCaseAreNotTooDear) {
   CertificatePool pool, of_the_wrong;
   Expectation expectation, with_the_wrong;
   expectation.pool = &pool;
   with_the_wrong.pool = &of_the_wrong;
   TokenRecipe recipe;
-  recipe.signer = &signer;
-  recipe.enclosed = {signer.certificate.get(), cross.get(), between.certificate.get()};
+  recipe.signer = &of_between_;
+  recipe.enclosed = {of_between_.certificate.get(), cross_.get(), between_.certificate.get()};
   recipe.gen_time = std::string(kYearOfTheToken) + "0805091502Z";
   const Bytes token = make_token(recipe);
   for (int i = 0; i < 3'000; ++i) {
-    ASSERT_EQ(judge_token(token, expectation, trust).code, TokenCode::kValid) << i;
-    ASSERT_EQ(judge_token(token, with_the_wrong, wrong).code, TokenCode::kRootNotValidAtTime) << i;
+    ASSERT_EQ(judge_token(token, expectation, trust_).code, TokenCode::kValid) << i;
+    ASSERT_EQ(judge_token(token, with_the_wrong, wrong_).code, TokenCode::kRootNotValidAtTime) << i;
   }
   // Whether it was valid is asked of each time anew.
   recipe.gen_time = "20400201000000Z";
-  const TokenJudgement late = judge_token(make_token(recipe), expectation, trust);
+  const TokenJudgement late = judge_token(make_token(recipe), expectation, trust_);
   expect("token-certificate-not-valid-at-time", late);
   recipe.gen_time = "20240201000000Z";
-  expect("token-valid", judge_token(make_token(recipe), with_the_wrong, wrong));
+  expect("token-valid", judge_token(make_token(recipe), with_the_wrong, wrong_));
 }
 
 // Nobody is accused for what was not looked at: 40 certificates of one intermediate that all have ended.

@@ -143,6 +143,15 @@ TEST_F(BreathingApi, SavesTheModelThatWasOpened) {
   EXPECT_FALSE(std::filesystem::exists(chest.folder() / "other.json"));
 }
 
+// Between the model and the end of all that is read beside it minutes may lie.
+TEST_F(BreathingApi, SavesNothingOfAMeshThatWasExchangedWhileItBegan) {
+  BenchInputs inputs = chest.inputs();
+  std::ofstream(chest.folder() / "lung.msh", std::ios::app) << "\n";
+  const BreathingBench begun{std::move(inputs)};
+  EXPECT_THROW((void)begun.save("other", begun.own_motion()), Refusal);
+  EXPECT_FALSE(std::filesystem::exists(chest.folder() / "other.json"));
+}
+
 // The folder may lie on a recorder's disk, and whoever may plan may save.
 TEST_F(BreathingApi, ModelsAreNotSavedWithoutEnd) {
   for (std::size_t i = 1; i < BreathingBench::kMostModels; ++i)

@@ -32,11 +32,14 @@ class ChestBench {
   /// Without radiographs.
   [[nodiscard]] viewer::BenchInputs inputs() const {
     const std::filesystem::path file = folder_ / "lung.json";
-    return {.file = file,
-            .model = sim::read_breathing_model(file),
-            .volume = box_chest(),
-            .geometry = chest_view(0),
-            .radiographs = {}};
+    viewer::BenchInputs inputs{.file = file,
+                               .model = sim::read_breathing_model(file),
+                               .named = {},
+                               .volume = box_chest(),
+                               .geometry = chest_view(0),
+                               .radiographs = {}};
+    inputs.named = viewer::files_named_by(inputs.model, file);
+    return inputs;
   }
   [[nodiscard]] viewer::BenchInputs inputs_with_radiographs(std::size_t moments = 6) const {
     viewer::BenchInputs inputs = this->inputs();
