@@ -132,7 +132,9 @@ std::optional<SplitToken> split_certificates(ByteView token) {
   Bytes kept;
   const auto keep = [](Bytes& to, ByteView bytes) { to.insert(to.end(), bytes.begin(), bytes.end()); };
   for (std::size_t i = 0; i < members->size(); ++i) {
-    if (i != kCertificates || (*members)[i].identifier != der::kContext0) {
+    const bool is_bag = (*members)[i].identifier == der::kContext0;
+    if (is_bag && i != kCertificates) return {};  // without the first, the second would be read in its place
+    if (!is_bag) {
       keep(kept, (*members)[i].whole);
       continue;
     }

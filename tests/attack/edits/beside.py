@@ -85,16 +85,22 @@ def of_record(record, path):
 
 def is_same_proof(record, other):
     """Of the newest token nobody signs which certificates travel with it, nor the names of algorithms outside of what is signed (RFC 5652: digestAlgorithms,
-    a signer's signatureAlgorithm): those that are no part of its path, and names that do not keep the signature from holding, decide nothing."""
+    a signer's digestAlgorithm and signatureAlgorithm): those that are no part of its path, and names that do not keep the signature from holding, decide
+    nothing. Nor does the record's own list of algorithms (RFC 4998 section 3.2: digestAlgorithms), which no step of a verification reads. The newest
+    ArchiveTimeStamp need not state its algorithm where that is its token's (section 4.1), as it is in every record that is edited here."""
     def bare(data):
         bags = [path for begin, _, _, path in _values(data) if len(path) == 8 and path[:2] == (0, 2) and path[5:] == (1, 0, 3) and data[begin] == 0xa0]
         if not bags:
             return data
         signed_data = max(bags)[:-1]
-        for unsigned in ((4, 0, 4), (3,), (1,)):
+        for unsigned in ((4, 0, 4), (4, 0, 2), (3,), (1,)):
             data = _with(data, signed_data + unsigned, lambda value: b"")
-        return data
-    return isinstance(record, bytes) and bare(record) == bare(other)
+        return _with(data, (0, 1), lambda value: b"")
+
+    def without_algorithm(data):
+        newest = max(path for begin, _, _, path in _values(data) if len(path) == 4 and path[:2] == (0, 2))
+        return _with(data, newest + (0,), lambda value: b"" if value[0] == 0xa0 else value)
+    return isinstance(record, bytes) and bare(record) in (bare(other), bare(without_algorithm(other)))
 
 
 # What is sealed in a segment, by whoever holds the device's key

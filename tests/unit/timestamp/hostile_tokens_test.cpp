@@ -488,6 +488,20 @@ TEST_F(HostileToken, UnderAnotherPolicyIsRefused) {
   EXPECT_EQ(judge(recipe(), expectation).code, TokenCode::kPolicyDiffers);
 }
 
+/// SignedData whose certificates [0] stand there a second time, right behind the first.
+Bytes with_certificates_twice(ByteView token) {
+  DerReader content_info(sole_element(token, der::kSequence)->content);
+  const Bytes type = to_bytes(content_info.next(der::kObjectIdentifier)->whole);
+  const DerElement inside = *content_info.next(der::kContext0);
+  DerReader members(sole_element(inside.content, der::kSequence)->content);
+  Bytes doubled;
+  while (const auto member = members.next()) {
+    for (int times = member->identifier == der::kContext0 ? 2 : 1; times > 0; --times)
+      doubled.insert(doubled.end(), member->whole.begin(), member->whole.end());
+  }
+  return der_value(der::kSequence, {type, der_value(der::kContext0, {der_value(der::kSequence, {doubled})})});
+}
+
 // A bit flipped anywhere: whoever splits a token before OpenSSL reads it must refuse what OpenSSL refuses.
 TEST_F(HostileToken, IsJudgedAlikeWithAPoolWhateverBitIsFlipped) {
   TokenRecipe sound = recipe();
@@ -501,6 +515,20 @@ TEST_F(HostileToken, IsJudgedAlikeWithAPoolWhateverBitIsFlipped) {
     test::judge_alike(changed, {}, trust);
     ASSERT_FALSE(HasFailure()) << "byte " << at;
   }
+}
+
+TEST_F(HostileToken, WithTwoSetsOfCertificatesIsNoToken) {
+  TrustStore trust;
+  trust.add_trusted(bytes_of(authority_.root_pem()), "test root");
+  const Bytes token = make_token(recipe());
+  const Bytes doubled = with_certificates_twice(token);
+  ASSERT_GT(doubled.size(), token.size());
+  test::judge_alike(doubled, {}, trust);
+  CertificatePool pool;
+  Expectation expectation;
+  expectation.pool = &pool;
+  EXPECT_EQ(judge_token(token, expectation, trust).code, TokenCode::kValid);
+  EXPECT_EQ(judge_token(doubled, expectation, trust).code, TokenCode::kNotAToken);
 }
 
 TEST_F(HostileToken, AmongThousandsOfOneSignerDecodesItsCertificatesOnce) {
