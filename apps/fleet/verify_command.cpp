@@ -11,18 +11,19 @@
 #include "apps/fleet/verified_cases.h"
 #include "apps/kiroku/told_to_end.h"
 #include "base/error.h"
+#include "fleet/catalogue/lease_keeper.h"
 
 namespace kiroku::apps {
 namespace {
 
-/// A lease outlives the slowest fetch of the longest case; what a dead worker held is taken up afterwards.
-constexpr std::chrono::hours kLease{12};
 /// A case that is known for so long and has no end was cut off; one that is changed again and again waits no
 /// longer.
 constexpr std::chrono::hours kLongestPending{48};
 /// Before a case that could not be checked is tried again.
 constexpr std::chrono::minutes kPause{30};
 constexpr std::chrono::seconds kLook{30};
+/// Before whoever asks for all looks again for cases that other workers hold.
+constexpr std::chrono::seconds kLookForOthers{1};
 
 struct Request {
   std::string configuration;
@@ -36,7 +37,7 @@ class Worker {
       : configuration_(configuration),
         request_(request),
         judge_(configuration, request.scratch),
-        catalogue_(configuration.open_catalogue()) {}
+        catalogue_(open_()) {}
 
   /// All that is due, one after the other, until it is told to end.
   void run() {
@@ -47,9 +48,15 @@ class Worker {
       fleet::FleetCatalogue::Due due{configuration_.verify_every, configuration_.settles, kLongestPending};
       // With --all what this run has verified is not due again.
       if (request_.all) due.verified_before = began;
-      const auto lease = catalogue_.lease(due, kLease);
-      if (!lease) return;
-      take(*lease);
+      const auto lease = catalogue_.lease(due, fleet::kLease);
+      if (lease) {
+        take(*lease);
+      } else if (!request_.all || catalogue_.held_elsewhere(due) == 0) {
+        return;
+      } else {
+        // Another worker may have been killed over it.
+        wait_until_told(kLookForOthers);
+      }
     }
   }
 
@@ -61,6 +68,7 @@ class Worker {
   void take(const fleet::Lease& lease) {
     fleet::Verification found;
     try {
+      const fleet::LeaseKeeper keeper(lease, open_);
       found = verify(lease);
     } catch (const fleet::DatabaseError&) {
       throw;
@@ -115,6 +123,7 @@ class Worker {
   const FleetConfiguration& configuration_;
   const Request& request_;
   StoredJudge judge_;
+  const std::function<fleet::FleetCatalogue()> open_ = [this] { return configuration_.open_catalogue(); };
   fleet::FleetCatalogue catalogue_;
   VerifiedCases verified_;
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
@@ -176,7 +185,8 @@ void add_fleet_verify_command(Command& program) {
       "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one is incomplete or "
       "unproven, or could not be checked.");
   const auto request = std::make_shared<Request>();
-  command.flag("--all", request->all, "every case that is closed or was cut off, due or not");
+  command.flag("--all", request->all,
+               "every case that is closed or was cut off, due or not; waits for those that another holds");
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
   command.option("--scratch", "DIR", request->scratch, "where there is room for a whole case",
                  "the folder for temporary files");

@@ -318,6 +318,22 @@ std::string no_log_words() {
   return "none was given: whether a whole case, or the end of one, was removed was not checked";
 }
 
+namespace {
+
+/// How far an excerpt was compared: a log states roots of whole beginnings of a case, a few of each.
+std::string compared_words(const archive::ExcerptReport& excerpt) {
+  const std::uint64_t known = *excerpt.log_entries;
+  if (known >= excerpt.size) return "; it knows all entries of this part";
+  const std::string rest = "says nothing of entries " + std::to_string(std::max(known, excerpt.first_entry)) +
+                           " to " + std::to_string(excerpt.size - 1) +
+                           " of this part: a proof of the case's end does (kiroku log prove)";
+  return known > excerpt.first_entry
+             ? "; it knows this part up to entry " + std::to_string(known - 1) + ", and " + rest
+             : "; it knows that the case was opened, and " + rest;
+}
+
+}  // namespace
+
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted,
                         const std::string& log) {
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
@@ -339,7 +355,8 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              counted(report.tokens, "time-stamp", "time-stamps"));
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
-  if (!log.empty()) out += line("log", log);
+  const bool compared = report.excerpt && report.excerpt->log_entries && log != no_log_words();
+  if (!log.empty()) out += line("log", log + (compared ? compared_words(*report.excerpt) : ""));
   if (report.witnesses) out += witness_lines(*report.witnesses);
   if (report.contents) out += line("contents", contents_words(*report.contents));
   if (report.excerpt) {

@@ -62,6 +62,7 @@ class ExcerptVerification {
     outside_.finish(document_.first_entry + lines_, false);
     log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
                            shown_root_);
+    if (log_proof_.proved()) log_entries_ = std::max(log_entries_.value_or(0), log_proof_.proved()->entries);
     checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
@@ -186,6 +187,7 @@ class ExcerptVerification {
     if (comparison) {
       comparison->settle(checkpoints_.covered(), std::nullopt);
       vouched_by_log_ = comparison->vouched_by();
+      if (log) log_entries_ = comparison->known();
     }
     judge_reach();
   }
@@ -396,6 +398,7 @@ class ExcerptVerification {
     part.begins_ns = rules_.opening() ? rules_.opening()->begins_ns : 0;
     part.first_entry = document_.first_entry;
     part.size = document_.size;
+    part.log_entries = log_entries_;
     part.with_gaps = findings_.worst() == Severity::kGap;
     part.stated_made_at = document_.made_utc;
     part.stated_made_by = document_.made_by;
@@ -435,6 +438,7 @@ class ExcerptVerification {
   LogProof log_proof_;
   EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
   std::optional<WalkedLog> walked_log_;
+  std::optional<std::uint64_t> log_entries_;  // as ExcerptReport
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.
   std::optional<crypto::MerkleFrontier> tree_;

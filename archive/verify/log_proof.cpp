@@ -122,7 +122,7 @@ EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device,
 
 void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
   proved_entries_ = entries;
-  proved_ = Proved{name_, proof_->index, *checkpoint_, proof_->note};
+  proved_ = Proved{name_, proof_->index, entries, *checkpoint_, proof_->note};
   findings_->add("log-proof-holds", {},
                  name_ + " holds: entry " + std::to_string(proof_->index) +
                      " of the appliance log says that the case ended with " +

@@ -45,10 +45,11 @@ class LogProof {
 
   /// What it proves, once it holds.
   struct Proved {
-    std::string name;         // of the proof
-    std::uint64_t entry = 0;  // of the log
-    crypto::Checkpoint log;   // that holds the entry
-    std::string note;         // the same, signed and cosigned
+    std::string name;           // of the proof
+    std::uint64_t entry = 0;    // of the log
+    std::uint64_t entries = 0;  // of the case, that are those with which it ended
+    crypto::Checkpoint log;     // that holds the entry
+    std::string note;           // the same, signed and cosigned
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
   /// Of `known` and what it proves itself, under signatures by these keys of this device, which recorded the

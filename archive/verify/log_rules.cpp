@@ -579,6 +579,7 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
     const bool is_its = fits(each.root);
     if (is_its && log_->opened_by_case_device) {
+      if (!log_->doubted.contains(each.entry)) known_entries_ = std::max(known_entries_, size);
       const bool by_ml_dsa = each.entry < log_->vouched_for.ml_dsa;
       const bool by_hardware = each.entry < log_->vouched_for.hardware;
       vouched_by_.ml_dsa = std::max(vouched_by_.ml_dsa, by_ml_dsa ? size : 0);

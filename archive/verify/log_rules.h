@@ -182,6 +182,9 @@ class LogComparison {
   /// the root that the identity states: whoever has a copy of the other keys, and the disk, could have put
   /// other lines before the hardware.
   [[nodiscard]] EntriesBy vouched_by() const { return vouched_by_; }
+  /// The same of a root whose entry the log's device signed in time, by whichever key: so many entries are
+  /// those that the log knows.
+  [[nodiscard]] std::uint64_t known() const { return known_entries_; }
 
  private:
   /// The roots that the log states for this size.
@@ -208,6 +211,7 @@ class LogComparison {
   std::string case_id_;
   bool differs_ = false, differs_in_doubt_ = false;
   EntriesBy vouched_by_;
+  std::uint64_t known_entries_ = 0;
   std::vector<Doubt> doubts_;
 };
 

@@ -98,6 +98,9 @@ struct ExcerptReport {
   std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
   std::vector<ExcerptStream> streams;       // every stream of the case, in its order
   bool with_gaps = false;                   // the findings state gaps
+  /// So many of the case's first entries are those of which the appliance log states the root, itself or by a
+  /// proof; of later ones it says nothing. Nothing where neither was asked.
+  std::optional<std::uint64_t> log_entries;
   /// What the excerpt says of its making. Nothing proves this.
   std::optional<UtcTime> stated_made_at;
   std::string stated_made_by;

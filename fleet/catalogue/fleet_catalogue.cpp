@@ -190,6 +190,23 @@ FleetTotals totals_of(const Postgres::Rows& rows, int row) {
           count(6), count(7), count(8), count(9), count(10), count(11)};
 }
 
+/// The condition under which a case is due; its $1 to $3 are values_of(). Only the database's clock counts:
+/// workers' clocks may differ, and a ledger claims what its writer likes.
+std::string is_due(const FleetCatalogue::Due& due) {
+  return R"(state <> 'missing' AND
+            CASE WHEN verified IS NOT NULL THEN verified < )" +
+         (std::holds_alternative<UtcTime>(due.verified_before) ? time_from("$1")
+                                                               : "now() - $1::bigint * interval '1 second'") +
+         R"( ELSE pending <= now() - $3::bigint * interval '1 second' OR
+                  (state = 'closed' AND changed_at <= now() - $2::bigint * interval '1 second') END)";
+}
+
+std::vector<Postgres::Value> values_of(const FleetCatalogue::Due& due) {
+  const auto* const ago = std::get_if<std::chrono::seconds>(&due.verified_before);
+  return {ago ? number(std::int64_t{ago->count()}) : number(std::get<UtcTime>(due.verified_before)),
+          number(std::int64_t{due.settled.count()}), number(std::int64_t{due.longest_pending.count()})};
+}
+
 class PostgresCaseTable final : public archive::CaseTable {
  public:
   PostgresCaseTable(Postgres& database, std::string appliance)
@@ -360,26 +377,39 @@ UtcTime FleetCatalogue::now() {
 }
 
 std::optional<Lease> FleetCatalogue::lease(const Due& due, std::chrono::seconds for_how_long) {
-  // Only the database's clock counts: workers' clocks may differ, and a ledger claims what its writer likes.
-  const auto* const ago = std::get_if<std::chrono::seconds>(&due.verified_before);
+  std::vector<Postgres::Value> values = values_of(due);
+  values.push_back(number(std::int64_t{for_how_long.count()}));
   const Postgres::Rows rows = database_.ask(
       R"(UPDATE kiroku.cases AS c
-         SET leased_by = gen_random_uuid()::text, leased_until = now() + $2::bigint * interval '1 second'
+         SET leased_by = gen_random_uuid()::text, leased_until = now() + $4::bigint * interval '1 second'
          FROM (SELECT appliance, case_id FROM kiroku.cases
-               WHERE state <> 'missing' AND (leased_until IS NULL OR leased_until <= now()) AND
-                     CASE WHEN verified IS NOT NULL THEN verified < )" +
-          (ago ? "now() - $1::bigint * interval '1 second'" : time_from("$1")) + R"(
-                          ELSE pending <= now() - $4::bigint * interval '1 second' OR
-                               (state = 'closed' AND changed_at <= now() - $3::bigint * interval '1 second') END
+               WHERE (leased_until IS NULL OR leased_until <= now()) AND )" +
+          is_due(due) + R"(
                ORDER BY verified NULLS FIRST, pending LIMIT 1 FOR UPDATE SKIP LOCKED) AS due
          WHERE c.appliance = due.appliance AND c.case_id = due.case_id
          RETURNING c.appliance, c.case_id, (extract(epoch FROM c.changed_at) * 1000000)::bigint, c.leased_by)",
-      {ago ? number(std::int64_t{ago->count()}) : number(std::get<UtcTime>(due.verified_before)),
-       number(std::int64_t{for_how_long.count()}), number(std::int64_t{due.settled.count()}),
-       number(std::int64_t{due.longest_pending.count()})});
+      values);
   if (rows.size() == 0) return {};
   return Lease{rows.text(0, 0), rows.text(0, 1), UtcTime(std::chrono::microseconds(rows.integer(0, 2))),
                rows.text(0, 3)};
+}
+
+bool FleetCatalogue::extend(const Lease& lease, std::chrono::seconds for_how_long) {
+  return database_
+             .ask(
+                 "UPDATE kiroku.cases SET leased_until = now() + $4::bigint * interval '1 second' "
+                 "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING 1",
+                 {lease.appliance, lease.case_id, lease.holder, number(std::int64_t{for_how_long.count()})})
+             .size() == 1;
+}
+
+std::uint64_t FleetCatalogue::held_elsewhere(const Due& due) {
+  return static_cast<std::uint64_t>(
+      database_
+          .ask("SELECT count(*) FROM kiroku.cases WHERE leased_by IS NOT NULL AND leased_until > now() AND " +
+                   is_due(due),
+               values_of(due))
+          .integer(0, 0));
 }
 
 bool FleetCatalogue::enter(const Lease& lease, const Verification& found) {

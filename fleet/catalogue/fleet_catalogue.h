@@ -41,7 +41,8 @@ struct CaseQuery {
   std::optional<Place> after = {};
 };
 
-/// A case that one worker verifies. It is another's once it ended.
+/// A case that one worker verifies. Once its time is over another may take it; until one does, it is still
+/// this worker's, and may be extended.
 struct Lease {
   std::string appliance, case_id;
   UtcTime changed;     // when the catalogue saw it last as other than before, by the database's clock
@@ -111,6 +112,10 @@ class FleetCatalogue {
   /// Leases a case that is due; the one that waits longest. None that another worker holds (FOR UPDATE
   /// SKIP LOCKED). Nothing where none is due.
   std::optional<Lease> lease(const Due& due, std::chrono::seconds for_how_long);
+  /// From now on for so long. False where the lease is another's by now, or the case changed.
+  bool extend(const Lease& lease, std::chrono::seconds for_how_long);
+  /// How many cases that are due another worker holds.
+  [[nodiscard]] std::uint64_t held_elsewhere(const Due& due);
   /// Enters what was found as of now(), and ends the lease. False, and nothing entered, where the lease is
   /// another's by now, or the case changed since it was leased.
   bool enter(const Lease& lease, const Verification& found);

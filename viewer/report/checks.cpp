@@ -58,7 +58,10 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
     case Check::kLog:
       if (given.log.empty() && given.proof.empty()) return Answer::kNotAsked;
       if (found("log-algorithm-ended")) return Answer::kUnknown;
-      return found("log-case-open") ? Answer::kInPart : Answer::kYes;
+      if (found("log-case-open")) return Answer::kInPart;
+      return !verification.excerpt || verification.excerpt->log_entries >= verification.excerpt->size
+                 ? Answer::kYes
+                 : Answer::kInPart;
     case Check::kStreams:
       if (!excerpt && nothing_recorded(verification)) return Answer::kNo;
       return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart

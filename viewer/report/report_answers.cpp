@@ -113,6 +113,15 @@ bool ReportMaker::has_gaps() const {
   });
 }
 
+std::string ReportMaker::part_known_to_log() const {
+  const archive::ExcerptReport& part = *found_.excerpt;
+  const std::uint64_t known = part.log_entries.value_or(0);
+  const std::string last = std::to_string(part.size - 1);
+  if (known <= part.first_entry)
+    return words("check.log.excerpt.opening", {std::to_string(part.first_entry), last});
+  return words("check.log.excerpt.in-part", {std::to_string(known - 1), std::to_string(known), last});
+}
+
 std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
   switch (answered.check) {
     case Check::kLedger:
@@ -145,8 +154,9 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
                  ? words("check.time.inside", {count(found_.own_tokens, "one.token", "many.token")})
                  : words("check.time.yes", {count(found_.outside_tokens, "one.token", "many.token")});
     case Check::kLog:
+      if (found_.excerpt && answered.answer == Answer::kInPart) return part_known_to_log();
       if (answered.answer == Answer::kInPart) return words("check.log.in-part");
-      return in_.facts.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
+      return found_.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
     case Check::kContents:
       break;
   }

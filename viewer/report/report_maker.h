@@ -52,6 +52,8 @@ class ReportMaker {
 
   /// That nothing lacks between segments, and how far the streams reach.
   [[nodiscard]] std::string unbroken_words() const;
+  /// Of an excerpt of whose entries the log states no root to the last.
+  [[nodiscard]] std::string part_known_to_log() const;
   /// Who stamped, by certificate, with what the ledger calls them.
   [[nodiscard]] std::string authority_words() const;
   /// Whether anything of a stream is stated to be missing.

@@ -219,6 +219,22 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "whole case still exists cannot be told from an excerpt.",
      "与えられた装置ログは、この症例と、ここにある台帳の部分を同じ内容で記録しています。症例の全体が現存する"
      "かどうかは抜粋からは判りません。"},
+    {"check.log.excerpt.in-part",
+     "The appliance log that was given knows the case, and the part of its ledger that is here up to entry "
+     "{0}. It says nothing of entries {1} to {2}: a proof of the case's end, made on the recorder, does. "
+     "Whether the whole case still exists cannot be told from an excerpt.",
+     "与えられた装置ログは、この症例と、ここにある台帳の部分を項目 {0} まで同じ内容で記録しています。"
+     "項目 {1} ～ {2} については何も述べていません"
+     "（記録装置で作成する、症例の終了の証明があれば判ります）。"
+     "症例の全体が現存するかどうかは抜粋からは判りません。"},
+    {"check.log.excerpt.opening",
+     "The appliance log that was given knows that the case was opened. It says nothing of the part of its "
+     "ledger that is here, entries {0} to {1}: a proof of the case's end, made on the recorder, does. "
+     "Whether the whole case still exists cannot be told from an excerpt.",
+     "与えられた装置ログには、この症例の開始があります。"
+     "ここにある台帳の部分（項目 {0} ～ {1}）については何も述べていません"
+     "（記録装置で作成する、症例の終了の証明があれば判ります）。"
+     "症例の全体が現存するかどうかは抜粋からは判りません。"},
     {"check.log.not-asked",
      "No appliance log was given. Without it nobody sees that a whole case, or its end, was removed.",
      "装置ログが与えられていません。これがないと、症例全体または末尾の削除は判りません。"},

@@ -1,6 +1,7 @@
 """What may at most be said of an edited folder, known from the edit alone: from the folder before and after it, and from
 who held which key. It shares no rule with the verifier: it compares bytes, and adds up what the lines say."""
 import dataclasses
+import functools
 import hashlib
 import json
 import pathlib
@@ -205,6 +206,22 @@ def _breaks(name, segments, gaps, said):
             yield f"{said.verdict}, where segments of {name} overlap"
 
 
+def _is_segment(entry):
+    return entry["type"] == "segment" and all(isinstance(entry.get(key), kind) for key, kind in
+                                              (("stream", str), ("file", str), ("sha256", str), ("start_ns", int), ("end_ns", int)))
+
+
+def _wanted_of(stream, entries, shown, document):
+    """The segments of a stream in the excerpt's time. That one outside of the part reaches into the next, which no sound case has, the part does not show."""
+    segments = [e for e in entries if _is_segment(e) and e["stream"] == stream]
+    for number, entry in enumerate(segments):
+        end = entry["end_ns"]
+        if entry not in shown and number + 1 < len(segments):
+            end = min(end, segments[number + 1]["start_ns"])
+        if entry["start_ns"] < document["to_ns"] and document["from_ns"] < max(end, entry["start_ns"] + 1):
+            yield entry
+
+
 def _of_an_excerpt(edited, said):
     if said.verdict not in INTACT:
         return
@@ -223,9 +240,11 @@ def _of_an_excerpt(edited, said):
         yield "intact-excerpt, of other lines than the case has there"
         return
     entries = _parsed(lines)
-    wanted = [e for e in entries if e["type"] == "segment" and e["stream"] in document["streams"]
-              and e["start_ns"] < document["to_ns"] and document["from_ns"] < max(e["end_ns"], e["start_ns"] + 1)]
     shown = _parsed(part)
+    if any(e["type"] == "segment" and not _is_segment(e) for e in shown):
+        yield "intact-excerpt, with a line of a segment that lacks something"
+        return
+    wanted = [e for name in document["streams"] for e in _wanted_of(name, entries, shown, document)]
     if not wanted:
         yield "intact-excerpt, of nothing"
     for entry in wanted:
@@ -240,8 +259,23 @@ def _of_an_excerpt(edited, said):
             yield f"says {held.get(name)} segments of {name}, where it holds {count}"
     if document["case"] != entries[0]["case"]:
         yield "intact-excerpt, of another case"
-    if edited.with_log and _same(lines, edited.recorded) < min(size, _recorded_size(edited)):
+    known = said.report["excerpt"]["log_entries"]
+    if not edited.with_log:
+        if known is not None:
+            yield f"says that the log knows {known} entries, which was not given"
+        return
+    # An excerpt shows the roots of its own entries alone, and a log states few of a case's.
+    stated = [size_of for size_of in _sizes_in_log(edited.base.log, document["case"]) if first < size_of <= size]
+    if any(_same(lines, edited.recorded) < size_of for size_of in stated):
         yield "intact-excerpt beside the log, which knows other lines"
+    if known != max(stated, default=0):
+        yield f"says that the log knows {known} entries of it, where it states the roots of {stated}"
+
+
+@functools.lru_cache
+def _sizes_in_log(folder, case):
+    entries = map(json.loads, (folder / "ledger.jsonl").read_text("utf-8").splitlines())
+    return tuple(e["size"] for e in entries if e["type"] in ("case-checkpoint", "case-closed") and e["case"] == case)
 
 
 def _of_time(edited, said):

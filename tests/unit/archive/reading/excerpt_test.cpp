@@ -136,6 +136,52 @@ TEST_F(Excerpt, WithoutTheEndOfItsCaseKnowsOnlyHowMuchThatHasAtLeast) {
   EXPECT_EQ(report.excerpt->streams[0].known_segments, 1U);
 }
 
+// A log states few roots of a case, and what it was compared with reads as what it confirms.
+TEST_F(Excerpt, TellsHowManyOfItsEntriesTheLogKnows) {
+  const auto known = [&](const ExcerptOptions& options, bool with_log = true) {
+    fs::remove_all(excerpt());
+    make(options);
+    VerifyOptions verifying = archive_.options();
+    if (!with_log) verifying.log.reset();
+    const VerificationReport report = verify_case(excerpt(), verifying);
+    EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << details(report);
+    return std::pair(report.excerpt->log_entries, report.excerpt->size);
+  };
+  EXPECT_EQ(known(middle(), false).first, std::nullopt);
+  const auto [all, size] = known(middle());
+  EXPECT_EQ(all, size);
+
+  // As a recorder does that asks for time-stamps more often than its log takes a checkpoint.
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  const auto stamp_beside_the_log = [&] {
+    const StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), false);
+    const Bytes response = archive_.stamp(checkpoint.note);
+    sample.writer().add_token(checkpoint, test::SampleArchive::kAuthorityName, response,
+                              test::SampleArchive::facts_of(response), archive_.now());
+  };
+  const auto record_a_second = [&](std::uint64_t index) {
+    archive_.now_ns += kSecond;
+    const auto begin_ns = static_cast<std::int64_t>(index) * kSecond;
+    sample.writer().append({sample.segment(0, index, {begin_ns, begin_ns + kSecond})}, archive_.now());
+  };
+  sample.stamp();  // entry 1 is its token
+  record_a_second(0);
+  stamp_beside_the_log();
+  record_a_second(1);
+  stamp_beside_the_log();
+  record_a_second(2);
+  stamp_beside_the_log();
+  record_a_second(3);
+  sample.close();
+  folder_ = sample.folder();
+  ExcerptOptions inside;
+  inside.from_ns = kSecond;
+  inside.to_ns = 2 * kSecond;
+  inside.streams = {"endoscope"};
+  EXPECT_EQ(known(inside).first, 0U) << "the log states roots from before it and behind it";
+}
+
 TEST_F(Excerpt, StatesItsStreamsAndItsMakingWhichNothingProves) {
   ExcerptOptions options;
   options.to_ns = 3600 * kSecond;

@@ -6,8 +6,10 @@
 #include <filesystem>
 #include <future>
 #include <set>
+#include <thread>
 
 #include "fleet/catalogue/fleet_reports.h"
+#include "fleet/catalogue/lease_keeper.h"
 #include "tests/support/case_table_suite.h"
 #include "tests/support/temporary_folder.h"
 
@@ -294,6 +296,39 @@ TEST_F(FleetCatalogueTest, ACaseIsDueAgainByTheDatabasesClock) {
   EXPECT_FALSE(catalogue_.lease(due(), 600s));
   Postgres(connection()).ask("UPDATE kiroku.cases SET verified = now() - interval '92 days'");
   EXPECT_TRUE(catalogue_.lease(due(), 600s));
+}
+
+TEST_F(FleetCatalogueTest, ALeaseIsExtendedUntilAnotherHasIt) {
+  put("or-1", "a", day(1));
+  const Lease first = *catalogue_.lease(due(), 0s);
+  EXPECT_EQ(catalogue_.held_elsewhere(due()), 0U) << "its time is over";
+  EXPECT_TRUE(catalogue_.extend(first, 600s));
+  EXPECT_FALSE(catalogue_.lease(due(), 600s));
+  EXPECT_EQ(catalogue_.held_elsewhere(due()), 1U);
+  EXPECT_TRUE(catalogue_.extend(first, 0s));
+  const Lease second = *catalogue_.lease(due(), 600s);
+  EXPECT_FALSE(catalogue_.extend(first, 600s));
+  EXPECT_FALSE(catalogue_.enter(first, {"intact", false, 0, ""}));
+  EXPECT_TRUE(catalogue_.enter(second, {"intact", false, 0, ""}));
+  EXPECT_EQ(catalogue_.held_elsewhere(due()), 0U);
+  EXPECT_FALSE(catalogue_.extend(second, 600s));
+}
+
+TEST_F(FleetCatalogueTest, ALeaseLastsAsLongAsItIsKept) {
+  put("or-1", "a", day(1));
+  const Lease lease = *catalogue_.lease(due(), 0s);
+  // The database is away at first.
+  int tries = 0;
+  const std::function<FleetCatalogue()> open = [&] {
+    return ++tries < 3 ? FleetCatalogue(Postgres("host=/nowhere")) : catalogue();
+  };
+  {
+    const LeaseKeeper keeper(lease, open, 1ms);
+    while (catalogue_.held_elsewhere(due()) == 0) std::this_thread::yield();
+  }
+  EXPECT_EQ(tries, 3);
+  EXPECT_FALSE(catalogue_.lease(due(), 600s));
+  EXPECT_TRUE(catalogue_.enter(lease, {"intact", false, 0, ""}));
 }
 
 TEST_F(FleetCatalogueTest, AlarmsOfACatalogueOfTheSecondVersionAreOfWhatIsNotIntactAlone) {

@@ -486,6 +486,33 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, Not(HasSubstr("Patient data")));
 }
 
+TEST_F(ReportDocument, OfAnExcerptSaysHowMuchOfItTheLogKnows) {
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  ReportInput input = this->input();
+  ASSERT_EQ(input.verification.excerpt->log_entries, input.verification.excerpt->size);
+  const std::string question = "Does the device's own log know this case, and the same of it? | ";
+  EXPECT_THAT(test::text_of(make_report(input)), HasSubstr(question + "✓ Yes | "));
+  // Entries 1 to 9 are here.
+  ASSERT_EQ(input.verification.excerpt->first_entry, 1U);
+  ASSERT_EQ(input.verification.excerpt->size, 10U);
+  const std::string whole = " Whether the whole case still exists cannot be told from an excerpt.";
+  input.verification.excerpt->log_entries = 4;
+  EXPECT_THAT(
+      test::text_of(make_report(input)),
+      AllOf(Not(HasSubstr(question + "✓ Yes | ")),
+            HasSubstr("knows the case, and the part of its ledger that is here up to entry 3. It says "
+                      "nothing of entries 4 to 9: a proof of the case's end, made on the recorder, does." +
+                      whole)));
+  input.verification.excerpt->log_entries = 0;
+  EXPECT_THAT(
+      test::text_of(make_report(input)),
+      AllOf(Not(HasSubstr(question + "✓ Yes | ")),
+            HasSubstr("knows that the case was opened. It says nothing of the part of its ledger that is "
+                      "here, entries 1 to 9: a proof of the case's end, made on the recorder, does." +
+                      whole)));
+}
+
 // A time stamp at the edge of the figure would be one of a time at which there was none.
 TEST_F(ReportDocument, TheFigureOfAnExcerptHasTheTimesOfTheCaseAndNothingFromOutsideOfIt) {
   archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
