@@ -401,9 +401,19 @@ class Writing {
     put(node.name());
     if (!std::string_view(node.value()).empty()) {
       put(" ");
-      put(node.value());
+      instruction(node.value());
     }
     put("?>");
+  }
+  /// With each end of a line as a line feed (XML 1.0, section 2.11): of instructions alone the parser leaves
+  /// them as they are.
+  void instruction(std::string_view text) {
+    for (std::size_t end = text.find('\r'); end != std::string_view::npos; end = text.find('\r')) {
+      put(text.substr(0, end));
+      put("\n");
+      text.remove_prefix(end + (text.substr(end).starts_with("\r\n") ? 2 : 1));
+    }
+    put(text);
   }
 
   /// `in_scope` and `rendered` are those of the parent.

@@ -111,6 +111,23 @@ TEST(CanonicalXml, ExclusivelyTakesNothingFromAround) {
             "<n3:stuff xmlns:n3=\"ftp://example.org\"></n3:stuff></n1:elem2>");
 }
 
+// XML 1.0, section 2.11: the same document, as editors of other systems write it.
+TEST(CanonicalXml, HasOneEndOfLinesEverywhere) {
+  const std::string plain =
+      "<?p one\ntwo\n\nthree\n?>\n<a b=\"1\n2\"><!-- one\ntwo --><?q\none\n?>one\ntwo"
+      "<![CDATA[one\ntwo]]></a>\n<?r one\n?>";
+  const std::string with_comments = std::string(kInclusive) + "#WithComments";
+  EXPECT_EQ(canonical(plain, with_comments),
+            "<?p one\ntwo\n\nthree\n?>\n<a b=\"1 2\"><!-- one\ntwo --><?q one\n?>one\ntwoone\ntwo</a>\n<?r "
+            "one\n?>");
+  for (const char* end : {"\r\n", "\r"}) {
+    std::string other;
+    for (const char c : plain) other += c == '\n' ? std::string(end) : std::string(1, c);
+    EXPECT_EQ(canonical(other, with_comments), canonical(plain, with_comments))
+        << (end[1] == 0 ? "CR" : "CRLF");
+  }
+}
+
 TEST(CanonicalXml, RefusesWhatHasNone) {
   EXPECT_THAT(why_not_read("<a><b></a>"), HasSubstr("it is no XML"));
   EXPECT_THAT(why_not_read("<!DOCTYPE a [<!ENTITY e 'x'>]><a>&e;</a>"), HasSubstr("DOCTYPE"));
