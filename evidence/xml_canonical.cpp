@@ -241,7 +241,14 @@ class StrictMarks {
     left_.remove_prefix(end + 1);
   }
 
+  /// For each of them the parser allocates many times its bytes.
+  void count() {
+    if (++marks_ > kMostXmlMarks)
+      throw Error("it has more than " + std::to_string(kMostXmlMarks) + " tags, values of attributes and " +
+                  "other marks");
+  }
   void markup() {
+    count();
     if (left_.starts_with("<!--")) {
       skip_behind("-->", 4);
     } else if (left_.starts_with("<![CDATA[")) {
@@ -289,6 +296,7 @@ class StrictMarks {
     }
   }
   void value() {
+    count();
     const char quote = left_.front();
     const std::array<char, 3> stops{quote, '<', '&'};
     left_.remove_prefix(1);
@@ -309,6 +317,7 @@ class StrictMarks {
   const std::string_view whole_;
   std::string_view left_;
   std::size_t depth_ = 0;  // elements that are open
+  std::size_t marks_ = 0;
 };
 
 class Writing {

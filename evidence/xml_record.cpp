@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <map>
+#include <tuple>
 #include <utility>
 
 #include "base/error.h"
@@ -211,24 +213,40 @@ class XmlCover : public RenewalCover {
     ObjectValues values{.bytes = object.digest(algorithm), .canonical = {}};
     values.is_partial = !values.bytes;
     if (!object.content || !begins_as_xml(*object.content)) return values;
-    try {
-      values.canonical =
-          digest_of(canonical_document(parse_xml(text_of(*object.content)), parts_.how[chain]), algorithm);
-    } catch (const Error& error) {
-      values.is_partial = true;
-      values.why = error.what();
-    }
+    const Form& form = form_of(object, parts_.how[chain], algorithm);
+    values.canonical = form.digest;
+    values.why = form.why;
+    if (!form.digest) values.is_partial = true;
     return values;
   }
   [[nodiscard]] bool joins_objects_and_chains() const override { return false; }
 
  private:
+  /// The hash of an object's canonical form, or why there is none.
+  struct Form {
+    std::optional<Bytes> digest;
+    std::string why;
+  };
+  /// Made once for all chains that make and hash it in one way: a record has up to 64, and a file 64 MiB.
+  const Form& form_of(const DataObject& object, Canonicalization how, HashAlgorithm algorithm) {
+    const auto [at, is_new] = forms_.try_emplace({&object, how, algorithm});
+    Form& form = at->second;
+    if (!is_new) return form;
+    try {
+      form.digest = digest_of(canonical_document(parse_xml(text_of(*object.content)), how), algorithm);
+    } catch (const Error& error) {
+      form.why = error.what();
+    }
+    return form;
+  }
   static Bytes digest_of(std::string_view text, HashAlgorithm algorithm) {
     return crypto::digest(algorithm, bytes_of(text));
   }
   static std::size_t order_of(const pugi::xml_node& chain) { return chain.attribute("Order").as_uint(); }
 
   Parts parts_;
+  /// The objects of one judgement stay where they are.
+  std::map<std::tuple<const DataObject*, Canonicalization, HashAlgorithm>, Form> forms_;
 };
 
 }  // namespace

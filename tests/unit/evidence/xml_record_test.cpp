@@ -173,6 +173,23 @@ TEST(CanonicalXml, RefusesWhatHasNone) {
   EXPECT_THAT(why_not_read(many + "/>"), HasSubstr("more than 64 attributes"));
 }
 
+// The parser would take many times the bytes of such a document.
+TEST(CanonicalXml, OfMoreMarksThanAnyDocumentHasIsNotMade) {
+  const auto many = [](const std::string& mark, std::size_t count) {
+    std::string xml = "<a>";
+    for (std::size_t i = 0; i < count; ++i) xml += mark;
+    return xml + "</a>";
+  };
+  constexpr std::size_t kMost = kMostXmlMarks - 2;  // within the outermost element
+  EXPECT_EQ(why_not_read(many("<b/>", kMost)), "");
+  for (const char* mark : {"<b/>", "<!---->", "<?b?>", "<![CDATA[]]>"})
+    EXPECT_THAT(why_not_read(many(mark, kMost + 1)), HasSubstr("more than 1000000 tags")) << mark;
+  for (const char* marks : {"<b></b>", "<b c=''/>"}) {
+    EXPECT_EQ(why_not_read(many(marks, kMost / 2)), "") << marks;
+    EXPECT_THAT(why_not_read(many(marks, kMost / 2 + 1)), HasSubstr("more than 1000000 tags")) << marks;
+  }
+}
+
 TEST(CanonicalXml, KeepsWhatLooksLikeAReferenceWhereItIsNone) {
   EXPECT_EQ(canonical("<?xml version='1.0' encoding='utf-8' standalone='no' ?><a b='&#x1F600;>'>"
                       "<!-- &nbsp; < --><?p &#0; <?><![CDATA[&nbsp;<b>]]>&#65;\xC3\xA9</a>",
@@ -272,8 +289,10 @@ class XmlRecordTest : public ::testing::Test {
     return text + "</ArchiveTimeStampSequence>";
   }
 
-  void begin_chain(HashAlgorithm algorithm, const Stamp& stamp) {
-    HashList values{hash_of(algorithm, kData), hash_of(algorithm, kMore)};
+  void begin_chain(HashAlgorithm algorithm, const Stamp& stamp,
+                   const std::vector<std::string>& data = {kData, kMore}) {
+    HashList values;
+    for (const std::string& each : data) values.push_back(hash_of(algorithm, each));
     if (!chains_.empty()) values.push_back(hash_of(algorithm, sequence_of(chains_, kNamespace)));
     chains_.push_back({"<DigestMethod Algorithm=\"" + uri_of(algorithm) +
                        "\"></DigestMethod><CanonicalizationMethod Algorithm=\"" + kInclusive +
@@ -437,6 +456,37 @@ TEST_F(XmlRecordTest, WithoutATreeTheTokenIsOverTheDataInEitherForm) {
   EXPECT_EQ(codes_of(judge_file("<a  b='1'/>")), "");
   EXPECT_EQ(codes_of(judge_file("<a  b='2'/>")), "record-imprint-differs");
   EXPECT_EQ(codes_of(judge_file("<a  b='1'>")), "record-data-not-read");
+}
+
+TEST_F(XmlRecordTest, ACanonicalFormIsMadeOnceForAllChainsThatMakeItInOneWay) {
+  std::string file = "<a  b='1'/>";
+  const std::string form = "<a b=\"1\"></a>";
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {form});
+  begin_chain(HashAlgorithm::kSha512, third_.at("2039-03-01"), {form});
+  DataObject object{"the file", nullptr, bytes_of(file)};
+  // Its bytes are asked for with each chain. They change behind the first one, so that who would read them
+  // again would find something else.
+  int asked = 0;
+  object.digest = [&](HashAlgorithm algorithm) {
+    if (++asked == 2) file[7] = '2';
+    return hash_of(algorithm, "no value of the record");
+  };
+  const auto judged = [&] {
+    return codes_of(XmlRecord::parse(record()).judge(
+        {object}, {.trust = &trust_, .policy = nullptr, .now = day("2046-11-01")}));
+  };
+  EXPECT_EQ(judged(), "");
+  EXPECT_EQ(asked, 2);
+  // Another judgement reads it anew.
+  EXPECT_THAT(judged(), HasSubstr("record-data-not-covered"));
+  // So does a chain that hashes in another way.
+  file[7] = '1';
+  asked = 0;
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {form});
+  begin_chain(HashAlgorithm::kSha3_512, third_.at("2039-03-01"), {form});
+  EXPECT_THAT(judged(), HasSubstr("record-data-not-covered"));
 }
 
 TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfData) {
