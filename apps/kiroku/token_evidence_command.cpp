@@ -67,9 +67,11 @@ struct Judged {
   RecordJudgement judgement;
 };
 
-/// Of the files those of which the canonical XML was there, and not the bytes.
+/// Of the files those of which the canonical XML was there, and not the bytes. A record that does not hold
+/// tells of none.
 std::vector<std::string> only_as_canonical(const RecordJudgement& judgement, const Request& request) {
   std::vector<std::string> names;
+  if (judgement.standing() != Standing::kHolds) return names;
   for (std::size_t i = 0; i < request.files.size(); ++i)
     if (judgement.only_as_canonical[i]) names.push_back(request.files[i]);
   return names;

@@ -501,6 +501,20 @@ TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfData) {
   EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
 }
 
+TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfDataThatJoinsLaterEither) {
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha256, second_.at("2031-11-01"), {"of somebody else"});
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {});
+  begin_chain(HashAlgorithm::kSha3_512, third_.at("2039-03-01"), {kData});
+  const RecordJudgement judgement = XmlRecord::parse(record()).judge(
+      {object_of(kData)},
+      {.trust = &trust_, .policy = nullptr, .now = day("2046-11-01"), .objects_may_join = true});
+  EXPECT_EQ(codes_of(judgement), "record-data-not-covered");
+  EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
+  EXPECT_EQ(judgement.problems.front().place, "archiveTimeStampSequence[1][0]");
+  EXPECT_THAT(judgement.problems.front().text, HasSubstr("may have joined later"));
+}
+
 TEST_F(XmlRecordTest, WhatIsNoneIsRefusedByPlaceAndReason) {
   const auto changed = [&](const std::string& from, const std::string& to) {
     std::string xml = record();
