@@ -16,11 +16,6 @@ namespace {
 
 constexpr std::string_view kXmlPrefix = "xml";
 constexpr std::string_view kXmlNamespace = "http://www.w3.org/XML/1998/namespace";
-constexpr std::size_t kLongestQuoted = 60;
-
-std::string in_quotes(std::string_view name) {
-  return "\"" + printable(name.substr(0, kLongestQuoted)) + "\"";
-}
 
 struct Name {
   std::string_view prefix, local;
@@ -537,6 +532,10 @@ std::string_view namespace_of(const pugi::xml_node& element) {
       if (declared_by(attribute.name()) == prefix) return attribute.value();
   }
   return "";
+}
+
+std::string in_quotes(std::string_view text) {
+  return "\"" + printable(text.substr(0, kLongestQuoted)) + "\"";
 }
 
 std::string_view local_name_of(const pugi::xml_node& element) { return name_of(element.name()).local; }

@@ -42,6 +42,9 @@ pugi::xml_document parse_xml(std::string_view xml);
 std::string_view namespace_of(const pugi::xml_node& element);
 /// Its name without prefix.
 std::string_view local_name_of(const pugi::xml_node& element);
+/// What a document says, for a sentence about it: its first bytes, fit for a terminal.
+std::string in_quotes(std::string_view text);
+inline constexpr std::size_t kLongestQuoted = 80;
 
 /// UTF-8. Throws kiroku::Error where it would be longer than allowed.
 std::string canonical_document(const pugi::xml_document& document, Canonicalization how);
