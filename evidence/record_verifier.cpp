@@ -173,6 +173,7 @@ std::optional<Bytes> RecordJudge::judge_beginning(TimeStampJudgement& judged,
   const std::optional<Bytes> chains = joined ? std::nullopt : before;
   if (!here.reduced_tree.empty()) {
     const HashList& first = here.reduced_tree.front();
+    const std::size_t said_before = out_.problems.size();
     if (chains) {
       judged.covers_previous = std::ranges::find(first, *chains) != first.end();
       if (!judged.covers_previous) {
@@ -183,11 +184,14 @@ std::optional<Bytes> RecordJudge::judge_beginning(TimeStampJudgement& judged,
       }
     }
     match_objects(judged, first, values, chains);
-    // One value alone is no hash of data and chains, whatever the token is over.
+    // One value alone is no hash of data and chains, whatever the token is over. Of data that may join later
+    // nothing was missed above.
     if (chains && first.size() == 1) {
-      if (values.empty())
+      if (out_.problems.size() == said_before)
         add("record-data-not-covered", Standing::kCouldNotCheck, place,
-            place + " covers the chains before it alone, and no data was given that it could cover");
+            place + " covers the chains before it alone, and " +
+                (values.empty() ? "no data was given that it could cover"
+                                : "none of the data that was given and may have joined later"));
       return {};
     }
     return root_of(algorithm, here.reduced_tree);

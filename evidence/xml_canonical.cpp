@@ -16,11 +16,6 @@ namespace {
 
 constexpr std::string_view kXmlPrefix = "xml";
 constexpr std::string_view kXmlNamespace = "http://www.w3.org/XML/1998/namespace";
-constexpr std::size_t kLongestQuoted = 60;
-
-std::string in_quotes(std::string_view name) {
-  return "\"" + printable(name.substr(0, kLongestQuoted)) + "\"";
-}
 
 struct Name {
   std::string_view prefix, local;
@@ -241,7 +236,14 @@ class StrictMarks {
     left_.remove_prefix(end + 1);
   }
 
+  /// For each of them the parser allocates many times its bytes.
+  void count() {
+    if (++marks_ > kMostXmlMarks)
+      throw Error("it has more than " + std::to_string(kMostXmlMarks) + " tags, values of attributes and " +
+                  "other marks");
+  }
   void markup() {
+    count();
     if (left_.starts_with("<!--")) {
       skip_behind("-->", 4);
     } else if (left_.starts_with("<![CDATA[")) {
@@ -289,6 +291,7 @@ class StrictMarks {
     }
   }
   void value() {
+    count();
     const char quote = left_.front();
     const std::array<char, 3> stops{quote, '<', '&'};
     left_.remove_prefix(1);
@@ -309,6 +312,7 @@ class StrictMarks {
   const std::string_view whole_;
   std::string_view left_;
   std::size_t depth_ = 0;  // elements that are open
+  std::size_t marks_ = 0;
 };
 
 class Writing {
@@ -401,9 +405,19 @@ class Writing {
     put(node.name());
     if (!std::string_view(node.value()).empty()) {
       put(" ");
-      put(node.value());
+      instruction(node.value());
     }
     put("?>");
+  }
+  /// With each end of a line as a line feed (XML 1.0, section 2.11): of instructions alone the parser leaves
+  /// them as they are.
+  void instruction(std::string_view text) {
+    for (std::size_t end = text.find('\r'); end != std::string_view::npos; end = text.find('\r')) {
+      put(text.substr(0, end));
+      put("\n");
+      text.remove_prefix(end + (text.substr(end).starts_with("\r\n") ? 2 : 1));
+    }
+    put(text);
   }
 
   /// `in_scope` and `rendered` are those of the parent.
@@ -518,6 +532,10 @@ std::string_view namespace_of(const pugi::xml_node& element) {
       if (declared_by(attribute.name()) == prefix) return attribute.value();
   }
   return "";
+}
+
+std::string in_quotes(std::string_view text) {
+  return "\"" + printable(text.substr(0, kLongestQuoted)) + "\"";
 }
 
 std::string_view local_name_of(const pugi::xml_node& element) { return name_of(element.name()).local; }

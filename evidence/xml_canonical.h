@@ -1,6 +1,6 @@
 // Canonical XML: one form for the same document, however it was written. Canonical XML 1.0 (W3C, 2001) and
 // Exclusive XML Canonicalization 1.0 (W3C, 2002), each with and without comments, of a whole document or of
-// one element with all that is in it. Documents may be an attacker's: depth, attributes and output are
+// one element with all that is in it. Documents may be an attacker's: depth, attributes, marks and output are
 // bounded. Pure functions, thread-safe.
 //
 // A document with a DOCTYPE is refused: its entities and attributes by default would have to be read. So are
@@ -10,6 +10,7 @@
 // out.
 #pragma once
 
+#include <compare>
 #include <cstddef>
 #include <optional>
 #include <pugixml.hpp>
@@ -22,11 +23,14 @@ namespace kiroku::evidence {
 inline constexpr int kDeepestXml = 100;  // elements within each other
 inline constexpr std::size_t kMostXmlAttributes =
     64;  // of one element, declarations of namespaces among them
+/// Tags, values of attributes, comments, processing instructions and CDATA sections of one document.
+inline constexpr std::size_t kMostXmlMarks = 1'000'000;
 inline constexpr std::size_t kLongestXml = std::size_t{64} << 20U;            // bytes that are read
 inline constexpr std::size_t kLongestCanonicalXml = std::size_t{128} << 20U;  // bytes that are written
 
 struct Canonicalization {
   bool exclusive = false, with_comments = false;
+  friend auto operator<=>(const Canonicalization&, const Canonicalization&) = default;
 };
 /// The one of this URI; nothing for others.
 std::optional<Canonicalization> canonicalization_named(std::string_view uri);
@@ -38,6 +42,9 @@ pugi::xml_document parse_xml(std::string_view xml);
 std::string_view namespace_of(const pugi::xml_node& element);
 /// Its name without prefix.
 std::string_view local_name_of(const pugi::xml_node& element);
+/// What a document says, for a sentence about it: its first bytes, fit for a terminal.
+std::string in_quotes(std::string_view text);
+inline constexpr std::size_t kLongestQuoted = 80;
 
 /// UTF-8. Throws kiroku::Error where it would be longer than allowed.
 std::string canonical_document(const pugi::xml_document& document, Canonicalization how);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <map>
+#include <tuple>
 #include <utility>
 
 #include "base/error.h"
@@ -17,7 +19,6 @@ using crypto::HashAlgorithm;
 
 constexpr std::string_view kNamespace = "urn:ietf:params:xml:ns:ers";
 constexpr std::size_t kMostHashValues = 100'000;  // of one record
-constexpr std::size_t kLongestQuoted = 80;
 
 constexpr std::array<std::pair<std::string_view, HashAlgorithm>, 7> kDigestMethods{{
     // XML Encryption; RFC 6931 has the others.
@@ -29,10 +30,6 @@ constexpr std::array<std::pair<std::string_view, HashAlgorithm>, 7> kDigestMetho
     {"http://www.w3.org/2007/05/xmldsig-more#sha3-384", HashAlgorithm::kSha3_384},
     {"http://www.w3.org/2007/05/xmldsig-more#sha3-512", HashAlgorithm::kSha3_512},
 }};
-
-std::string in_quotes(std::string_view text) {
-  return "\"" + printable(text.substr(0, kLongestQuoted)) + "\"";
-}
 
 bool is(const pugi::xml_node& node, std::string_view name) {
   return node.type() == pugi::node_element && local_name_of(node) == name && namespace_of(node) == kNamespace;
@@ -110,16 +107,18 @@ Canonicalization canonicalization_of(const pugi::xml_node& chain, const std::str
   return *known;
 }
 
+/// What renewals are over.
+struct XmlChain {
+  Canonicalization how;
+  std::vector<pugi::xml_node> time_stamps;  // elements TimeStamp
+};
+
 }  // namespace
 
 struct XmlRecord::State {
-  struct Chain {
-    Canonicalization how;
-    std::vector<pugi::xml_node> time_stamps;  // their elements TimeStamp
-  };
   pugi::xml_document document;
   pugi::xml_node sequence;  // ArchiveTimeStampSequence
-  std::vector<Chain> chains;
+  std::vector<XmlChain> chains;
   EvidenceRecord record;
 
   void read_chain(const pugi::xml_node& element);
@@ -132,7 +131,7 @@ struct XmlRecord::State {
 void XmlRecord::State::read_chain(const pugi::xml_node& element) {
   const std::size_t number = chains.size();
   const std::string place = "archiveTimeStampSequence[" + std::to_string(number) + "]";
-  Chain chain{canonicalization_of(element, place), {}};
+  XmlChain chain{canonicalization_of(element, place), {}};
   const NamedHash hash = hash_of(element, place);
   ArchiveTimeStampChain read;
   for (const pugi::xml_node& each :
@@ -181,21 +180,18 @@ namespace {
 /// RFC 6283 sections 4.2.1 and 4.2.2.
 class XmlCover : public RenewalCover {
  public:
-  struct Parts {
-    std::vector<Canonicalization> how;                     // of each chain
-    std::vector<std::vector<pugi::xml_node>> time_stamps;  // elements TimeStamp
-    pugi::xml_node sequence;
-  };
-  explicit XmlCover(Parts parts) : parts_(std::move(parts)) {}
+  /// `chains` must outlive it; `sequence` is the element that has them.
+  XmlCover(const std::vector<XmlChain>& chains, pugi::xml_node sequence)
+      : chains_(chains), sequence_(sequence) {}
 
   Bytes time_stamp(std::size_t chain, std::size_t index, HashAlgorithm algorithm) override {
-    return digest_of(canonical_element(parts_.time_stamps[chain][index], parts_.how[chain]), algorithm);
+    return digest_of(canonical_element(chains_[chain].time_stamps[index], chains_[chain].how), algorithm);
   }
   /// The sequence as it was before this chain was added: without it and those behind it.
   Bytes chains_before(std::size_t chain, HashAlgorithm algorithm) override {
     pugi::xml_document before;
     // The names of the sequence are declared above it.
-    pugi::xml_node copy = before.append_copy(parts_.sequence.parent());
+    pugi::xml_node copy = before.append_copy(sequence_.parent());
     pugi::xml_node sequence;
     for (const pugi::xml_node& each : copy.children())
       if (is(each, "ArchiveTimeStampSequence")) sequence = each;
@@ -204,31 +200,48 @@ class XmlCover : public RenewalCover {
       if (is(each, "ArchiveTimeStampChain") && order_of(each) > chain) later.push_back(each);
     }
     for (const pugi::xml_node& each : later) sequence.remove_child(each);
-    return digest_of(canonical_element(sequence, parts_.how[chain]), algorithm);
+    return digest_of(canonical_element(sequence, chains_[chain].how), algorithm);
   }
   /// Also of XML the bytes as they are: archives that take files for octets hash them so.
   ObjectValues object(const DataObject& object, std::size_t chain, HashAlgorithm algorithm) override {
     ObjectValues values{.bytes = object.digest(algorithm), .canonical = {}};
     values.is_partial = !values.bytes;
     if (!object.content || !begins_as_xml(*object.content)) return values;
-    try {
-      values.canonical =
-          digest_of(canonical_document(parse_xml(text_of(*object.content)), parts_.how[chain]), algorithm);
-    } catch (const Error& error) {
-      values.is_partial = true;
-      values.why = error.what();
-    }
+    const Form& form = form_of(object, chains_[chain].how, algorithm);
+    values.canonical = form.digest;
+    values.why = form.why;
+    if (!form.digest) values.is_partial = true;
     return values;
   }
   [[nodiscard]] bool joins_objects_and_chains() const override { return false; }
 
  private:
+  /// The hash of an object's canonical form, or why there is none.
+  struct Form {
+    std::optional<Bytes> digest;
+    std::string why;
+  };
+  /// Made once for all chains that make and hash it in one way: a record has up to 64, and a file 64 MiB.
+  const Form& form_of(const DataObject& object, Canonicalization how, HashAlgorithm algorithm) {
+    const auto [at, is_new] = forms_.try_emplace({&object, how, algorithm});
+    Form& form = at->second;
+    if (!is_new) return form;
+    try {
+      form.digest = digest_of(canonical_document(parse_xml(text_of(*object.content)), how), algorithm);
+    } catch (const Error& error) {
+      form.why = error.what();
+    }
+    return form;
+  }
   static Bytes digest_of(std::string_view text, HashAlgorithm algorithm) {
     return crypto::digest(algorithm, bytes_of(text));
   }
   static std::size_t order_of(const pugi::xml_node& chain) { return chain.attribute("Order").as_uint(); }
 
-  Parts parts_;
+  const std::vector<XmlChain>& chains_;
+  const pugi::xml_node sequence_;
+  /// The objects of one judgement stay where they are.
+  std::map<std::tuple<const DataObject*, Canonicalization, HashAlgorithm>, Form> forms_;
 };
 
 }  // namespace
@@ -264,13 +277,7 @@ XmlRecord XmlRecord::parse(std::string_view xml) {
 }
 
 RecordJudgement XmlRecord::judge(const std::vector<DataObject>& objects, const JudgingRules& rules) const {
-  XmlCover::Parts parts;
-  parts.sequence = state_->sequence;
-  for (const State::Chain& chain : state_->chains) {
-    parts.how.push_back(chain.how);
-    parts.time_stamps.push_back(chain.time_stamps);
-  }
-  XmlCover cover(std::move(parts));
+  XmlCover cover(state_->chains, state_->sequence);
   return judge_record(state_->record, objects, rules, cover);
 }
 

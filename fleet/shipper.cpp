@@ -415,19 +415,27 @@ struct Shipper::Pass {
   /// last here, too, so that its own state is that of all.
   void published() {
     const fs::path& place = shipper.terms_.published;
-    const auto checkpoint = archive::real_reading().status(place / kPublishedCheckpoint);
-    if (!checkpoint) return;
+    const auto state_now = [&]() -> std::optional<FolderState> {
+      const auto checkpoint = archive::real_reading().status(place / kPublishedCheckpoint);
+      if (!checkpoint) return {};
+      return FolderState{std::to_string(checkpoint->last_change.time_since_epoch().count()) + " " +
+                             std::to_string(checkpoint->bytes),
+                         checkpoint->last_change};
+    };
+    const std::optional<FolderState> state = state_now();
+    if (!state) return;
     const std::string name(kPublished);
-    const std::string state = std::to_string(checkpoint->last_change.time_since_epoch().count()) + " " +
-                              std::to_string(checkpoint->bytes);
-    if (shipper.list_.whole(name) == state) return;
+    if (shipper.list_.whole(name) == state->text) return;
     held = false;
     const CaseFolder folder = CaseFolder::open(place);
     tiles(folder, std::string(kPublishedTiles), kMostTileLevels);
     if (ended()) return;
+    // Another program may have published since: a newer one would go before hashes that it names. The next
+    // look finds them.
+    if (const auto now = state_now(); !now || now->text != state->text) return;
     published_file(folder, std::string(kPublishedCheckpoint));
-    if (is_ended != nullptr && checkpoint->last_change + kSettled < shipper.time_.utc())
-      shipper.list_.set_whole(name, state);
+    if (is_ended != nullptr && state->newest + kSettled < shipper.time_.utc())
+      shipper.list_.set_whole(name, state->text);
   }
   void tiles(const CaseFolder& folder, const std::string& below, int levels) {
     const archive::FileReading& files = archive::real_reading();

@@ -169,11 +169,12 @@ std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
     std::optional<Bytes> record;
     std::string away;
     Clock::Duration pause = kLookAgain;
+    const auto give_up = [&] {
+      throw Error("its token does not come within " + whole_seconds(authority_.shared_patience) +
+                  (away.empty() ? "" : ": " + away));
+    };
+    if (look > until) give_up();  // by its own word
     while (!record) {
-      if (look > until) {
-        throw Error("its token does not come within " + whole_seconds(authority_.shared_patience) +
-                    (away.empty() ? "" : ": " + away));
-      }
       {
         std::unique_lock lock(mutex_);
         if (clock_.wait_until(hurrying_, lock, look, [this] { return hurried_; })) return {};
@@ -188,7 +189,9 @@ std::optional<AuthorityAnswer> AuthorityContact::wait_for_shared(
         away = error.what();
         pause = std::min<Clock::Duration>(2 * pause, kLongestLook);
       }
-      look = clock_.now() + pause;
+      const Time now = clock_.now();
+      if (!record && now >= until) give_up();
+      look = std::min(now + pause, until);
     }
     answer.answered = clock_.since_boot();
     answer.judgement = judge_shared(*record, digest, nonce, trust_or_nothing(trust_));

@@ -276,7 +276,6 @@ CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>&
     first = validate(store, signer, helpers, time, X509_V_FLAG_PARTIAL_CHAIN);
   }
   if (!first.refusal) return first;
-  bool is_of_a_signed_path = false;
   const SignedPaths paths(trusted, signer, helpers, verified);
   for (const SignedPaths::Path& path : paths.complete()) {
     const auto refusal = verified.refusal_of(
@@ -284,10 +283,9 @@ CertificatePath validate_path(X509_STORE* store, const std::vector<Certificate>&
     if (!refusal) break;
     if (!*refusal) return of_certificates(path);
     // What accuses must hold of each path.
-    if (!is_of_a_signed_path || verdict_of((*refusal)->code) == TokenVerdict::kCouldNotCheck) {
+    if (!first.is_signed || verdict_of((*refusal)->code) == TokenVerdict::kCouldNotCheck)
       first.refusal = *refusal;
-      is_of_a_signed_path = true;
-    }
+    first.is_signed = true;
   }
   if (verified.is_spent() || paths.is_cut()) {
     first.refusal = Refusal{TokenCode::kTooDear,

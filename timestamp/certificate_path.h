@@ -24,6 +24,9 @@ std::optional<Refusal> check_signer_certificate(X509* signer, UtcTime time);
 struct CertificatePath {
   std::vector<Certificate> certificates;
   std::optional<Refusal> refusal;
+  /// Of a refused one: signatures lead to a trusted certificate all the same, and at another time such a path
+  /// may hold.
+  bool is_signed = false;
 };
 
 /// Which certificates were signed by which, and what became of paths, each verified once; and how much may

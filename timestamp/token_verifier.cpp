@@ -178,6 +178,7 @@ class Judge {
   std::optional<crypto::HashAlgorithm> signature_hash_;
   std::optional<CertificatePath> path_;
   bool path_is_own_ = false;     // it ends at the recorder's own authority
+  bool path_is_signed_ = false;  // of a refused one: at another time one may hold
   bool is_of_the_pool_ = false;  // enclosed_
   TokenJudgement out_;
 };
@@ -390,8 +391,10 @@ const CertificatePath& Judge::path() {
   // A path to the recorder's own authority counts first, so that no other path can hide it.
   path_ = path_to(trust_.own, pool != nullptr ? &pool->verified_own : nullptr);
   path_is_own_ = !path_->refusal;
+  path_is_signed_ = path_->is_signed;
   if (!path_is_own_ && !trust_.outside.certificates.empty()) {
     CertificatePath outside = path_to(trust_.outside, pool != nullptr ? &pool->verified_outside : nullptr);
+    path_is_signed_ = path_is_signed_ || outside.is_signed;
     // Of two refusals the one that knew the issuer says more, and what accuses must hold of both.
     const bool said_more = path_->refusal->code != TokenCode::kIssuerUnknown && outside.refusal &&
                            (outside.refusal->code == TokenCode::kIssuerUnknown ||
@@ -419,7 +422,8 @@ std::optional<Refusal> Judge::check_for_stranger() {
     refusal = path().refusal;
   }
   if (!refusal || verdict_of(refusal->code) != TokenVerdict::kCouldNotCheck) return {};
-  if (known != nullptr && refusal->code == TokenCode::kIssuerUnknown) *known = refusal->explanation;
+  if (known != nullptr && refusal->code == TokenCode::kIssuerUnknown && !path_is_signed_)
+    *known = refusal->explanation;
   refusal->explanation += "; whether its signature holds was not looked at";
   return refusal;
 }

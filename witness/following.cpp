@@ -343,7 +343,9 @@ class Follower {
         files_.make_folder(folder);
         files_.sync_folder(copy_);
       }
-      files_.write_durably(folder / kPublishedCheckpoint, bytes_of(shown.text));
+      // Shown once more it may lack a cosignature, and the disk may be full.
+      if (!files_.exists(folder / kPublishedCheckpoint))
+        files_.write_durably(folder / kPublishedCheckpoint, bytes_of(shown.text));
     } catch (const Error& error) {
       result_.not_kept = error.what();
       return {};
@@ -352,11 +354,16 @@ class Follower {
     return folder;
   }
 
-  /// Those that a crash or a full disk cut off are written anew the next time.
+  /// Those that a crash or a full disk cut off are written anew the next time. Without `leaves` none can be.
   void keep_tiles(const fs::path& folder, const Leaves* leaves, bool is_first) {
     const fs::path beginning = folder / kBeginningFile;
     const bool is_cut_off = files_.exists(beginning);
-    if (leaves == nullptr || (files_.exists(folder / "tile") && !is_cut_off)) return;
+    if (files_.exists(folder / "tile") && !is_cut_off) return;
+    if (leaves == nullptr) {
+      if (is_cut_off)
+        result_.not_kept = "of its hashes not all are kept, and they were not to be had this time";
+      return;
+    }
     if (!is_first && !is_cut_off && leaves->size() > kMostTiledEntries) {
       result_.not_kept = "of its hashes nothing is kept, as they are more than " +
                          std::to_string(kMostTiledEntries) + ", and of another history they are";

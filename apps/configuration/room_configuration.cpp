@@ -37,6 +37,10 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
     if (text == "events") throw UsageError("'name' is 'events': that stream holds the operator's marks");
     if (text == archive::kPointingStream)
       throw UsageError("'name' is 'pointing': that stream holds where people point on live pictures");
+    if (text == "published")
+      throw UsageError(
+          "'name' is 'published': a store may let anybody read what lies below a folder of that name; give "
+          "the stream another one");
     stream.name = text;
   });
   reader.text("kind", [&](const std::string& text) {

@@ -1,6 +1,7 @@
 #include "apps/kiroku/log_publishing.h"
 
 #include "archive/storage/file_system.h"
+#include "base/error.h"
 #include "base/number_text.h"
 #include "witness/cosigning.h"
 #include "witness/tiles.h"
@@ -45,6 +46,22 @@ std::string published_text(const Followed& followed, const std::string& folder) 
       break;
   }
   return "NOT PUBLISHED: " + followed.why;
+}
+
+void LogPublishing::bring_up_to_date(std::vector<std::string>& problems) {
+  if (!wanted_) return;
+  if (const Clock::Time now = time_.now(); !next_ || now >= *next_) {
+    next_ = now + kPause;
+    problem_.clear();
+    try {
+      const Followed came = publish_log(home_, home_.published_log());
+      next_ = now + kInterval;
+      if (!witness::is_up_to_date(came.what)) problem_ = published_text(came, home_.published_log().string());
+    } catch (const Error& error) {
+      problem_ = std::string("the log was not published: ") + error.what();
+    }
+  }
+  if (!problem_.empty()) problems.push_back(problem_);
 }
 
 }  // namespace kiroku::apps

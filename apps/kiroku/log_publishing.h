@@ -1,13 +1,16 @@
 // The appliance log of a home as a tree that others can follow (witness/tiles.h).
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "apps/kiroku/home.h"
+#include "base/clock.h"
 #include "crypto/signed_note.h"
 #include "witness/following.h"
 
@@ -21,6 +24,30 @@ witness::Followed publish_log(const Home& home, const std::filesystem::path& fol
 
 /// What came of it, a sentence.
 std::string published_text(const witness::Followed& followed, const std::string& folder);
+
+/// What is published of a home's log, brought up to date by a program that goes on. Not thread-safe.
+class LogPublishing {
+ public:
+  /// Each publishing leaves locked objects in a store.
+  static constexpr std::chrono::hours kInterval{1};
+  /// Where nothing could be published, as after a full disk: each try reads the whole log, that of years.
+  static constexpr std::chrono::seconds kPause{60};
+
+  /// In home.published_log(), where it is `wanted`. `home` and `time` must outlive it.
+  LogPublishing(const Home& home, bool wanted, const Clock& time = Clock::system())
+      : home_(home), wanted_(wanted), time_(time) {}
+
+  /// At most as often as these say. What is wrong with the log is added to `problems` each time, and keeps
+  /// nothing else from going on. Throws nothing for it.
+  void bring_up_to_date(std::vector<std::string>& problems);
+
+ private:
+  const Home& home_;
+  const bool wanted_;
+  const Clock& time_;
+  std::optional<Clock::Time> next_;
+  std::string problem_;
+};
 
 /// "1 entry"; of none "0 entries".
 std::string entries_text(const std::optional<crypto::Checkpoint>& checkpoint);

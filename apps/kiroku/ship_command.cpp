@@ -25,7 +25,6 @@ namespace {
 
 constexpr std::chrono::seconds kLookInterval{5};
 constexpr std::chrono::seconds kLongestPause{60};
-constexpr std::chrono::hours kPublishInterval{1};
 
 struct Request {
   std::optional<std::string> home;
@@ -100,39 +99,6 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
   }
   return found.holds() ? kDone : kNoAnswer;
 }
-
-/// The appliance log's tree in the home, brought up to date before it is shipped.
-class LogPublishing {
- public:
-  /// `home` must outlive it.
-  LogPublishing(const Home& home, bool wanted) : home_(home), wanted_(wanted) {}
-
-  /// At most once an hour, as each publishing leaves locked objects in the store; again at once where nothing
-  /// could be published, as after a full disk. What is wrong with the log is told each time, and keeps
-  /// nothing else from being shipped.
-  void bring_up_to_date(std::vector<std::string>& problems) {
-    if (!wanted_) return;
-    const auto now = std::chrono::steady_clock::now();
-    if (!tried_ || now - *tried_ >= kPublishInterval) {
-      problem_.clear();
-      try {
-        const witness::Followed came = publish_log(home_, home_.published_log());
-        tried_ = now;
-        if (!witness::is_up_to_date(came.what))
-          problem_ = published_text(came, home_.published_log().string());
-      } catch (const Error& error) {
-        problem_ = std::string("the log was not published: ") + error.what();
-      }
-    }
-    if (!problem_.empty()) problems.push_back(problem_);
-  }
-
- private:
-  const Home& home_;
-  const bool wanted_;
-  std::optional<std::chrono::steady_clock::time_point> tried_;
-  std::string problem_;
-};
 
 /// Again and again until it is told to end; a store that is away is asked less and less often.
 int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing) {

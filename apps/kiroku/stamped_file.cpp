@@ -88,21 +88,9 @@ std::optional<SealRecord> find_record(const Home& home,
   return found;
 }
 
-void add_root_options(Command& command, NamedRoots& roots, const std::string& when) {
-  command.option("--trust", "PEM", roots.trust,
-                 when + "roots of outside time-stamping authorities; instead of the home's");
-  command.option(
-      "--own-authority", "PEM", roots.own_authority,
-      when + "roots of the recorder's own authority, whose time is self-issued; instead of the home's");
-}
-
 std::vector<Check> check_tokens(const NamedRoots& roots, const std::optional<Home>& home,
                                 const fs::path& file, const crypto::Sha256Digest& digest) {
-  timestamp::TrustStore trust;
-  if (roots.trust.empty() && roots.own_authority.empty() && home) trust = home->trust();
-  for (const std::string& pem : roots.trust) trust.add_trusted_file(pem);
-  for (const std::string& pem : roots.own_authority) trust.add_own_authority_file(pem);
-  return archive::check_tokens_beside(file, digest, trust);
+  return archive::check_tokens_beside(file, digest, trust_of(roots, home));
 }
 
 Check check_log(const std::optional<Home>& home, const std::string& what,

@@ -10,8 +10,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "apps/common/command_line.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/named_roots.h"
 #include "archive/format/log_entry.h"
 #include "base/check.h"
 #include "crypto/hash.h"
@@ -47,12 +47,6 @@ struct SealRecord {
 std::optional<SealRecord> find_record(const Home& home,
                                       const std::function<bool(const archive::LogEntryBody&)>& states);
 
-/// Files of roots that a person named: of outside authorities, and of the recorder's own.
-struct NamedRoots {
-  std::vector<std::string> trust, own_authority;
-};
-/// --trust and --own-authority. `roots` must live until the program has run; `when` begins their help.
-void add_root_options(Command& command, NamedRoots& roots, const std::string& when = "");
 /// What the tokens beside the file say of its hash, under these roots, under the home's if there are none.
 std::vector<Check> check_tokens(const NamedRoots& roots, const std::optional<Home>& home,
                                 const std::filesystem::path& file, const crypto::Sha256Digest& digest);

@@ -70,19 +70,18 @@ bool enter_purpose(const std::optional<Home>& home, const std::filesystem::path&
     return true;
   }
   if (!home) return false;
-  const bool is_own = home->holds(case_folder);
-  const std::optional<std::string> copied = is_own ? std::nullopt : own_case_copied_to(*home, case_folder);
-  if (!is_own && !copied) return false;
-  if (const ConsentConfiguration site = consent_configuration(*home); site.demand_purpose) {
-    if (copied)
-      throw UsageError(printable(case_folder.string()) + " is a copy of this home's case " + *copied +
-                       ", and this site demands a purpose of every export ([consent] of kiroku.toml): name " +
-                       *copied + ", and say with --purpose what for");
+  // Most sites demand none: then nothing is read of the case.
+  const ConsentConfiguration site = consent_configuration(*home);
+  if (!site.demand_purpose) return false;
+  if (home->holds(case_folder))
     throw UsageError(
         "this site demands a purpose of every export ([consent] of kiroku.toml): say which with "
         "--purpose, one of " +
         site.known());
-  }
+  if (const std::optional<std::string> copied = own_case_copied_to(*home, case_folder))
+    throw UsageError(printable(case_folder.string()) + " is a copy of this home's case " + *copied +
+                     ", and this site demands a purpose of every export ([consent] of kiroku.toml): name " +
+                     *copied + ", and say with --purpose what for");
   return false;
 }
 

@@ -10,7 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
-#include "apps/kiroku/home.h"
+#include "apps/kiroku/named_roots.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/token_evidence_command.h"
 #include "archive/verify/verifier.h"
@@ -30,7 +30,8 @@ using timestamp::TokenVerdict;
 struct Request {
   std::string token;
   std::optional<std::string> data, digest, policy, home;
-  std::vector<std::string> trust, own_authority, untrusted, lists;
+  NamedRoots roots;
+  std::vector<std::string> untrusted, lists;
   bool json = false;
 };
 
@@ -51,15 +52,10 @@ bool was_granted(const QualifiedService& service) {
   return std::ranges::any_of(service.history, &timestamp::ServiceStatus::granted);
 }
 
+/// Lists are roots, too.
 timestamp::TrustStore load_trust(const Request& request, const std::vector<TrustedList>& lists) {
-  timestamp::TrustStore trust;
-  if (request.trust.empty() && request.own_authority.empty() && lists.empty()) {
-    const std::optional<Home> home = Home::find(request.home);
-    if (!home) throw UsageError("no trusted root is known: name the authority's with --trust PEM");
-    trust = home->trust();
-  }
-  for (const std::string& file : request.trust) trust.add_trusted_file(file);
-  for (const std::string& file : request.own_authority) trust.add_own_authority_file(file);
+  timestamp::TrustStore trust =
+      lists.empty() ? required_trust(request.roots, request.home) : trust_of(request.roots, std::nullopt);
   for (const std::string& file : request.untrusted) trust.add_untrusted_file(file);
   for (const TrustedList& list : lists) {
     for (const QualifiedService& service : list.services) {
@@ -352,10 +348,7 @@ void add_token_command(Command& program) {
   command.option("--data", "FILE", request->data, "the file that was time-stamped");
   command.option("--digest", "HEX", request->digest,
                  "its hash instead, by the token's hash function; SHA-256 of a shared token");
-  command.option("--trust", "PEM", request->trust,
-                 "roots of outside authorities that are trusted; instead of the home's");
-  command.option("--own-authority", "PEM", request->own_authority,
-                 "roots of the recorder's own authority, whose time is self-issued; instead of the home's");
+  add_root_options(command, request->roots);
   command.option("--untrusted", "PEM", request->untrusted, "certificates that help to build a chain");
   command.option(
       "--trusted-list", "XML", request->lists,

@@ -12,7 +12,7 @@
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
-#include "apps/kiroku/home.h"
+#include "apps/kiroku/named_roots.h"
 #include "apps/verify/judging.h"
 #include "base/error.h"
 #include "evidence/record_verifier.h"
@@ -27,22 +27,11 @@ using nlohmann::ordered_json;
 
 struct Request {
   std::string record;
-  std::vector<std::string> files, trust, own_authority;
+  std::vector<std::string> files;
+  NamedRoots roots;
   std::optional<std::string> policy, home;
   bool json = false;
 };
-
-timestamp::TrustStore trust_of(const Request& request) {
-  timestamp::TrustStore trust;
-  if (request.trust.empty() && request.own_authority.empty()) {
-    const std::optional<Home> home = Home::find(request.home);
-    if (!home) throw UsageError("no trusted root is known: name the authority's with --trust PEM");
-    trust = home->trust();
-  }
-  for (const std::string& file : request.trust) trust.add_trusted_file(file);
-  for (const std::string& file : request.own_authority) trust.add_own_authority_file(file);
-  return trust;
-}
 
 /// Files as a record's data, each hashed once with each algorithm. They must outlive the objects.
 std::vector<evidence::DataObject> objects_of(const std::vector<std::string>& names,
@@ -67,9 +56,11 @@ struct Judged {
   RecordJudgement judgement;
 };
 
-/// Of the files those of which the canonical XML was there, and not the bytes.
+/// Of the files those of which the canonical XML was there, and not the bytes. A record that does not hold
+/// tells of none.
 std::vector<std::string> only_as_canonical(const RecordJudgement& judgement, const Request& request) {
   std::vector<std::string> names;
+  if (judgement.standing() != Standing::kHolds) return names;
   for (std::size_t i = 0; i < request.files.size(); ++i)
     if (judgement.only_as_canonical[i]) names.push_back(request.files[i]);
   return names;
@@ -80,7 +71,7 @@ Judged judge(const Request& request) {
   std::deque<MappedFile> files;
   for (const std::string& name : request.files) files.emplace_back(name);
   const std::vector<evidence::DataObject> objects = objects_of(request.files, files);
-  const timestamp::TrustStore trust = trust_of(request);
+  const timestamp::TrustStore trust = required_trust(request.roots, request.home);
   std::optional<evidence::Policy> policy;
   if (request.policy) policy = read_policy(*request.policy);
   const evidence::JudgingRules rules{
@@ -221,10 +212,7 @@ void add_token_evidence_command(Command& token) {
   const auto request = std::make_shared<Request>();
   command.argument("RECORD", request->record, "the record: DER (.ers), or XML");
   command.arguments("FILE", request->files, "the data that it is to prove: all of it, in any order");
-  command.option("--trust", "PEM", request->trust,
-                 "roots of outside authorities that are trusted; instead of the home's");
-  command.option("--own-authority", "PEM", request->own_authority,
-                 "roots of the recorder's own authority, whose time is self-issued; instead of the home's");
+  add_root_options(command, request->roots);
   command.option("--policy", "FILE", request->policy,
                  "until when algorithms count; without it those known here count for ever");
   add_home_option(command, request->home);

@@ -320,6 +320,35 @@ def unconfirmed(attack):
     attack.anew()
 
 
+def a_log_published_meanwhile(attack):
+    """A checkpoint that another program publishes while hashes go to a slow store waits for those that it names."""
+    home, store = attack.appliance.home, attack.store
+    toml = (home / "kiroku.toml").read_text(encoding="utf-8")
+    (home / "kiroku.toml").write_text(toml + "publish_log = true\n", encoding="utf-8")
+    published = []
+
+    def meanwhile(method, key, _):
+        if method == "PUT" and key.startswith("or-1/published/tile/") and not published:
+            published.append(key)
+            attack.appliance.kiroku("export", attack.case, "--stream", "vitals", "-i", str(home / "identity.txt"),
+                                    "-o", str(attack.folder / "out" / "meanwhile.csv"), "--force")
+            attack.appliance.kiroku("log", "publish", str(home / "published-log"))
+
+    def of_the_checkpoint():
+        """The hashes that the store's checkpoint names, as long as they are fewer than 256."""
+        found = store.objects.get("or-1/published/checkpoint")
+        return found and f"or-1/published/tile/0/000.p/{int(found[0].body.splitlines()[1])}"
+
+    (attack.folder / "out").mkdir(exist_ok=True)
+    store.status_of = meanwhile
+    attack.appliance.ask("ship")
+    require(published, "nothing was published")
+    require(of_the_checkpoint() is None, f"the checkpoint went before {of_the_checkpoint()}")
+    attack.appliance.kiroku("ship")
+    require(of_the_checkpoint() in store.objects, f"the checkpoint names {of_the_checkpoint()}, which is not there")
+    (home / "kiroku.toml").write_text(toml, encoding="utf-8")
+
+
 def segments_listed(fleet, case):
     return next(each["segments"] for each in fleet.tell("cases")["cases"] if each["case"] == case)
 
@@ -374,7 +403,8 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         pathlib.Path(name).chmod(0o755)
         attack = Attack(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
-        for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed, catalogue):
+        for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed,
+                        a_log_published_meanwhile, catalogue):
             attempt(attack)
             attack.anew()
             print(f"holds: {attempt.__name__.replace('_', ' ')}", flush=True)

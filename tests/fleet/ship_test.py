@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import sqlite3
@@ -477,8 +478,8 @@ def the_logs_tree_is_published_there(appliance, store):
     before, _, name = toml.read_text(encoding="utf-8").rpartition('"or-1"')
     toml.write_text(f'{before}"or-2"\npublish_log = true{name}', encoding="utf-8")
     policy = other.home / "policy.json"
-    policy.write_text(json.dumps({"Version": "2012-10-17", "Statement": [{
-        "Effect": "Allow", "Principal": "*", "Action": "s3:GetObject", "Resource": "arn:aws:s3:::recordings/or-2/published/*"}]}))
+    page = (HERE.parents[1] / "docs/how-to/ship-to-a-store.md").read_text(encoding="utf-8")
+    policy.write_text(re.search(r"```json\n(.*?)```", page, re.DOTALL).group(1).replace("or-1", "or-2"), encoding="utf-8")
     store.set_policy("recordings", policy)
 
     def followed(expected, status=0):
@@ -501,8 +502,10 @@ def the_logs_tree_is_published_there(appliance, store):
     keys = [key for key in store.versions("recordings") if key.startswith("or-2/published/")]
     require(all(key == "or-2/published/checkpoint" or key.startswith("or-2/published/tile/") for key in keys), f"also published: {keys}")
     require(len(store.versions("recordings")["or-2/published/checkpoint"]) == 2, "a checkpoint is not a version of its own")
-    # Anybody may read that, and nothing else.
-    for key, open_to_all in (("or-2/published/checkpoint", True), ("or-2/growing/log/000000000000", False)):
+    # Anybody may read that, and nothing else: no stream of a case either, whatever its name.
+    of_a_case = "or-2/20261126T091502Z-3f9c21ab/segments/published/00000000.ts.age"
+    store.put("recordings", of_a_case, policy)
+    for key, open_to_all in (("or-2/published/checkpoint", True), ("or-2/growing/log/000000000000", False), (of_a_case, False)):
         answer = subprocess.run(["curl", "-s", "-o", "/dev/null", "-w", "%{http_code}", f"{store.endpoint}/recordings/{key}"],
                                 capture_output=True, text=True).stdout
         require((answer == "200") == open_to_all, f"to anybody {key} answers {answer}")

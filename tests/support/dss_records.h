@@ -2,11 +2,13 @@
 // this project: KIROKU_DSS names a folder with a checkout; without it the tests of them are skipped.
 #pragma once
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
 #include <ostream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -25,6 +27,9 @@ struct DssExpectation {
   std::size_t found;              // values of the first list that are of the data
   std::size_t orphans;            // values that are not
   const char* tokens;
+  /// What our judgement says beside that: "record-link-missing [1][0]" refuses, with " open" it could not be
+  /// checked. What is said of the tokens themselves is left out, as no root is trusted.
+  std::string problems = {};
 
   friend void PrintTo(const DssExpectation& expected, std::ostream* out) { *out << expected.name; }
 };
@@ -41,6 +46,28 @@ class DssTest : public ::testing::TestWithParam<DssExpectation> {
                       name);
   }
 };
+
+/// That the judgement itself has what DSS finds, and for any other reason refuses nothing. DSS counts values
+/// that stand twice twice; an object is covered once.
+inline void expect_judged(const evidence::RecordJudgement& judgement, std::size_t objects,
+                          const DssExpectation& expected) {
+  constexpr std::size_t kAny = std::size_t(-1),
+                        kSequence = std::string_view("archiveTimeStampSequence").size();
+  const evidence::TimeStampJudgement& first = judgement.time_stamps.front();
+  if (expected.found != kAny) {
+    EXPECT_EQ(first.objects.size(), std::min(expected.found, objects));
+  }
+  if (expected.orphans != kAny) {
+    EXPECT_EQ(first.other_values, expected.orphans);
+  }
+  std::string problems;
+  for (const evidence::Problem& each : judgement.problems) {
+    if (each.code.starts_with("token-")) continue;
+    problems += (problems.empty() ? "" : ", ") + each.code + " " + each.place.substr(kSequence) +
+                (each.standing == evidence::Standing::kCouldNotCheck ? " open" : "");
+  }
+  EXPECT_EQ(problems, expected.problems);
+}
 
 /// Of "sha256:BASE64 sha512:BASE64": data of which only these hashes are known.
 inline evidence::DataObject object_by_hashes(const std::string& text) {

@@ -187,6 +187,12 @@ TEST_F(Token, OfARecordInXmlOverCanonicalXmlThatIsSaid) {
   EXPECT_THAT(held.out, HasSubstr("written.xml: how it is written is not covered"));
   const auto answer = kiroku_json({"token", "evidence", "record.xml", "written.xml", "--json"});
   EXPECT_EQ(answer["only_as_canonical_xml"], nlohmann::json::array({"written.xml"}));
+  // Of what is not covered nothing is said of the form in which it is.
+  write_text(folder() / "other.xml", "<a  b='2'/>");
+  const auto of_other =
+      nlohmann::json::parse(kiroku({"token", "evidence", "record.xml", "other.xml", "--json"}).out);
+  EXPECT_EQ(of_other["verdict"], "refused");
+  EXPECT_EQ(of_other["only_as_canonical_xml"], nlohmann::json::array());
   write_text(folder() / "sjis.xml", "<?xml version='1.0' encoding='Shift_JIS'?><a b='1'></a>");
   const ProcessResult open = kiroku({"token", "evidence", "record.xml", "sjis.xml"});
   EXPECT_EQ(open.status, 2) << open.out;

@@ -111,6 +111,23 @@ TEST(CanonicalXml, ExclusivelyTakesNothingFromAround) {
             "<n3:stuff xmlns:n3=\"ftp://example.org\"></n3:stuff></n1:elem2>");
 }
 
+// XML 1.0, section 2.11: the same document, as editors of other systems write it.
+TEST(CanonicalXml, HasOneEndOfLinesEverywhere) {
+  const std::string plain =
+      "<?p one\ntwo\n\nthree\n?>\n<a b=\"1\n2\"><!-- one\ntwo --><?q\none\n?>one\ntwo"
+      "<![CDATA[one\ntwo]]></a>\n<?r one\n?>";
+  const std::string with_comments = std::string(kInclusive) + "#WithComments";
+  EXPECT_EQ(canonical(plain, with_comments),
+            "<?p one\ntwo\n\nthree\n?>\n<a b=\"1 2\"><!-- one\ntwo --><?q one\n?>one\ntwoone\ntwo</a>\n<?r "
+            "one\n?>");
+  for (const char* end : {"\r\n", "\r"}) {
+    std::string other;
+    for (const char c : plain) other += c == '\n' ? std::string(end) : std::string(1, c);
+    EXPECT_EQ(canonical(other, with_comments), canonical(plain, with_comments))
+        << (end[1] == 0 ? "CR" : "CRLF");
+  }
+}
+
 TEST(CanonicalXml, RefusesWhatHasNone) {
   EXPECT_THAT(why_not_read("<a><b></a>"), HasSubstr("it is no XML"));
   EXPECT_THAT(why_not_read("<!DOCTYPE a [<!ENTITY e 'x'>]><a>&e;</a>"), HasSubstr("DOCTYPE"));
@@ -154,6 +171,23 @@ TEST(CanonicalXml, RefusesWhatHasNone) {
   for (int i = 0; i < 100; ++i) many += " n" + std::to_string(i) + "='x'";
   EXPECT_THAT(why_not_read(deep), HasSubstr("more than 100 others"));
   EXPECT_THAT(why_not_read(many + "/>"), HasSubstr("more than 64 attributes"));
+}
+
+// The parser would take many times the bytes of such a document.
+TEST(CanonicalXml, OfMoreMarksThanAnyDocumentHasIsNotMade) {
+  const auto many = [](const std::string& mark, std::size_t count) {
+    std::string xml = "<a>";
+    for (std::size_t i = 0; i < count; ++i) xml += mark;
+    return xml + "</a>";
+  };
+  constexpr std::size_t kMost = kMostXmlMarks - 2;  // within the outermost element
+  EXPECT_EQ(why_not_read(many("<b/>", kMost)), "");
+  for (const char* mark : {"<b/>", "<!---->", "<?b?>", "<![CDATA[]]>"})
+    EXPECT_THAT(why_not_read(many(mark, kMost + 1)), HasSubstr("more than 1000000 tags")) << mark;
+  for (const char* marks : {"<b></b>", "<b c=''/>"}) {
+    EXPECT_EQ(why_not_read(many(marks, kMost / 2)), "") << marks;
+    EXPECT_THAT(why_not_read(many(marks, kMost / 2 + 1)), HasSubstr("more than 1000000 tags")) << marks;
+  }
 }
 
 TEST(CanonicalXml, KeepsWhatLooksLikeAReferenceWhereItIsNone) {
@@ -255,8 +289,10 @@ class XmlRecordTest : public ::testing::Test {
     return text + "</ArchiveTimeStampSequence>";
   }
 
-  void begin_chain(HashAlgorithm algorithm, const Stamp& stamp) {
-    HashList values{hash_of(algorithm, kData), hash_of(algorithm, kMore)};
+  void begin_chain(HashAlgorithm algorithm, const Stamp& stamp,
+                   const std::vector<std::string>& data = {kData, kMore}) {
+    HashList values;
+    for (const std::string& each : data) values.push_back(hash_of(algorithm, each));
     if (!chains_.empty()) values.push_back(hash_of(algorithm, sequence_of(chains_, kNamespace)));
     chains_.push_back({"<DigestMethod Algorithm=\"" + uri_of(algorithm) +
                        "\"></DigestMethod><CanonicalizationMethod Algorithm=\"" + kInclusive +
@@ -422,6 +458,37 @@ TEST_F(XmlRecordTest, WithoutATreeTheTokenIsOverTheDataInEitherForm) {
   EXPECT_EQ(codes_of(judge_file("<a  b='1'>")), "record-data-not-read");
 }
 
+TEST_F(XmlRecordTest, ACanonicalFormIsMadeOnceForAllChainsThatMakeItInOneWay) {
+  std::string file = "<a  b='1'/>";
+  const std::string form = "<a b=\"1\"></a>";
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {form});
+  begin_chain(HashAlgorithm::kSha512, third_.at("2039-03-01"), {form});
+  DataObject object{"the file", nullptr, bytes_of(file)};
+  // Its bytes are asked for with each chain. They change behind the first one, so that who would read them
+  // again would find something else.
+  int asked = 0;
+  object.digest = [&](HashAlgorithm algorithm) {
+    if (++asked == 2) file[7] = '2';
+    return hash_of(algorithm, "no value of the record");
+  };
+  const auto judged = [&] {
+    return codes_of(XmlRecord::parse(record()).judge(
+        {object}, {.trust = &trust_, .policy = nullptr, .now = day("2046-11-01")}));
+  };
+  EXPECT_EQ(judged(), "");
+  EXPECT_EQ(asked, 2);
+  // Another judgement reads it anew.
+  EXPECT_THAT(judged(), HasSubstr("record-data-not-covered"));
+  // So does a chain that hashes in another way.
+  file[7] = '1';
+  asked = 0;
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {form});
+  begin_chain(HashAlgorithm::kSha3_512, third_.at("2039-03-01"), {form});
+  EXPECT_THAT(judged(), HasSubstr("record-data-not-covered"));
+}
+
 TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfData) {
   auto without = chains_;
   without.resize(1);
@@ -432,6 +499,20 @@ TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfData) {
           .judge({}, {.trust = &trust_, .policy = nullptr, .now = day("2034-07-01")});
   EXPECT_EQ(codes_of(judgement), "record-data-not-covered");
   EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
+}
+
+TEST_F(XmlRecordTest, ChainsAloneAreNoProofOfDataThatJoinsLaterEither) {
+  chains_.clear();
+  begin_chain(HashAlgorithm::kSha256, second_.at("2031-11-01"), {"of somebody else"});
+  begin_chain(HashAlgorithm::kSha512, second_.at("2034-06-01"), {});
+  begin_chain(HashAlgorithm::kSha3_512, third_.at("2039-03-01"), {kData});
+  const RecordJudgement judgement = XmlRecord::parse(record()).judge(
+      {object_of(kData)},
+      {.trust = &trust_, .policy = nullptr, .now = day("2046-11-01"), .objects_may_join = true});
+  EXPECT_EQ(codes_of(judgement), "record-data-not-covered");
+  EXPECT_EQ(judgement.standing(), Standing::kCouldNotCheck);
+  EXPECT_EQ(judgement.problems.front().place, "archiveTimeStampSequence[1][0]");
+  EXPECT_THAT(judgement.problems.front().text, HasSubstr("may have joined later"));
 }
 
 TEST_F(XmlRecordTest, WhatIsNoneIsRefusedByPlaceAndReason) {

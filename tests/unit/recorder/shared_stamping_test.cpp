@@ -229,8 +229,8 @@ TEST_F(SharedStampingTest, AnAggregatorThatStaysAwayIsAskedNoLongerThanItMayBeWa
   stamper->stamp(checkpoint(1));
   clock_.await_waiting(1);
   clock_.move(30s);
-  // At 30 s, then after 2, 4, 8, 16 and 16 s; the next look would be after 90 s.
-  for (const std::chrono::seconds pause : {2s, 4s, 8s, 16s, 16s}) {
+  // At 30 s, then after 2, 4, 8, 16 and 16 s; the last look is when the patience ends.
+  for (const std::chrono::seconds pause : {2s, 4s, 8s, 16s, 16s, 14s}) {
     clock_.await_waiting(1);
     EXPECT_EQ(source_->requests, 0);
     clock_.move(pause);
@@ -238,7 +238,23 @@ TEST_F(SharedStampingTest, AnAggregatorThatStaysAwayIsAskedNoLongerThanItMayBeWa
   const AuthorityAnswer own = answer();
   EXPECT_TRUE(own.valid()) << own.cause;
   EXPECT_EQ(own.not_shared, "its token does not come within 90 s: cannot reach the aggregator");
-  EXPECT_EQ(aggregator_->away, 1000 - 6);
+  EXPECT_EQ(aggregator_->away, 1000 - 7);
+}
+
+TEST_F(SharedStampingTest, AnAggregatorThatComesBackWithinThePatienceGivesItsToken) {
+  const auto stamper = this->stamper();
+  aggregator_->away = 6;  // at 30, 32, 36, 44, 60 and 76 s
+  stamper->stamp(checkpoint(1));
+  clock_.await_waiting(1);
+  clock_.move(30s);
+  for (const std::chrono::seconds pause : {2s, 4s, 8s, 16s, 16s, 14s}) {
+    clock_.await_waiting(1);
+    clock_.move(pause);
+  }
+  const AuthorityAnswer shared = answer();
+  EXPECT_TRUE(shared.valid()) << shared.cause;
+  EXPECT_EQ(shared.path, "shared, by the aggregator");
+  EXPECT_EQ(source_->requests, 0);
 }
 
 TEST_F(SharedStampingTest, ARoundThatEndsTooLateIsNotWaitedFor) {

@@ -111,6 +111,34 @@ class CrossCertifiedRoots : public OddRoots {
   TrustStore wrong_ = trusting({other_expired_.get()});
 };
 
+// That nobody vouches for a signer is remembered for all its tokens, so it must not hang on the time of one.
+TEST_F(OddRoots, ThatCountLaterAreFoundForLaterTokensOfASignerThatWasAStranger) {
+  const Credential signer = issue("Signer", CertificateRole::kSigner, &root_);
+  // Of the same name and key, under an identifier that the signer does not name.
+  const Certificate useless = with_extension(root_, NID_subject_key_identifier, "01:02:03:04");
+  const Certificate later = copy_of(root_);
+  ASSERT_EQ(ASN1_TIME_set_string(X509_getm_notBefore(later.get()), "20300101000000Z"), 1);
+  sign_again(later.get(), root_);
+  for (const std::vector<X509*>& roots :
+       {std::vector{useless.get(), later.get()}, std::vector{later.get(), useless.get()}}) {
+    const TrustStore trust = trusting(roots);
+    CertificatePool pool;
+    Expectation expectation;
+    expectation.judge_strangers = false;
+    expectation.pool = &pool;
+    TokenRecipe recipe;
+    recipe.signer = &signer;
+    recipe.enclosed = {signer.certificate.get()};
+    for (const char* year : {"2026", "2027"}) {
+      recipe.gen_time = std::string(year) + "0805091502Z";
+      EXPECT_EQ(verdict_of(judge_token(make_token(recipe), expectation, trust).code),
+                TokenVerdict::kCouldNotCheck);
+    }
+    recipe.gen_time = "20320805091502Z";
+    expect("token-valid", judge_token(make_token(recipe), expectation, trust));
+  }
+}
+
 TEST_F(OddRoots, OfOneNameAreTakenInAnyOrder) {
   const Credential earlier = issue("Root", CertificateRole::kAuthority, nullptr);
   expect("token-valid", judge(signer_, {}, trusting({earlier.certificate.get(), root_.certificate.get()})));

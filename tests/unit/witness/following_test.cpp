@@ -272,6 +272,41 @@ TEST_F(FollowingTest, EvidenceThatWasCutOffIsMadeWholeTheNextTime) {
   }
 }
 
+TEST_F(FollowingTest, ACheckpointThatIsKeptStaysAsItWasShownFirst) {
+  follow(log, 300);
+  LogToShow shown = PublishedLog(key, 100).at(600);
+  const std::string alone = shown.note;
+  shown.note += "\xE2\x80\x94 witness.example/w1 AAAAAAAA\n";
+  const std::string cosigned = shown.note;
+  const Followed first = follow(*tiles_of(shown));
+  EXPECT_EQ(text_in(first.evidence / "checkpoint"), cosigned);
+  shown.note = alone;
+  EXPECT_EQ(follow(*tiles_of(shown)).evidence, first.evidence);
+  EXPECT_EQ(text_in(first.evidence / "checkpoint"), cosigned);
+  // What is kept whole needs no room.
+  test::FaultFileSystem full(folder.path());
+  full.fail("write", ENOSPC);
+  const Followed again = follow_log(*tiles_of(shown), full, copy, {device});
+  EXPECT_EQ(again.what, Following::kTwoHistories);
+  EXPECT_EQ(again.evidence, first.evidence);
+  EXPECT_EQ(again.not_kept, "");
+  EXPECT_EQ(text_in(first.evidence / "checkpoint"), cosigned);
+}
+
+TEST_F(FollowingTest, EvidenceThatWasCutOffIsNoWholeOneWhereItsTilesAreNotToBeHadAnyMore) {
+  follow(log, 300);
+  const fs::path other = published(PublishedLog(key, 100), 300);
+  test::FaultFileSystem full(folder.path());
+  full.fail("write copy/forked", ENOSPC, 2);
+  EXPECT_THAT(follow_log(*tiles_in_folder(other), full, copy, {device}).not_kept,
+              HasSubstr("of its hashes not all are kept"));
+  fs::remove_all(other / "tile");
+  const Followed followed = follow_folder(other);
+  EXPECT_EQ(followed.what, Following::kTwoHistories);
+  EXPECT_TRUE(fs::exists(followed.evidence / ".beginning"));
+  EXPECT_EQ(followed.not_kept, "of its hashes not all are kept, and they were not to be had this time");
+}
+
 TEST_F(FollowingTest, OfACheckpointAloneASecondHistoryOfTheSameLengthIsTold) {
   follow(log, 300);
   const fs::path other = published(PublishedLog(key, 10), 300);

@@ -59,6 +59,19 @@ std::string with_rule(const std::string& keys) {
   return "[recording]\n[[recording.profile_for]]\n" + keys + kRuleRoom;
 }
 
+TEST(Configuration, RefusesStreamsWithTheNamesOfOthers) {
+  const auto named = [](const std::string& name) {
+    return refusal("[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"" + name +
+                   "\"\nsource = \"synthetic:pattern\"\n");
+  };
+  EXPECT_EQ(named("endoscope"), "accepted");
+  EXPECT_THAT(named("events"), HasSubstr("k.toml:4:8: 'name' is 'events'"));
+  EXPECT_THAT(named("pointing"), HasSubstr("k.toml:4:8: 'name' is 'pointing'"));
+  // What lies in a store below a folder of this name is what policies give to anybody.
+  EXPECT_THAT(named("published"), HasSubstr("k.toml:4:8: 'name' is 'published'"));
+  EXPECT_EQ(named("published-1"), "accepted");
+}
+
 TEST(Configuration, ReadsASecondForm) {
   const auto with = [](const std::string& keys) {
     return "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsource = "
