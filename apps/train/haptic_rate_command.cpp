@@ -508,8 +508,9 @@ int run(const Request& request) {
   const Outcome outcome = ask(request, subjects, plate, protocol);
   for (std::size_t trial = 1; trial <= outcome.motions.size(); ++trial)
     folder.write(motion_file(trial), outcome.motions[trial - 1]);
-  if (request.force) remove_other_motions(folder, outcome.motions.size());
   folder.write("trials.csv", trials_csv(outcome));
+  // Not before: until then the earlier run's answers stand, and name them.
+  if (request.force) remove_other_motions(folder, outcome.motions.size());
   keep(request, database_file, outcome, began);
   const trainer::RateComparison comparison = trainer::compare_fingers(outcome.sessions);
   folder.write("thresholds.csv", thresholds_csv(outcome));

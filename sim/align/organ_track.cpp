@@ -185,11 +185,13 @@ class OrganTrack::Following {
   }
 
   AlignedMoment search(const Picture& picture) {
-    const std::vector<OutlineFit> fits = search_.find(picture, cover_, pinhole_);
+    const std::vector<OutlineFit> fits = search_.find(picture, cover_, cells_, pinhole_);
     // Then the mirror image is not searched: that takes as long again.
     if (std::ranges::all_of(fits, is_covered)) return lost(WhyLost::kNoOrgan);
     const Picture mirror = mirrored(picture);
-    const SearchVerdict verdict = verdict_of(fits, search_.find(mirror, cover_of(mirror), pinhole_));
+    const Cover mirror_cover = cover_of(mirror);
+    const SearchVerdict verdict =
+        verdict_of(fits, search_.find(mirror, mirror_cover, colour_cells(mirror, mirror_cover), pinhole_));
     if (verdict.why == WhyLost::kNotLost) return found(picture, *verdict.best, verdict.rival_px);
     AlignedMoment moment = lost(verdict.why, verdict.best ? &*verdict.best : nullptr);
     moment.rival_px = verdict.rival_px;

@@ -254,7 +254,7 @@ PoseSearch::PoseSearch(const OrganSurface& surface, const SearchRange& range)
 
 PoseSearch::~PoseSearch() = default;
 
-std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& cover,
+std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& cover, const ColourCells& cells,
                                          const Pinhole& pinhole) const {
   constexpr int kLesserSide = 60;
   const int shrink = std::max(1, std::min(picture.width, picture.height) / kLesserSide);
@@ -271,7 +271,6 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
   constexpr std::size_t kTried = 48;
   if (hypotheses.size() > kTried) hypotheses.resize(kTried);
 
-  const ColourCells cells = colour_cells(picture, cover);
   const double unknown_m = 0.5 * range_.farthest_m;
   const MotionCovariance unknown_m2 = unknown_m * unknown_m * MotionCovariance::Identity();
   const auto fitted = [&](const std::vector<Camera>& from, const OutlineFitOptions& options) {

@@ -32,8 +32,10 @@ class PoseSearch {
   /// are compared by the mutual information of silhouette and kind of colour (Viola and Wells, "Alignment by
   /// Maximization of Mutual Information", IJCV 1997), which knows no colour beforehand. What is covered
   /// is of no kind.
+  ///
+  /// `cover` and `cells` are of the picture.
   [[nodiscard]] std::vector<OutlineFit> find(const Picture& picture, const Cover& cover,
-                                             const Pinhole& pinhole) const;
+                                             const ColourCells& cells, const Pinhole& pinhole) const;
 
  private:
   struct Bank;

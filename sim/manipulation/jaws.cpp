@@ -26,15 +26,19 @@ bool presses_with_face(const Contact& contact, const Vector3& to_other) {
   return contact.normal.dot(to_other) > kAlongFace * to_other.norm();
 }
 
+bool between_jaws(const Contact& contact, std::uint32_t first, const std::array<Pose, kJaws>& poses) {
+  if (contact.tool < first || contact.tool >= first + kJaws) return false;
+  const std::size_t which = contact.tool - first;
+  return presses_with_face(contact, poses[1 - which].position_m - poses[which].position_m);
+}
+
 Grip grip_of(std::array<ToolForce, kJaws> felt, std::span<const Contact> contacts, std::uint32_t first,
              const std::array<Pose, kJaws>& poses, double friction) {
   Grip grip{felt, 0, 0, 0};
   double normal_n = 0;
   Vector3 along_n = Vector3::Zero();
   for (const Contact& contact : contacts) {
-    if (contact.tool < first || contact.tool >= first + kJaws) continue;
-    const std::size_t which = contact.tool - first;
-    if (!presses_with_face(contact, poses[1 - which].position_m - poses[which].position_m)) continue;
+    if (!between_jaws(contact, first, poses)) continue;
     const double pressed_n = contact.force_n.dot(contact.normal);
     normal_n += pressed_n;
     along_n += contact.force_n - pressed_n * contact.normal;

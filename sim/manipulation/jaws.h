@@ -38,6 +38,10 @@ std::array<Pose, kJaws> jaw_poses(const Pose& tool, const Vector3& half_extent_m
 /// (of any length but none). What lies at its back or sides is not between the jaws.
 bool presses_with_face(const Contact& contact, const Vector3& to_other);
 
+/// Whether tissue is pressed there by the face of one of the jaws, tools `first` and `first` + 1, which are
+/// at these poses.
+bool between_jaws(const Contact& contact, std::uint32_t first, const std::array<Pose, kJaws>& poses);
+
 /// What jaws do to the tissue between them, N; all zero where they touch nothing.
 struct Grip {
   std::array<ToolForce, kJaws> jaws;  // what each feels, about its own origin; also at its back and sides

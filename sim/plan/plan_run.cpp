@@ -376,9 +376,7 @@ void PlanRun::grip(std::size_t tool, const ManipulationResult& result) {
   frame_.tools[tool] = felt_by(now.grip, pose, jaws);
   std::map<std::uint32_t, Vector3> there_m;
   for (const Contact& contact : result.contacts) {
-    if (contact.tool < first || contact.tool >= first + kJaws) continue;
-    const std::size_t which = contact.tool - first;
-    if (!presses_with_face(contact, jaws[1 - which].position_m - jaws[which].position_m)) continue;
+    if (!between_jaws(contact, first, jaws)) continue;
     there_m[contact.node] = pose.to_tool(
         mesh_.nodes[contact.node] +
         frame_.displacement_m.segment<3>(static_cast<Eigen::Index>(3 * std::size_t{contact.node})));

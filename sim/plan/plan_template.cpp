@@ -227,10 +227,15 @@ std::vector<std::string> take_physics(const JsonField& from, const ordered_json&
     }
   }
   if (const auto gravity = from.optional_member(kGravity)) {
-    if (!gravity->vector().isZero(0) && body.gravity_m_s2.isZero(0)) {
+    const bool weighed = !gravity->vector().isZero(0), weighs = !body.gravity_m_s2.isZero(0);
+    if (weighed && !weighs) {
       warnings.emplace_back(
           "the template's plan was computed with gravity, and the patient's document has none: write "
           "'gravity_m_s2' there, in the direction in which this patient lies");
+    } else if (!weighed && weighs) {
+      warnings.emplace_back(
+          "the template's plan was computed without gravity, and the patient's document has it: the organ "
+          "sags here under its weight, and forces are not those of the template's plan");
     }
   }
   return warnings;
@@ -267,7 +272,7 @@ ordered_json plan_template(const ordered_json& document, const Plan& plan, const
   ordered_json made{{"format", kTemplateFormat}, {"name", plan.name}, {"length_unit", unit_text(unit)}};
   if (document.contains("time_step_s")) made["time_step_s"] = document["time_step_s"];
   made[kCorotational] = plan.corotational;
-  if (!plan.body.gravity_m_s2.isZero(0)) made[kGravity] = numbers_of(plan.body.gravity_m_s2);
+  made[kGravity] = numbers_of(plan.body.gravity_m_s2);
   for (const auto& [name, place_m] : landmarks)
     made["landmarks"][name] = numbers_of(written_position(place_m, unit));
   made["tools"] = document.at("tools");

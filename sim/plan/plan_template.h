@@ -11,9 +11,9 @@
 //  "landmarks": {"hilum": [1, 2, 3], ...}, "tools": {...}, "steps": [...]}
 //
 // Steps are those of the plan. 'corotational' is the adapted plan's, too, unless the patient's document says
-// otherwise. Gravity is in the frame of the plan's own patient: it serves for a warning alone. The pose with
-// which a tool comes to the organ also has "from_surface": how far its origin is from the organ at rest,
-// negative inside.
+// otherwise. Gravity is in the frame of the plan's own patient, zeros where it had none: it serves for a
+// warning alone. The pose with which a tool comes to the organ also has "from_surface": how far its origin is
+// from the organ at rest, negative inside.
 #pragma once
 
 #include <filesystem>

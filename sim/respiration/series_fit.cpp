@@ -587,6 +587,8 @@ class SeriesFitter {
         fit_.cycle =
             fit_cycle(times_s, diaphragm_m, diaphragm_weights, kShorter * given_s, kLonger * given_s);
         fit_.waveform = Waveform(SineWave{fit_.cycle->cycle_s});
+        tell_of_end(given_s, kShorter);
+        tell_of_end(given_s, kLonger);
       }
     }
     constexpr double kLeastSpanS = 8;
@@ -599,6 +601,16 @@ class SeriesFitter {
     fit_.diaphragm = fit_wave(times_s, diaphragm_m, diaphragm_weights, fit_.waveform, drift, cycle_error_s);
     take(fit_.rib_cage, fit_.motion.rib_cage);
     take(fit_.diaphragm, fit_.motion.diaphragm);
+  }
+  /// Where the cycle ends at so many times the given one, the patient's may lie beyond.
+  void tell_of_end(double given_s, double times) {
+    constexpr double kSame = 1e-3;
+    const double end_s = times * given_s;
+    if (std::abs(fit_.cycle->cycle_s - end_s) > kSame * end_s) return;
+    fit_.findings.push_back("the breath's length ends where the search does, at " + number_text(end_s, 3) +
+                            " s, " + number_text(times, 2) + " times the given one of " +
+                            number_text(given_s, 3) + " s: the patient's may be " +
+                            (times > 1 ? "longer" : "shorter") + "; give one that is nearer to it");
   }
   static void take(const WaveFit& wave, GroupMotion& motion) {
     motion.amplitude_m = wave.amplitude_m;

@@ -88,7 +88,10 @@ double variance_of(const Eigen::VectorXd& left, Eigen::Index unknowns) {
 
 Eigen::MatrixXd inverse_of_normal(const Eigen::MatrixXd& slope) {
   Eigen::MatrixXd normal = slope.transpose() * slope;
-  normal.diagonal().array() += 1e-12 * normal.diagonal().maxCoeff();
+  // Each unknown by its own measure: the drift's column may be a million times that of a small motion's
+  // phase. The second summand keeps a column of zeros (the phase of what does not move) from being singular.
+  normal.diagonal() *= 1 + 1e-12;
+  normal.diagonal().array() += 1e-30 * normal.diagonal().maxCoeff();
   return normal.inverse();
 }
 

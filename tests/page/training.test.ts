@@ -115,6 +115,8 @@ async function lift(
   whenHeld?: () => Promise<void>,
   /** Again and again until the end. */
   glance?: () => Promise<void>,
+  /** No further up than there. */
+  top = 0.54,
 ): Promise<number[]> {
   let y = 0.66;
   let noted = false;
@@ -122,7 +124,7 @@ async function lift(
   const end = Date.now() + 50_000;
   while (!(await isOver()) && Date.now() < end) {
     const seen = await fact('Line in sight').catch(() => 100);
-    if (seen < 97) y = Math.max(0.54, y - 0.002);
+    if (seen < 97) y = Math.max(top, y - 0.002);
     await moveTo(y);
     const forces = await visitor.page
       .locator('.force .mono')
@@ -381,6 +383,39 @@ story('A new trainee', (step) => {
     await page.getByLabel('Colour what the fingers press').uncheck();
   });
 
+  step('lifts with retractors in trocars, in practice', async () => {
+    const { page } = visitor;
+    await page.getByRole('combobox', { name: 'With', exact: true }).selectOption('retractor');
+    await page.getByRole('button', { name: 'Practise' }).click();
+    await begun();
+    await page.getByText('Instrument 2').waitFor();
+    await page.getByText('Path of the tips').waitFor();
+    expect(await seriousBarriers(page)).toEqual([]);
+    const start = await onPicture(0.5, 0.66);
+    await page.mouse.move(start.x, start.y);
+    await page.mouse.down();
+    const forces = await lift(
+      async (y) => {
+        const to = await onPicture(0.5, y).catch(() => start);
+        await page.mouse.move(to.x, to.y);
+      },
+      undefined,
+      undefined,
+      0.51,
+    );
+    await page.mouse.up();
+    // Both instruments, the largest on a wall, all handles.
+    expect(forces.length).toBe(4);
+    expect(Math.min(...forces)).toBeGreaterThan(0.2);
+    await page.locator('.train-numbers summary').click();
+    await expect
+      .poll(() => page.locator('.train-numbers tbody tr', { hasText: 'Retractors in trocars' }).allTextContents())
+      .toEqual([expect.stringMatching(/^\d+Practice2Retractors in trocarsDone/)]);
+    expect(await seriousBarriers(page)).toEqual([]);
+    await page.getByRole('button', { name: 'Other trainee or organ' }).click();
+    await page.getByRole('combobox', { name: 'With', exact: true }).selectOption('');
+  });
+
   step('makes an attempt with keys alone, muted, and gives up', async () => {
     const { page } = visitor;
     await page.getByRole('combobox', { name: 'Fingers' }).selectOption('2');
@@ -456,7 +491,7 @@ story('A new trainee', (step) => {
         return page.locator('.train-numbers tbody tr').last().textContent();
       })
       .toContain('Broken off');
-    await expect.poll(() => page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(6);
+    await expect.poll(() => page.locator('.train-numbers tbody tr').allTextContents()).toHaveLength(7);
   });
   step('reads all of it in Japanese and in light colours', async () => {
     const { page } = visitor;

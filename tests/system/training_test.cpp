@@ -57,6 +57,15 @@ TEST_F(Training, AnExperimentThatIsDoneAgainLeavesNoHandMotionOfTheOneBefore) {
     EXPECT_TRUE(std::filesystem::exists(folder() / "rates" / name)) << name;
 }
 
+TEST_F(Training, AnExperimentWhoseAnswersCannotBeWrittenLeavesTheHandMotionsOfTheOneBefore) {
+  std::filesystem::create_directories(folder() / "rates/trials.csv");  // no file can take its place
+  write_text(folder() / "rates/hand-61.txt", "of an earlier run\n");
+  EXPECT_REFUSED(kiroku({"train", "haptic-rate", "-o", path("rates"), "--simulated", "1", "--fingers", "1",
+                         "--trials", "2", "--force"}),
+                 "trials.csv");
+  EXPECT_TRUE(std::filesystem::exists(folder() / "rates/hand-61.txt"));
+}
+
 TEST_F(Training, TheExclusionTrainersSeriesStandsBesideItsOwnThresholds) {
   const nlohmann::json found =
       kiroku_json({"train", "haptic-rate", "-o", path("rates"), "--series", "exclusion", "--fingers", "1,3",

@@ -253,7 +253,7 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
       "pa,"
       "damaged_ml,"
       "path_m,peak_force_n,peak_wrist_force_n,best_visible_share,friction,damage_limit_pa,vertices,"
-      "tetrahedra,high_von_mises_pa\n";
+      "tetrahedra,high_von_mises_pa,instrument\n";
   for (const ExclusionRecord& record : records) {
     const ExclusionScore& score = record.score;
     csv += csv_field(record.trainee) + "," + csv_field(record.group) + (record.simulated ? ",yes," : ",no,") +
@@ -265,7 +265,8 @@ std::string attempts_csv(const std::vector<ExclusionRecord>& records) {
           score.peak_wrist_n, score.best_visible_share})
       csv += "," + exact_text(number);
     csv += conditions_csv(record.conditions) + "," +
-           (score.high_von_mises_pa ? exact_text(*score.high_von_mises_pa) : "") + "\n";
+           (score.high_von_mises_pa ? exact_text(*score.high_von_mises_pa) : "") + "," + record.instrument +
+           "\n";
   }
   return csv;
 }

@@ -39,6 +39,7 @@ struct ExclusionRecord {
   bool stress_shown = false;
   std::string object;
   std::size_t fingers = 0;
+  std::string instrument;  // "retractor": so many in trocars; empty: fingertips
   Ending ending = Ending::kTimeOver;
   ExclusionScore score;
   std::int64_t number = 0;  // where it is kept; 0: nowhere

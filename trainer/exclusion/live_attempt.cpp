@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "trainer/exclusion/pointer_instruments.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -66,6 +67,11 @@ void LiveAttempt::attempt() {
   ExclusionRunner runner(*body, options_);
   PointerHand hand(*body, camera_of(body->task(), options_.width, options_.height), fingers_,
                    1 / options_.force_rate_hz);
+  std::optional<PointerInstruments> instruments;
+  if (options_.touch == Touch::kTrocar) {
+    instruments.emplace(hand, trocars_of(body->task(), fingers_), 1 / options_.force_rate_hz);
+  }
+  sim::HapticDevice& device = instruments ? static_cast<sim::HapticDevice&>(*instruments) : hand;
   const auto may_be_moved = [this](PointerHand* moved) {
     const std::lock_guard guard(mutex_);
     hand_ = moved;
@@ -76,7 +82,7 @@ void LiveAttempt::attempt() {
   std::uint64_t pictures = 0;
   LiveOutcome over;
   try {
-    over.outcome = runner.run_in_real_time(hand, [&](const ExclusionView& view) {
+    over.outcome = runner.run_in_real_time(device, [&](const ExclusionView& view) {
       hand.see(view.displacement_m);
       const std::uint64_t input = hand.felt_by(view.looked_at);
       listener_.shown({&view, ++pictures, input, hand.input_to_force().percentile(0.5)});

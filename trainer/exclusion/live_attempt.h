@@ -48,8 +48,9 @@ class LiveAttempt {
  public:
   using Body = std::function<std::shared_ptr<const ExclusionBody>()>;
 
-  /// `body` is asked for in the attempt's thread, since it may have to be made first. kiroku::UsageError for
-  /// fingers that no hand has.
+  /// `body` is asked for in the attempt's thread, since it may have to be made first. With Touch::kTrocar
+  /// pointers lead the tips of as many instruments (pointer_instruments.h). kiroku::UsageError for fingers
+  /// that no hand has.
   LiveAttempt(Body body, ExclusionOptions options, std::size_t fingers, LiveListener listener);
   /// Breaks off what still runs, and waits until the listener has been told.
   ~LiveAttempt();

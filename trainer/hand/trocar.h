@@ -56,8 +56,9 @@ struct InstrumentPlace {
 
 /// What a device's handle does to an instrument. Where no instrument can follow (kLeastOutsideMetres,
 /// kMostTiltRadians), that of the handle drawn back along the trocar's axis to the first place where one can.
-/// Continuous everywhere: while a handle moves, the tip's end goes less than 30 times as far. Pure;
-/// thread-safe.
+/// Depth and tilts are continuous everywhere: while a handle moves, the tip's end goes less than 30 times as
+/// far. The roll is not: of a handle that is turned across the trocar's axis by half a turn none is known
+/// (0), and beside that it may jump. Pure; thread-safe.
 InstrumentPlace instrument_at(const Trocar& trocar, const sim::Pose& handle);
 
 /// What acts on the parts of an instrument, N and N m in the mesh's frame.

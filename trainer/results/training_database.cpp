@@ -142,6 +142,11 @@ constexpr const char* kAssessments = R"(
   ) STRICT;
 )";
 
+/// Since version 9. All attempts before were with fingertips.
+constexpr const char* kInstruments = R"(
+  ALTER TABLE attempts ADD COLUMN instrument TEXT NOT NULL DEFAULT '';  -- "retractor"; '': fingertips
+)";
+
 }  // namespace
 
 struct TrainingDatabase::State {
@@ -184,8 +189,9 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
       state_->whole([&] {
         if (state_->number("SELECT count(*) FROM sqlite_schema") > 0) return;  // another was quicker
         state_->execute(std::string(kSchema) + kAttempts + kEndings + kAccounts + kConditions +
-                        kNamedFingers + kHighStress + kAssessments + "PRAGMA application_id = " +
-                        std::to_string(kApplication) + "; PRAGMA user_version = " + std::to_string(kVersion));
+                        kNamedFingers + kHighStress + kAssessments + kInstruments +
+                        "PRAGMA application_id = " + std::to_string(kApplication) +
+                        "; PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
     if (state_->number("PRAGMA application_id") != kApplication)
@@ -201,7 +207,8 @@ TrainingDatabase::TrainingDatabase(const fs::path& file) : state_(std::make_uniq
         if (found == kVersion) return;  // another was quicker
         state_->execute(std::string(found < 2 ? kAttempts : "") + (found < 3 ? kEndings : "") +
                         (found < 4 ? kAccounts : "") + (found < 5 ? kConditions : "") +
-                        (found < 6 ? kNamedFingers : "") + (found < 7 ? kHighStress : "") + kAssessments +
+                        (found < 6 ? kNamedFingers : "") + (found < 7 ? kHighStress : "") +
+                        (found < 8 ? kAssessments : "") + kInstruments +
                         "PRAGMA user_version = " + std::to_string(kVersion));
       });
     }
@@ -377,17 +384,19 @@ SqliteStatement& bind_conditions(SqliteStatement& row, const std::optional<Attem
 
 void TrainingDatabase::add_attempt(const Trainee& trainee, const ExclusionRecord& record, UtcTime began) {
   const auto flag = [](bool is) { return std::int64_t{is ? 1 : 0}; };
-  SqliteStatement row = state_->statement(
-      std::string("INSERT INTO attempts (trainee, began_us, session, test, stress_shown, object, fingers, ") +
-      kScoreColumns + ", " + kConditionColumns + ") VALUES (?, ?, ?, ?, ?, ?, ?, " + kScoreValues +
-      ", ?, ?, ?, ?)");
+  SqliteStatement row =
+      state_->statement(std::string("INSERT INTO attempts (trainee, began_us, session, test, stress_shown, "
+                                    "object, fingers, instrument, ") +
+                        kScoreColumns + ", " + kConditionColumns + ") VALUES (?, ?, ?, ?, ?, ?, ?, ?, " +
+                        kScoreValues + ", ?, ?, ?, ?)");
   row.bind(trainee.id)
       .bind(std::int64_t{began.time_since_epoch().count()})
       .bind(std::int64_t{record.session})
       .bind(flag(record.test))
       .bind(flag(record.stress_shown))
       .bind(record.object)
-      .bind(static_cast<std::int64_t>(record.fingers));
+      .bind(static_cast<std::int64_t>(record.fingers))
+      .bind(record.instrument);
   bind_conditions(bind_score(row, record.ending, record.score), record.conditions).step();
 }
 
@@ -499,7 +508,8 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
   SqliteStatement rows = state_->statement(
       "SELECT name, study_group, simulated, session, test, stress_shown, object, fingers, done, time_s, "
       "largest_von_mises_pa, damaged_m3, path_m, peak_force_n, peak_wrist_n, best_visible_share, ending, "
-      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra, high_von_mises_pa FROM attempts "
+      "attempts.id, sealed_case, friction, damage_pa, vertices, tetrahedra, high_von_mises_pa, instrument "
+      "FROM attempts "
       "JOIN trainees ON "
       "trainee = trainees.id ORDER BY attempts.id");
   while (rows.step()) {
@@ -519,6 +529,7 @@ std::vector<ExclusionRecord> TrainingDatabase::attempts() const {
     record.ending = ending_named(rows.text(16));
     record.number = rows.integer(17);
     record.sealed_case = rows.text(18);
+    record.instrument = rows.text(24);
     if (!rows.is_null(19))
       record.conditions = AttemptConditions{rows.real(19), rows.real(20), rows.integer(21), rows.integer(22)};
     if (const auto filled = questionnaires.find(record.number); filled != questionnaires.end())

@@ -27,7 +27,7 @@ struct Trainee {
 /// Every function throws kiroku::Error where the file cannot be used.
 class TrainingDatabase {
  public:
-  static constexpr std::int64_t kVersion = 8;
+  static constexpr std::int64_t kVersion = 9;
 
   /// Opens or makes the file; one of an older version gets what is new. kiroku::UsageError for one of a newer
   /// version, for another program's database and for what is no database.

@@ -16,10 +16,8 @@ namespace {
 
 std::string told_text(const std::string& sentence) { return ordered_json{{"told", sentence}}.dump(); }
 
-std::string saved_text(std::uint64_t input, const SaveMotion& wanted, const std::string& file,
-                       const SealedModel* seal) {
-  ordered_json saved{
-      {"input", input}, {"file", file}, {"motion", motion_json(wanted.motion)}, {"seal", nullptr}};
+std::string saved_text(std::uint64_t input, const std::string& file, const SealedModel* seal) {
+  ordered_json saved{{"input", input}, {"file", file}, {"seal", nullptr}};
   if (seal) {
     ordered_json stamps = ordered_json::array();
     for (const SealedModel::Stamp& stamp : seal->stamps)
@@ -54,7 +52,7 @@ void BreathingSocket::receive(const SocketMessage& message) {
 void BreathingSocket::save(std::uint64_t input, const SaveMotion& wanted) {
   if (wanted.seal) return begin_seal(input, wanted);
   const auto task = [this, input, wanted] {
-    output_->send_text(saved_text(input, wanted, room_.bench().save(wanted.file, wanted.motion), nullptr));
+    output_->send_text(saved_text(input, room_.bench().save(wanted.file, wanted.motion), nullptr));
   };
   if (!live_->run_task(task)) throw Refusal(409, "more was asked for than can be computed");
 }
@@ -75,9 +73,9 @@ std::vector<std::string> BreathingSocket::seal(std::uint64_t input, const SaveMo
     try {
       const SealedModel sealed =
           room_.sealer()(std::filesystem::absolute(room_.bench().file()).parent_path() / file);
-      messages.push_back(saved_text(input, wanted, file, &sealed));
+      messages.push_back(saved_text(input, file, &sealed));
     } catch (const std::exception&) {
-      messages.push_back(saved_text(input, wanted, file, nullptr));
+      messages.push_back(saved_text(input, file, nullptr));
       throw;
     }
   } catch (const std::exception& error) {

@@ -52,8 +52,19 @@ std::uint64_t count(const json& object, const char* key) {
 
 BeginMessage begin_of(const json& object) {
   if (!object.is_object()) throw Refusal(400, "'begin' must be an object");
-  return {text(object, "trainee"), text(object, "object"), count(object, "fingers"),
-          flag(object, "test"),    flag(object, "expert"), object.contains("press") && flag(object, "press")};
+  BeginMessage begin{text(object, "trainee"),
+                     text(object, "object"),
+                     count(object, "fingers"),
+                     flag(object, "test"),
+                     flag(object, "expert"),
+                     object.contains("press") && flag(object, "press"),
+                     object.contains("instrument") ? text(object, "instrument") : ""};
+  if (begin.instrument.empty()) return begin;
+  // Not closed jaws, which go between the nodes of meshes as coarse as the page's.
+  if (begin.instrument != "retractor") throw Refusal(400, "'instrument' must be 'retractor', or be left out");
+  if (begin.test) throw Refusal(400, "a test is with fingertips: leave 'instrument' out");
+  if (begin.expert) throw Refusal(400, "an expert's hand has fingertips: leave out 'expert' or 'instrument'");
+  return begin;
 }
 
 trainer::PointerInput input_of(const json& object) {
@@ -101,6 +112,12 @@ Bytes moment_message(const trainer::LiveView& view, bool shows_stress, ByteView 
                       {"wrist_force_n", attempt.hand.wrist_n.norm()},
                       {"path_m", attempt.hand.path_m},
                       {"input_to_force_ms", ms(view.input_to_force)}};
+  if (!attempt.hand.instruments.empty()) {
+    ordered_json walls_n = ordered_json::array();
+    for (const trainer::HandForces::Instrument& one : attempt.hand.instruments)
+      walls_n.push_back(one.forces.wall_n.norm());
+    moment["walls_n"] = walls_n;
+  }
   if (shows_stress) {
     moment["largest_von_mises_pa"] = attempt.largest_von_mises_pa;
     moment["danger"] = attempt.danger;

@@ -15,14 +15,16 @@
 namespace kiroku::viewer {
 
 /// {"begin": {"trainee": "Aoki", "object": "a", "fingers": 3, "test": false, "expert": true, "press": true}};
-/// without "press" it is false.
+/// without "press" it is false. With "instrument": "retractor" as many of these in trocars take the place of
+/// the fingers; not in a test, which is with fingertips, nor beside an expert's hand.
 struct BeginMessage {
   std::string trainee;
   std::string object;  // one of TrainingRoom::objects()
   std::size_t fingers = 1;
   bool test = false;
-  bool expert = false;  // shows an expert's hand
-  bool press = false;   // colours what fingers press; not in a test
+  bool expert = false;     // shows an expert's hand
+  bool press = false;      // colours what fingers press; not in a test
+  std::string instrument;  // "retractor"; empty: fingertips
 };
 /// {"end": true}
 struct EndMessage {};

@@ -70,6 +70,7 @@ void AttemptSocket::begin(const BeginMessage& message) {
   record.test = message.test;
   record.object = message.object;
   record.fingers = message.fingers;
+  record.instrument = message.instrument;
   double practice_left_s = 0;
   const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
     // Again: what was read before the place was taken may have changed.
@@ -95,6 +96,10 @@ void AttemptSocket::begin(const BeginMessage& message) {
   options.shows_press = shows_press;
   options.picture_rate_hz = kPicturesPerSecond;
   options.most_s = practice_left_s;
+  if (!message.instrument.empty()) {
+    options.touch = trainer::Touch::kTrocar;
+    options.instruments.tip = trainer::instrument_tip_of(message.instrument);
+  }
   const auto expert = room_.options().experts.find(message.object);
   if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
   attempt_ = std::make_unique<trainer::LiveAttempt>(
@@ -130,6 +135,7 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
                        {"visible_share", task.visible_share},
                        {"hold_s", task.hold_s},
                        {"most_s", task.most_s}};
+    if (!record.instrument.empty()) began["instrument"] = record.instrument;
     if (shows_press) began["press_n"] = {trainer::kLeastPressN, trainer::kMostPressN};
     output_->send_text(ordered_json{{"began", began}}.dump());
   };
@@ -151,6 +157,8 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
     if (files_) {
       ordered_json facts = facts_of(record, *room_.body(record.object), began, user_.name);
       facts["score"] = trainer::score_json(over.outcome.score);
+      if (!record.instrument.empty())
+        facts["instruments"] = {{"tip", record.instrument}, {"peak_wall_force_n", over.outcome.peak_wall_n}};
       facts["ending"] = trainer::name_of(over.ending);
       facts["attempt"] = attempt;
       const std::string summary = record.trainee + ": " + trainer::name_of(over.ending);

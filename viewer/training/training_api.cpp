@@ -131,6 +131,7 @@ Response results_of(TrainingRoom& room, const Request& request) {
          {"test", record.test},
          {"stress_shown", record.stress_shown},
          {"fingers", record.fingers},
+         {"instrument", record.instrument},
          {"ending", trainer::name_of(record.ending)},
          {"score", trainer::score_json(record.score)},
          {"case", record.sealed_case},

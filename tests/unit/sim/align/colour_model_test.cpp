@@ -54,14 +54,16 @@ TEST(ColourModel, KnowsTissueInLightOfOneCellMoreOrLess) {
   }
 }
 
-/// In half as much light again the wall is two cells lighter: it is unknown, and not taken for the organ's.
+/// In half as much light again the organ is one cell lighter, and known. The wall is two cells lighter: it is
+/// unknown, and not taken for the organ's.
 TEST(ColourModel, DoesNotKnowTissueInLightOfTwoCellsMore) {
-  const ColourModel model = colours_of(cells_of(organ_before_wall(1)), square(), 40);
+  const ColourCells first = cells_of(organ_before_wall(1)), brighter = cells_of(organ_before_wall(1.5));
+  const ColourModel model = colours_of(first, square(), 40);
   const auto lights_of = [](std::uint16_t cell) { return cell % kLightCells; };
-  const std::uint16_t learnt = cells_of(organ_before_wall(1)).at(20, 60),
-                      lighter = cells_of(organ_before_wall(1.5)).at(20, 60);
-  ASSERT_EQ(lights_of(lighter), lights_of(learnt) + 2);
-  EXPECT_EQ(model.evidence[lighter], 0);
+  ASSERT_EQ(lights_of(brighter.at(60, 60)), lights_of(first.at(60, 60)) + 1);
+  EXPECT_GT(model.evidence[brighter.at(60, 60)], 1);
+  ASSERT_EQ(lights_of(brighter.at(20, 60)), lights_of(first.at(20, 60)) + 2);
+  EXPECT_EQ(model.evidence[brighter.at(20, 60)], 0);
 }
 
 TEST(ColourModel, TellsTissueFromTissueInTheShade) {

@@ -267,11 +267,13 @@ TEST_F(PlanTemplateTest, AnAdaptedPlanIsComputedAsTheTemplatesPlanWas) {
   EXPECT_THAT(refused([&] { (void)adapted(old); }), HasSubstr("corotational is of type string"));
 }
 
-TEST_F(PlanTemplateTest, TellsWhereThePatientsDocumentHasNoGravity) {
+TEST_F(PlanTemplateTest, TellsWhereOnlyOneOfPlanAndPatientHasGravity) {
   const ordered_json weight = {
       {"region", "all"}, {"young_modulus_pa", 5000}, {"poisson_ratio", 0.4}, {"density_kg_m3", 1060}};
   plan_["materials"] = patient_["materials"] = {weight};
-  EXPECT_FALSE(made().contains("gravity_m_s2"));
+  const ordered_json weightless = made();
+  EXPECT_EQ(weightless["gravity_m_s2"], ordered_json({0.0, 0.0, 0.0}));
+  EXPECT_THAT(adapted(weightless).warnings, IsEmpty());
   plan_["gravity_m_s2"] = {0, 0, -9.81};
   const AdaptedPlan without = adapted(made());
   EXPECT_FALSE(without.document.contains("gravity_m_s2")) << "it is in another patient's frame";
@@ -280,6 +282,14 @@ TEST_F(PlanTemplateTest, TellsWhereThePatientsDocumentHasNoGravity) {
   const AdaptedPlan with = adapted(made());
   EXPECT_THAT(with.warnings, IsEmpty());
   EXPECT_EQ(with.document["gravity_m_s2"], patient_["gravity_m_s2"]);
+  // The patient's own goes first here, too.
+  const AdaptedPlan sags = adapted(weightless);
+  EXPECT_THAT(sags.warnings, ElementsAre(HasSubstr("without gravity, and the patient's document has it")));
+  EXPECT_EQ(sags.document["gravity_m_s2"], patient_["gravity_m_s2"]);
+  // A template that was saved before this was kept says nothing of it.
+  ordered_json old = weightless;
+  old.erase("gravity_m_s2");
+  EXPECT_THAT(adapted(old).warnings, IsEmpty());
 }
 
 TEST_F(PlanTemplateTest, SaysWhatIsNoTemplate) {

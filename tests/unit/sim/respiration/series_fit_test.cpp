@@ -142,6 +142,29 @@ TEST(SeriesFit, APatientWhoLiesAsGivenStaysThere) {
   EXPECT_TRUE(elsewhere.pose.isApprox(Eigen::Isometry3d::Identity(), 0));
 }
 
+TEST(SeriesFit, SaysWhereTheBreathsLengthEndsWhereTheSearchDoes) {
+  const Chest truth_chest;
+  test::ChestTruth truth = truth_of(truth_chest.scene);
+  truth.pose = Eigen::Isometry3d::Identity();
+  const std::vector<ProjectionGeometry> views{test::chest_view(0)};
+  const auto findings_of = [&](double breath_s) {
+    truth.waveform = Waveform(SineWave{breath_s});
+    Chest chest;  // its document has a breath of 3.6 s
+    return fit_series(chest.model, chest.scene, views,
+                      test::chest_radiographs(truth_chest.scene, views, truth),
+                      {.direction = false, .lies_as_given = true, .progress = {}})
+        .findings;
+  };
+  EXPECT_THAT(findings_of(6.5),
+              testing::Contains("the breath's length ends where the search does, at 5.76 s, 1.6 times the "
+                                "given one of 3.6 s: the patient's may be longer; give one that is nearer "
+                                "to it"));
+  EXPECT_THAT(findings_of(2),
+              testing::Contains(testing::AllOf(HasSubstr("ends where the search does, at 2.16 s, 0.6 times"),
+                                               HasSubstr("may be shorter"))));
+  EXPECT_THAT(findings_of(5.4), testing::Not(testing::Contains(HasSubstr("the breath's length"))));
+}
+
 TEST(SeriesFit, ACouchThatIsNotInTheCtDoesNotPull) {
   const Chest truth_chest;
   const test::ChestTruth truth = truth_of(truth_chest.scene);

@@ -116,6 +116,48 @@ TEST(WaveFit, StandardErrorsCountThatTheCycleWasFittedToo) {
   EXPECT_LT(as_if_known_s.ratio(), 0.7) << "it would be another question";
 }
 
+TEST(WaveFit, TheCyclesStandardErrorIsItsOwnHoweverLateTheSeriesIs) {
+  const Waveform truth(SineWave{3.6});
+  const GroupMotion diaphragm{0.01, 0.6, std::nullopt, 0.001, 0};
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 0.001);
+  Coverage cycle_s{3.6};
+  for (int repeat = 0; repeat < 200; ++repeat) {
+    Series series;
+    for (int i = 0; i < 150; ++i) {
+      const double time_s = 10'000 + 0.2 * i;
+      series.times_s.push_back(time_s);
+      series.moved_m.push_back(diaphragm.moved_m(truth, time_s) + noise(random));
+      series.weights.push_back(1);
+    }
+    const CycleFit cycle = fit_cycle(series.times_s, series.moved_m, series.weights, 2.16, 5.76);
+    cycle_s.add(cycle.cycle_s, cycle.error_s);
+  }
+  EXPECT_GT(cycle_s.share(), 0.9);
+  EXPECT_NEAR(cycle_s.ratio(), 1, 0.12);
+}
+
+TEST(WaveFit, AMotionOfAFifthOfAMillimetreHasItsPhasesStandardError) {
+  const Waveform sine(SineWave{3.6});
+  const GroupMotion rib_cage{0.0002, 1.5, std::nullopt, 0, 0};
+  std::mt19937 random(9);
+  std::normal_distribution<double> noise(0, 0.0002);
+  Coverage phase_s{1.5};
+  for (int repeat = 0; repeat < 100; ++repeat) {
+    Series series;
+    for (int i = 0; i < 1200; ++i) {
+      const double time_s = 0.5 * i;
+      series.times_s.push_back(time_s);
+      series.moved_m.push_back(rib_cage.moved_m(sine, time_s) + noise(random));
+      series.weights.push_back(1);
+    }
+    const WaveFit found = fit_wave(series.times_s, series.moved_m, series.weights, sine, true);
+    phase_s.add(found.phase_s, found.phase_error_s);
+  }
+  EXPECT_GT(phase_s.share(), 0.88);
+  EXPECT_NEAR(phase_s.ratio(), 1, 0.18);
+}
+
 TEST(WaveFit, ANegativeAmplitudeIsHalfACycleLater) {
   const Waveform sine(SineWave{4});
   const Series series = series_of({-0.005, 0.5, std::nullopt, 0, 0}, sine, 0);

@@ -91,6 +91,33 @@ TEST(LiveAttempt, IsDoneByPointersAndTellsHowLongInputTook) {
   EXPECT_NO_THROW(attempt.point({++number, {}}));
 }
 
+TEST(LiveAttempt, IsDoneByInstrumentsInTrocarsWhoseTipsPointersLead) {
+  Told told;
+  ExclusionOptions with_instruments = options();
+  with_instruments.touch = Touch::kTrocar;
+  LiveAttempt attempt(shared_body, with_instruments, 2, told.listener());
+  ASSERT_TRUE(told.wait([&] { return told.pictures > 0; }));
+  std::uint64_t number = 0;
+  const auto is_over = [&] { return told.over.has_value(); };
+  for (int step = 0; step < 400 && !told.wait(is_over, std::chrono::milliseconds(20)); ++step) {
+    const double up = 0.15 * std::clamp((step - 30) / 60.0, 0.0, 1.0);
+    attempt.point({++number, {{0, 0.5, 0.66 - up, 0}}});
+  }
+  ASSERT_TRUE(told.wait(is_over)) << told.share << told.failed;
+  EXPECT_EQ(told.over->ending, Ending::kDone) << told.share;
+  const ExclusionOutcome& outcome = told.over->outcome;
+  EXPECT_GT(outcome.peak_wall_n, 1);
+  EXPECT_EQ(outcome.faults.unsound + outcome.faults.jumps, 0U);
+  // What is kept are the handles: outside, a third of a metre from where the tips were.
+  const std::vector<Trocar> trocars = trocars_of(shared_body()->task(), 2);
+  ASSERT_FALSE(outcome.motion.poses.empty());
+  for (std::size_t i = 0; i < 2; ++i) {
+    const sim::Pose& handle = outcome.motion.poses.back()[i];
+    EXPECT_LT(trocars[i].pose.to_tool(handle.position_m).z(), -0.04);
+    EXPECT_GT(instrument_at(trocars[i], handle).depth_m, 0.1);
+  }
+}
+
 TEST(LiveAttempt, ThatIsGivenUpIsNotDone) {
   Told told;
   LiveAttempt attempt(shared_body, options(), 2, told.listener());

@@ -199,6 +199,8 @@ constexpr const char* kNoSeries =
     "rate_thresholds; "
     "DROP TABLE rate_thresholds; ALTER TABLE numbered RENAME TO rate_thresholds; ";
 constexpr const char* kNoAssessments =
+    // And what version 9 brought.
+    "ALTER TABLE attempts DROP COLUMN instrument; "
     "DROP TABLE checklist_items; DROP TABLE checklists; DROP TABLE questionnaires; ";
 constexpr const char* kNoConditions =
     "ALTER TABLE attempts DROP COLUMN friction; ALTER TABLE attempts DROP COLUMN damage_pa; "
@@ -293,6 +295,26 @@ TEST(TrainingDatabase, OfVersionSevenWhatItHasStaysAndMoreCanBeSaid) {
   EXPECT_EQ(opened.attempts()[0].checklist, checklist_of("Dr Sato", 3));
 }
 
+TEST(TrainingDatabase, OfVersionEightAllAttemptsWereWithFingertips) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path file = folder / "results.sqlite";
+  ExclusionRecord record;
+  record.object = "a";
+  record.fingers = 2;
+  record.instrument = "retractor";
+  {
+    TrainingDatabase made(file);
+    made.add_attempt(made.add_trainee("Aoki", "", false), record, UtcTime{});
+    EXPECT_EQ(made.attempts()[0].instrument, "retractor");
+  }
+  execute(file, "ALTER TABLE attempts DROP COLUMN instrument; PRAGMA user_version = 8");
+  TrainingDatabase opened(file);
+  ASSERT_EQ(opened.attempts().size(), 1U);
+  EXPECT_EQ(opened.attempts()[0].instrument, "");
+  opened.add_attempt(opened.trainee("Aoki"), record, UtcTime{});
+  EXPECT_EQ(opened.attempts()[1].instrument, "retractor");
+}
+
 TEST(TrainingDatabase, BindsATraineeToAUser) {
   const test::TemporaryFolder folder;
   TrainingDatabase database(folder / "results.sqlite");
@@ -321,7 +343,7 @@ TEST(TrainingDatabase, RefusesANameThatExistsAndNamesThatAreNone) {
 TEST(TrainingDatabase, RefusesWhatItDoesNotKnow) {
   const test::TemporaryFolder folder;
   { TrainingDatabase made(folder / "newer.sqlite"); }
-  execute(folder / "newer.sqlite", "PRAGMA user_version = 9");
+  execute(folder / "newer.sqlite", "PRAGMA user_version = 10");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "newer.sqlite"); }), HasSubstr("newer version"));
   execute(folder / "other.sqlite", "CREATE TABLE cases (name TEXT)");
   EXPECT_THAT(refusal([&] { TrainingDatabase opened(folder / "other.sqlite"); }),

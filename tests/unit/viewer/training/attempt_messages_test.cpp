@@ -33,6 +33,10 @@ TEST(AttemptMessages, AreReadAsTheyAreMeant) {
   const auto coloured = std::get<BeginMessage>(parse_page_message(
       R"({"begin":{"trainee":"x","object":"a","fingers":1,"test":false,"expert":false,"press":true}})"));
   EXPECT_TRUE(coloured.press);
+  EXPECT_EQ(coloured.instrument, "");
+  const auto led = std::get<BeginMessage>(parse_page_message(
+      R"({"begin":{"trainee":"x","object":"a","fingers":2,"test":false,"expert":false,"instrument":"retractor"}})"));
+  EXPECT_EQ(led.instrument, "retractor");
   const auto input = std::get<trainer::PointerInput>(
       parse_page_message(R"({"input":17,"pointers":[{"finger":2,"x":0.5,"y":1,"push_m":-0.01}]})"));
   EXPECT_EQ(input.number, 17U);
@@ -57,6 +61,21 @@ TEST(AttemptMessages, ThatAreNoneAreRefusedInWords) {
       refusal(
           R"({"begin":{"trainee":"x","object":"a","fingers":1,"test":false,"expert":false,"press":"red"}})"),
       HasSubstr("'press' must be true or false"));
+  const auto with_instrument = [](const std::string& instrument, bool test, bool expert) {
+    return nlohmann::json{{"begin",
+                           {{"trainee", "x"},
+                            {"object", "a"},
+                            {"fingers", 1},
+                            {"test", test},
+                            {"expert", expert},
+                            {"instrument", instrument}}}}
+        .dump();
+  };
+  EXPECT_THAT(refusal(with_instrument("jaws", false, false)),
+              HasSubstr("must be 'retractor', or be left out"));
+  EXPECT_THAT(refusal(with_instrument("retractor", true, false)), HasSubstr("a test is with fingertips"));
+  EXPECT_THAT(refusal(with_instrument("retractor", false, true)),
+              HasSubstr("an expert's hand has fingertips"));
   EXPECT_THAT(refusal(R"({"input":1})"), HasSubstr("'pointers' is missing"));
   EXPECT_THAT(refusal(R"({"input":1.5,"pointers":[]})"), HasSubstr("'input'"));
   EXPECT_THAT(refusal(R"({"input":1,"pointers":[1]})"), HasSubstr("object"));

@@ -171,6 +171,40 @@ TEST_F(TrainingApi, AnAttemptIsDoneByThePointersOfAPageAndKept) {
   EXPECT_TRUE(results["curves"][0]["own"].empty());  // of tests alone
 }
 
+TEST_F(TrainingApi, InstrumentsInTrocarsAreLedByThePointersOfAPageAndKeptAsSuch) {
+  const auto client = connect();
+  json asked = json::parse(begin("Aoki", false, 2));
+  asked["begin"]["instrument"] = "retractor";
+  client->send_text(asked.dump());
+  EXPECT_EQ(next_text(*client)["began"]["instrument"], "retractor");
+  std::uint64_t number = 0;
+  double latest_s = 0, tissue_n = 0, wall_n = 0, y = 0.66;
+  json over;
+  while (const std::optional<Said> said = next_said(*client)) {
+    if (said->jpeg_bytes == 0) {
+      over = said->text["over"];
+      break;
+    }
+    ASSERT_EQ(said->text["forces_n"].size(), 2U);
+    ASSERT_EQ(said->text["walls_n"].size(), 2U);
+    latest_s = said->text["time_s"];
+    tissue_n = std::max(tissue_n, said->text["forces_n"][0].get<double>());
+    wall_n = std::max(wall_n, said->text["walls_n"][0].get<double>());
+    if (said->text["visible_share"].get<double>() < 0.97 && latest_s > 1) y = std::max(0.5, y - 0.002);
+    client->send_text(input(++number, y));
+  }
+  ASSERT_TRUE(over.is_object());
+  EXPECT_EQ(over["ending"], "done");
+  EXPECT_GT(tissue_n, 1);
+  EXPECT_LT(tissue_n, 60);  // held from below, and not pierced
+  EXPECT_GT(wall_n, 1);
+  ASSERT_EQ(kept().size(), 1U);
+  EXPECT_EQ(kept()[0].instrument, "retractor");
+  EXPECT_FALSE(kept()[0].test);
+  EXPECT_EQ(answer("GET", "training/trainees/Aoki/results?object=a")["attempts"][0]["instrument"],
+            "retractor");
+}
+
 TEST_F(TrainingApi, AConnectionThatIsLostLeavesABrokenOffAttempt) {
   {
     const auto client = connect();

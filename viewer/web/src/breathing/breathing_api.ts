@@ -81,7 +81,6 @@ interface Saved {
   /** Of the message that asked for it. */
   input: number;
   file: string;
-  motion: Motion;
   seal: ModelSeal | null;
 }
 

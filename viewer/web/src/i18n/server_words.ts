@@ -257,6 +257,8 @@ export const kServerSentences: readonly SentencePair[] = [
   // Training
   ['an attempt must begin first', '先に試行を始めてください'],
   ['an attempt has begun on this connection already', 'この接続ではすでに試行が始まっています'],
+  ["a test is with fingertips: leave 'instrument' out", 'テストは指先で行います。器具を外してください'],
+  ["an expert's hand has fingertips: leave out 'expert' or 'instrument'", '熟練者の手は指先です。熟練者の手か器具のどちらかを外してください'],
   ['this is a simulated trainee, no person', 'これは模擬の訓練者であり、人ではありません'],
   ['only the user bound to {name}, or an administrator, may train so', '{name} に結び付けられた利用者か管理者だけが、この名前で訓練できます'],
   ["{name} trains as '{trainee}' already", '{name} はすでに「{trainee}」として訓練しています'],

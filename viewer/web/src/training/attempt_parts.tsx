@@ -6,19 +6,28 @@ import type { Began, Moment } from '@/training/training_api';
 /** Of the bars: what a fingertip rarely exceeds. */
 const kMostForce_n = 20;
 
-export function Forces({ forces_n, wrist_n }: { forces_n: readonly number[]; wrist_n: number }) {
+/** `walls_n`: of instruments, in whose place fingers are then. */
+export function Forces({ forces_n, walls_n, wrist_n }: { forces_n: readonly number[]; walls_n?: readonly number[] | undefined; wrist_n: number }) {
+  const nameOf = (i: number) => t(walls_n ? 'attempt.instrument' : 'attempt.finger', { n: i + 1 });
   return (
     <section class="force-list" aria-label={t('attempt.forces')}>
       <h2>{t('attempt.forces')}</h2>
       {forces_n.map((force, i) => (
         <div class="force" key={i}>
-          <span>{t('attempt.finger', { n: i + 1 })}</span>
-          <progress class="force-bar" max={kMostForce_n} value={Math.min(force, kMostForce_n)} aria-label={t('attempt.finger', { n: i + 1 })} />
+          <span>{nameOf(i)}</span>
+          <progress class="force-bar" max={kMostForce_n} value={Math.min(force, kMostForce_n)} aria-label={nameOf(i)} />
           <span class="mono">{force.toFixed(1)}</span>
         </div>
       ))}
+      {walls_n && (
+        <div class="force force-all">
+          <span>{t('attempt.wall')}</span>
+          <span />
+          <span class="mono">{Math.max(0, ...walls_n).toFixed(1)}</span>
+        </div>
+      )}
       <div class="force force-all">
-        <span>{t('attempt.all')}</span>
+        <span>{t(walls_n ? 'attempt.handles' : 'attempt.all')}</span>
         <span />
         <span class="mono">{wrist_n.toFixed(1)}</span>
       </div>
@@ -58,7 +67,7 @@ export function AttemptFacts({ told, now }: { told: Began | undefined; now: Mome
         </dd>
       </div>
       <div>
-        <dt>{t('attempt.path')}</dt>
+        <dt>{t(told?.instrument ? 'attempt.pathOfTips' : 'attempt.path')}</dt>
         <dd class="mono">{(100 * (now?.path_m ?? 0)).toFixed(0)} cm</dd>
       </div>
       {told && !told.stress_shown && <p class="muted">{t('attempt.stressHidden')}</p>}

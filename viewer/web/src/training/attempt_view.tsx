@@ -174,13 +174,18 @@ export function AttemptView({ begin, over, lost }: { begin: Begin; over: (began:
           </div>
           {told?.stress_shown && <StressScale most={told.damage_pa / 1000} label={t('attempt.scale', { most: told.damage_pa / 1000 })} />}
           <p class="muted attempt-how">
+            {begin.instrument && `${t('attempt.howInstrument')} `}
             {t('attempt.how')} {t('attempt.howTouch')} {t('attempt.howKeys', { n: begin.fingers })} {t('attempt.howPad')}
           </p>
         </div>
         <div class="attempt-side">
           <AttemptFacts told={told} now={now} />
           <div class="card">
-            <Forces forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)} wrist_n={now?.wrist_force_n ?? 0} />
+            <Forces
+              forces_n={now?.forces_n ?? Array.from({ length: begin.fingers }, () => 0)}
+              walls_n={begin.instrument && (now?.walls_n ?? [])}
+              wrist_n={now?.wrist_force_n ?? 0}
+            />
             {told?.press_n && <PressScale least_n={told.press_n[0]} most_n={told.press_n[1]} />}
           </div>
           <p class="muted attempt-latency">

@@ -11,6 +11,7 @@ import {
   type AttemptKept,
   type Began,
   type Begin,
+  type Instrument,
   kMeasures,
   type Measure,
   type Over,
@@ -127,10 +128,10 @@ function Legend({ series }: { series: Series[] }) {
 
 const isResult = (one: AttemptKept) => one.ending === 'done' || one.ending === 'time-over';
 
-function Curves({ results, measure, fingers }: { results: Results; measure: Measure; fingers: number }) {
+function Curves({ results, measure, fingers, instrument }: { results: Results; measure: Measure; fingers: number; instrument: Instrument }) {
   const name = t('result.you', { name: results.trainee });
-  // What is done with one finger is not what is done with five.
-  const own = results.attempts.filter((one) => isResult(one) && one.fingers === fingers);
+  // What is done with one finger is not what is done with five, or with an instrument.
+  const own = results.attempts.filter((one) => isResult(one) && one.fingers === fingers && one.instrument === instrument);
   const all = results.curves.find((one) => one.measure === measure);
   const curve = all && { own: all.own.filter((one) => one.fingers === fingers), groups: all.groups.filter((one) => one.fingers === fingers) };
   const attempts: Series[] = [{ name, style: 0, points: own.flatMap((one, i) => pointsOf(i + 1, valueOf(measure, one.score), !one.test)) }];
@@ -196,6 +197,7 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
               <th scope="col" class="number">
                 {t('train.fingers')}
               </th>
+              {attempts.some((one) => one.instrument !== '') && <th scope="col">{t('train.instrument')}</th>}
               <th scope="col">{t('result.ending')}</th>
               {kMeasures.map((measure) => (
                 <th scope="col" class="number" key={measure}>
@@ -212,6 +214,7 @@ function AttemptTable({ attempts }: { attempts: AttemptKept[] }) {
                 <td>{one.session}</td>
                 <td>{one.test ? t('result.testOne') : t('result.practice')}</td>
                 <td class="number">{one.fingers}</td>
+                {attempts.some((other) => other.instrument !== '') && <td>{word('instrument', one.instrument || 'fingertips')}</td>}
                 <td>{t(`ending.${one.ending}`)}</td>
                 {kMeasures.map((measure) => (
                   <td class="number" key={measure}>
@@ -375,6 +378,7 @@ export function ResultView({
       </div>
       <p class="muted">
         {objectLabel(begin.object)} · {t('result.fingers', { n: begin.fingers })}
+        {begin.instrument && ` · ${word('instrument', begin.instrument)}`}
       </p>
       {came && <Came {...came} kept={results.value?.attempts.find((one) => one.attempt === came.over.attempt)} training={training} changed={load} />}
       <label class="field train-measure">
@@ -387,7 +391,7 @@ export function ResultView({
           ))}
         </select>
       </label>
-      {results.value && <Curves results={results.value} measure={measure.value} fingers={begin.fingers} />}
+      {results.value && <Curves results={results.value} measure={measure.value} fingers={begin.fingers} instrument={begin.instrument ?? ''} />}
       {results.value && <AttemptTable attempts={results.value.attempts} />}
     </main>
   );

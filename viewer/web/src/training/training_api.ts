@@ -5,6 +5,9 @@ import { splitPicture } from '@/media/picture_message';
 /** 'a', 'b', or what a patient's organ is called. */
 export type ObjectName = string;
 export type Ending = 'done' | 'time-over' | 'given-up' | 'broken-off';
+/** In trocars, as many as fingers; '': fingertips. */
+export type Instrument = '' | 'retractor';
+export const kInstruments: readonly Instrument[] = ['', 'retractor'];
 export type Measure = 'stress' | 'high-stress' | 'time' | 'path' | 'force' | 'damage';
 export const kMeasures: readonly Measure[] = ['stress', 'high-stress', 'time', 'path', 'force', 'damage'];
 
@@ -70,6 +73,7 @@ export interface AttemptKept {
   test: boolean;
   stress_shown: boolean;
   fingers: number;
+  instrument: Instrument;
   ending: Ending;
   score: Score;
   /** That was made of it, or ''. */
@@ -100,6 +104,8 @@ export interface Begin {
   expert: boolean;
   /** Colours what fingers press. */
   press: boolean;
+  /** In practice; absent: fingertips. */
+  instrument?: Exclude<Instrument, ''>;
 }
 
 export interface Began {
@@ -113,6 +119,7 @@ export interface Began {
   visible_share: number;
   hold_s: number;
   most_s: number;
+  instrument?: Instrument;
   /** Where what is pressed is coloured: the force of blue and the force of red. */
   press_n?: [number, number];
 }
@@ -125,6 +132,8 @@ export interface Moment {
   visible_share: number;
   held_s: number;
   forces_n: number[];
+  /** On the wall, at the trocar of each instrument. */
+  walls_n?: number[];
   wrist_force_n: number;
   input_to_force_ms: number;
   path_m: number;

@@ -9,7 +9,7 @@ import { useAsked, WithoutAnswer } from '@/shell/use_asked';
 import { AttemptView } from '@/training/attempt_view';
 import { objectLabel } from '@/training/object_label';
 import { ResultView } from '@/training/result_view';
-import { training as api, type Began, type Begin, type Over, type Training } from '@/training/training_api';
+import { training as api, type Began, type Begin, type Instrument, kInstruments, type Over, type Training } from '@/training/training_api';
 
 const kStored = 'kiroku.training';
 
@@ -19,15 +19,21 @@ interface Choice {
   fingers: number;
   expert: boolean;
   press: boolean;
+  instrument: Instrument;
 }
 
 function storedChoice(): Choice {
-  const first: Choice = { trainee: '', object: 'a', fingers: 3, expert: false, press: false };
+  const first: Choice = { trainee: '', object: 'a', fingers: 3, expert: false, press: false, instrument: '' };
   try {
     return { ...first, ...(JSON.parse(localStorage.getItem(kStored) ?? '{}') as Partial<Choice>) };
   } catch {
     return first;
   }
+}
+
+/** Instruments are for practice, without an expert's hand, which has fingertips. */
+function beginWith({ instrument, ...choice }: Choice, test: boolean): Begin {
+  return test || instrument === '' ? { ...choice, test } : { ...choice, test, expert: false, instrument };
 }
 
 type Stage = { at: 'choose' } | { at: 'attempt'; begin: Begin } | { at: 'result'; begin: Begin; came?: { began: Began; over: Over } };
@@ -116,7 +122,7 @@ export function TrainingView() {
         begin={now.begin}
         {...(now.came ? { came: now.came } : {})}
         training={known.answer.value}
-        again={(test) => (stage.value = { at: 'attempt', begin: { ...now.begin, test } })}
+        again={(test) => (stage.value = { at: 'attempt', begin: beginWith({ ...now.begin, instrument: now.begin.instrument ?? '' }, test) })}
         other={choosing}
       />
     );
@@ -129,7 +135,7 @@ export function TrainingView() {
   const object = training.objects.includes(choice.value.object) ? choice.value.object : 'a';
   const progress = trainee?.progress[object];
   const hasExpert = training.experts.includes(object);
-  const beginOf = (test: boolean): Begin => ({ ...choice.value, object, test });
+  const beginOf = (test: boolean): Begin => beginWith({ ...choice.value, object }, test);
   const go = (begin: Begin) => (stage.value = { at: 'attempt', begin: { ...begin, expert: begin.expert && hasExpert } });
   return (
     <main id="main" class="main narrow" tabIndex={-1}>
@@ -169,6 +175,23 @@ export function TrainingView() {
             ))}
           </select>
         </label>
+        <label class="field">
+          <span>{t('train.instrument')}</span>
+          <select
+            value={choice.value.instrument}
+            onChange={(event) => choose({ instrument: event.currentTarget.value as Instrument })}
+            aria-describedby="train-instrument-what"
+          >
+            {kInstruments.map((one) => (
+              <option key={one} value={one}>
+                {word('instrument', one || 'fingertips')}
+              </option>
+            ))}
+          </select>
+        </label>
+        <p class="muted" id="train-instrument-what">
+          {t('train.instrumentWhat')}
+        </p>
         {training.doubted.includes(object) && <p class="train-doubt">{t('train.doubted')}</p>}
         {hasExpert && (
           <label class="train-check">
