@@ -262,8 +262,10 @@ void add_fleet_status_command(Command& program) {
   command.explain(
       "Exit status 1 says that a case is not intact, not in the store any more, or has a ledger that cannot "
       "be read; 3 "
-      "that one is incomplete or unproven, or could not be checked. A case that was not intact counts until "
-      "a later verification says otherwise. Appliances that report are named where they are not heard of, "
+      "that one is incomplete or unproven, or could not be checked; 0 does not say that every case was "
+      "looked "
+      "at: 'not verified' counts those that were not. A case that was not intact counts until a later "
+      "verification says otherwise. Appliances that report are named where they are not heard of, "
       "and "
       "where their rooms do not share time-stamps though they should; 'kiroku-fleet rooms' has each room.");
   const auto request = std::make_shared<Request>();

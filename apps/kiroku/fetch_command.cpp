@@ -73,7 +73,8 @@ int fetch(const Request& request, fleet::ObjectStore& store, const std::string& 
               << report_text(judged.report, fetched.folder.string(), judged.device_trusted,
                              judged.log ? judged.log->string() : no_log_words());
   }
-  return archive::exit_status(judged.report.verdict);
+  const int status = archive::exit_status(judged.report.verdict);
+  return judged.is_witnessed() ? status : worse(status, kNoAnswer);
 }
 
 int run(const Request& request, const std::optional<std::string>& asked_home, const VerifyExtras& extras) {
@@ -82,6 +83,8 @@ int run(const Request& request, const std::optional<std::string>& asked_home, co
   const std::string appliance = request.appliance.value_or(of.appliance);
   if (int{request.case_name.has_value()} + int{request.all} + int{request.list} != 1)
     throw UsageError("give a CASE, or one of --all and --list");
+  if (!request.case_name && (!request.judging.against.empty() || request.judging.log_proof))
+    throw UsageError("--against and --proof are of one case: fetch the cases one by one");
   if (!request.list && !request.output) throw UsageError("say where to with -o DIR");
   fleet::ObjectStore store = open_store(home, of);
   if (request.list) return list(request, appliance, fleet::cases_in_store(store, appliance));

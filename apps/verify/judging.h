@@ -41,6 +41,11 @@ struct Judged {
   std::vector<crypto::VerifierKey> devices;
   std::vector<std::filesystem::path> roots, own_roots;
   std::optional<std::filesystem::path> log;
+
+  /// As the policy of witnesses asks, where one was given.
+  [[nodiscard]] bool is_witnessed() const {
+    return log_witnesses ? log_witnesses->witnessed.quorum : !report.witnesses || report.witnesses->is_met();
+  }
 };
 
 /// Holds keys for as long as it lives. Not thread-safe.

@@ -320,6 +320,16 @@ std::string no_log_words() {
 
 namespace {
 
+/// Of a log: whoever can write to it can cut its end off, with the checkpoints of that.
+std::string end_words(const VerificationReport& report) {
+  const bool compared =
+      std::any_of(report.findings.begin(), report.findings.end(),
+                  [](const archive::Finding& each) { return each.code == "outside-note-holds"; });
+  return compared ? "whether entries behind the checkpoint that was kept were cut off was not checked"
+                  : "whether the newest entries were cut off was not checked: that shows only beside a "
+                    "checkpoint kept elsewhere (--against)";
+}
+
 /// How far an excerpt was compared: a log states roots of whole beginnings of a case, a few of each.
 std::string compared_words(const archive::ExcerptReport& excerpt) {
   const std::uint64_t known = *excerpt.log_entries;
@@ -356,6 +366,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
   const bool compared = report.excerpt && report.excerpt->log_entries && log != no_log_words();
+  if (log.empty()) out += line("end", end_words(report));
   if (!log.empty()) out += line("log", log + (compared ? compared_words(*report.excerpt) : ""));
   if (report.witnesses) out += witness_lines(*report.witnesses);
   if (report.contents) out += line("contents", contents_words(*report.contents));

@@ -54,12 +54,6 @@ LightQuestion light_question(const std::filesystem::path& folder, const archive:
   return question;
 }
 
-/// As the policy of witnesses asks, where one was given.
-bool is_witnessed(const Judged& judged) {
-  if (judged.log_witnesses) return judged.log_witnesses->witnessed.quorum;
-  return !judged.report.witnesses || judged.report.witnesses->is_met();
-}
-
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
   if (!request.judging.against.empty() && request.cases.size() > 1) {
     throw UsageError("--against takes notes of one case: verify the cases one by one");
@@ -83,7 +77,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
                                                : std::filesystem::path(named);
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
-      if (!is_witnessed(judged)) status = worse(status, kNoAnswer);
+      if (!judged.is_witnessed()) status = worse(status, kNoAnswer);
       LightOutcome light;
       if (request.light) {
         light = extras.read_light(light_question(folder, judged.report, request));

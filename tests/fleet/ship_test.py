@@ -280,6 +280,14 @@ def another_machine_gets_the_cases_back(appliance, store):
     require(case["report"]["streams"][0]["segments"] > 0, f"no segment of it: {case['report']}")
     again = other.ask("fetch", running, "-o", str(folder), *keys)
     require(again.returncode == 2 and "is there already" in again.stderr, f"written over: {again}")
+    # As of 'kiroku verify': a case that nobody witnessed is not what the policy asks for.
+    policy = appliance.home.parent / "witnesses.txt"
+    witness = other.kiroku("witness", "init", str(appliance.home.parent / "witness"), "--name", "w", "--json")
+    policy.write_text(f"witness w {json.loads(witness)['key']}\nquorum w\n")
+    told = other.ask("fetch", closed, "-o", str(folder / "witnessed"), "--witnesses", str(policy), *keys)
+    require(told.returncode == 3 and "\nINTACT" in told.stdout, f"not witnessed: {told}")
+    told = other.ask("fetch", "--all", "-o", str(folder / "all"), "--against", str(policy), *keys)
+    require(told.returncode == 2 and "are of one case" in told.stderr, f"--all --against: {told}")
     nothing = other.ask("fetch", "20200101T000000Z-00000000", "-o", str(folder))
     require(nothing.returncode == 2 and "has nothing of case" in nothing.stderr, f"{nothing}")
     # Somebody with the appliance's keys puts another version of a segment, and a name that leads out of the folder.

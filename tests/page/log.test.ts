@@ -38,7 +38,7 @@ describe('The appliance log', () => {
     const numbers = (await rows().locator('th').allTextContents()).map(Number);
     expect(numbers).toEqual([...numbers].sort((one, other) => other - one));
     expect(numbers.at(-1)).toBe(0);
-    await page.locator('.log-verdict').getByText('The log is whole').waitFor();
+    await page.locator('.log-verdict').getByText('What is here is whole').waitFor();
     await rows().getByText('Case begun').waitFor();
     await rows().getByText('unlocked recordings').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
@@ -115,7 +115,7 @@ describe('The appliance log', () => {
     };
     await write(whole.replace('unlocked recordings', 'Unlocked recordings'), 'Something does not hold.');
     await page.locator('.log-findings li').first().waitFor();
-    await write(whole, 'The log is whole');
+    await write(whole, 'What is here is whole');
     expect(visitor.problems).toEqual([]);
   });
 });

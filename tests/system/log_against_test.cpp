@@ -63,6 +63,10 @@ TEST_F(LogAgainst, ANoteThatWasKeptHoldsWhileTheLogGrows) {
   const ProcessResult judged = kiroku({"log", "--verify", "--against", kept});
   EXPECT_EQ(judged.status, 0) << judged.out << judged.err;
   EXPECT_THAT(judged.out, HasSubstr("outside-note-holds"));
+  EXPECT_THAT(judged.out,
+              HasSubstr("entries behind the checkpoint that was kept were cut off was not checked"));
+  EXPECT_THAT(kiroku({"log", "--verify"}).out,
+              HasSubstr("whether the newest entries were cut off was not checked"));
   const ProcessResult small = small_verifier({"--as-log", log_of(home()).string(), "--device",
                                               (home() / "device.pub").string(), "--against", kept, "--json"});
   EXPECT_EQ(small.status, 0) << small.out << small.err;
