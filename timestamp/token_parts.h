@@ -22,7 +22,8 @@ struct SplitToken {
   std::vector<ByteView> certificates;  // in `token`, each a SEQUENCE
 };
 /// Nothing where the token has not the form of a SignedData whose certificates can be told from the rest, as
-/// where it has two sets of them. The signature is not over them (RFC 5652 section 5.4), nor over any of the lengths that change.
+/// where it has two sets of them. The signature is not over them (RFC 5652 section 5.4), nor over any of the
+/// lengths that change.
 std::optional<SplitToken> split_certificates(ByteView token);
 /// The attached TSTInfo of parse_envelope's result, which must outlive it; nothing (and why) if other content
 /// was signed or the content is detached.

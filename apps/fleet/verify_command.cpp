@@ -55,11 +55,20 @@ class Worker {
         return;
       } else {
         // Another worker may have been killed over it.
+        if (!std::exchange(waited_, true))
+          print_error("kiroku-fleet", "waiting for cases that other workers verify; Ctrl-C ends it");
         wait_until_told(kLookForOthers);
       }
     }
   }
 
+  /// Exit status of this run's verdicts, and where it waited for other workers of all that is known by now.
+  [[nodiscard]] int status() {
+    if (!waited_) return verified_.status();
+    const fleet::FleetTotals totals = catalogue_.totals();
+    if (totals.alarms > 0 || verified_.status() == kAnswerIsNo) return kAnswerIsNo;
+    return totals.incomplete + totals.unproven + totals.unchecked > 0 ? kNoAnswer : verified_.status();
+  }
   /// All so far.
   [[nodiscard]] const VerifiedCases& verified() const { return verified_; }
   [[nodiscard]] const nlohmann::ordered_json& told() const { return told_; }
@@ -126,6 +135,7 @@ class Worker {
   const std::function<fleet::FleetCatalogue()> open_ = [this] { return configuration_.open_catalogue(); };
   fleet::FleetCatalogue catalogue_;
   VerifiedCases verified_;
+  bool waited_ = false;  // for other workers
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 
@@ -167,7 +177,7 @@ int run(const Request& request) {
   } else {
     std::cout << worker.verified().summary() << "\n";
   }
-  return worker.verified().status();
+  return worker.status();
 }
 
 }  // namespace
@@ -183,7 +193,8 @@ void add_fleet_verify_command(Command& program) {
       "[verification] and the appliance's log in the store. Any number of these may run, on one machine or "
       "many: each "
       "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one is incomplete or "
-      "unproven, or could not be checked.");
+      "unproven, or could not be checked. Where --all waited for other workers, what they found counts, "
+      "too.");
   const auto request = std::make_shared<Request>();
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");

@@ -71,7 +71,7 @@ int fetch(const Request& request, fleet::ObjectStore& store, const std::string& 
                       ? "The store gives no end of this case: it is judged as far as the store gives it.\n"
                       : "")
               << report_text(judged.report, fetched.folder.string(), judged.device_trusted,
-                             judged.log ? judged.log->string() : no_log_words());
+                             judged.log ? "compared with " + judged.log->string() : no_log_words());
   }
   const int status = archive::exit_status(judged.report.verdict);
   return judged.is_witnessed() ? status : worse(status, kNoAnswer);

@@ -55,8 +55,10 @@ void LogPublishing::bring_up_to_date(std::vector<std::string>& problems) {
     problem_.clear();
     try {
       const Followed came = publish_log(home_, home_.published_log());
-      next_ = now + kInterval;
-      if (!witness::is_up_to_date(came.what)) problem_ = published_text(came, home_.published_log().string());
+      if (witness::is_up_to_date(came.what))
+        next_ = now + kInterval;
+      else
+        problem_ = published_text(came, home_.published_log().string());
     } catch (const Error& error) {
       problem_ = std::string("the log was not published: ") + error.what();
     }

@@ -156,10 +156,13 @@ std::string clock_lines(const VerificationReport& report) {
 }
 
 /// How far the segments were looked into.
-std::string contents_words(const archive::OpenedContents& contents) {
-  if (contents.opened == 0) return "none of " + counted(contents.segments, "segment", "segments");
+std::string contents_words(const archive::OpenedContents& contents, std::uint64_t listed) {
+  const std::string others = listed > contents.segments ? "; " + std::to_string(listed - contents.segments) +
+                                                              " more are listed and not here as listed"
+                                                        : "";
+  if (contents.opened == 0) return "none of " + counted(contents.segments, "segment", "segments") + others;
   return std::to_string(contents.opened) + " of " + counted(contents.segments, "segment", "segments") +
-         " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated";
+         " decrypted, " + std::to_string(contents.decoded) + " of them decoded to the frames stated" + others;
 }
 
 /// What the evidence record proves: "all 42 entries and 17 files proved since 2026 by one time-stamp".
@@ -330,16 +333,38 @@ std::string end_words(const VerificationReport& report) {
                     "checkpoint kept elsewhere (--against)";
 }
 
-/// How far an excerpt was compared: a log states roots of whole beginnings of a case, a few of each.
-std::string compared_words(const archive::ExcerptReport& excerpt) {
-  const std::uint64_t known = *excerpt.log_entries;
-  if (known >= excerpt.size) return "; it knows all entries of this part";
-  const std::string rest = "says nothing of entries " + std::to_string(std::max(known, excerpt.first_entry)) +
-                           " to " + std::to_string(excerpt.size - 1) +
-                           " of this part: a proof of the case's end does (kiroku log prove)";
-  return known > excerpt.first_entry
-             ? "; it knows this part up to entry " + std::to_string(known - 1) + ", and " + rest
-             : "; it knows that the case was opened, and " + rest;
+/// How far a log was compared, which states roots of whole beginnings of a case, a few of each.
+std::string compared_words(const VerificationReport& report, const std::string& log) {
+  if (report.excerpt &&
+      (!report.excerpt->log_entries || report.verdict != archive::Verdict::kIntactExcerpt)) {
+    return report.excerpt->log_entries ? log : "not " + log + ": its lines could not be read";
+  }
+  if (report.excerpt) {
+    const archive::ExcerptReport& part = *report.excerpt;
+    const std::uint64_t known = *part.log_entries;
+    if (known >= part.size) return log + "; it knows all entries of this part";
+    const std::uint64_t first = std::max(known, part.first_entry);
+    const std::string last = std::to_string(part.size - 1);
+    const std::string rest =
+        "says nothing of " +
+        (first + 1 == part.size ? "entry " + last : "entries " + std::to_string(first) + " to " + last) +
+        " of this part" +
+        (report.proved_entries >= part.size ? ", which the proof does"
+                                            : ": a proof of the case's end does (kiroku log prove)");
+    return log +
+           (known > part.first_entry
+                ? "; it knows this part up to entry " + std::to_string(known - 1) + ", and "
+                : "; it knows that the case was opened, and ") +
+           rest;
+  }
+  if (!report.in_log) return "not " + log + ": what begins the case could not be read, or the log could not";
+  const archive::CaseInLog& in_log = *report.in_log;
+  if (in_log.end && in_log.entries > 0) return log;
+  if (in_log.entries > 0)
+    return log + "; it knows the first " + counted(in_log.entries, "entry", "entries") +
+           " of the case, and no end of it that was signed";
+  return log + (in_log.opening ? "; it knows that the case was opened, and nothing of what followed"
+                               : "; it knows nothing of the case that was signed");
 }
 
 }  // namespace
@@ -349,7 +374,10 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
-  out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
+  out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)") +
+                            (report.signatures == archive::SignaturesChecked::kNone && !report.device.empty()
+                                 ? "; the ledger names it, and nobody signed it"
+                                 : ""));
   if (report.signatures != archive::SignaturesChecked::kNone) {
     out += line("signed by", signature_words(report.signatures));
   }
@@ -365,11 +393,19 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              counted(report.tokens, "time-stamp", "time-stamps"));
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
-  const bool compared = report.excerpt && report.excerpt->log_entries && log != no_log_words();
-  if (log.empty()) out += line("end", end_words(report));
-  if (!log.empty()) out += line("log", log + (compared ? compared_words(*report.excerpt) : ""));
+  if (log.empty()) {
+    out += line("end", end_words(report));
+  } else if (log != no_log_words()) {
+    out += line("log", compared_words(report, log));
+  } else {
+    out +=
+        line("log", report.proved_entries > 0 ? "none was given; the proof from it shows the case's first " +
+                                                    counted(report.proved_entries, "entry", "entries")
+                                              : log);
+  }
   if (report.witnesses) out += witness_lines(*report.witnesses);
-  if (report.contents) out += line("contents", contents_words(*report.contents));
+  if (report.contents)
+    out += line("contents", contents_words(*report.contents, archive::listed_segments(report)));
   if (report.excerpt) {
     out += "\n" + excerpt_table(report);
   } else if (!report.streams.empty()) {

@@ -62,7 +62,6 @@ class ExcerptVerification {
     outside_.finish(document_.first_entry + lines_, false);
     log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
                            shown_root_);
-    if (log_proof_.proved()) log_entries_ = std::max(log_entries_.value_or(0), log_proof_.proved()->entries);
     checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
@@ -354,6 +353,8 @@ class ExcerptVerification {
     }
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
+    report.signed_entries = checkpoints_.covered();
+    report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();

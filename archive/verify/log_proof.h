@@ -52,6 +52,10 @@ class LogProof {
     std::string note;           // the same, signed and cosigned
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
+  /// So many of the case's entries; 0 where it was not this device, which recorded the case, that signed it.
+  [[nodiscard]] std::uint64_t entries_proved(const std::optional<crypto::VerifierKey>& device) const {
+    return proved_ && device && signer_ == device ? proved_->entries : 0;
+  }
   /// Of `known` and what it proves itself, under signatures by these keys of this device, which recorded the
   /// case, the larger. As LogComparison::vouched_by, but of hardware it proves nothing: it does not show the
   /// log's root from before the hardware signed.

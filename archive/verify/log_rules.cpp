@@ -146,6 +146,7 @@ LogContents LogWalk::run() {
   checkpoints_.judge_keys(tree_.size(), {});
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
+  contents_.signed_entries = checkpoints_.covered();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
   return std::move(contents_);
@@ -593,6 +594,21 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
           size);
     }
   }
+}
+
+std::optional<CaseInLog> LogComparison::told() const {
+  if (log_ == nullptr) {
+    return std::nullopt;
+  }
+  // What nobody signed in time, anybody who can write to the disk can have added.
+  const auto signed_then = [&](std::uint64_t entry) {
+    return log_->opened_by_case_device && !log_->doubted.contains(entry);
+  };
+  CaseInLog told;
+  told.entries = known_entries_;
+  told.opening = known_ != nullptr && signed_then(*known_->opened);
+  told.end = known_ != nullptr && known_->closed && signed_then(known_->closed->entry);
+  return told;
 }
 
 void LogComparison::finish(std::uint64_t entries, bool closed,

@@ -20,6 +20,7 @@
 #include "archive/verify/consent_rules.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/outside_notes.h"
+#include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
 #include "crypto/merkle_tree.h"
 
@@ -72,6 +73,7 @@ struct LogContents {
   /// hardware only those that the log had when it began to sign, by the root that the device's identity
   /// states.
   EntriesBy vouched_for;
+  std::uint64_t signed_entries = 0;  // that a checkpoint covers
   SignaturesChecked signatures = SignaturesChecked::kNone;
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
@@ -185,6 +187,8 @@ class LogComparison {
   /// The same of a root whose entry the log's device signed in time, by whichever key: so many entries are
   /// those that the log knows.
   [[nodiscard]] std::uint64_t known() const { return known_entries_; }
+  /// For the report; nothing where no log was compared.
+  [[nodiscard]] std::optional<CaseInLog> told() const;
 
  private:
   /// The roots that the log states for this size.

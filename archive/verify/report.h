@@ -98,8 +98,8 @@ struct ExcerptReport {
   std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
   std::vector<ExcerptStream> streams;       // every stream of the case, in its order
   bool with_gaps = false;                   // the findings state gaps
-  /// So many of the case's first entries are those of which the appliance log states the root, itself or by a
-  /// proof; of later ones it says nothing. Nothing where neither was asked.
+  /// So many of the case's first entries are those of which the appliance log states the root; of later ones
+  /// it says nothing. Nothing where it was not compared.
   std::optional<std::uint64_t> log_entries;
   /// What the excerpt says of its making. Nothing proves this.
   std::optional<UtcTime> stated_made_at;
@@ -163,12 +163,19 @@ std::string_view holds_name(WitnessReport::Holds holds);  // "end"
 enum class SignaturesChecked { kNone, kEd25519, kBoth, kHardware, kAll };
 std::string_view signatures_name(SignaturesChecked signatures);  // "ed25519"
 
+/// What an appliance log states of a case, in entries that its device signed in time.
+struct CaseInLog {
+  bool opening = false, end = false;
+  std::uint64_t entries = 0;  // so many of the case's first ones are those of which it states the root
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
   std::string device;  // verifier key of the case
   SignaturesChecked signatures = SignaturesChecked::kNone;
   TimeProof time = TimeProof::kNone;
+  std::uint64_t signed_entries = 0;   // from 0 on: those that a signed checkpoint covers
   std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
@@ -181,8 +188,12 @@ struct VerificationReport {
   std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens
   std::vector<ProvingToken>
-      proving_tokens;             // in the ledger's order; `outside_tokens` and `own_tokens` of them
-  std::vector<Finding> findings;  // ordered by entry, then file
+      proving_tokens;  // in the ledger's order; `outside_tokens` and `own_tokens` of them
+  /// What a log that was given knows of a whole case; nothing of a log or an excerpt, without a log, and
+  /// where the log was not compared.
+  std::optional<CaseInLog> in_log;
+  std::uint64_t proved_entries = 0;  // the first ones, that a proof of the case's end shows to be the log's
+  std::vector<Finding> findings;     // ordered by entry, then file
   /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
   /// line comes before them. Nothing where none could be read. Who shows lines beside the verdict compares
   /// it.
@@ -190,5 +201,8 @@ struct VerificationReport {
   std::optional<UtcTime> opened, closed;
   std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
 };
+
+/// Segments that the lines name and do not say are erased; of an excerpt those that it holds.
+std::uint64_t listed_segments(const VerificationReport& report);
 
 }  // namespace kiroku::archive

@@ -171,9 +171,15 @@ ordered_json report_json(const VerificationReport& report) {
                       {"entries", report.entries},
                       {"files", report.files},
                       {"bytes", report.bytes},
+                      {"signed_entries", report.signed_entries},
                       {"checkpoints", report.checkpoints},
                       {"tokens", report.tokens}};
   out["excerpt"] = report.excerpt ? excerpt_json(*report.excerpt) : ordered_json(nullptr);
+  out["log"] = report.in_log ? ordered_json{{"opening", report.in_log->opening},
+                                            {"end", report.in_log->end},
+                                            {"entries", report.in_log->entries}}
+                             : ordered_json(nullptr);
+  out["proved_entries"] = report.proved_entries;
   out["contents"] = report.contents ? contents_json(*report.contents) : ordered_json(nullptr);
   out["evidence"] = report.evidence ? evidence_json(*report.evidence) : ordered_json(nullptr);
   out["witnesses"] = report.witnesses ? witnesses_json(*report.witnesses) : ordered_json(nullptr);

@@ -24,6 +24,12 @@ Verdict verdict_of_excerpt(Severity worst) {
   return intact ? Verdict::kIntactExcerpt : verdict;
 }
 
+std::uint64_t listed_segments(const VerificationReport& report) {
+  std::uint64_t listed = 0;
+  for (const StreamReport& stream : report.streams) listed += stream.segments - stream.erased_segments;
+  return listed;
+}
+
 std::string_view signatures_name(SignaturesChecked signatures) {
   switch (signatures) {
     case SignaturesChecked::kEd25519:

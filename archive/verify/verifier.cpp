@@ -126,6 +126,7 @@ class CaseVerification {
     comparison.finish(tree_.size(), rules_.close_entry().has_value(), rules_.tokens().hashes());
     comparison.settle(checkpoints_.covered(), rules_.close_entry());
     vouched_by_log_ = comparison.vouched_by();
+    in_log_ = comparison.told();
     rules_.judge_missing(files_.finish());
     judge_names();
     rules_.check_device_file();
@@ -337,6 +338,9 @@ class CaseVerification {
     report.lines_root = tree_.root();
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
+    report.signed_entries = checkpoints_.covered();
+    report.in_log = in_log_;
+    report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
@@ -369,6 +373,7 @@ class CaseVerification {
   LogProof log_proof_;
   std::optional<WalkedLog> walked_log_;
   EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
+  std::optional<CaseInLog> in_log_;
   crypto::MerkleFrontier tree_;
 };
 
@@ -567,6 +572,7 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     report.entries = log.entries;
     report.checkpoints = log.checkpoints;
     report.signatures = log.signatures;
+    report.signed_entries = log.signed_entries;
     report.files = log.checkpoints + 1;
     report.bytes = bytes_in(opened.list());
     report.opened = log.begins;

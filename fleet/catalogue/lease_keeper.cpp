@@ -19,7 +19,8 @@ void LeaseKeeper::keep() {
   // Most cases are verified before the first extension is due: those cost no connection.
   std::optional<FleetCatalogue> catalogue;
   std::unique_lock lock(mutex_);
-  while (!end_.wait_for(lock, every_, [this] { return ended_; })) {
+  for (int times = 0; times < kMostExtensions; ++times) {
+    if (end_.wait_for(lock, every_, [this] { return ended_; })) return;
     lock.unlock();
     const bool is_ours = extend(catalogue);
     lock.lock();

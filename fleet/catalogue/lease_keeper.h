@@ -17,6 +17,8 @@ namespace kiroku::fleet {
 inline constexpr std::chrono::seconds kLease{60};
 /// Several tries within it.
 inline constexpr std::chrono::milliseconds kExtendEvery{15'000};
+/// No case takes longer than twelve hours: a worker that hangs does not keep one for ever.
+inline constexpr int kMostExtensions = 12 * 60 * 4;
 
 /// Extends a lease until it is destroyed. A database that is away is asked again: the lease may then end, and
 /// FleetCatalogue::enter tells whether another took it.

@@ -160,6 +160,13 @@ class CertificateMaker {
           "That everything was recorded. The record itself states what is missing; the verification report "
           "lists "
           "it.");
+    const std::vector<CheckAnswer> answers = answer_checks(found_, in_.given, in_.facts.excerpt);
+    if (std::ranges::find(answers, Check::kLog, &CheckAnswer::check)->answer != Answer::kYes)
+      item(
+          "That nobody who holds the recorder's key removed the end of the record or signed another one in "
+          "its "
+          "place. That shows beside the recorder's own log, which was not compared, or knows it only in "
+          "part.");
     if (found_.excerpt) item("Anything of the parts of the case that this excerpt leaves out.");
     if (!found_.contents || found_.contents->opened == 0)
       item(

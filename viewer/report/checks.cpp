@@ -45,6 +45,18 @@ Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
   return contents->decoded == contents->segments ? Answer::kYes : Answer::kInPart;
 }
 
+/// What the log that was given, or a proof from it, knows of the case or excerpt.
+Answer log_answer(const archive::VerificationReport& verification) {
+  const std::uint64_t end = verification.excerpt ? verification.excerpt->size : 1;
+  if (verification.proved_entries >= end) return Answer::kYes;
+  if (verification.excerpt) {
+    const std::optional<std::uint64_t>& known = verification.excerpt->log_entries;
+    return !known ? Answer::kUnknown : *known >= end ? Answer::kYes : Answer::kInPart;
+  }
+  if (!verification.in_log) return Answer::kUnknown;
+  return verification.closed && verification.in_log->end ? Answer::kYes : Answer::kInPart;
+}
+
 /// What no finding says: that nobody asked, or that only the recorder itself answers.
 Answer without_findings(Check check, const archive::VerificationReport& verification, const Given& given,
                         bool excerpt) {
@@ -53,17 +65,17 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
            verification.findings.end();
   };
   switch (check) {
+    case Check::kLedger:
+      return !excerpt && verification.signed_entries < verification.entries ? Answer::kInPart : Answer::kYes;
     case Check::kFiles:
       return leaves_files_unasked(verification) ? Answer::kUnknown : Answer::kYes;
     case Check::kLog:
       if (given.log.empty() && given.proof.empty()) return Answer::kNotAsked;
       if (found("log-algorithm-ended")) return Answer::kUnknown;
-      if (found("log-case-open")) return Answer::kInPart;
-      return !verification.excerpt || verification.excerpt->log_entries >= verification.excerpt->size
-                 ? Answer::kYes
-                 : Answer::kInPart;
+      return log_answer(verification);
     case Check::kStreams:
       if (!excerpt && nothing_recorded(verification)) return Answer::kNo;
+      if (!excerpt && !verification.closed) return Answer::kInPart;
       return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart
                                                                                             : Answer::kYes;
     case Check::kContents:
@@ -104,6 +116,23 @@ void withhold_what_lines_say(std::vector<CheckAnswer>& answers) {
   }
 }
 
+/// What nobody signed, anybody can have written.
+void withhold_what_nobody_signed(std::vector<CheckAnswer>& answers) {
+  for (CheckAnswer& each : answers) {
+    const bool positive =
+        each.answer == Answer::kYes || each.answer == Answer::kWithGaps || each.answer == Answer::kInPart;
+    if (is_vouched_for(each.check) && positive) each.answer = Answer::kUnknown;
+  }
+}
+
+/// Of what is not here as it was listed nobody saw what it holds.
+void withhold_contents(std::vector<CheckAnswer>& answers) {
+  const Answer files = std::ranges::find(answers, Check::kFiles, &CheckAnswer::check)->answer;
+  CheckAnswer& contents = *std::ranges::find(answers, Check::kContents, &CheckAnswer::check);
+  const bool all_there = files == Answer::kYes || files == Answer::kWithGaps;
+  if (!all_there && contents.answer == Answer::kYes) contents.answer = Answer::kInPart;
+}
+
 /// Who can find another text with the same hash, or sign in the device's name, can write all of it anew.
 void withhold_what_ended(std::vector<CheckAnswer>& answers) {
   for (CheckAnswer& each : answers) {
@@ -115,6 +144,8 @@ void withhold_what_ended(std::vector<CheckAnswer>& answers) {
 }
 
 }  // namespace
+
+bool is_vouched_for(Check check) { return check != Check::kTime && check != Check::kContents; }
 
 bool rests_on_lines(Check check) {
   return check != Check::kLedger && check != Check::kDevice && check != Check::kContents;
@@ -191,6 +222,8 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     const bool kept = worst == Severity::kNote || (worst == Severity::kGap && gap_says_less);
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
+  withhold_contents(answers);
+  if (verification.signatures == archive::SignaturesChecked::kNone) withhold_what_nobody_signed(answers);
   if (excerpt) withhold(answers, verification.excerpt.has_value());
   withhold_what_lines_say(answers);
   if (std::ranges::find(verification.findings, kAlgorithmEnded, &archive::Finding::code) !=

@@ -52,6 +52,8 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
 
 /// Whether the question asks what the ledger's lines say, or what others know of them.
 bool rests_on_lines(Check check);
+/// Of what its answer means nothing where nobody signed anything.
+bool is_vouched_for(Check check);
 /// Whether files were not looked for, since the entries that list them cannot be read or may not name them.
 bool leaves_files_unasked(const archive::VerificationReport& verification);
 /// Whether no stream of pictures or vital signs has a segment: then no gap makes it a recording.

@@ -70,6 +70,11 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
       std::ranges::find(answers_, Check::kLedger, &CheckAnswer::check)->answer == Answer::kNo;
   if (is_excused && ledger_changed && rests_on_lines(answered.check) && !in_.facts.excerpt)
     return words("check.ledger.changed");
+  const bool was_read = found_.excerpt.has_value() == in_.facts.excerpt;
+  if (is_excused && was_read && found_.signatures == archive::SignaturesChecked::kNone &&
+      is_vouched_for(answered.check))
+    return words("check.unsigned");
+  if (gravest == nullptr && answered.check == Check::kLog && was_read) return words("check.log.not-compared");
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")
@@ -113,6 +118,19 @@ bool ReportMaker::has_gaps() const {
   });
 }
 
+std::string ReportMaker::log_words(Answer answer) const {
+  const bool by_proof = found_.proved_entries >= (found_.excerpt ? found_.excerpt->size : 1);
+  if (by_proof && answer == Answer::kYes)
+    return words("check.log.proof", {std::to_string(found_.proved_entries - 1)}) +
+           (found_.excerpt ? " " + words("check.log.excerpt.rest") : "");
+  if (found_.excerpt) return answer == Answer::kYes ? words("check.log.excerpt.yes") : part_known_to_log();
+  if (answer == Answer::kYes) return words("check.log.yes");
+  const archive::CaseInLog in_log = found_.in_log.value_or(archive::CaseInLog{});
+  return in_log.entries > 0 ? words("check.log.in-part", {std::to_string(in_log.entries - 1)})
+         : in_log.opening   ? words("check.log.opening")
+                            : words("check.log.unsigned");
+}
+
 std::string ReportMaker::part_known_to_log() const {
   const archive::ExcerptReport& part = *found_.excerpt;
   const std::uint64_t known = part.log_entries.value_or(0);
@@ -125,6 +143,11 @@ std::string ReportMaker::part_known_to_log() const {
 std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
   switch (answered.check) {
     case Check::kLedger:
+      if (answered.answer == Answer::kInPart) {
+        return words("check.ledger.in-part",
+                     {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint"),
+                      std::to_string(found_.signed_entries - 1)});
+      }
       return words("check.ledger.yes",
                    {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint")});
     case Check::kFiles:
@@ -135,6 +158,8 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.files.yes",
                    {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
+      if (answered.answer == Answer::kInPart && !found_.excerpt && !found_.closed)
+        return words("check.streams.open");
       if (answered.answer == Answer::kInPart) {
         return words(has_gaps() ? TextKey("check.streams.in-part-with-gaps")
                                 : TextKey("check.streams.in-part"));
@@ -154,15 +179,17 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
                  ? words("check.time.inside", {count(found_.own_tokens, "one.token", "many.token")})
                  : words("check.time.yes", {count(found_.outside_tokens, "one.token", "many.token")});
     case Check::kLog:
-      if (found_.excerpt && answered.answer == Answer::kInPart) return part_known_to_log();
-      if (answered.answer == Answer::kInPart) return words("check.log.in-part");
-      return found_.excerpt ? words("check.log.excerpt.yes") : words("check.log.yes");
+      return log_words(answered.answer);
     case Check::kContents:
       break;
   }
   const archive::OpenedContents contents = found_.contents.value_or(archive::OpenedContents{});
   const std::string segments = count(contents.segments, "one.segment", "many.segment");
   if (answered.answer == Answer::kYes) return words("check.contents.yes", {segments});
+  const std::uint64_t listed = archive::listed_segments(found_);
+  if (listed > contents.segments)
+    return words("check.contents.of-listed",
+                 {grouped(listed), segments, grouped(contents.opened), grouped(contents.decoded)});
   return words("check.contents.in-part", {segments, grouped(contents.opened), grouped(contents.decoded)});
 }
 

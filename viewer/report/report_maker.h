@@ -52,6 +52,7 @@ class ReportMaker {
 
   /// That nothing lacks between segments, and how far the streams reach.
   [[nodiscard]] std::string unbroken_words() const;
+  [[nodiscard]] std::string log_words(Answer answer) const;
   /// Of an excerpt of whose entries the log states no root to the last.
   [[nodiscard]] std::string part_known_to_log() const;
   /// Who stamped, by certificate, with what the ledger calls them.

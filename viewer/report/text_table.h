@@ -124,6 +124,13 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "記録の一覧（台帳）は変更されておらず、記載の装置により署名されているか"},
     {"check.ledger.yes", "{0} and {1} agree, each signature is that of the key in the ledger.",
      "{0}と{1}は一致し、署名はいずれも台帳に記載の鍵によるものです。"},
+    {"check.ledger.in-part",
+     "{0} and {1} agree, each signature is that of the key in the ledger. Nobody signed what follows entry "
+     "{2}: anybody can have written it.",
+     "{0}と{1}が一致し、各署名は台帳に記載の鍵によるものです。項目 {2} "
+     "より後は署名されておらず、誰でも書くことができます。"},
+    {"check.unsigned", "Nobody signed the ledger: anybody can have written it, and all that it lists.",
+     "台帳は署名されていません。台帳とその記載内容は、誰でも書くことができます。"},
     {"check.ledger.changed", "The lines of the ledger do not hold, so nothing is said about this.",
      "台帳の行が成立しないため、これについては何も述べません。"},
     {"check.excerpt.unread", "The lines of this excerpt do not hold, so nothing is said about this.",
@@ -156,6 +163,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "区間は隙間も重なりもなく連続し、記録装置に届いたフレームの欠落はありません。"},
     {"check.streams.nothing", "Nothing was recorded: no stream of pictures or vital signs holds anything.",
      "何も記録されていません。映像やバイタルサインの系統に、区間が一つもありません。"},
+    {"check.streams.open", "The case was not closed. How its streams end, and what followed, is not known.",
+     "症例は閉じられていません。各系統がどのように終わったか、その後に何があったかは不明です。"},
     {"check.streams.in-part",
      "No hole was found between segments. But a stream is shorter than the case, holds far fewer frames than "
      "is usual in it, or no sample for more than a minute: the findings say which.",
@@ -209,11 +218,29 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "The appliance log that was given knows its beginning, its checkpoints and its end as they are here.",
      "与えられた装置ログにある開始・チェックポイント・終了は、ここにあるものと一致します。"},
     {"check.log.in-part",
-     "The appliance log that was given knows its beginning and its checkpoints as they are here. It knows no "
-     "end of it: it may be a copy from before.",
-     "与えられた装置ログにある開始とチェックポイントは、ここにあるものと一致します。終了は装置ログにありませ"
-     "ん"
+     "The appliance log that was given knows the case as it is here up to entry {0}. It knows no end of it "
+     "that is signed: it may be a copy from before.",
+     "与えられた装置ログは、この症例を項目 {0} "
+     "まで、ここにあるとおりに記録しています。署名された終了は装置ログにありません（以前の写しである可能性が"
+     "あります）。"},
+    {"check.log.opening",
+     "The appliance log that was given knows that the case was opened, and nothing of what followed: it may "
+     "be "
+     "a copy from before.",
+     "与えられた装置ログには、この症例の開始のみがあります。その後については何も述べていません"
      "（以前の写しである可能性があります）。"},
+    {"check.log.unsigned",
+     "What the appliance log that was given says of the case was not signed when it was written: anybody can "
+     "have added it.",
+     "与えられた装置ログのこの症例に関する記述は、書かれた時点で署名されていません。"
+     "誰でも書き加えることができます。"},
+    {"check.log.not-compared", "The appliance log that was given could not be compared with the case.",
+     "与えられた装置ログと症例を比較できませんでした。"},
+    {"check.log.proof",
+     "A proof from the appliance log shows that the entries up to {0} are those of the case as it ended.",
+     "装置ログからの証明により、項目 {0} までが、終了した症例のものであることが示されています。"},
+    {"check.log.excerpt.rest", "Whether the whole case still exists cannot be told from an excerpt.",
+     "症例の全体が現存するかどうかは抜粋からは判りません。"},
     {"check.log.excerpt.yes",
      "The appliance log that was given knows the case, and the part of its ledger that is here. Whether the "
      "whole case still exists cannot be told from an excerpt.",
@@ -242,6 +269,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "封緘された映像とバイタルサインは開け、一覧のとおりの内容か"},
     {"check.contents.yes", "{0}: each was decrypted and decoded to as many frames as the ledger states.",
      "{0}：いずれも復号し、台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.of-listed",
+     "Of {0} sealed files that the ledger lists, {1} are here as listed; of these {2} were decrypted, and "
+     "{3} "
+     "decoded to as many frames as the ledger states. What the others held, nobody saw.",
+     "台帳に記載の封緘ファイル {0} 個のうち、記載どおりに存在するのは{1}です。そのうち {2} 個を復号し、{3} "
+     "個は台帳に記載のフレーム数どおりに再生できました。その他の内容は確認していません。"},
     {"check.contents.in-part",
      "Of {0} that are here {1} were decrypted, and {2} of these decoded to as many frames as the ledger "
      "states.",

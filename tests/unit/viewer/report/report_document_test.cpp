@@ -15,6 +15,7 @@
 #include "base/utc_time.h"
 #include "crypto/encoding.h"
 #include "tests/support/flipped_byte.h"
+#include "tests/support/nanoseconds.h"
 #include "tests/support/process.h"
 #include "tests/support/sample_case.h"
 #include "tests/unit/viewer/report/document_text.h"
@@ -484,6 +485,64 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, Not(HasSubstr("from beginning to end")));
   EXPECT_THAT(text, Not(HasSubstr("vitals | vital signs")));
   EXPECT_THAT(text, Not(HasSubstr("Patient data")));
+}
+
+// Anybody can write a ledger that names a device.
+TEST_F(ReportDocument, OfALedgerThatNobodySignedSaysYesToNothing) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  archive_.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+  folder_ = sample.folder();
+  fs::remove_all(folder_ / "checkpoints");
+  fs::create_directory(folder_ / "checkpoints");
+  const ReportInput input = this->input();
+  ASSERT_EQ(input.verification.signatures, archive::SignaturesChecked::kNone);
+  EXPECT_EQ(input.verification.verdict, archive::Verdict::kIncomplete);
+  const std::string text = test::text_of(make_report(input));
+  EXPECT_THAT(text, Not(HasSubstr("| ✓ Yes | ")));
+  EXPECT_THAT(
+      text, HasSubstr("signed by the device it names? | ! Could not be checked | Nobody signed the ledger"));
+}
+
+TEST_F(ReportDocument, OfAnUnfinishedCaseSaysHowMuchOfItIsSigned) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.stamp();
+  archive_.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+  folder_ = sample.folder();
+  const std::string text = report(archive_.options());
+  EXPECT_THAT(text, HasSubstr("! In part | 3 ledger entries and 1 checkpoint agree"));
+  EXPECT_THAT(text, HasSubstr("Nobody signed what follows entry 0: anybody can have written it."));
+  EXPECT_THAT(text, HasSubstr("from beginning to end? | ! In part | The case was not closed."));
+  EXPECT_THAT(
+      text,
+      HasSubstr("! In part | The appliance log that was given knows the case as it is here up to entry 0."));
+}
+
+// The log as it was after the opening, and a line of an end that anybody who can write to the disk can add.
+TEST_F(ReportDocument, AnEndInTheLogThatNobodySignedIsNoEnd) {
+  const std::string question = "Does the device's own log know this case, and the same of it? | ";
+  const archive::VerifyOptions options = archive_.options();
+  EXPECT_THAT(report(options), HasSubstr(question + "✓ Yes | "));
+  std::vector<fs::path> notes;
+  for (const auto& note : fs::directory_iterator(*options.log / "checkpoints")) notes.push_back(note.path());
+  std::ranges::sort(notes);
+  fs::remove(notes.back());
+  EXPECT_THAT(report(options),
+              AllOf(Not(HasSubstr(question + "✓ Yes | ")), HasSubstr(question + "! In part | ")));
+}
+
+TEST_F(ReportDocument, OfWhatIsMissingNobodySawTheContents) {
+  ReportInput input = this->input();
+  input.given.identities.push_back({"identity.txt", {}});
+  fs::remove(folder_ / "segments/endoscope/00000001.ts.age");
+  input.verification = archive::verify_case(folder_, archive_.options());
+  input.verification.contents = archive::OpenedContents{3, 3, 3};
+  EXPECT_THAT(
+      test::text_of(make_report(input)),
+      HasSubstr("! In part | Of 4 sealed files that the ledger lists, 3 sealed files are here as listed"));
 }
 
 TEST_F(ReportDocument, OfAnExcerptSaysHowMuchOfItTheLogKnows) {

@@ -27,9 +27,12 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
   entries: 9,
   files: 9,
   bytes: 9,
+  signed_entries: 9,
   checkpoints: 2,
   tokens: 2,
   excerpt: null,
+  log: null,
+  proved_entries: 0,
   contents: null,
   evidence: null,
   witnesses: null,
@@ -43,6 +46,12 @@ const report = (findings: Finding[], more: Partial<VerificationReport> = {}): Ve
 const states = (one: VerificationReport) => Object.fromEntries(chainOf(one).map((link) => [link.name, link.state]));
 
 describe('The chain of proof', () => {
+  it('says nothing of signatures where nobody signed', () => {
+    const states = chainOf(report([], { signatures: 'none', checkpoints: 0 })).map((link) => `${link.name} ${link.state}`);
+    expect(states).toContain('checkpoints open');
+    expect(states).toContain('segments holds');
+  });
+
   it('holds where nothing was found', () => {
     expect(states(report([]))).toEqual({ segments: 'holds', ledger: 'holds', checkpoints: 'holds', tokens: 'holds', authority: 'holds' });
   });
