@@ -199,6 +199,7 @@ struct VerificationReport {
   /// it.
   std::optional<crypto::Sha256Digest> lines_root;
   std::optional<UtcTime> opened, closed;
+  std::optional<std::uint64_t> close_entry;  // of a whole case
   std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
 };
 

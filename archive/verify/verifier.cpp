@@ -340,6 +340,7 @@ class CaseVerification {
     report.signatures = checkpoints_.signatures_checked();
     report.signed_entries = checkpoints_.covered();
     report.in_log = in_log_;
+    report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + 1;
     report.bytes = bytes_in(listing_);

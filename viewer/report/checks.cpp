@@ -47,14 +47,16 @@ Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
 
 /// What the log that was given, or a proof from it, knows of the case or excerpt.
 Answer log_answer(const archive::VerificationReport& verification) {
-  const std::uint64_t end = verification.excerpt ? verification.excerpt->size : 1;
-  if (verification.proved_entries >= end) return Answer::kYes;
+  const std::uint64_t proved = verification.proved_entries;
   if (verification.excerpt) {
-    const std::optional<std::uint64_t>& known = verification.excerpt->log_entries;
-    return !known ? Answer::kUnknown : *known >= end ? Answer::kYes : Answer::kInPart;
+    const archive::ExcerptReport& part = *verification.excerpt;
+    if (proved >= part.size || part.log_entries >= part.size) return Answer::kYes;
+    return part.log_entries || proved > 0 ? Answer::kInPart : Answer::kUnknown;
   }
-  if (!verification.in_log) return Answer::kUnknown;
-  return verification.closed && verification.in_log->end ? Answer::kYes : Answer::kInPart;
+  const archive::CaseInLog log = verification.in_log.value_or(archive::CaseInLog{});
+  const std::uint64_t known = std::max(proved, log.end ? log.entries : 0);
+  if (verification.close_entry && known > *verification.close_entry) return Answer::kYes;
+  return proved > 0 || log.opening || log.entries > 0 ? Answer::kInPart : Answer::kUnknown;
 }
 
 /// What no finding says: that nobody asked, or that only the recorder itself answers.

@@ -74,7 +74,8 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   if (is_excused && was_read && found_.signatures == archive::SignaturesChecked::kNone &&
       is_vouched_for(answered.check))
     return words("check.unsigned");
-  if (gravest == nullptr && answered.check == Check::kLog && was_read) return words("check.log.not-compared");
+  if (is_excused && answered.check == Check::kLog && was_read)
+    return words(found_.in_log ? TextKey("check.log.unsigned") : TextKey("check.log.not-compared"));
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
                ? words("time.none")
@@ -125,10 +126,8 @@ std::string ReportMaker::log_words(Answer answer) const {
            (found_.excerpt ? " " + words("check.log.excerpt.rest") : "");
   if (found_.excerpt) return answer == Answer::kYes ? words("check.log.excerpt.yes") : part_known_to_log();
   if (answer == Answer::kYes) return words("check.log.yes");
-  const archive::CaseInLog in_log = found_.in_log.value_or(archive::CaseInLog{});
-  return in_log.entries > 0 ? words("check.log.in-part", {std::to_string(in_log.entries - 1)})
-         : in_log.opening   ? words("check.log.opening")
-                            : words("check.log.unsigned");
+  const std::uint64_t known = std::max(found_.in_log ? found_.in_log->entries : 0, found_.proved_entries);
+  return known > 0 ? words("check.log.in-part", {std::to_string(known - 1)}) : words("check.log.opening");
 }
 
 std::string ReportMaker::part_known_to_log() const {

@@ -16,7 +16,8 @@ export const logEn = {
   'log.verifying': 'Verifying the log',
   'log.again': 'Verify again',
   'log.found': '{entries} entries and {checkpoints} signatures, verified {moment}.',
-  'logVerdict.intact': 'What is here is whole: no entry was changed or moved, none is missing between two others, and this device signed them. Whether the newest were cut off shows only beside a checkpoint that was kept elsewhere.',
+  'logVerdict.intact':
+    'What is here is whole: no entry was changed or moved, none is missing between two others, and this device signed them. Whether the newest were cut off shows only beside a checkpoint that was kept elsewhere.',
   'logVerdict.intact-with-gaps': 'The log is whole but for what it states itself.',
   'logVerdict.unproven': 'The log does not contradict itself, but what would prove it is missing.',
   'logVerdict.incomplete': 'The end of the log is not signed yet, or was cut off.',
@@ -68,7 +69,8 @@ export const logEn = {
 export const logJa: Record<keyof typeof logEn, string> = {
   'nav.log': 'ログ',
   'log.title': '装置ログ',
-  'log.what': 'この装置が行ったことと、誰が何を見たかを起きた順に示します。すべての項目は署名されます。変更や、項目の間の削除はここで検出されます。最新の項目が切り取られたことは、別の場所に保管したチェックポイントと比べた場合にのみ判ります。',
+  'log.what':
+    'この装置が行ったことと、誰が何を見たかを起きた順に示します。すべての項目は署名されます。変更や、項目の間の削除はここで検出されます。最新の項目が切り取られたことは、別の場所に保管したチェックポイントと比べた場合にのみ判ります。',
   'log.kind': '表示',
   'log.all': 'すべて',
   'log.entry': '項目',
@@ -81,7 +83,8 @@ export const logJa: Record<keyof typeof logEn, string> = {
   'log.verifying': 'ログを検証しています',
   'log.again': '再検証',
   'log.found': '{entries} 項目、署名 {checkpoints} 件。{moment} に検証しました。',
-  'logVerdict.intact': 'ここにある項目に変更や移動はなく、項目の間に欠落はなく、この装置が署名しています。最新の項目が切り取られたかどうかは、別の場所に保管したチェックポイントと比べた場合にのみ判ります。',
+  'logVerdict.intact':
+    'ここにある項目に変更や移動はなく、項目の間に欠落はなく、この装置が署名しています。最新の項目が切り取られたかどうかは、別の場所に保管したチェックポイントと比べた場合にのみ判ります。',
   'logVerdict.intact-with-gaps': 'ログ自身が記す点を除き、完全です。',
   'logVerdict.unproven': 'ログに矛盾はありませんが、証明に必要なものが不足しています。',
   'logVerdict.incomplete': 'ログの末尾がまだ署名されていないか、途中で切れています。',

@@ -90,7 +90,8 @@ export function chainOf(report: VerificationReport): ChainLink[] {
 
 const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (name === 'checkpoints' && report.signatures === 'none') ||
-  (name === 'tokens' && report.tokens === 0) || (name === 'authority' && (report.time === 'none' || report.time === 'external-in-part'));
+  (name === 'tokens' && report.tokens === 0) ||
+  (name === 'authority' && (report.time === 'none' || report.time === 'external-in-part'));
 
 const kOrder: readonly Severity[] = ['tampered', 'incomplete', 'unproven', 'gap', 'note'];
 
