@@ -77,7 +77,9 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
       return log_answer(verification);
     case Check::kStreams:
       if (!excerpt && nothing_recorded(verification)) return Answer::kNo;
-      if (!excerpt && !verification.closed) return Answer::kInPart;
+      // What nobody signed says nothing of how it ended.
+      if (!excerpt && (!verification.close_entry || verification.signed_entries <= *verification.close_entry))
+        return Answer::kInPart;
       return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart
                                                                                             : Answer::kYes;
     case Check::kContents:
@@ -128,11 +130,15 @@ void withhold_what_nobody_signed(std::vector<CheckAnswer>& answers) {
 }
 
 /// Of what is not here as it was listed nobody saw what it holds.
-void withhold_contents(std::vector<CheckAnswer>& answers) {
+void withhold_contents(std::vector<CheckAnswer>& answers, const archive::VerificationReport& verification) {
   const Answer files = std::ranges::find(answers, Check::kFiles, &CheckAnswer::check)->answer;
   CheckAnswer& contents = *std::ranges::find(answers, Check::kContents, &CheckAnswer::check);
-  const bool all_there = files == Answer::kYes || files == Answer::kWithGaps;
-  if (!all_there && contents.answer == Answer::kYes) contents.answer = Answer::kInPart;
+  // An excerpt's report counts what it holds, not what its lines name.
+  const bool lacks_some =
+      verification.excerpt
+          ? files != Answer::kYes && files != Answer::kWithGaps
+          : verification.contents && archive::listed_segments(verification) > verification.contents->segments;
+  if (lacks_some && contents.answer == Answer::kYes) contents.answer = Answer::kInPart;
 }
 
 /// Who can find another text with the same hash, or sign in the device's name, can write all of it anew.
@@ -224,7 +230,7 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     const bool kept = worst == Severity::kNote || (worst == Severity::kGap && gap_says_less);
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
-  withhold_contents(answers);
+  withhold_contents(answers, verification);
   if (verification.signatures == archive::SignaturesChecked::kNone) withhold_what_nobody_signed(answers);
   if (excerpt) withhold(answers, verification.excerpt.has_value());
   withhold_what_lines_say(answers);

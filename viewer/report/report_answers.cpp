@@ -157,7 +157,8 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.files.yes",
                    {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
-      if (answered.answer == Answer::kInPart && !found_.excerpt && !found_.closed)
+      if (answered.answer == Answer::kInPart && !found_.excerpt &&
+          (!found_.close_entry || found_.signed_entries <= *found_.close_entry))
         return words("check.streams.open");
       if (answered.answer == Answer::kInPart) {
         return words(has_gaps() ? TextKey("check.streams.in-part-with-gaps")

@@ -163,8 +163,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "区間は隙間も重なりもなく連続し、記録装置に届いたフレームの欠落はありません。"},
     {"check.streams.nothing", "Nothing was recorded: no stream of pictures or vital signs holds anything.",
      "何も記録されていません。映像やバイタルサインの系統に、区間が一つもありません。"},
-    {"check.streams.open", "The case was not closed. How its streams end, and what followed, is not known.",
-     "症例は閉じられていません。各系統がどのように終わったか、その後に何があったかは不明です。"},
+    {"check.streams.open",
+     "The case was not closed, or nobody signed its end. How its streams end, and what followed, is not "
+     "known.",
+     "症例が閉じられていないか、終了に署名がありません。各系統がどのように終わったか、その後に何があったかは"
+     "不明です。"},
     {"check.streams.in-part",
      "No hole was found between segments. But a stream is shorter than the case, holds far fewer frames than "
      "is usual in it, or no sample for more than a minute: the findings say which.",
