@@ -200,7 +200,7 @@ struct VerificationReport {
   std::optional<crypto::Sha256Digest> lines_root;
   std::optional<UtcTime> opened, closed;
   std::optional<std::uint64_t> close_entry;  // of a whole case
-  std::optional<UtcTime> clock_zero;  // the recorder's wall clock at 0 of the case clock, by `open`
+  std::optional<UtcTime> clock_zero;         // the recorder's wall clock at 0 of the case clock, by `open`
 };
 
 /// Segments that the lines name and do not say are erased; of an excerpt those that it holds.
