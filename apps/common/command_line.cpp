@@ -1,6 +1,7 @@
 #include "apps/common/command_line.h"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <iostream>
 #include <new>
@@ -128,6 +129,14 @@ std::string parse_sentence(const CLI::ParseError& error, const Command& command,
 }
 
 }  // namespace
+
+int worse(int a, int b) {
+  constexpr std::array kGravestFirst{kAnswerIsNo, kRefused, kNoAnswer, kOfAPart, kDone};
+  return std::find(kGravestFirst.begin(), kGravestFirst.end(), a) <
+                 std::find(kGravestFirst.begin(), kGravestFirst.end(), b)
+             ? a
+             : b;
+}
 
 std::string printable(std::string_view text) { return kiroku::printable(text); }
 

@@ -26,6 +26,10 @@ enum ExitStatus : int {
   kOfAPart = 4,     // intact, but an excerpt of a case
 };
 
+/// The graver of two: a no outweighs a refusal, which outweighs no answer, and that an answer about a part
+/// alone (docs/reference/format.md, "Verification").
+int worse(int a, int b);
+
 /// An option or argument as it was stated.
 struct OptionStatement {
   std::vector<std::string> names;  // "-o", "--output"; one plain name for an argument

@@ -1,6 +1,4 @@
 // 'kiroku fetch': cases out of a store, where their appliance is not there any more.
-#include <algorithm>
-#include <array>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -41,12 +39,6 @@ int list(const Request& request, const std::string& appliance, const std::vector
   for (const std::string& each : cases) std::cout << each << "\n";
   if (cases.empty()) std::cout << "The store has no case of " << printable(appliance) << ".\n";
   return kDone;
-}
-
-/// The worst of two exit statuses, in the order of docs/reference/format.md, "Verification".
-int worse(int a, int b) {
-  constexpr std::array<int, 5> kOrder{1, 2, 3, 4, 0};
-  return std::ranges::find(kOrder, a) < std::ranges::find(kOrder, b) ? a : b;
 }
 
 /// Gets one case, judges it, tells of both.

@@ -335,13 +335,12 @@ std::string end_words(const VerificationReport& report) {
 
 /// How far a log was compared, which states roots of whole beginnings of a case, a few of each.
 std::string compared_words(const VerificationReport& report, const std::string& log) {
-  if (report.excerpt &&
-      (!report.excerpt->log_entries || report.verdict != archive::Verdict::kIntactExcerpt)) {
-    return report.excerpt->log_entries ? log : "not " + log + ": its lines could not be read";
-  }
+  if (!report.in_log) return "not " + log + ": what begins the case could not be read, or the log could not";
+  const archive::CaseInLog& in_log = *report.in_log;
   if (report.excerpt) {
+    if (report.verdict != archive::Verdict::kIntactExcerpt) return log;
     const archive::ExcerptReport& part = *report.excerpt;
-    const std::uint64_t known = *part.log_entries;
+    const std::uint64_t known = in_log.entries;
     if (known >= part.size) return log + "; it knows all entries of this part";
     const std::uint64_t first = std::max(known, part.first_entry);
     const std::string last = std::to_string(part.size - 1);
@@ -354,12 +353,11 @@ std::string compared_words(const VerificationReport& report, const std::string& 
     return log +
            (known > part.first_entry
                 ? "; it knows this part up to entry " + std::to_string(known - 1) + ", and "
-                : "; it knows that the case was opened, and ") +
+            : in_log.opening ? "; it knows that the case was opened, and "
+                             : "; it ") +
            rest;
   }
-  if (!report.in_log) return "not " + log + ": what begins the case could not be read, or the log could not";
-  const archive::CaseInLog& in_log = *report.in_log;
-  if (in_log.end && in_log.entries > 0) return log;
+  if (in_log.end && report.close_entry && in_log.entries > *report.close_entry) return log;
   if (in_log.entries > 0)
     return log + "; it knows the first " + counted(in_log.entries, "entry", "entries") +
            " of the case, and no end of it that was signed";
@@ -375,7 +373,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)") +
-                            (report.signatures == archive::SignaturesChecked::kNone && !report.device.empty()
+                            (report.signed_entries == 0 && !report.device.empty()
                                  ? "; the ledger names it, and nobody signed it"
                                  : ""));
   if (report.signatures != archive::SignaturesChecked::kNone) {

@@ -26,19 +26,6 @@ struct Request {
   std::vector<std::string> light_streams;
 };
 
-/// The worst of several: a no outweighs a refusal, which outweighs no answer yet, and that an answer about a
-/// part alone.
-int worse(int a, int b) {
-  const auto rank = [](int status) {
-    return status == kAnswerIsNo ? 4
-           : status == kRefused  ? 3
-           : status == kNoAnswer ? 2
-           : status == kOfAPart  ? 1
-                                 : 0;
-  };
-  return rank(a) >= rank(b) ? a : b;
-}
-
 /// What the verification proves, for the comparison with light.
 LightQuestion light_question(const std::filesystem::path& folder, const archive::VerificationReport& report,
                              const Request& request) {

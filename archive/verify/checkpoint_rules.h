@@ -59,6 +59,10 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  /// The same of notes whose signature was checked: without a device's key none is.
+  [[nodiscard]] std::uint64_t signed_entries() const {
+    return signatures_checked() == SignaturesChecked::kNone ? 0 : covered_;
+  }
   /// Largest sizes whose notes fit the tree and were checked by each key beside Ed25519 of the device that
   /// signs now; 0 if none.
   [[nodiscard]] EntriesBy covered_by() const { return covered_by_; }

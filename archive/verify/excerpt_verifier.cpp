@@ -186,7 +186,7 @@ class ExcerptVerification {
     if (comparison) {
       comparison->settle(checkpoints_.covered(), std::nullopt);
       vouched_by_log_ = comparison->vouched_by();
-      if (log) log_entries_ = comparison->known();
+      in_log_ = comparison->told();
     }
     judge_reach();
   }
@@ -353,7 +353,8 @@ class ExcerptVerification {
     }
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
-    report.signed_entries = checkpoints_.covered();
+    report.signed_entries = checkpoints_.signed_entries();
+    report.in_log = in_log_;
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + 3;
     report.bytes = bytes_in(listing_);
@@ -399,7 +400,6 @@ class ExcerptVerification {
     part.begins_ns = rules_.opening() ? rules_.opening()->begins_ns : 0;
     part.first_entry = document_.first_entry;
     part.size = document_.size;
-    part.log_entries = log_entries_;
     part.with_gaps = findings_.worst() == Severity::kGap;
     part.stated_made_at = document_.made_utc;
     part.stated_made_by = document_.made_by;
@@ -439,7 +439,7 @@ class ExcerptVerification {
   LogProof log_proof_;
   EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
   std::optional<WalkedLog> walked_log_;
-  std::optional<std::uint64_t> log_entries_;  // as ExcerptReport
+  std::optional<CaseInLog> in_log_;
   std::set<std::string> selected_streams_;
   // Over the lines until now and what lies before them; nothing where `left` is not of first_entry entries.
   std::optional<crypto::MerkleFrontier> tree_;

@@ -146,7 +146,7 @@ LogContents LogWalk::run() {
   checkpoints_.judge_keys(tree_.size(), {});
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
-  contents_.signed_entries = checkpoints_.covered();
+  contents_.signed_entries = checkpoints_.signed_entries();
   contents_.entries = tree_.size();
   contents_.checkpoints = checkpoints_.count();
   return std::move(contents_);

@@ -184,10 +184,8 @@ class LogComparison {
   /// the root that the identity states: whoever has a copy of the other keys, and the disk, could have put
   /// other lines before the hardware.
   [[nodiscard]] EntriesBy vouched_by() const { return vouched_by_; }
-  /// The same of a root whose entry the log's device signed in time, by whichever key: so many entries are
-  /// those that the log knows.
-  [[nodiscard]] std::uint64_t known() const { return known_entries_; }
-  /// For the report; nothing where no log was compared.
+  /// What the log states in entries that its device signed in time, by whichever key; nothing where no log
+  /// was compared.
   [[nodiscard]] std::optional<CaseInLog> told() const;
 
  private:

@@ -98,9 +98,6 @@ struct ExcerptReport {
   std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
   std::vector<ExcerptStream> streams;       // every stream of the case, in its order
   bool with_gaps = false;                   // the findings state gaps
-  /// So many of the case's first entries are those of which the appliance log states the root; of later ones
-  /// it says nothing. Nothing where it was not compared.
-  std::optional<std::uint64_t> log_entries;
   /// What the excerpt says of its making. Nothing proves this.
   std::optional<UtcTime> stated_made_at;
   std::string stated_made_by;
@@ -166,7 +163,8 @@ std::string_view signatures_name(SignaturesChecked signatures);  // "ed25519"
 /// What an appliance log states of a case, in entries that its device signed in time.
 struct CaseInLog {
   bool opening = false, end = false;
-  std::uint64_t entries = 0;  // so many of the case's first ones are those of which it states the root
+  /// So many of the case's first ones are those of which it states the root; of later ones it says nothing.
+  std::uint64_t entries = 0;
 };
 
 struct VerificationReport {
@@ -175,7 +173,7 @@ struct VerificationReport {
   std::string device;  // verifier key of the case
   SignaturesChecked signatures = SignaturesChecked::kNone;
   TimeProof time = TimeProof::kNone;
-  std::uint64_t signed_entries = 0;   // from 0 on: those that a signed checkpoint covers
+  std::uint64_t signed_entries = 0;   // from 0 on: those that a checkpoint covers whose signature was checked
   std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
@@ -189,8 +187,8 @@ struct VerificationReport {
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens
   std::vector<ProvingToken>
       proving_tokens;  // in the ledger's order; `outside_tokens` and `own_tokens` of them
-  /// What a log that was given knows of a whole case; nothing of a log or an excerpt, without a log, and
-  /// where the log was not compared.
+  /// What a log that was given knows of a case or an excerpt's; nothing without one, and where it was not
+  /// compared.
   std::optional<CaseInLog> in_log;
   std::uint64_t proved_entries = 0;  // the first ones, that a proof of the case's end shows to be the log's
   std::vector<Finding> findings;     // ordered by entry, then file

@@ -42,7 +42,6 @@ ordered_json excerpt_json(const ExcerptReport& excerpt) {
           {"first_entry", excerpt.first_entry},
           {"size", excerpt.size},
           {"with_gaps", excerpt.with_gaps},
-          {"log_entries", or_null(excerpt.log_entries)},
           {"streams", std::move(streams)},
           {"stated",
            {{"made_utc", or_null(excerpt.stated_made_at)}, {"made_by", or_null(excerpt.stated_made_by)}}}};

@@ -338,7 +338,7 @@ class CaseVerification {
     report.lines_root = tree_.root();
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
-    report.signed_entries = checkpoints_.covered();
+    report.signed_entries = checkpoints_.signed_entries();
     report.in_log = in_log_;
     report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());

@@ -152,6 +152,15 @@ TEST_F(Verify, MissesACaseThatTheLogDoesNotKnow) {
   ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
   const ProcessResult judged = kiroku({"verify", "--log", path("other/archive/log"), case_.string()});
   EXPECT_NE(judged.status, 0) << judged.out;
+  EXPECT_THAT(judged.out, HasSubstr("; it knows nothing of the case that was signed"));
+}
+
+TEST_F(Verify, SaysOfALogThatNobodyLookedIntoThatItWasNotCompared) {
+  std::filesystem::create_directory(folder() / "excerpt");
+  write_text(folder() / "excerpt/excerpt.json", "{}");
+  const ProcessResult judged = kiroku({"verify", "--log", path("nowhere"), path("excerpt")});
+  EXPECT_EQ(judged.status, 1) << judged.out;
+  EXPECT_THAT(judged.out, HasSubstr("not compared with " + path("nowhere")));
 }
 
 TEST_F(Verify, SmallProgramNeedsOpensslAndNothingHeavier) {

@@ -47,16 +47,15 @@ Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
 
 /// What the log that was given, or a proof from it, knows of the case or excerpt.
 Answer log_answer(const archive::VerificationReport& verification) {
-  const std::uint64_t proved = verification.proved_entries;
-  if (verification.excerpt) {
-    const archive::ExcerptReport& part = *verification.excerpt;
-    if (proved >= part.size || part.log_entries >= part.size) return Answer::kYes;
-    return part.log_entries || proved > 0 ? Answer::kInPart : Answer::kUnknown;
-  }
   const archive::CaseInLog log = verification.in_log.value_or(archive::CaseInLog{});
-  const std::uint64_t known = std::max(proved, log.end ? log.entries : 0);
-  if (verification.close_entry && known > *verification.close_entry) return Answer::kYes;
-  return proved > 0 || log.opening || log.entries > 0 ? Answer::kInPart : Answer::kUnknown;
+  // Of a whole case its end must be among them.
+  const bool may_reach = verification.excerpt || verification.close_entry;
+  const std::uint64_t wanted =
+      verification.excerpt ? verification.excerpt->size : verification.close_entry.value_or(0) + 1;
+  const std::uint64_t by_log = verification.excerpt || log.end ? log.entries : 0;
+  if (may_reach && std::max(verification.proved_entries, by_log) >= wanted) return Answer::kYes;
+  return verification.proved_entries > 0 || log.opening || log.entries > 0 ? Answer::kInPart
+                                                                           : Answer::kUnknown;
 }
 
 /// What no finding says: that nobody asked, or that only the recorder itself answers.
@@ -68,6 +67,7 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
   };
   switch (check) {
     case Check::kLedger:
+      if (verification.signed_entries == 0) return Answer::kUnknown;
       return !excerpt && verification.signed_entries < verification.entries ? Answer::kInPart : Answer::kYes;
     case Check::kFiles:
       return leaves_files_unasked(verification) ? Answer::kUnknown : Answer::kYes;
@@ -231,7 +231,7 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     answers.push_back({check, kept ? quiet : answer_of(worst), notes});
   }
   withhold_contents(answers, verification);
-  if (verification.signatures == archive::SignaturesChecked::kNone) withhold_what_nobody_signed(answers);
+  if (verification.signed_entries == 0) withhold_what_nobody_signed(answers);
   if (excerpt) withhold(answers, verification.excerpt.has_value());
   withhold_what_lines_say(answers);
   if (std::ranges::find(verification.findings, kAlgorithmEnded, &archive::Finding::code) !=

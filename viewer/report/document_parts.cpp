@@ -229,6 +229,7 @@ std::string device_trust_words(const ReportInput& input) {
   const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
     return finding.code == "device-not-trusted" || finding.code == "no-trusted-device";
   });
+  if (input.verification.signed_entries == 0) return say(input.language, "check.unsigned");
   return doubted || input.verification.device.empty() ? say(input.language, "device.trusted.no")
                                                       : say(input.language, "device.trusted.yes");
 }

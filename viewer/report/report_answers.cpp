@@ -71,8 +71,7 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   if (is_excused && ledger_changed && rests_on_lines(answered.check) && !in_.facts.excerpt)
     return words("check.ledger.changed");
   const bool was_read = found_.excerpt.has_value() == in_.facts.excerpt;
-  if (is_excused && was_read && found_.signatures == archive::SignaturesChecked::kNone &&
-      is_vouched_for(answered.check))
+  if (is_excused && was_read && found_.signed_entries == 0 && is_vouched_for(answered.check))
     return words("check.unsigned");
   if (is_excused && answered.check == Check::kLog && was_read)
     return words(found_.in_log ? TextKey("check.log.unsigned") : TextKey("check.log.not-compared"));
@@ -132,7 +131,7 @@ std::string ReportMaker::log_words(Answer answer) const {
 
 std::string ReportMaker::part_known_to_log() const {
   const archive::ExcerptReport& part = *found_.excerpt;
-  const std::uint64_t known = part.log_entries.value_or(0);
+  const std::uint64_t known = found_.in_log ? found_.in_log->entries : 0;
   const std::string last = std::to_string(part.size - 1);
   if (known <= part.first_entry)
     return words("check.log.excerpt.opening", {std::to_string(part.first_entry), last});

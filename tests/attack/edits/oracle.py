@@ -259,7 +259,8 @@ def _of_an_excerpt(edited, said):
             yield f"says {held.get(name)} segments of {name}, where it holds {count}"
     if document["case"] != entries[0]["case"]:
         yield "intact-excerpt, of another case"
-    known = said.report["excerpt"]["log_entries"]
+    log = said.report["log"]
+    known = log and log["entries"]
     if not edited.with_log:
         if known is not None:
             yield f"says that the log knows {known} entries, which was not given"

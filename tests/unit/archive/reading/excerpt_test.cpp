@@ -145,7 +145,9 @@ TEST_F(Excerpt, TellsHowManyOfItsEntriesTheLogKnows) {
     if (!with_log) verifying.log.reset();
     const VerificationReport report = verify_case(excerpt(), verifying);
     EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << details(report);
-    return std::pair(report.excerpt->log_entries, report.excerpt->size);
+    const std::optional<std::uint64_t> entries =
+        report.in_log ? std::optional(report.in_log->entries) : std::nullopt;
+    return std::pair(entries, report.excerpt->size);
   };
   EXPECT_EQ(known(middle(), false).first, std::nullopt);
   const auto [all, size] = known(middle());

@@ -501,6 +501,7 @@ TEST_F(ReportDocument, OfALedgerThatNobodySignedSaysYesToNothing) {
   EXPECT_EQ(input.verification.verdict, archive::Verdict::kIncomplete);
   const std::string text = test::text_of(make_report(input));
   EXPECT_THAT(text, Not(HasSubstr("| ✓ Yes | ")));
+  EXPECT_THAT(text, Not(HasSubstr("yes: among the keys")));
   EXPECT_THAT(
       text, HasSubstr("signed by the device it names? | ! Could not be checked | Nobody signed the ledger"));
 }
@@ -549,21 +550,21 @@ TEST_F(ReportDocument, OfAnExcerptSaysHowMuchOfItTheLogKnows) {
   archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
   folder_ = temporary_ / "excerpt";
   ReportInput input = this->input();
-  ASSERT_EQ(input.verification.excerpt->log_entries, input.verification.excerpt->size);
+  ASSERT_EQ(input.verification.in_log->entries, input.verification.excerpt->size);
   const std::string question = "Does the device's own log know this case, and the same of it? | ";
   EXPECT_THAT(test::text_of(make_report(input)), HasSubstr(question + "✓ Yes | "));
   // Entries 1 to 9 are here.
   ASSERT_EQ(input.verification.excerpt->first_entry, 1U);
   ASSERT_EQ(input.verification.excerpt->size, 10U);
   const std::string whole = " Whether the whole case still exists cannot be told from an excerpt.";
-  input.verification.excerpt->log_entries = 4;
+  input.verification.in_log->entries = 4;
   EXPECT_THAT(
       test::text_of(make_report(input)),
       AllOf(Not(HasSubstr(question + "✓ Yes | ")),
             HasSubstr("knows the case, and the part of its ledger that is here up to entry 3. It says "
                       "nothing of entries 4 to 9: a proof of the case's end, made on the recorder, does." +
                       whole)));
-  input.verification.excerpt->log_entries = 0;
+  input.verification.in_log->entries = 0;
   EXPECT_THAT(
       test::text_of(make_report(input)),
       AllOf(Not(HasSubstr(question + "✓ Yes | ")),
@@ -975,6 +976,15 @@ TEST_F(ReportDocument, CertificateHoldsWhatWasFoundAndLeavesBlankWhatAPersonMust
   EXPECT_THAT(text, HasSubstr("That an outside clock confirms"));
   EXPECT_THAT(text, HasSubstr("No key was given that opens them"));
   EXPECT_THAT(text, Not(HasSubstr("That everything was recorded")));
+}
+
+// Whoever signs it does so under penalty of perjury.
+TEST_F(ReportDocument, CertificateSaysWhatNoLogShowed) {
+  const std::string missing = "which was not compared, or knows it only in part";
+  EXPECT_THAT(test::text_of(make_certificate(input())), Not(HasSubstr(missing)));
+  archive::VerifyOptions options = archive_.options();
+  options.log.reset();
+  EXPECT_THAT(test::text_of(make_certificate(input(options))), HasSubstr(missing));
 }
 
 TEST_F(ReportDocument, CertificateOfARecordWithGapsSaysThatNotEverythingIsThere) {

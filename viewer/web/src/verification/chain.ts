@@ -88,8 +88,11 @@ export function chainOf(report: VerificationReport): ChainLink[] {
   });
 }
 
+/** What anybody can have made where the device signed nothing. */
+const kOfTheDevice: readonly LinkName[] = ['segments', 'ledger', 'checkpoints'];
+
 const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
-  (name === 'checkpoints' && report.signatures === 'none') ||
+  (kOfTheDevice.includes(name) && report.signed_entries === 0) ||
   (name === 'tokens' && report.tokens === 0) ||
   (name === 'authority' && (report.time === 'none' || report.time === 'external-in-part'));
 
