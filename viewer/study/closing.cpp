@@ -28,10 +28,16 @@ std::vector<std::string> bound_files(const Study& study) {
   return names;
 }
 
+/// A study's folder is given from hand to hand: what is no file in it is refused in the study's own words.
+crypto::FileHash hash_of(const fs::path& file) {
+  require_no_pipe(file);
+  return crypto::hash_file(file);
+}
+
 Check check_file(const fs::path& folder, const std::string& name, std::uint64_t bytes,
                  const std::string& sha256) {
   try {
-    const crypto::FileHash now = crypto::hash_file(folder / name);
+    const crypto::FileHash now = hash_of(folder / name);
     if (now.bytes == bytes && crypto::to_hex(now.sha256) == sha256)
       return {"file", State::kHolds, name + " is as it was"};
     return {"file", State::kDiffers, name + " was changed"};
@@ -81,7 +87,7 @@ crypto::Sha256Digest close_study(archive::FileSystem& files, const fs::path& fol
   for (const std::string& name : bound_files(study.study)) {
     // Who answered nothing has no file yet.
     if (!fs::exists(folder / name)) files.write_durably(folder / name, {});
-    const crypto::FileHash hash = crypto::hash_file(folder / name);
+    const crypto::FileHash hash = hash_of(folder / name);
     json["files"].push_back({{"name", name}, {"bytes", hash.bytes}, {"sha256", crypto::to_hex(hash.sha256)}});
   }
   const std::string text = json.dump(1) + "\n";
@@ -127,7 +133,7 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
   } catch (const nlohmann::json::exception& error) {
     throw UsageError(file.string() + " is no end of a study: " + error.what());
   }
-  const crypto::FileHash key = crypto::hash_file(folder / kKeyFile);
+  const crypto::FileHash key = hash_of(folder / kKeyFile);
   if (key.sha256 != study.study.key)
     found.checks.push_back({"key", State::kDiffers, "key.age is not the one that the study was made with"});
   return found;
