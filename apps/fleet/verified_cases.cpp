@@ -1,6 +1,7 @@
 #include "apps/fleet/verified_cases.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "apps/common/command_line.h"
 #include "base/number_text.h"
@@ -16,6 +17,15 @@ std::string gravest(const archive::VerificationReport& report) {
   return worst == report.findings.end() || worst->severity == archive::Severity::kNote ? "" : worst->text;
 }
 
+/// What the verdict does not say: that the appliance log beside the case, as the store has it, ends before
+/// the case does.
+std::string not_told_by_log(const archive::VerificationReport& report) {
+  if (!report.in_log || !report.close_entry) return "";
+  const archive::CaseInLog& known = *report.in_log;
+  if (known.end && known.entries > *report.close_entry) return "";
+  return "the appliance log knows no end of the case yet";
+}
+
 }  // namespace
 
 fleet::Verification verification_of(const archive::VerificationReport& report) {
@@ -24,8 +34,11 @@ fleet::Verification verification_of(const archive::VerificationReport& report) {
         return each.severity != archive::Severity::kNote;
       }));
   const int status = archive::exit_status(report.verdict);
+  std::string detail = gravest(report);
+  if (const std::string more = not_told_by_log(report); !more.empty())
+    detail += (detail.empty() ? "" : "; ") + more;
   return {std::string(archive::verdict_name(report.verdict)), status != kDone && status != kNoAnswer, told,
-          gravest(report)};
+          std::move(detail)};
 }
 
 void VerifiedCases::add(const fleet::Verification& entered) {

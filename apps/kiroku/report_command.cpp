@@ -83,6 +83,7 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
          crypto::sha256(read_small_file(*request.witnesses, "the policy of witnesses"))});
   }
   if (judged.log) given.log.push_back({judged.log->string(), {}});
+  given.against = report::given_notes(judged.against);
   for (const std::string& file : request.identities)
     given.identities.push_back({fs::path(file).filename().string(), {}});
   return given;

@@ -117,7 +117,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   if (trust.has_trusted()) options.trust = &trust;
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
-  options.against = notes(defaults);
+  options.against = judged.against = notes(defaults);
   options.log_proof = log_proof_;
   if (witnesses_) options.witnesses = &*witnesses_;
   if (request_.evidence) options.evidence = *request_.evidence;

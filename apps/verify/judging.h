@@ -41,6 +41,7 @@ struct Judged {
   std::vector<crypto::VerifierKey> devices;
   std::vector<std::filesystem::path> roots, own_roots;
   std::optional<std::filesystem::path> log;
+  std::vector<archive::OutsideNote> against;
 
   /// As the policy of witnesses asks, where one was given.
   [[nodiscard]] bool is_witnessed() const {

@@ -7,6 +7,7 @@
 
 #include "archive/format/case_layout.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "evidence/hash_tree.h"
 
 namespace kiroku::archive {
@@ -421,18 +422,20 @@ void check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verifi
                             const VerifyOptions& options, FindingList& findings, VerificationReport& out) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
-  const std::optional<EvidenceReport> report =
+  std::optional<EvidenceReport> report =
       judge_record_beside(folder, verified, options, judged, [&](const evidence::EvidenceRecord& record) {
         return judge_excerpt_evidence(folder, data, record,
                                       {.trust = options.trust, .policy = &policy_of(options), .now = now});
       });
+  if (report) report->resealed = data.resealed;
   const bool holds = report && report->holds;
   if (holds) {
+    std::string what = "the checkpoint over " + std::to_string(report->entries) + " entries and " +
+                       std::to_string(report->files) + " files of this excerpt";
+    if (data.resealed > 0)
+      what += " (not its " + counted(data.resealed, "segment", "segments") + " sealed anew)";
     findings.add("evidence-holds", {report->file},
-                 "the evidence record " + report->file + " " +
-                     words_of_holding(*report, "the checkpoint over " + std::to_string(report->entries) +
-                                                   " entries and " + std::to_string(report->files) +
-                                                   " files of this excerpt"));
+                 "the evidence record " + report->file + " " + words_of_holding(*report, what));
   } else if (report) {
     report_not_holding(*report, "excerpt", options, findings);
   }

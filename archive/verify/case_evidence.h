@@ -70,6 +70,7 @@ void take_log_findings(FindingList& of_log, const VerifyOptions& options, Findin
 struct ExcerptData {
   std::uint64_t size = 0;        // its lines lead to the note of this size
   std::vector<NamedFile> files;  // notes, tokens and segments that lie in it as they lie in the case
+  std::uint64_t resealed = 0;    // segments that do not: they were sealed anew for a reader
 };
 /// Of an excerpt the record proves the checkpoint to which the lines lead, and the files. Whether it covers
 /// the ledger's lines as such an excerpt does not show. Errors as above.

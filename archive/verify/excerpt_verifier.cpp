@@ -376,7 +376,7 @@ class ExcerptVerification {
 
   /// What lies here as it lies in the case: a re-keyed segment does not.
   [[nodiscard]] ExcerptData shown_data() const {
-    ExcerptData data{document_.size, {}};
+    ExcerptData data{document_.size, {}, 0};
     for (const std::uint64_t size : note_sizes(listing_)) {
       if (size > 0 && size <= document_.size) data.files.push_back({note_path(size), size - 1, {}});
     }
@@ -384,10 +384,11 @@ class ExcerptVerification {
       if (token_of_path(file.path)) data.files.push_back({file.path, document_.size - 1, {}});
     }
     for (const NamedFile& segment : selected_segments_) {
-      if (present_.contains(segment.file) &&
-          !present_.contains(segment.file + std::string(kOriginalHeaderSuffix))) {
+      if (!present_.contains(segment.file)) continue;
+      if (present_.contains(segment.file + std::string(kOriginalHeaderSuffix)))
+        ++data.resealed;
+      else
         data.files.push_back(segment);
-      }
     }
     return data;
   }

@@ -133,6 +133,7 @@ struct EvidenceReport {
   std::vector<EvidenceLink> links;       // the time-stamps, in their order; none where it does not hold
   std::vector<std::string> hashes;       // of its chains
   std::uint64_t entries = 0, files = 0;  // that it covers
+  std::uint64_t resealed = 0;            // segments of an excerpt that were sealed anew: it covers none
   std::string refusal;                   // why it does not hold
   bool could_not_check = false;          // it was not refused: something is missing to tell
 };

@@ -107,6 +107,7 @@ ordered_json evidence_json(const EvidenceReport& evidence) {
           {"hashes", evidence.hashes},
           {"entries", evidence.entries},
           {"files", evidence.files},
+          {"resealed", evidence.resealed},
           {"refusal", or_null(evidence.refusal)},
           {"could_not_check", evidence.could_not_check}};
 }

@@ -619,6 +619,7 @@ TEST_F(ExcerptEvidence, ARecordThatLacksASegmentOfItIsRefused) {
 
 TEST_F(ExcerptEvidence, OfAReKeyedOneTheRecordProvesTheCheckpoint) {
   const std::uint64_t with_segment = judged().evidence->files;
+  EXPECT_EQ(judged().evidence->resealed, 0U);
   archive::ExcerptOptions options;
   options.identities = &archive_.identities();
   options.recipients = archive_.recipients();
@@ -627,6 +628,10 @@ TEST_F(ExcerptEvidence, OfAReKeyedOneTheRecordProvesTheCheckpoint) {
   ASSERT_TRUE(report.evidence);
   EXPECT_TRUE(report.evidence->holds) << report.evidence->refusal;
   EXPECT_EQ(report.evidence->files + 1, with_segment);
+  EXPECT_EQ(report.evidence->resealed, 1U);
+  const auto told = std::ranges::find(report.findings, "evidence-holds", &archive::Finding::code);
+  ASSERT_NE(told, report.findings.end());
+  EXPECT_THAT(told->text, testing::HasSubstr("(not its 1 segment sealed anew)"));
 }
 
 }  // namespace

@@ -62,6 +62,7 @@ report::ReportInput verify(const Request& request, const ViewerContext& context)
     input.given.own_roots = {{"own-authority.pem", {}}};
   }
   input.given.log = {{home.log_folder.string(), {}}};
+  input.given.against = report::given_notes(options.against);
   if (options.witnesses != nullptr) input.given.witnesses = {{"witnesses.txt", {}}};
   input.consents = stated_consents(home, input.verification.case_id);
   input.author = request.session->user();

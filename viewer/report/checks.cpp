@@ -212,6 +212,13 @@ std::string answer_words(Language language, Answer answer) {
   return say(language, "answer.no");
 }
 
+std::vector<GivenFile> given_notes(const std::vector<archive::OutsideNote>& notes) {
+  std::vector<GivenFile> given;
+  for (const archive::OutsideNote& note : notes)
+    given.push_back({note.name, crypto::sha256(bytes_of(note.text))});
+  return given;
+}
+
 std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verification, const Given& given,
                                        bool excerpt) {
   std::vector<CheckAnswer> answers;

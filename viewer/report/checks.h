@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "archive/verify/report.h"
+#include "archive/verify/verify_options.h"
 #include "crypto/hash.h"
 #include "viewer/report/document.h"
 #include "viewer/report/language.h"
@@ -38,7 +39,10 @@ struct Given {
   std::vector<GivenFile> own_roots;         // of the recorder's own authority
   std::vector<GivenFile> evidence, policy;  // one at most: the record that had to hold, the algorithms' ends
   std::vector<GivenFile> proof, witnesses;  // likewise: a proof from the log, a policy of witnesses
+  std::vector<GivenFile> against;           // notes that somebody kept elsewhere
 };
+/// By name and hash.
+std::vector<GivenFile> given_notes(const std::vector<archive::OutsideNote>& notes);
 
 /// How the question stands. `notes` counts the findings of it that change nothing.
 struct CheckAnswer {

@@ -129,6 +129,9 @@ std::string evidence_sentence(const ReportInput& input) {
   // What no outside clock stands behind is said by somebody, and not proved.
   const bool proved = evidence.outside;
   if (input.verification.excerpt) {
+    if (evidence.resealed > 0)
+      return proved ? words("evidence.holds.resealed", {since, chain})
+                    : words("evidence.self-issued", {words("evidence.says.resealed", {since, chain})});
     return proved ? words("evidence.holds.excerpt", {since, chain})
                   : words("evidence.self-issued", {words("evidence.says.excerpt", {since, chain})});
   }

@@ -33,6 +33,7 @@ void ReportMaker::add_evidence() {
     paragraph(words("evidence.later", {grouped(found_.entries - evidence.entries)}));
   }
   if (found_.excerpt) paragraph(words("evidence.excerpt"));
+  if (evidence.resealed > 0) paragraph(words("evidence.resealed", {grouped(evidence.resealed)}));
   paragraph(words("evidence.not-proved"));
   paragraph(evidence.ends ? words("evidence.ends", {utc_time(*evidence.ends)}) : words("evidence.endless"));
 }

@@ -81,9 +81,12 @@ void ReportMaker::add_repeating() {
   heading("heading.repeat");
   const CaseFacts& facts = in_.facts;
   const std::string name = document_.identifier.empty() ? "CASE" : document_.identifier;
+  std::string against;
+  for (std::size_t i = 0; i < in_.given.against.size(); ++i) against += " --against NOTE";
   const Listing verify{{"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub " +
                         (found_.time == archive::TimeProof::kSelfIssued ? "--own-authority OWN-AUTHORITY.pem"
                                                                         : "--trust ROOTS.pem") +
+                        (in_.given.log.empty() ? "" : " --log LOG") + against +
                         (in_.given.evidence.empty() ? "" : " --evidence RECORD.ers") +
                         (in_.given.policy.empty() ? "" : " --policy POLICY.toml") +
                         (in_.given.proof.empty() ? "" : " --proof CASE.tlog-proof") +
@@ -147,6 +150,7 @@ std::string ReportMaker::given_words() const {
   list("given.roots", in_.given.roots);
   list("given.own-roots", in_.given.own_roots);
   list("given.log", in_.given.log);
+  list("given.against", in_.given.against);
   list("given.evidence", in_.given.evidence);
   list("given.policy", in_.given.policy);
   list("given.proof", in_.given.proof);

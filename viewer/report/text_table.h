@@ -402,6 +402,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "台帳の全 {3} 項目のうち最初の {2} 項目が {0} から存在したことが、{1}により証明されています。"},
     {"evidence.holds.excerpt", "The checkpoint of this excerpt and its files are proved since {0} by {1}.",
      "この抜粋のチェックポイントとファイルが {0} から存在したことが、{1}により証明されています。"},
+    {"evidence.holds.resealed",
+     "The checkpoint of this excerpt is proved since {0} by {1}, with those of its files that nobody sealed "
+     "anew.",
+     "この抜粋のチェックポイントと、再封印されていないファイルが {0} "
+     "から存在したことが、{1}により証明されています。"},
     {"evidence.says", "By the recorder's own word all {2} ledger entries existed at {0}: {1}.",
      "記録装置自身の申告では、台帳の全 {2} 項目が {0} に存在しました：{1}。"},
     {"evidence.says.part",
@@ -410,6 +415,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"evidence.says.excerpt",
      "By the recorder's own word the checkpoint of this excerpt and its files existed at {0}: {1}.",
      "記録装置自身の申告では、この抜粋のチェックポイントとファイルが {0} に存在しました：{1}。"},
+    {"evidence.says.resealed",
+     "By the recorder's own word the checkpoint of this excerpt existed at {0}, with those of its files that "
+     "nobody sealed anew: {1}.",
+     "記録装置自身の申告では、この抜粋のチェックポイントと、再封印されていないファイルが {0} "
+     "に存在しました：{1}。"},
     {"evidence.one", "one time stamp", "1個のタイムスタンプ"},
     {"evidence.chain", "a chain of {0} time stamps, the newest of {1}",
      "{0}個のタイムスタンプの連鎖（最新は {1}）"},
@@ -445,6 +455,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "covers the other lines and files as the case has them, an excerpt does not show.",
      "この抜粋の行は SHA-256 によりそのチェックポイントに結び付きます。証拠記録は症例全体を対象とします。"
      "抜粋以外の行とファイルについては、抜粋からは確かめられません。"},
+    {"evidence.resealed",
+     "{0} segments were sealed anew for a reader of this excerpt. The record covers their lines in the "
+     "ledger, which state the hash of the original seal, and not the new seal.",
+     "この抜粋の {0} "
+     "個の区間は、読者のために再封印されました。証拠記録の対象は、元の封印のハッシュを記した台帳の行であり、"
+     "新しい封印ではありません。"},
     {"evidence.not-proved",
      "It proves that this data existed then and has not changed since. It does not prove when before that it "
      "was "
@@ -725,6 +741,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"given.roots", "trusted time-stamping roots: {0}", "信頼する時刻認証ルート：{0}"},
     {"given.own-roots", "roots of the recorder's own authority: {0}", "装置内蔵の時刻認証局のルート：{0}"},
     {"given.log", "appliance log: {0}", "装置ログ：{0}"},
+    {"given.against", "checkpoints kept elsewhere: {0}", "別に保管されたチェックポイント：{0}"},
     {"given.evidence", "evidence record that had to hold: {0}", "成り立つべき証拠記録：{0}"},
     {"given.policy", "until when algorithms count: {0}", "アルゴリズムの有効期限：{0}"},
     {"given.proof", "proof from the appliance log: {0}", "装置ログの証明：{0}"},

@@ -212,13 +212,14 @@ def _is_segment(entry):
 
 
 def _wanted_of(stream, entries, shown, document):
-    """The segments of a stream in the excerpt's time. That one outside of the part reaches into the next, which no sound case has, the part does not show."""
+    """The segments of a stream in the excerpt's time. What no sound case has of one outside of the part, the part does not show: that it reaches into the
+    next, or begins at its end or later."""
     segments = [e for e in entries if _is_segment(e) and e["stream"] == stream]
     for number, entry in enumerate(segments):
-        end = entry["end_ns"]
-        if entry not in shown and number + 1 < len(segments):
-            end = min(end, segments[number + 1]["start_ns"])
-        if entry["start_ns"] < document["to_ns"] and document["from_ns"] < max(end, entry["start_ns"] + 1):
+        end = max(entry["end_ns"], entry["start_ns"] + 1)
+        if entry not in shown:
+            end = min(entry["end_ns"], segments[number + 1]["start_ns"] if number + 1 < len(segments) else entry["end_ns"])
+        if entry["start_ns"] < document["to_ns"] and document["from_ns"] < end:
             yield entry
 
 

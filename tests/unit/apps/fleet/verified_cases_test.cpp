@@ -37,6 +37,26 @@ TEST(VerifiedCases, AnAlarmSaysThatACaseIsNotIntact) {
         << archive::verdict_name(verdict);
 }
 
+TEST(VerifiedCases, ALogThatEndsBeforeTheCaseIsTold) {
+  archive::VerificationReport report = report_of(Verdict::kIntact, Severity::kNote);
+  report.close_entry = 9;
+  EXPECT_EQ(verification_of(report).detail, "");  // no log was compared
+  report.in_log = {.opening = true, .end = true, .entries = 10};
+  EXPECT_EQ(verification_of(report).detail, "");
+  report.in_log = {.opening = true, .end = false, .entries = 4};
+  EXPECT_EQ(verification_of(report).detail, "the appliance log knows no end of the case yet");
+  EXPECT_FALSE(verification_of(report).alarm);
+  // An end of another history is none of this one.
+  report.in_log = {.opening = true, .end = true, .entries = 9};
+  EXPECT_EQ(verification_of(report).detail, "the appliance log knows no end of the case yet");
+  report.findings.push_back({"worst", Severity::kTampered, {}, {}, {}, "segment 3 is not there"});
+  EXPECT_EQ(verification_of(report).detail,
+            "segment 3 is not there; the appliance log knows no end of the case yet");
+  // Whoever left no end in the case waits for none in the log.
+  report.close_entry.reset();
+  EXPECT_EQ(verification_of(report).detail, "segment 3 is not there");
+}
+
 TEST(VerifiedCases, WhatCouldNotBeProvenIsAnAnswerOfItsOwn) {
   const VerifiedCases whole = cases_of({Verdict::kIntact, Verdict::kIntactWithGaps});
   EXPECT_EQ(whole.status(), 0);

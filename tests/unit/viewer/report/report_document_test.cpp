@@ -439,9 +439,22 @@ TEST_F(ReportDocument, SaysYesToNothingThatRestsOnAnAlgorithmThatEnded) {
   EXPECT_THAT(text, Not(HasSubstr(": ✓ Yes]")));
   EXPECT_THAT(text, HasSubstr("By the policy given, an algorithm on which the case rests counts no more"));
   // Whoever repeats the check without them is told otherwise.
-  EXPECT_THAT(text, HasSubstr(".pem --evidence RECORD.ers --policy POLICY.toml"));
+  EXPECT_THAT(text, HasSubstr(".pem --log LOG --evidence RECORD.ers --policy POLICY.toml"));
   EXPECT_THAT(text, HasSubstr("until when algorithms count: policy.toml (SHA-256 "));
   EXPECT_THAT(text, HasSubstr("evidence record that had to hold: case.ers (SHA-256 "));
+}
+
+TEST_F(ReportDocument, SaysWhatTheLogAndCheckpointsKeptElsewhereWereOfWhichItSpeaks) {
+  ReportInput in = input();
+  in.given.log.clear();
+  EXPECT_THAT(test::text_of(make_report(in)), Not(AnyOf(HasSubstr("--log"), HasSubstr("--against"))));
+  in.given.log = {{"log", {}}};
+  in.given.against = given_notes({{"kept.note", "a"}, {"other.note", "b"}});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr(".pem --log LOG --against NOTE --against NOTE"));
+  EXPECT_THAT(text,
+              HasSubstr("checkpoints kept elsewhere: kept.note (SHA-256 ca978112ca1bbdcafac231b39a23dc4d"));
+  EXPECT_THAT(text, HasSubstr("other.note (SHA-256 3e23e8160039594a33894f6564e1b134"));
 }
 
 TEST_F(ReportDocument, OfATamperedCaseNamesPlaceAndMeaning) {
