@@ -17,6 +17,11 @@ bool ConsentConfiguration::knows(const std::string& purpose) const {
 
 std::string ConsentConfiguration::known() const { return joined(purposes); }
 
+bool ConsentConfiguration::has_rules_of(const ConsentConfiguration& other) const {
+  return purposes == other.purposes && demand_purpose == other.demand_purpose &&
+         erase_when_withdrawn == other.erase_when_withdrawn;
+}
+
 ConsentConfiguration parse_consent_configuration(std::string_view text, const std::string& name_for_errors) {
   ConsentConfiguration consent;
   try {
@@ -34,6 +39,7 @@ ConsentConfiguration parse_consent_configuration(std::string_view text, const st
 void read_consent(TableReader& top, ConsentConfiguration& into) {
   const toml::table* table = top.table("consent");
   if (table == nullptr) return;
+  into.is_stated = true;
   TableReader reader(*table, "[consent]", top.file());
   reader.texts("purposes", [&](const std::vector<std::string>& purposes) {
     if (purposes.empty() || purposes.size() > archive::kMaximumPurposes)

@@ -17,10 +17,13 @@ struct ConsentConfiguration {
   bool demand_purpose = false;
   /// Purposes whose withdrawn consent makes a case due for erasure.
   std::vector<std::string> erase_when_withdrawn;
+  bool is_stated = false;  // the file has the section
 
   [[nodiscard]] bool knows(const std::string& purpose) const;
   /// "teaching, research", for sentences.
   [[nodiscard]] std::string known() const;
+  /// Nothing comes out otherwise by the other's rules.
+  [[nodiscard]] bool has_rules_of(const ConsentConfiguration& other) const;
 };
 
 /// [consent] of the text of kiroku.toml, whose other sections are not looked at; the defaults where there is

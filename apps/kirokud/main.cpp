@@ -18,11 +18,13 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
+#include "apps/configuration/consent_configuration.h"
 #include "apps/configuration/viewer_configuration.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
+#include "apps/kiroku/standing_consents.h"
 #include "apps/kirokud/descriptor_watch.h"
 #include "apps/kirokud/end_signals.h"
 #include "apps/kirokud/late_stamper.h"
@@ -87,6 +89,7 @@ Home home_of(const Request& request) {
 struct DaemonSetup {
   Configuration recorder;
   ViewerConfiguration viewer;
+  ConsentConfiguration consent;
 };
 
 DaemonSetup read_configuration(const std::filesystem::path& file) {
@@ -97,7 +100,8 @@ DaemonSetup read_configuration(const std::filesystem::path& file) {
                      " names no [[room]], so that there is nothing to record: see the example in the "
                      "file that `kiroku init` wrote, or deploy/kiroku.toml");
   }
-  return {std::move(configuration), parse_viewer_configuration(text_of(text), file.string())};
+  return {std::move(configuration), parse_viewer_configuration(text_of(text), file.string()),
+          parse_consent_configuration(text_of(text), file.string())};
 }
 
 /// Whether the program's file was replaced by a newer one: a package was upgraded.
@@ -130,6 +134,14 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
   }
 }
 
+/// What a patient consented to binds every program of the home, which read the home's own file.
+void require_consent_of_home(const Home& home, const std::filesystem::path& file,
+                             const ConsentConfiguration& stated) {
+  if (!stated.is_stated || stated.has_rules_of(consent_configuration(home))) return;
+  throw UsageError(file.string() + ": [consent] is read from " + home.configuration_file().string() +
+                   " alone, where it says something else: put it there");
+}
+
 /// Of an address where HL7 messages are waited for: throws kiroku::UsageError where nothing says who may
 /// send.
 void check_senders(const std::string& source) {
@@ -156,6 +168,7 @@ int run(const Request& request) {
       request.configuration ? std::filesystem::path(*request.configuration) : home.configuration_file();
   const DaemonSetup setup = read_configuration(file);
   const Configuration& configuration = setup.recorder;
+  require_consent_of_home(home, file, setup.consent);
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});

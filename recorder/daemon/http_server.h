@@ -7,8 +7,8 @@
 //   is
 //                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
 //
-// An address that gave wrong tokens only waits ever longer before it may try again (429), unless the right
-// one came from there before: nobody can shut the hook to the program that uses it.
+// Whoever gives wrong tokens waits ever longer before another is looked at (429). The right one is always
+// taken: nobody can shut the hook to the program that uses it.
 #pragma once
 
 #include <cstdint>

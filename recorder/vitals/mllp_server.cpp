@@ -13,7 +13,9 @@
 #include "base/connection_places.h"
 #include "base/error.h"
 #include "base/listen_address.h"
+#include "base/network_address.h"
 #include "base/tally.h"
+#include "recorder/vitals/handshake_pace.h"
 #include "recorder/vitals/mllp_framing.h"
 
 namespace kiroku::recorder {
@@ -71,21 +73,8 @@ struct Shared {
   Tally strangers{};                       // complaints of peers who delivered nothing, by name and address
   Tally senders{kMostTallied, kToldEach};  // and of all others
   std::atomic<std::uint64_t> refused = 0;
-  AttemptGuard handshakes{options.handshakes};
-  std::set<std::string> monitors{};  // addresses that delivered a message, the first ones
+  HandshakePace handshakes{options.handshakes, options.handshakes_of_network};
   std::set<std::shared_ptr<Connection>> connections{};
-
-  [[nodiscard]] bool must_wait(const std::string& holder) const {
-    return !monitors.contains(holder) &&
-           handshakes.wait(holder, AttemptGuard::Clock::now()) > std::chrono::seconds(0);
-  }
-  void note_end(const std::string& holder, bool delivered) {
-    if (!delivered) handshakes.failed(holder, AttemptGuard::Clock::now());
-  }
-  void note_message(const std::string& holder) {
-    handshakes.succeeded(holder);
-    if (monitors.size() < kMostTallied) monitors.insert(holder);
-  }
 
   void complain_of_stranger(const std::string& name, const std::string& text, const std::string& peer) {
     complain(strangers, 1, name, text, peer);
@@ -142,7 +131,8 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
     limit_.cancel();
     again_.cancel();
     socket_of(stream_).close(ignored);
-    if (std::is_same_v<Stream, TlsStream> && place_) shared_.note_end(address_holder(peer_), delivered_);
+    if (std::is_same_v<Stream, TlsStream> && place_ && !delivered_)
+      shared_.handshakes.note_failure(peer_, AttemptGuard::Clock::now());
     place_.reset();
     shared_.connections.erase(this->shared_from_this());
   }
@@ -217,7 +207,7 @@ class StreamConnection : public Connection, public std::enable_shared_from_this<
       answer = shared_.taker(offered_, peer_);
       framed_ = framed_ || answer;
       if (answer && answer->is_to_sender) {
-        if (!delivered_) shared_.note_message(address_holder(peer_));
+        if (!delivered_) shared_.handshakes.note_message(peer_);
         delivered_ = true;
         if (place_) place_->note(ConnectionPlaces::Standing::kSpoken);
       }
@@ -380,7 +370,7 @@ struct MllpServer::State {
                                   "a connection was refused: this address may not send here", peer);
       return;
     }
-    if (tls && shared.must_wait(address_holder(peer))) {
+    if (tls && shared.handshakes.must_wait(peer, AttemptGuard::Clock::now())) {
       ++shared.refused;
       shared.complain_of_stranger(
           "connection-refused",

@@ -80,7 +80,9 @@ class PeopleAttack : public testing::Test {
     std::string text;
     Response response;
   };
-  void ask(Browser& browser, const std::string& method, const std::string& path, const json& body = {}) {
+  /// `meanwhile`: after the head was judged, while the body comes.
+  void ask(Browser& browser, const std::string& method, const std::string& path, const json& body = {},
+           const std::function<void()>& meanwhile = {}) {
     RequestHead head{method, path, "192.0.2.7", {{"host", "or-3"}}};
     if (!browser.token.empty()) head.headers["cookie"] = std::string(kSessionCookie) + "=" + browser.token;
     if (method != "GET") {
@@ -88,6 +90,7 @@ class PeopleAttack : public testing::Test {
       head.headers["content-type"] = "application/json";
     }
     Dispatcher::Admission admission = dispatcher.admit(std::move(head));
+    if (meanwhile) meanwhile();
     if (method != "GET") admission.request.body = body.is_null() ? "{}" : body.dump();
     Response response = admission.refusal ? std::move(*admission.refusal) : dispatcher.answer(admission);
     while (response.costly) response = response.costly->work();
@@ -416,6 +419,39 @@ TEST_F(PeopleAttack, TheLastAdministratorStays) {
   EXPECT_THROW(context.users().set_role("anna", Role::kSurgeon), UsageError);
   EXPECT_THROW(context.users().remove("anna"), UsageError);
   EXPECT_EQ(role_of("anna"), Role::kAdministrator);
+}
+
+TEST_F(PeopleAttack, WhoIsRemovedWhileTheirRequestComesDoesNothing) {
+  struct Deed {
+    const char* path;
+    json body;
+  };
+  const std::vector<Deed> deeds{
+      {"/api/users", {{"user", "ghost"}, {"password", kPassword}, {"role", "administrator"}}},
+      {"/api/users/anna/password", json::object()},
+      {"/api/users/anna/role", {{"role", "operator"}}},
+      {"/api/users/sato/role", {{"role", "administrator"}}}};
+  for (const Deed& deed : deeds) {
+    for (const bool is_removed_by_hand : {false, true}) {
+      context.users().add("mallory", Role::kAdministrator, crypto::Secret(kPassword));
+      Browser mallory = sign_in("mallory");
+      ask(mallory, "POST", deed.path, deed.body, [&] {
+        if (is_removed_by_hand) {
+          // As 'kiroku users' does, of which sessions hear later.
+          context.users().remove("mallory");
+          return;
+        }
+        Browser anna = sign_in("anna");
+        ask(anna, "DELETE", "/api/users/mallory");
+        EXPECT_EQ(anna.status, 204);
+      });
+      EXPECT_EQ(mallory.status, 401) << deed.path << ": " << mallory.text;
+    }
+  }
+  EXPECT_FALSE(context.users().find("ghost"));
+  EXPECT_EQ(role_of("anna"), Role::kAdministrator);
+  EXPECT_NE(role_of("sato"), Role::kAdministrator);
+  EXPECT_EQ(sign_in("anna").status, 200) << "whose password is as it was";
 }
 
 TEST_F(PeopleAttack, TwoAdministratorsDoNotDemoteEachOther) {

@@ -264,5 +264,15 @@ TEST_F(Daemon, ChecksItsConfiguration) {
               HasSubstr("names no [[room]]"));
 }
 
+TEST_F(Daemon, ReadsNoConsentThatOtherProgramsOfTheHomeDoNotRead) {
+  const std::string own = read_text(home() / "kiroku.toml");
+  write_text(path("other.toml"), own + "\n[consent]\ndemand_purpose = true\n");
+  const ProcessResult refused = run_process(kirokud({"--check", "--config", path("other.toml")}));
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, HasSubstr("other.toml: [consent] is read from "));
+  write_text(home() / "kiroku.toml", own + "\n[consent]\ndemand_purpose = true\n");
+  EXPECT_EQ(run_process(kirokud({"--check", "--config", path("other.toml")})).status, 0);
+}
+
 }  // namespace
 }  // namespace kiroku::test

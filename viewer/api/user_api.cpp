@@ -1,3 +1,5 @@
+#include <mutex>
+
 #include <nlohmann/json.hpp>
 
 #include "base/json_or_null.h"
@@ -27,6 +29,23 @@ Response list_users(ViewerContext& context) {
   return Response::json({{"users", std::move(users)}});
 }
 
+/// While it lives nobody else is added, changed or removed, and whoever asked was an administrator when it
+/// began: a removal either comes after the whole deed, or before it and refuses it.
+class UserDeed {
+ public:
+  /// Refusal 401.
+  UserDeed(ViewerContext& context, const Request& request) : lock_(context.user_deeds()) {
+    const Session& session = *request.session;
+    const std::optional<User> user = context.users().find(session.user());
+    // 'kiroku users' changes the list, too, and sessions hear of it later.
+    const bool is_void = session.credential() && (!user || user->changed != session.credential());
+    if (session.has_ended() || is_void) throw Refusal(401, "the session has ended");
+  }
+
+ private:
+  const std::lock_guard<std::mutex> lock_;
+};
+
 /// Nobody raises themselves, and no administrator is lost by mistake.
 [[noreturn]] void refuse_own_role() {
   throw Refusal(409, "nobody changes their own role: ask another administrator");
@@ -35,6 +54,7 @@ Response list_users(ViewerContext& context) {
 /// Adds one, or gives one who is there another password or role; then whoever has signed in under the name
 /// must do so anew.
 Response put_user(ViewerContext& context, const Request& request) {
+  const UserDeed deed(context, request);
   json asked = request.json();
   const std::string name = take_text(asked, "user");
   const crypto::Secret password = take_secret(asked, "password");
@@ -65,6 +85,7 @@ User user_of(ViewerContext& context, const std::string& name) {
 }
 
 Response change_role(ViewerContext& context, const Request& request) {
+  const UserDeed deed(context, request);
   const std::string& name = request.parameter("user");
   const std::optional<Role> role = parse_role(take_text(request.json(), "role"));
   if (!role) throw Refusal(400, "a role is operator, surgeon, auditor or administrator");
@@ -80,6 +101,7 @@ Response change_role(ViewerContext& context, const Request& request) {
 
 /// Told once, to the administrator alone, who hands it on; whoever signs in with it must choose another.
 Response reset_password(ViewerContext& context, const Request& request) {
+  const UserDeed deed(context, request);
   const std::string& name = request.parameter("user");
   if (name == request.session->user()) {
     throw Refusal(409, "nobody resets their own password: choose a new one with the one of now");
@@ -94,6 +116,7 @@ Response reset_password(ViewerContext& context, const Request& request) {
 }
 
 Response remove_user(ViewerContext& context, const Request& request) {
+  const UserDeed deed(context, request);
   const std::string& name = request.parameter("user");
   if (name == request.session->user()) throw Refusal(409, "nobody removes themselves");
   if (!context.users().find(name)) throw Refusal(404, "there is no user " + name);

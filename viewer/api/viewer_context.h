@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -76,6 +77,8 @@ class ViewerContext {
   [[nodiscard]] const ViewerHome& home() const { return home_; }
   [[nodiscard]] SessionStore& sessions() { return sessions_; }
   [[nodiscard]] UserStore& users() { return *users_; }
+  /// Locked by whoever changes the list of users for a person.
+  [[nodiscard]] std::mutex& user_deeds() { return user_deeds_; }
   /// From where each user signed in before; devices.sqlite beside the list of users.
   [[nodiscard]] KnownDevices& devices() { return *devices_; }
   /// Failures of strangers; keys begin as json_fields.h has it.
@@ -134,6 +137,7 @@ class ViewerContext {
   Tell tell_;
   std::atomic<bool> closing_{false};
   SessionStore sessions_;
+  std::mutex user_deeds_;
   AttemptGuard attempts_;
   Invitations invitations_;
   std::unique_ptr<UserStore> users_;

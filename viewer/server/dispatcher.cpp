@@ -115,6 +115,12 @@ Response as_asked(const Request& request, Response response) {
   return response;
 }
 
+/// Who may act by a request's head may have been removed since: while the body came, or the work waited.
+void require_lasting(const Route& route, const Request& request) {
+  if (route.right != Right::kNone && request.session->has_ended())
+    throw Refusal(401, "the session has ended");
+}
+
 Response error_of(const Dispatcher::Failure& failure) {
   Response out = Response::error(failure.status, failure.sentence);
   if (failure.retry_after.count() == 0) return out;
@@ -227,15 +233,20 @@ void Dispatcher::tell_failures_of(StreamBody& stream, const Admission& admission
 Response Dispatcher::call(const Route& route, const Request& request) const {
   if (route.socket) return Response::error(426, "this address is a WebSocket").with("Upgrade", "websocket");
   Response response;
-  const auto failure = guarded(route, request, [&] { response = route.handler(request); });
+  const auto failure = guarded(route, request, [&] {
+    require_lasting(route, request);
+    response = route.handler(request);
+  });
   return failure ? error_of(*failure) : std::move(response);
 }
 
 std::optional<Response> Dispatcher::open_socket(const Admission& admission,
                                                 const std::shared_ptr<SocketOutput>& output,
                                                 std::unique_ptr<SocketHandler>& handler) const {
-  const auto failure = guarded(*admission.route, admission.request,
-                               [&] { handler = admission.route->socket(admission.request, output); });
+  const auto failure = guarded(*admission.route, admission.request, [&] {
+    require_lasting(*admission.route, admission.request);
+    handler = admission.route->socket(admission.request, output);
+  });
   return failure ? std::optional(refuse(failure->status, failure->sentence, failure->retry_after))
                  : std::nullopt;
 }
@@ -259,7 +270,10 @@ Response Dispatcher::finished(const Admission& admission, Response response) con
   if (response.costly) {
     response.costly->work = [this, &admission, work = std::move(response.costly->work)] {
       Response answered;
-      const auto failure = guarded(*admission.route, admission.request, [&] { answered = work(); });
+      const auto failure = guarded(*admission.route, admission.request, [&] {
+        require_lasting(*admission.route, admission.request);
+        answered = work();
+      });
       return finished(admission, failure ? error_of(*failure) : std::move(answered));
     };
     return response;

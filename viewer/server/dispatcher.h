@@ -65,7 +65,8 @@ class Dispatcher {
   };
   /// Judges a request by its head, so that a stranger's body is never read.
   [[nodiscard]] Admission admit(RequestHead head) const;
-  /// May block; never throws but std::bad_alloc. `admission.request.body` is the body. Where the response has
+  /// May block; never throws but std::bad_alloc. `admission.request.body` is the body. 401 where the session
+  /// ended since the head was judged, or before the costly work begins. Where the response has
   /// costly work, `admission` must outlive it; the work gives the answer and throws no more than this.
   [[nodiscard]] Response answer(const Admission& admission) const;
   /// Of a route that is a WebSocket: its handler, or why there is none. May block.

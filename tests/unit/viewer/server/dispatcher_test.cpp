@@ -195,6 +195,47 @@ TEST_F(DispatcherTest, TellsWhyAStreamBroke) {
   EXPECT_THAT(told, Contains(HasSubstr("the disk is gone")));
 }
 
+TEST_F(DispatcherTest, DoesNothingForASessionThatEndedAfterTheHead) {
+  int done = 0;
+  add("POST", "api/deed", Right::kManageUsers, [&done](const Request& /*request*/) {
+    ++done;
+    return Response::nothing();
+  });
+  add("POST", "api/costly", Right::kManageUsers, [&done](const Request& /*request*/) {
+    return Response::later({.work =
+                                [&done] {
+                                  ++done;
+                                  return Response::nothing();
+                                },
+                            .goes_first = true,
+                            .who = "anna"});
+  });
+  const auto admitted = [&](const std::string& target) {
+    Headers headers{{"host", "or-3:8443"}, {"cookie", signed_in(Role::kAdministrator)}};
+    headers.emplace("x-kiroku-request", "1");
+    auto admission = dispatcher.admit({"POST", target, "192.0.2.7", std::move(headers)});
+    EXPECT_FALSE(admission.refusal);
+    return admission;
+  };
+  auto lasting = admitted("/api/deed");
+  EXPECT_EQ(dispatcher.answer(lasting).status, 204);
+  EXPECT_EQ(done, 1);
+  auto slow = admitted("/api/deed");
+  slow.request.session->end();  // while its body came
+  EXPECT_EQ(dispatcher.answer(slow).status, 401);
+  EXPECT_EQ(done, 1);
+  auto waiting = admitted("/api/costly");
+  Response response = dispatcher.answer(waiting);
+  ASSERT_TRUE(response.costly);
+  waiting.request.session->end();  // while others' work was done
+  EXPECT_EQ(response.costly->work().status, 401);
+  EXPECT_EQ(done, 1);
+  // Whoever needs no session is answered as before.
+  auto stranger = admitted("/api/public");
+  stranger.request.session->end();
+  EXPECT_EQ(dispatcher.answer(stranger).status, 200);
+}
+
 TEST_F(DispatcherTest, GivesNoFileToASessionThatEndedWhileItWasMade) {
   add("GET", "api/made", Right::kListCases, [](const Request& request) {
     if (request.query_text("ends")) request.session->end();
