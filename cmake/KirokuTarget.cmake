@@ -137,6 +137,8 @@ function(kiroku_test_program target)
   kiroku_configure(${target})
   kiroku_use_support(${target} ${ARG_SUPPORT})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} kiroku_build_paths GTest::gmock GTest::gtest_main)
+  # A process a case: libraries that its files do not need would be loaded thousands of times.
+  target_link_options(${target} PRIVATE -Wl,--as-needed)
   # Who opens sources or shows cases starts the decoder in its box.
   if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|procedure|daemon|playback|viewer|compare|live|commands)")
     add_dependencies(${target} kiroku-decoder)
@@ -156,8 +158,6 @@ function(kiroku_test_program target)
     list(TRANSFORM KIROKU_TEST_HEADERS PREPEND "SHELL:-include " OUTPUT_VARIABLE included)
     target_compile_options(${target} PRIVATE ${included})
   endif()
-  if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 120)
 endfunction()
 
 # kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED] [SHARDS count]): a GoogleTest program whose cases
@@ -175,6 +175,8 @@ function(kiroku_test target)
     set(optimised OPTIMISED)
   endif()
   kiroku_test_program(${target} ${optimised} SOURCES ${ARG_SOURCES} SUPPORT ${ARG_SUPPORT} LIBRARIES ${ARG_LIBRARIES})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
   endif()
   if(KIROKU_SANITIZE)
     # Instrumented programs take three to ten times as long; what hangs is found a little later.
