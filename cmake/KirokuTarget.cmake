@@ -128,21 +128,17 @@ set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_
 # The headers that most tests read: half of the time a test's compilation takes goes into them. GCC compiles them once (tests/support).
 set(KIROKU_TEST_HEADERS gmock/gmock.h gtest/gtest.h algorithm chrono filesystem fstream functional map memory optional string thread vector)
 
-# kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED] [SHARDS count]): a GoogleTest program whose cases
-# are found by CTest, or run in SHARDS processes where they share what is dear to make. SUPPORT names parts of tests/support. Labels:
-# - hostile: continuous integration runs it under the address sanitizer, too: it parses what strangers send;
-# - threads: continuous integration runs it under the thread sanitizer, too: it records or serves;
-# - unit, heavy: under the address sanitizer in the nightly run; unit-threads, heavy-threads: under the thread sanitizer there, too; heavy stands on
-#   simulation or codecs, which take long under both;
-# - attack, system;
-# - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
+# kiroku_test_program(NAME SOURCES... [SUPPORT names...] LIBRARIES... [OPTIMISED]): a GoogleTest program that CTest is not told of. SUPPORT names parts of
+# tests/support.
 # What is tested is optimised as its preset says; the tests' own code only where it computes much itself (OPTIMISED): it compiles in half of the time without.
-function(kiroku_test target)
-  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT;SHARDS" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
+function(kiroku_test_program target)
+  cmake_parse_arguments(ARG "OPTIMISED" "" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
   add_executable(${target} ${ARG_SOURCES})
   kiroku_configure(${target})
   kiroku_use_support(${target} ${ARG_SUPPORT})
   target_link_libraries(${target} PRIVATE ${ARG_LIBRARIES} kiroku_build_paths GTest::gmock GTest::gtest_main)
+  # A process a case: libraries that its files do not need would be loaded thousands of times.
+  target_link_options(${target} PRIVATE -Wl,--as-needed)
   # Who opens sources or shows cases starts the decoder in its box.
   if(ARG_LIBRARIES MATCHES "kiroku_(media|recorder|procedure|daemon|playback|viewer|compare|live|commands)")
     add_dependencies(${target} kiroku-decoder)
@@ -162,6 +158,23 @@ function(kiroku_test target)
     list(TRANSFORM KIROKU_TEST_HEADERS PREPEND "SHELL:-include " OUTPUT_VARIABLE included)
     target_compile_options(${target} PRIVATE ${included})
   endif()
+endfunction()
+
+# kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED] [SHARDS count]): a GoogleTest program whose cases
+# are found by CTest, or run in SHARDS processes where they share what is dear to make. The rest is as of kiroku_test_program(). Labels:
+# - hostile: continuous integration runs it under the address sanitizer, too: it parses what strangers send;
+# - threads: continuous integration runs it under the thread sanitizer, too: it records or serves;
+# - unit, heavy: under the address sanitizer in the nightly run; unit-threads, heavy-threads: under the thread sanitizer there, too; heavy stands on
+#   simulation or codecs, which take long under both;
+# - attack, system;
+# - optimised: not run under sanitizers, as what stands on codecs, OpenCV, Cairo or Beast has not been tried there.
+function(kiroku_test target)
+  cmake_parse_arguments(ARG "OPTIMISED" "LABEL;TIMEOUT;SHARDS" "SOURCES;SUPPORT;LIBRARIES" ${ARGN})
+  set(optimised "")
+  if(ARG_OPTIMISED)
+    set(optimised OPTIMISED)
+  endif()
+  kiroku_test_program(${target} ${optimised} SOURCES ${ARG_SOURCES} SUPPORT ${ARG_SUPPORT} LIBRARIES ${ARG_LIBRARIES})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()

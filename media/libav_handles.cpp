@@ -11,7 +11,6 @@ extern "C" {
 
 #include <libavcodec/avcodec.h>
 #include <libavcodec/bsf.h>
-#include <libavfilter/avfilter.h>
 #include <libavformat/avformat.h>
 #include <libavutil/dict.h>
 #include <libavutil/log.h>
@@ -27,8 +26,6 @@ void LibavDeleter::operator()(AVCodecContext* object) const noexcept { avcodec_f
 void LibavDeleter::operator()(AVCodecParameters* object) const noexcept { avcodec_parameters_free(&object); }
 void LibavDeleter::operator()(AVCodecParserContext* object) const noexcept { av_parser_close(object); }
 void LibavDeleter::operator()(AVDictionary* object) const noexcept { av_dict_free(&object); }
-void LibavDeleter::operator()(AVFilterGraph* object) const noexcept { avfilter_graph_free(&object); }
-void LibavDeleter::operator()(AVFilterInOut* object) const noexcept { avfilter_inout_free(&object); }
 void LibavDeleter::operator()(AVFrame* object) const noexcept { av_frame_free(&object); }
 void LibavDeleter::operator()(AVPacket* object) const noexcept { av_packet_free(&object); }
 void LibavDeleter::operator()(SwsContext* object) const noexcept { sws_freeContext(object); }

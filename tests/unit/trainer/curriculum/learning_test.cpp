@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/curriculum/simulated_study.h"
 
 namespace kiroku::trainer {
@@ -220,7 +221,7 @@ TEST(TrainingReport, SaysWhatIsSimulatedAndWhereAGroupIsTooSmall) {
 }
 
 TEST(SimulatedStudy, RunsFromSessionsToATest) {
-  OrganObject object = make_object(ObjectKind::kLiver, 900);
+  OrganObject object = made_object(ObjectKind::kLiver, 900);
   const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
   const ExclusionBody body(std::move(object), task);
   SimulatedStudy study;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/exclusion_run.h"
 #include "trainer/exclusion/simulated_trainee.h"
 
@@ -14,7 +15,7 @@ namespace {
 using sim::Vector3;
 
 ExclusionBody body_of(std::size_t vertices) {
-  OrganObject object = make_object(ObjectKind::kLiver, vertices);
+  OrganObject object = made_object(ObjectKind::kLiver, vertices);
   const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
   return ExclusionBody(std::move(object), task);
 }

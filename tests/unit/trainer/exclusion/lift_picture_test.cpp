@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "sim/render/colour_map.h"
+#include "tests/unit/trainer/made_object.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -21,7 +22,7 @@ std::ptrdiff_t yellow_pixels(const sim::Picture& picture) {
 }
 
 TEST(LiftPicture, ShowsMoreStressInItsColourTheLowerTheScaleEnds) {
-  const OrganObject object = make_object(ObjectKind::kLiver, 900);
+  const OrganObject& object = made_object(ObjectKind::kLiver, 900);
   const sim::ElasticBody body(object.mesh, object.materials, object.constraints);
   const sim::ContactBody contact(body);
   const ExclusionTask task = exclusion_task(ObjectKind::kLiver);

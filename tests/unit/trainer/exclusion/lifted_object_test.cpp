@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/unit/trainer/made_object.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -21,7 +22,7 @@ struct Made {
 };
 
 const Made& liver() {
-  static const Made kMade(make_object(ObjectKind::kLiver, 2500));
+  static const Made kMade(made_object(ObjectKind::kLiver, 2500));
   return kMade;
 }
 
@@ -40,7 +41,7 @@ TEST(LiftedObject, FingersThatLieTogetherLiftLessTissueWithLessForce) {
 
 TEST(LiftedObject, StressGathersWhereAStiffBronchusMeetsSoftTissue) {
   const ExclusionTask task = exclusion_task(ObjectKind::kLung);
-  OrganObject uniform = make_object(ObjectKind::kLung, 4000);
+  OrganObject uniform = made_object(ObjectKind::kLung, 4000);
   const Made stiff(uniform);
   for (auto& [region, material] : uniform.materials) material.young_modulus_pa = 0.1e6;
   const Made soft(uniform);

@@ -6,13 +6,14 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/unit/trainer/made_object.h"
 
 namespace kiroku::trainer {
 namespace {
 
 std::shared_ptr<const ExclusionBody> shared_body() {
   static const std::shared_ptr<const ExclusionBody> kBody = [] {
-    OrganObject object = make_object(ObjectKind::kLiver, 900);
+    OrganObject object = made_object(ObjectKind::kLiver, 900);
     ExclusionTask task = exclusion_task(ObjectKind::kLiver);
     task.hold_s = 0.3;
     return std::make_shared<const ExclusionBody>(std::move(object), task);

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/exclusion_run.h"
 
 namespace kiroku::trainer {
@@ -19,12 +20,16 @@ constexpr double kPeriod = 1e-3;
 
 const ExclusionBody& kept_body(std::size_t vertices) {
   const auto make = [](std::size_t count) {
-    OrganObject object = make_object(ObjectKind::kLiver, count);
+    OrganObject object = made_object(ObjectKind::kLiver, count);
     const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
     return ExclusionBody(std::move(object), task);
   };
-  static const ExclusionBody kCoarse = make(900), kFine = make(2000);
-  return vertices == 900 ? kCoarse : kFine;
+  if (vertices == 900) {
+    static const ExclusionBody kCoarse = make(900);
+    return kCoarse;
+  }
+  static const ExclusionBody kFine = make(2000);
+  return kFine;
 }
 
 sim::Camera camera() { return camera_of(kept_body(900).task(), 640, 480); }

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/exclusion_run.h"
 
 namespace kiroku::trainer {
@@ -24,7 +25,7 @@ TEST(PressCue, ComesInUpToTheLowerForceAndIsBlueThereAndRedAtTheHigherOne) {
 }
 
 TEST(PressCue, ColoursTissueAtTheFingersAndNoOther) {
-  const sim::TetMesh mesh = make_object(ObjectKind::kLiver, 2000).mesh;
+  const sim::TetMesh& mesh = made_object(ObjectKind::kLiver, 2000).mesh;
   std::vector<double> displacement_m(3 * mesh.nodes.size(), 0);
   constexpr sim::Rgb kPlain{90, 90, 90};
   HandForces::State hand;
@@ -70,7 +71,7 @@ int pixels_of(const sim::Picture& picture, std::size_t channel) {
 
 TEST(PressCue, IsInThePictureWhereItIsAskedForAndChangesNothingElse) {
   const ExclusionTask task = exclusion_task(ObjectKind::kLiver);
-  const ExclusionBody body(make_object(ObjectKind::kLiver, 900), task);
+  const ExclusionBody body(made_object(ObjectKind::kLiver, 900), task);
   HandMotion motion;
   motion.fingers = 2;
   const double touching_m = -half_thickness_m(ObjectKind::kLiver) - kFingertipMetres + 0.002;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/eventually.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/hand_forces.h"
 #include "trainer/exclusion/simulated_trainee.h"
 
@@ -97,7 +98,7 @@ TEST(HandShape, AWristThatNobodyTellsIsBehindTheFingertips) {
 }
 
 TEST(HandForces, OfAWholeHandTheWristBearsWhatPhalangesAndPalmFeel) {
-  const ExclusionBody body(make_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver));
+  const ExclusionBody body(made_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver));
   HandForces fingers(body, 2, Feedback::kFull), hand(body, 2, Feedback::kFull, Touch::kHand);
   const double below_m = -half_thickness_m(ObjectKind::kLiver);
   std::vector<Pose> poses(2);
@@ -138,7 +139,7 @@ TEST(HandForces, OfAWholeHandTheWristBearsWhatPhalangesAndPalmFeel) {
 
 /// As of a program at a UDP device that is restarted and speaks of no wrist any more.
 TEST(HandForces, AWristThatGoesAwayIsTakenToBeBehindTheFingertipsAgain) {
-  const ExclusionBody body(make_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver));
+  const ExclusionBody body(made_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver));
   HandForces hand(body, 2, Feedback::kFull, Touch::kHand);
   const std::vector<Pose> poses = tips(2, 0.2, -0.3);
   std::vector<Vector3> played_n(2);
@@ -163,7 +164,7 @@ TEST(SimulatedTrainee, ItsWholeHandComesFromWhereItsOwnerStands) {
     const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), lifts);  // about x
     task.lifts = lifts;
     task.under_border_m = turn * task.under_border_m;
-    OrganObject object = make_object(ObjectKind::kLiver, 900);
+    OrganObject object = made_object(ObjectKind::kLiver, 900);
     for (Vector3& node : object.mesh.nodes) node = turn * node;
     const ExclusionBody body(std::move(object), task);
     LiftPlan plan;

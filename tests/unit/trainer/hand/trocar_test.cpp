@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "tests/support/eventually.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/hand_forces.h"
 #include "trainer/exclusion/simulated_trainee.h"
 
@@ -347,7 +348,7 @@ TEST(Trocar, TrocarsOfATaskLieBeforeTheOrgan) {
 class InstrumentForcesOnAnOrgan : public testing::Test {
  protected:
   InstrumentForcesOnAnOrgan()
-      : body(make_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver)) {}
+      : body(made_object(ObjectKind::kLiver, 900), exclusion_task(ObjectKind::kLiver)) {}
 
   /// Lifts the border by 8 mm with the tips of two instruments.
   HandForces::State lift(HandForces& forces, InstrumentTip tip, std::vector<Vector3>& played_n) {

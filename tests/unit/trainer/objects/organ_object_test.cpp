@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <memory>
 #include <tuple>
 
 #include <gtest/gtest.h>
@@ -12,6 +13,7 @@
 #include "sim/contact/contact_body.h"
 #include "sim/mesh/mesh_check.h"
 #include "tests/support/calculix.h"
+#include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/exclusion_body.h"
 #include "trainer/exclusion/hand_forces.h"
 
@@ -42,7 +44,7 @@ std::vector<sim::ContactTool> tools_of(Manner manner) {
 
 struct Press {
   Press(ObjectKind kind, Manner manner)
-      : object(make_object(kind, 900)),
+      : object(made_object(kind, 900)),
         body(object.mesh, object.materials, object.constraints),
         contact(body),
         solver(contact.whole_surface(), tools_of(manner)) {
@@ -121,11 +123,21 @@ TEST(OrganObject, IsTheSameEachTime) {
   EXPECT_EQ(make_object(ObjectKind::kLung, 800).mesh.nodes, make_object(ObjectKind::kLung, 800).mesh.nodes);
 }
 
-class PressedObject : public testing::TestWithParam<std::tuple<ObjectKind, Manner>> {};
+/// What three tests look at, pressed once a process; CTest's shards have all three of one parameter in one
+/// process.
+class PressedObject : public testing::TestWithParam<std::tuple<ObjectKind, Manner>> {
+ protected:
+  static const Press& pressed() {
+    static std::map<std::tuple<ObjectKind, Manner>, std::unique_ptr<const Press>> made;
+    std::unique_ptr<const Press>& press = made[GetParam()];
+    if (!press) press = std::make_unique<const Press>(std::get<0>(GetParam()), std::get<1>(GetParam()));
+    return *press;
+  }
+};
 
 /// Eq. 6 with all that touches: force and torque about a wrist against the sum over the pressed nodes.
 TEST_P(PressedObject, TheWristBearsTheForcesOfAllNodes) {
-  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
+  const Press& press = pressed();
   const sim::ContactResult& result = press.solver.result();
   const Vector3 wrist_m(0, -0.12, -0.03);
   std::vector<Vector3> forces_n, torques_nm;
@@ -161,7 +173,7 @@ TEST_P(PressedObject, TheWristBearsTheForcesOfAllNodes) {
 }
 
 TEST_P(PressedObject, ForcesAreInEquilibriumWithTheFixedEnds) {
-  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
+  const Press& press = pressed();
   const sim::ContactResult& result = press.solver.result();
   EXPECT_GT(-result.wrist_force_n.z(), 0.5);  // the fingers push up, so they are pushed down
   const Eigen::VectorXd reaction_n = press.body.solve(press.force_n).reaction_force_n;
@@ -179,7 +191,7 @@ TEST_P(PressedObject, ForcesAreInEquilibriumWithTheFixedEnds) {
 
 TEST_P(PressedObject, AgreesWithCalculixInStressAndForce) {
   if (!test::has_ccx()) GTEST_SKIP() << "ccx is not installed";
-  const Press press(std::get<0>(GetParam()), std::get<1>(GetParam()));
+  const Press& press = pressed();
   const test::CalculixCase input{press.object.mesh, press.object.materials, press.object.constraints,
                                  press.force_n};
   const test::CalculixResult theirs = test::run_calculix(input, press.force_n);

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::viewer {
@@ -13,14 +15,26 @@ namespace {
 
 using testing::ElementsAre;
 
+/// Of salt and password, as scrypt; without its third of a second of a core.
+crypto::Secret quickly(const crypto::Secret& password, ByteView salt, int /*cost*/) {
+  const std::string key = crypto::to_hex(salt) + std::string(password.text());
+  return crypto::Secret::copy_of(std::string_view(crypto::to_hex(crypto::sha256(bytes_of(key)))));
+}
+
+/// What does not depend on how passwords are hashed.
 class Users : public testing::Test {
  protected:
   static crypto::Secret secret(std::string_view text) { return crypto::Secret::copy_of(text); }
   test::TemporaryFolder folder;
-  std::unique_ptr<UserStore> users = UserStore::open(folder / "users.sqlite");
+  std::unique_ptr<UserStore> users = UserStore::open(folder / "users.sqlite", quickly);
 };
 
-TEST_F(Users, SignInWithTheirPasswordAlone) {
+class UsersByScrypt : public Users {
+ protected:
+  UsersByScrypt() { users = UserStore::open(folder / "users.sqlite"); }
+};
+
+TEST_F(UsersByScrypt, SignInWithTheirPasswordAlone) {
   users->add("anna", Role::kSurgeon, secret("correct horse"));
   const auto anna = users->check("anna", secret("correct horse"));
   ASSERT_TRUE(anna);
@@ -31,7 +45,7 @@ TEST_F(Users, SignInWithTheirPasswordAlone) {
   EXPECT_FALSE(users->check("' OR 1=1 --", secret("correct horse")));
 }
 
-TEST_F(Users, AreInAFileThatOnlyItsOwnerReadsAndThatHoldsNoPassword) {
+TEST_F(UsersByScrypt, AreInAFileThatOnlyItsOwnerReadsAndThatHoldsNoPassword) {
   users->add("anna", Role::kSurgeon, secret("correct horse"));
   struct stat status {};
   ASSERT_EQ(::stat((folder / "users.sqlite").c_str(), &status), 0);
@@ -42,7 +56,7 @@ TEST_F(Users, AreInAFileThatOnlyItsOwnerReadsAndThatHoldsNoPassword) {
   EXPECT_EQ(content.find("correct horse"), std::string::npos);
 }
 
-TEST_F(Users, WithTheSamePasswordHaveDifferentHashes) {
+TEST_F(UsersByScrypt, WithTheSamePasswordHaveDifferentHashes) {
   users->add("anna", Role::kSurgeon, secret("correct horse"));
   users->add("bert", Role::kSurgeon, secret("correct horse"));
   users->set_password("bert", secret("battery staple"));
@@ -53,7 +67,7 @@ TEST_F(Users, WithTheSamePasswordHaveDifferentHashes) {
 
 TEST_F(Users, AreListedChangedAndRemovedAlsoByAnotherProcess) {
   users->add("bert", Role::kOperator, secret("correct horse"));
-  const auto other = UserStore::open(folder / "users.sqlite");
+  const auto other = UserStore::open(folder / "users.sqlite", quickly);
   other->add("anna", Role::kAuditor, secret("correct horse"));
   const UtcTime before = users->find("anna")->changed;
   other->set_role("anna", Role::kSurgeon);
@@ -112,7 +126,7 @@ TEST_F(Users, HaveAOneTimePasswordUntilTheyChooseTheirOwn) {
   EXPECT_FALSE(users->check("anna", secret("correct horse")));
   ASSERT_TRUE(users->check("anna", given));
   EXPECT_TRUE(users->check("anna", given)->one_time_until);
-  const auto other = UserStore::open(folder / "users.sqlite");
+  const auto other = UserStore::open(folder / "users.sqlite", quickly);
   EXPECT_TRUE(other->list().front().one_time_until);
   other->set_password("anna", secret("battery staple"));
   EXPECT_FALSE(users->check("anna", secret("battery staple"))->one_time_until);
