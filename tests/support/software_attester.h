@@ -2,7 +2,7 @@
 // start anew and lie.
 #pragma once
 
-#include <algorithm>
+#include <array>
 #include <atomic>
 
 #include "crypto/hash.h"
@@ -42,7 +42,8 @@ class SoftwareAttester : public crypto::BootAttester {
     append_number<std::uint64_t>(attest, 7);
     append_number<std::uint32_t>(attest, 1);
     append_number<std::uint16_t>(attest, 0x000b);
-    for (const unsigned char each : {3, 0b10000, 0, 0}) append_number<std::uint8_t>(attest, each);  // PCR 4
+    constexpr std::array<std::uint8_t, 4> kPcr4{3, 0b10000, 0, 0};
+    for (const std::uint8_t each : kPcr4) append_number(attest, each);
     const std::vector<crypto::PcrValue> pcrs{{4, loader_}};
     append_number<std::uint16_t>(attest, 32);
     append(attest, crypto::digest_of_pcrs(pcrs));
