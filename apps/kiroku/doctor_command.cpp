@@ -28,6 +28,7 @@
 #include "crypto/pkcs8.h"
 #include "crypto/secret.h"
 #include "crypto/signing_key.h"
+#include "crypto/tpm_quote.h"
 #include "fleet/shipper.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
