@@ -51,8 +51,7 @@ const kBytesShown = 16;
 
 function text(field: string, value: unknown): string {
   if (kLengths.has(field) && typeof value === 'number') return formatDuration(value);
-  if (kBytes.has(field) && typeof value === 'string' && value.length > kBytesShown)
-    return `${value.slice(0, kBytesShown)}…`;
+  if (kBytes.has(field) && typeof value === 'string' && value.length > kBytesShown) return `${value.slice(0, kBytesShown)}…`;
   return typeof value === 'string' ? value : JSON.stringify(value);
 }
 
