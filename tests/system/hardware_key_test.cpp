@@ -83,7 +83,7 @@ TEST_F(HardwareKey, OfATpmQuotesTheBootIntoTheLog) {
   ASSERT_EQ(made.status, 0) << made.err;
   EXPECT_THAT(made.out, Not(HasSubstr("does not quote")));
   EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("and quotes the measured boot"));
-  record();
+  EXPECT_EQ(verify(record(), identity()).status, 0);
   const ProcessResult log = kiroku({"log", "--verify"});
   EXPECT_EQ(log.status, 0) << log.out;
   EXPECT_THAT(log.out, HasSubstr("these quotes hold"));
