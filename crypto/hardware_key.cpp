@@ -40,14 +40,18 @@ PrivateKey public_key_of(ByteView der) {
 }  // namespace
 
 P256PublicKey p256_public_key(ByteView x, ByteView y) {
+  if (auto key = p256_point(x, y)) return std::move(*key);
+  throw Error("a key that was given is no point of the curve P-256");
+}
+
+std::optional<P256PublicKey> p256_point(ByteView x, ByteView y) {
   P256PublicKey key = to_bytes(std::as_bytes(std::span(kBeforePoint)));
   for (const ByteView coordinate : {x, y}) {
-    if (coordinate.size() > kCoordinateSize)
-      throw Error("a coordinate of a P-256 key has more than 32 bytes");
+    if (coordinate.size() > kCoordinateSize) return std::nullopt;
     key.resize(key.size() + kCoordinateSize - coordinate.size());
     append(key, coordinate);
   }
-  if (!is_p256_public_key(key)) throw Error("a key that was given is no point of the curve P-256");
+  if (!is_p256_public_key(key)) return std::nullopt;
   return key;
 }
 

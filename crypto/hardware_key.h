@@ -3,11 +3,14 @@
 // with the hardware is recorder/device_key. Functions and const members are thread-safe.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "base/bytes.h"
 
 namespace kiroku::crypto {
+
+class BootAttester;  // crypto/tpm_quote.h
 
 /// A public key on P-256 as DER SubjectPublicKeyInfo (RFC 5480), 91 bytes.
 using P256PublicKey = Bytes;
@@ -15,6 +18,8 @@ using P256PublicKey = Bytes;
 /// The same point as DER. `x` and `y` are big endian, of at most 32 bytes. kiroku::Error if it is not on the
 /// curve.
 P256PublicKey p256_public_key(ByteView x, ByteView y);
+/// The same; nothing if there is no such point.
+std::optional<P256PublicKey> p256_point(ByteView x, ByteView y);
 /// Whether the bytes are such a key: on P-256, with a named curve and an uncompressed point, and no other
 /// DER.
 bool is_p256_public_key(ByteView key);
@@ -38,6 +43,8 @@ class HardwareSigner {
   };
   /// Signs SHA-256 of the message. Waits a bounded time, and never throws for what the hardware does.
   [[nodiscard]] virtual Answer sign(ByteView message) const = 0;
+  /// What quotes the measured boot, in the same hardware; null if it cannot.
+  [[nodiscard]] virtual const BootAttester* attester() const { return nullptr; }
 };
 
 /// Has the hardware sign a text that is no note, and checks that by the key it is known by. Why it does not

@@ -28,6 +28,7 @@
 #include "crypto/pkcs8.h"
 #include "crypto/secret.h"
 #include "crypto/signing_key.h"
+#include "crypto/tpm_quote.h"
 #include "fleet/shipper.h"
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
@@ -211,7 +212,8 @@ Check check_hardware(const Home& home) {
   }
   constexpr std::string_view kQuestion = "kiroku doctor\n";
   const auto begin = std::chrono::steady_clock::now();
-  const auto answer = recorder::hardware_signer(description)->sign(bytes_of(kQuestion));
+  const auto signer = recorder::hardware_signer(description);
+  const auto answer = signer->sign(bytes_of(kQuestion));
   const auto took =
       std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - begin);
   if (answer.signature.empty() ||
@@ -221,10 +223,21 @@ Check check_hardware(const Home& home) {
                 (answer.why.empty() ? "its signature is another key's" : answer.why),
             "see whether this user may use it (a TPM: group tss) and whether it is the one of the ceremony"};
   }
-  return {
-      Health::kGood, subject,
-      address + " signs checkpoints beside Ed25519; it answered in " + std::to_string(took.count()) + " ms",
-      ""};
+  const std::string signs =
+      address + " signs checkpoints beside Ed25519; it answered in " + std::to_string(took.count()) + " ms";
+  if (description.kind != recorder::HardwareDescription::Kind::kTpm) {
+    return {Health::kGood, subject, signs, ""};
+  }
+  if (signer->attester() == nullptr) {
+    return {Health::kWarning, subject, signs + "; the log does not have it quote the measured boot",
+            "stop the recorder, then kiroku init --add-tpm --home " + home.folder().string()};
+  }
+  const auto quoted = signer->attester()->quote(crypto::sha256(bytes_of(kQuestion)));
+  if (!quoted.quote) {
+    return {Health::kWarning, subject, signs + "; it does not quote the measured boot: " + quoted.why,
+            "recording is not affected; look into the machine's TPM settings"};
+  }
+  return {Health::kGood, subject, signs + ", and quotes the measured boot", ""};
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {

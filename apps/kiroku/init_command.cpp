@@ -67,6 +67,18 @@ std::optional<WantedHardware> hardware_of(const Request& request) {
   return std::nullopt;
 }
 
+/// Has a TPM's description name its attestation key, where the TPM quotes by one. Why it does not, one
+/// sentence; nothing is lost with it but what quotes tell of the boot.
+std::string take_attestation_key(recorder::HardwareDescription& description) {
+  if (description.kind != recorder::HardwareDescription::Kind::kTpm) return {};
+  try {
+    description.attestation_key = recorder::find_attestation_key(description);
+    return {};
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
 /// What was made so far, taken away again unless all of it succeeds.
 class Undo {
  public:
@@ -204,17 +216,23 @@ void require_free_place(const fs::path& folder) {
   }
 }
 
-/// Everything of a home in `home`, which exists and is empty. Returns the device's key.
-crypto::VerifierKey fill(const Home& home, const Request& request, const std::vector<std::string>& recipients,
-                         Undo& undo) {
+struct Filled {
+  crypto::VerifierKey device;
+  std::string not_attested;  // why the home's TPM does not quote the boot, if it has one
+};
+/// Everything of a home in `home`, which exists and is empty.
+Filled fill(const Home& home, const Request& request, const std::vector<std::string>& recipients,
+            Undo& undo) {
   const std::string name = request.device_name.value_or(default_device_name());
   require_printable(name, "--device-name");
   crypto::SigningKey key = crypto::SigningKey::generate();
   if (request.ml_dsa) {
     key = std::move(key).with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
   }
+  std::string not_attested;
   if (const auto wanted = hardware_of(request)) {
-    const auto made = recorder::make_hardware_key(wanted->kind, wanted->address);
+    auto made = recorder::make_hardware_key(wanted->kind, wanted->address);
+    not_attested = take_attestation_key(made);
     write_new_file(home.hardware_file(), bytes_of(made.to_json()), 0644, undo);
     key = std::move(key).with_hardware(recorder::hardware_signer(made));
   }
@@ -241,7 +259,8 @@ crypto::VerifierKey fill(const Home& home, const Request& request, const std::ve
   log->config_changed(crypto::sha256(bytes_of(default_configuration_text())));
   log->checkpoint();
   archive::Catalogue::open(home.catalogue_file());
-  return device;
+  if (not_attested.empty()) not_attested = log->stated_keys().not_attested;
+  return {device, not_attested};
 }
 
 /// The new home is filled beside its place and renamed there when it is whole; inside it where the folder is
@@ -286,8 +305,16 @@ void settle(const Home& place, const fs::path& folder) {
   archive::real_file_system().sync_folder(folder);
 }
 
-void print_result(const Request& request, const fs::path& folder, const crypto::VerifierKey& device,
+/// What a person is told who made a home with a TPM that quotes no boot.
+void print_not_attested(const std::string& why) {
+  if (why.empty()) return;
+  std::cout << "The TPM does not quote the measured boot, so that the log will say nothing of it: " << why
+            << "\nWhat is recorded is not affected. 'kiroku init --add-tpm' tries again.\n";
+}
+
+void print_result(const Request& request, const fs::path& folder, const Filled& filled,
                   const std::vector<std::string>& recipients) {
+  const crypto::VerifierKey& device = filled.device;
   const Home home(folder);
   std::vector<std::string> identities = request.new_identities;
   if (request.demo) identities.push_back(home.identity_file().string());
@@ -323,6 +350,7 @@ void print_result(const Request& request, const fs::path& folder, const crypto::
             << printable(home.configuration_file().string())
             << " names outside ones.\nWhoever verifies elsewhere needs its root, "
             << printable(home.own_authority_file().string()) << ", as --own-authority.\n";
+  print_not_attested(filled.not_attested);
 }
 
 /// Writes a file in the place of the one that may be there, or leaves that as it is.
@@ -375,6 +403,16 @@ int add_keys(const Request& request) {
     replace_file(files, home.hardware_file(),
                  bytes_of(recorder::make_hardware_key(wanted->kind, wanted->address).to_json()), kForAll);
   }
+  std::string not_attested;
+  if (request.add_tpm) {
+    // Also of a home whose TPM key is from before its boot was quoted.
+    recorder::HardwareDescription description = home.hardware();
+    if (description.attestation_key.empty()) {
+      not_attested = take_attestation_key(description);
+      if (not_attested.empty())
+        replace_file(files, home.hardware_file(), bytes_of(description.to_json()), kForAll);
+    }
+  }
   const crypto::SigningKey key = home.signing_key(passphrase);
   const crypto::VerifierKey all = crypto::verifier_key_of(name, key);
   const auto log = archive::ApplianceLog::open(files, home.log_folder(), key, name);
@@ -404,7 +442,10 @@ int add_keys(const Request& request) {
                 {"identity", home.device_identity_file().string()},
                 {"log_entry", entry},
                 {"added", is_new}});
-  } else if (!is_new) {
+    return kDone;
+  }
+  if (not_attested.empty()) not_attested = stated.not_attested;
+  if (!is_new) {
     std::cout << "The home " << printable(home.folder().string()) << " signs with " << what << " already.\n";
   } else {
     std::cout << "The home " << printable(home.folder().string()) << " signs with " << what
@@ -418,6 +459,11 @@ int add_keys(const Request& request) {
     }
     std::cout << " Start whatever runs on this home anew.\n";
   }
+  if (request.add_tpm && stated.attestation) {
+    std::cout << "Its TPM quotes the measured boot into the log: entry " << *stated.attestation
+              << " states the key for that.\n";
+  }
+  print_not_attested(not_attested);
   return kDone;
 }
 
@@ -439,12 +485,12 @@ int run(const Request& request) {
     write_new_file(place.identity_file(), identity_file_text(pair).bytes(), 0600, undo);
     recipients.push_back(pair.recipient);
   }
-  const crypto::VerifierKey device = fill(place, request, recipients, undo);
+  const Filled filled = fill(place, request, recipients, undo);
   archive::real_file_system().sync_folder(place.folder());
   settle(place, folder);
   undo.keep_all();
   archive::real_file_system().sync_folder(fs::absolute(folder).lexically_normal().parent_path());
-  print_result(request, folder, device, recipients);
+  print_result(request, folder, filled, recipients);
   return kDone;
 }
 

@@ -8,6 +8,7 @@
 #include "archive/format/consent_layout.h"
 #include "archive/format/json_writer.h"
 #include "archive/format/strict_json.h"
+#include "crypto/tpm_quote.h"
 
 namespace kiroku::archive {
 
@@ -22,6 +23,7 @@ constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes
                                                                                  "device-key-changed",
                                                                                  "device-ml-dsa-added",
                                                                                  "device-hardware-added",
+                                                                                 "device-attestation-added",
                                                                                  "device-hardware-silent",
                                                                                  "plan-sealed",
                                                                                  "case-opened",
@@ -39,14 +41,26 @@ constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes
 
 // -- writing, one function an entry type
 
+void write(JsonWriter& line, const StatedQuote& quote) {
+  line.text("quote", quote.attest).text("quote_signature", quote.signature).texts("pcrs", quote.pcrs);
+}
 void write(JsonWriter& line, const BootEntry& entry) {
   line.text("boot_id", entry.boot_id).text("device", entry.device);
+  if (entry.quote) {
+    write(line, *entry.quote);
+  } else if (entry.no_quote) {
+    line.text("no_quote", *entry.no_quote);
+  }
 }
 void write(JsonWriter& /*line*/, const ShutdownEntry& /*entry*/) {}
 void write(JsonWriter& line, const ConfigChangedEntry& entry) { line.digest("sha256", entry.sha256); }
 void write(JsonWriter& line, const DeviceKeyChangedEntry& entry) { line.text("device", entry.device); }
 void write(JsonWriter& line, const DeviceMlDsaEntry& entry) { line.text("ml_dsa", entry.ml_dsa); }
 void write(JsonWriter& line, const DeviceHardwareEntry& entry) { line.text("hardware", entry.hardware); }
+void write(JsonWriter& line, const DeviceAttestationEntry& entry) {
+  line.text("attestation", entry.attestation);
+  write(line, entry.quote);
+}
 void write(JsonWriter& line, const DeviceHardwareSilentEntry& entry) { line.text("why", entry.why); }
 void write(JsonWriter& line, const PlanSealedEntry& entry) { line.digest("sha256", entry.sha256); }
 void write(JsonWriter& line, const CaseOpenedEntry& entry) {
@@ -111,15 +125,51 @@ std::string read_case_id(JsonFields& fields) {
   return id;
 }
 
+/// A register's number without zeros before it, a colon, and SHA-256 in hex digits.
+bool is_pcr_text(std::string_view text) {
+  const std::size_t colon = text.find(':');
+  if (colon == std::string_view::npos) return false;
+  const std::string_view number = text.substr(0, colon), value = text.substr(colon + 1);
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  const bool is_number = (number.size() == 1 && is_digit(number[0])) ||
+                         (number.size() == 2 && ((number[0] == '1' && is_digit(number[1])) ||
+                                                 (number[0] == '2' && number[1] >= '0' && number[1] <= '3')));
+  return is_number && value.size() == 2 * sizeof(crypto::Sha256Digest) &&
+         std::all_of(value.begin(), value.end(),
+                     [&](char c) { return is_digit(c) || (c >= 'a' && c <= 'f'); });
+}
+
+void read(JsonFields& fields, StatedQuote& quote) {
+  quote.attest = fields.text("quote");
+  quote.signature = fields.text("quote_signature");
+  quote.pcrs = fields.texts("pcrs");
+  if (!fields.failed() && (quote.pcrs.empty() || quote.pcrs.size() > crypto::kPcrs)) {
+    fields.refuse("pcrs", "must be 1 to 24 registers");
+  }
+  for (const std::string& each : quote.pcrs) {
+    if (!fields.failed() && !is_pcr_text(each)) {
+      fields.refuse("pcrs", "has what is no register and its value: 0 to 23, ':', 64 lower-case hex digits");
+    }
+  }
+}
 void read(JsonFields& fields, BootEntry& entry) {
   entry.boot_id = fields.text("boot_id");
   entry.device = fields.text("device");
+  if (fields.has("no_quote")) {
+    entry.no_quote = fields.text("no_quote");
+  } else if (fields.has("quote") || fields.has("quote_signature") || fields.has("pcrs")) {
+    read(fields, entry.quote.emplace());
+  }
 }
 void read(JsonFields& /*fields*/, ShutdownEntry& /*entry*/) {}
 void read(JsonFields& fields, ConfigChangedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
 void read(JsonFields& fields, DeviceKeyChangedEntry& entry) { entry.device = fields.text("device"); }
 void read(JsonFields& fields, DeviceMlDsaEntry& entry) { entry.ml_dsa = fields.text("ml_dsa"); }
 void read(JsonFields& fields, DeviceHardwareEntry& entry) { entry.hardware = fields.text("hardware"); }
+void read(JsonFields& fields, DeviceAttestationEntry& entry) {
+  entry.attestation = fields.text("attestation");
+  read(fields, entry.quote);
+}
 void read(JsonFields& fields, DeviceHardwareSilentEntry& entry) { entry.why = fields.text("why"); }
 void read(JsonFields& fields, PlanSealedEntry& entry) { entry.sha256 = fields.digest("sha256"); }
 void read(JsonFields& fields, CaseOpenedEntry& entry) {

@@ -3,12 +3,16 @@
 //
 // Every line begins with `type`, `seq`, `utc`, `mono_ns` as a case's does, then:
 //
-//   boot                 boot_id, device (verifier key)
+//   boot                 boot_id, device (verifier key), and where the log stated an attestation key before a
+//                        quote (base64), quote_signature (base64), pcrs [text...], or no_quote (why there is
+//                        none)
 //   shutdown
 //   config-changed       sha256
 //   device-key-changed   device (the new verifier key)
 //   device-ml-dsa-added  ml_dsa (the ML-DSA-65 key with which the device signs, too, from here on)
 //   device-hardware-added   hardware (the key in hardware with which the device signs, too, from here on)
+//   device-attestation-added  attestation (the key by which the device's TPM quotes the boot, from here on),
+//                        quote, quote_signature, pcrs
 //   device-hardware-silent  why (the hardware did not sign the checkpoint before this entry)
 //   plan-sealed          sha256
 //   case-opened          case, sha256 (of the bytes of the case's first line, without LF)
@@ -36,9 +40,16 @@
 
 namespace kiroku::archive {
 
+/// What a TPM says of the measured boot, in the log's own texts (crypto/tpm_quote.h says what they are).
+struct StatedQuote {
+  std::string attest, signature;  // base64
+  std::vector<std::string> pcrs;  // "<register>:<64 hex digits>", 1 to 24
+};
 struct BootEntry {
   std::string boot_id;
   std::string device;
+  std::optional<StatedQuote> quote = {};
+  std::optional<std::string> no_quote = {};  // never beside a quote
 };
 struct ShutdownEntry {};
 struct ConfigChangedEntry {
@@ -52,6 +63,10 @@ struct DeviceMlDsaEntry {
 };
 struct DeviceHardwareEntry {
   std::string hardware;  // as crypto::HardwareVerifierKey writes it
+};
+struct DeviceAttestationEntry {
+  std::string attestation;  // base64 of TPMT_PUBLIC
+  StatedQuote quote;        // of the boot of that moment
 };
 /// Once for each silence: that checkpoints of log and cases lack the line by hardware, and why.
 struct DeviceHardwareSilentEntry {
@@ -119,9 +134,9 @@ struct ConsentWithdrawnEntry : ConsentStatement {};
 
 using LogEntryBody =
     std::variant<BootEntry, ShutdownEntry, ConfigChangedEntry, DeviceKeyChangedEntry, DeviceMlDsaEntry,
-                 DeviceHardwareEntry, DeviceHardwareSilentEntry, PlanSealedEntry, CaseOpenedEntry,
-                 CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry, AccessEntry,
-                 LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry,
+                 DeviceHardwareEntry, DeviceAttestationEntry, DeviceHardwareSilentEntry, PlanSealedEntry,
+                 CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
+                 AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry,
                  ConsentGivenEntry, ConsentWithdrawnEntry>;
 
 struct LogEntry {

@@ -43,7 +43,8 @@ LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, Finding
       head_(of_case ? of_case->appliance_log_size : 0),
       listing_(folder.list()),
       checkpoints_(folder, options, findings, note_sizes(listing_)),
-      consents_(folder, findings) {
+      consents_(folder, findings),
+      boots_(findings, !of_case) {
   try {
     if (!case_device_.empty()) {
       signs_case_ = known_device(crypto::VerifierKey::parse(case_device_), options.devices);
@@ -77,6 +78,11 @@ LogContents LogWalk::run() {
       break;
     }
     const std::uint64_t number = tree_.size();
+    const LogEntryParse parse = line.too_long ? LogEntryParse{} : parse_log_entry(line.text);
+    std::optional<crypto::Sha256Digest> root_before;
+    if (tree_known && parse.entry && BootRules::quotes(parse.entry->body)) {
+      root_before = tree_.root();
+    }
     const crypto::Sha256Digest leaf = crypto::merkle_leaf_hash(bytes_of(line.text));
     tree_.append(leaf);
     tree_known = tree_known && !line.too_long;
@@ -94,7 +100,7 @@ LogContents LogWalk::run() {
     of_holds_now_.reset();
     of_consents_now_.reset();
     consents_.followed();
-    take(line, number);
+    take(line, parse, number, root_before);
     if (contents_.gave_up) {
       if (outside_ != nullptr) {
         outside_->finish(tree_.size(), false);
@@ -143,6 +149,7 @@ LogContents LogWalk::run() {
   judge_tail();
   check_names();
   consents_.finish(listing_, tree_.size(), case_id_.empty());
+  boots_.finish();
   checkpoints_.judge_keys(tree_.size(), {});
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
@@ -285,7 +292,8 @@ void LogWalk::count_broken_line(std::uint64_t number) {
   }
 }
 
-void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
+void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint64_t number,
+                   const std::optional<crypto::Sha256Digest>& root_before) {
   if (line.too_long) {
     count_broken_line(number);
     findings_->add("entry-too-long", in_ledger(number, line.offset),
@@ -293,7 +301,6 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
                        " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
     return;
   }
-  const LogEntryParse parse = parse_log_entry(line.text);
   if (!parse.entry) {
     count_broken_line(number);
     findings_->add("entry-malformed", in_ledger(number, line.offset),
@@ -319,6 +326,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   if (!boots && !std::holds_alternative<ConfigChangedEntry>(entry.body) &&
       !std::holds_alternative<DeviceMlDsaEntry>(entry.body) &&
       !std::holds_alternative<DeviceHardwareEntry>(entry.body) &&
+      !std::holds_alternative<DeviceAttestationEntry>(entry.body) &&
       !std::holds_alternative<DeviceHardwareSilentEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
     since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
@@ -329,6 +337,7 @@ void LogWalk::take(const LedgerLine& line, std::uint64_t number) {
   }
   contents_.begins = contents_.begins.value_or(entry.at.utc);
   if (ConsentRules::concerns(entry.body)) of_consents_now_ = entry.body;
+  boots_.take(entry.body, number, root_before);
   std::visit(
       Overloaded{[&](const BootEntry& boot) { set_device(boot.device, number); },
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },

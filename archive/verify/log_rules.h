@@ -16,6 +16,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/format/line_reader.h"
 #include "archive/format/log_entry.h"
+#include "archive/verify/boot_rules.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/consent_rules.h"
 #include "archive/verify/finding_list.h"
@@ -99,7 +100,8 @@ class LogWalk {
   LogContents run();
 
  private:
-  void take(const LedgerLine& line, std::uint64_t number);
+  void take(const LedgerLine& line, const LogEntryParse& parse, std::uint64_t number,
+            const std::optional<crypto::Sha256Digest>& root_before);
   void count_broken_line(std::uint64_t number);
   /// That a checkpoint of all until now holds, for a comparison.
   void keep_signed();
@@ -153,6 +155,7 @@ class LogWalk {
   std::optional<std::variant<CaseHeldEntry, CaseReleasedEntry, CaseErasedEntry>> of_holds_now_;
   std::optional<LogEntryBody> of_consents_now_;  // the newest entry, if it concerns consents
   ConsentRules consents_;
+  BootRules boots_;
   std::map<std::string, std::set<std::uint64_t>> holds_;  // entries of the holds that stand, by case
   std::uint64_t since_note_ = 0;  // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;

@@ -8,6 +8,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "archive/format/boot_quote.h"
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/line_reader.h"
@@ -17,8 +18,10 @@
 #include "archive/verify/found_files.h"
 #include "archive/writing/ledger.h"
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "crypto/hardware_key.h"
 #include "crypto/merkle_tree.h"
+#include "crypto/tpm_quote.h"
 
 namespace kiroku::archive {
 
@@ -37,6 +40,8 @@ void make_folder_unless_there(FileSystem& files, const fs::path& folder) {
     files.sync_folder(folder.parent_path());
   }
 }
+
+std::string base64_of(ByteView bytes) { return crypto::to_base64(bytes, crypto::Base64Padding::kPadded); }
 
 void check_case_id(const std::string& case_id) {
   if (!is_case_id(case_id)) {
@@ -65,6 +70,7 @@ struct ApplianceLog::State {
       signing.clear();
       stated_ml_dsa.reset();
       stated_hardware.reset();
+      stated_attestation.reset();
     }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
@@ -87,9 +93,12 @@ struct ApplianceLog::State {
       stated_ml_dsa = {seq, added->ml_dsa};
     } else if (const auto* hardware = std::get_if<DeviceHardwareEntry>(&parsed.entry->body)) {
       stated_hardware = {seq, hardware->hardware};
+    } else if (const auto* attests = std::get_if<DeviceAttestationEntry>(&parsed.entry->body)) {
+      stated_attestation = {seq, attests->attestation};
     } else if (std::holds_alternative<DeviceKeyChangedEntry>(parsed.entry->body)) {
       stated_ml_dsa.reset();
       stated_hardware.reset();
+      stated_attestation.reset();
     } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
       cases.try_emplace(opened->case_id, CaseState::kOpened);
     } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
@@ -97,12 +106,69 @@ struct ApplianceLog::State {
     }
   }
 
-  /// The entries that must come first (a cut made good, a boot), then `body` if there is one.
+  /// What asks the TPM for quotes; null where this program was given none.
+  [[nodiscard]] const crypto::BootAttester* attester() const {
+    return key.hardware() == nullptr ? nullptr : key.hardware()->attester();
+  }
+
+  [[nodiscard]] bool lacks_attestation() const { return attester() != nullptr && !stated_attestation; }
+
+  /// Of the boot of now, for the entry of number `size`, which is the next one.
+  [[nodiscard]] crypto::BootAttester::Answer quote(const crypto::BootAttester& asked,
+                                                   std::uint64_t size) const {
+    return asked.quote(qualifying_data({device.to_string(), size, ledger->root(), boot_id}));
+  }
+
+  [[nodiscard]] BootEntry boot_entry(std::uint64_t size) const {
+    BootEntry boot{boot_id, device.to_string()};
+    if (!stated_attestation) {
+      return boot;
+    }
+    if (attester() == nullptr) {
+      boot.no_quote = "the program that started was given no attestation key";
+    } else if (base64_of(attester()->public_area()) != stated_attestation->key) {
+      boot.no_quote = "the program that started was given another attestation key than the log states";
+    } else {
+      crypto::BootAttester::Answer answer = quote(*attester(), size);
+      if (answer.quote) {
+        boot.quote = to_stated(*answer.quote);
+      } else {
+        boot.no_quote = std::move(answer.why);
+      }
+    }
+    return boot;
+  }
+
+  /// Has the log state the attestation key with a first quote, or takes note of why not. Once for each
+  /// object: a TPM that does not answer must not hold up each entry.
+  void state_attestation_locked() {
+    ledger->append([&](std::uint64_t size) {
+      crypto::BootAttester::Answer answer = quote(*attester(), size);
+      if (!answer.quote) {
+        not_attested = std::move(answer.why);
+        return std::vector<std::string>();
+      }
+      return std::vector{to_line(
+          LogEntry{size, machine_now(),
+                   DeviceAttestationEntry{base64_of(attester()->public_area()), to_stated(*answer.quote)}})};
+    });
+  }
+
+  /// The entries that must come first (a boot, keys, a cut made good), then `body` if there is one.
   void append_locked(const std::optional<LogEntryBody>& body) {
+    if (lacks_attestation() && not_attested.empty()) {
+      // Its quote is bound to all before it.
+      append_lines_locked(std::nullopt);
+      state_attestation_locked();
+    }
+    append_lines_locked(body);
+  }
+
+  void append_lines_locked(const std::optional<LogEntryBody>& body) {
     ledger->append([&](std::uint64_t size) {
       std::vector<LogEntryBody> bodies;
       if (newest_boot_id != boot_id) {
-        bodies.emplace_back(BootEntry{boot_id, device.to_string()});
+        bodies.emplace_back(boot_entry(size));
       }
       if (device.ml_dsa() && !stated_ml_dsa) {
         bodies.emplace_back(DeviceMlDsaEntry{device.ml_dsa()->to_string()});
@@ -239,7 +305,7 @@ struct ApplianceLog::State {
   static Signing signing_of(std::string_view type) {
     if (type.starts_with("boot\"") || type.starts_with("config-changed\"") ||
         type.starts_with("device-ml-dsa-added\"") || type.starts_with("device-hardware-") ||
-        type.starts_with("recovered\"")) {
+        type.starts_with("device-attestation-added\"") || type.starts_with("recovered\"")) {
       return Signing::kNone;
     }
     return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
@@ -259,8 +325,9 @@ struct ApplianceLog::State {
     std::uint64_t entry = 0;
     std::string key;
   };
-  std::optional<StatedKey> stated_ml_dsa, stated_hardware;  // the device's, in the log
-  std::string silence;  // why the newest checkpoint lacks the line by hardware
+  std::optional<StatedKey> stated_ml_dsa, stated_hardware, stated_attestation;  // the device's, in the log
+  std::string not_attested;  // why the TPM did not quote when its attestation key was to be stated
+  std::string silence;       // why the newest checkpoint lacks the line by hardware
   bool silence_stated = false;
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
@@ -321,8 +388,8 @@ ApplianceLog::StatedKeys ApplianceLog::state_keys() {
     const std::lock_guard guard(state_->mutex);
     const Ledger::Turn turn(*state_->ledger);
     state_->settle_locked();
-    const bool all_stated =
-        (!device.ml_dsa() || state_->stated_ml_dsa) && (!device.hardware() || state_->stated_hardware);
+    const bool all_stated = (!device.ml_dsa() || state_->stated_ml_dsa) &&
+                            (!device.hardware() || state_->stated_hardware) && !state_->lacks_attestation();
     if (!all_stated) {
       state_->append_locked(std::nullopt);
     }
@@ -337,6 +404,8 @@ ApplianceLog::StatedKeys ApplianceLog::stated_keys() const {
   StatedKeys stated;
   if (state_->stated_ml_dsa) stated.ml_dsa = state_->stated_ml_dsa->entry;
   if (state_->stated_hardware) stated.hardware = state_->stated_hardware->entry;
+  if (state_->stated_attestation) stated.attestation = state_->stated_attestation->entry;
+  stated.not_attested = state_->not_attested;
   return stated;
 }
 

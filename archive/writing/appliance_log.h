@@ -51,7 +51,8 @@ class ApplianceLog {
 
   /// States that the machine runs with this boot identifier; nothing if the newest `boot` states the same.
   /// Every other entry makes sure of it by itself, with the kernel's boot_id unless boot() was called, since
-  /// mono_ns is only comparable within one boot.
+  /// mono_ns is only comparable within one boot. Once the log states an attestation key, the device's TPM is
+  /// asked to quote the measured boot, which takes a bounded time; where it does not, the entry says why.
   void boot(const std::string& boot_id);
   void shutdown();
   void config_changed(const crypto::Sha256Digest& sha256);
@@ -60,10 +61,14 @@ class ApplianceLog {
   /// The numbers of the entries that state keys beside Ed25519; nothing for one that none states.
   struct StatedKeys {
     std::optional<std::uint64_t> ml_dsa, hardware;
+    /// The key by which the device's TPM quotes the boot.
+    std::optional<std::uint64_t> attestation;
+    std::string not_attested;  // why there is none though the key given to open() has one, else empty
   };
   /// States those of the key given to open() unless it is done, with a checkpoint by all keys. Every other
   /// entry makes sure of it by itself. kiroku::UsageError if the key has none; kiroku::Error, and nothing is
-  /// written, if its hardware does not sign by the key that is to be stated.
+  /// written, if its hardware does not sign by the key that is to be stated. An attestation key that does not
+  /// quote now is not stated, which is no error.
   StatedKeys state_keys();
   /// As this object last saw the log.
   [[nodiscard]] StatedKeys stated_keys() const;

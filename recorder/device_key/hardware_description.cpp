@@ -21,12 +21,13 @@ constexpr const char* kPkcs11 = "pkcs11";
 }  // namespace
 
 std::string HardwareDescription::to_json() const {
-  return ordered_json{{"kind", kind == Kind::kTpm ? kTpm : kPkcs11},
-                      {"address", address},
-                      {"key", crypto::to_hex(key)},
-                      {"public_key", crypto::to_base64(public_key, crypto::Base64Padding::kPadded)}}
-             .dump(2) +
-         "\n";
+  ordered_json written{{"kind", kind == Kind::kTpm ? kTpm : kPkcs11},
+                       {"address", address},
+                       {"key", crypto::to_hex(key)},
+                       {"public_key", crypto::to_base64(public_key, crypto::Base64Padding::kPadded)}};
+  if (!attestation_key.empty())
+    written["attestation_key"] = crypto::to_base64(attestation_key, crypto::Base64Padding::kPadded);
+  return written.dump(2) + "\n";
 }
 
 HardwareDescription HardwareDescription::parse(std::string_view json) {
@@ -52,6 +53,13 @@ HardwareDescription HardwareDescription::parse(std::string_view json) {
     throw refuse("its \"public_key\" is no key on P-256");
   description.key = *key;
   description.public_key = *public_key;
+  if (read.contains("attestation_key")) {
+    std::string problem = "it is no base64";
+    const auto area = crypto::from_base64(text("attestation_key"), crypto::Base64Padding::kPadded);
+    if (description.kind != Kind::kTpm || !area || !crypto::parse_attestation_key(*area, problem))
+      throw refuse("its \"attestation_key\" is none of a TPM: " + problem);
+    description.attestation_key = *area;
+  }
   return description;
 }
 
@@ -62,16 +70,35 @@ HardwareDescription make_hardware_key(HardwareDescription::Kind kind, const std:
   return made;
 }
 
+Bytes find_attestation_key(const HardwareDescription& description) {
+  if (description.kind != HardwareDescription::Kind::kTpm) throw Error("a token quotes no boot");
+  TpmKey key(description.address, description.key);
+  if (key.public_key() != description.public_key)
+    throw Error("the TPM does not hold the device's key: it was cleared, or is another machine's");
+  Bytes area = key.attestation_key();
+  const crypto::Sha256Digest question = crypto::sha256(bytes_of("kiroku\n"));
+  const std::string why = crypto::why_no_quote(key.quote(question), area, question);
+  if (!why.empty()) throw Error(why);
+  return area;
+}
+
 std::shared_ptr<const crypto::HardwareSigner> hardware_signer(const HardwareDescription& description) {
   BoundedSigner::Ask ask;
+  const auto thread = std::make_shared<BoundedThread>();
+  std::unique_ptr<BoundedAttester> attester;
   if (description.kind == HardwareDescription::Kind::kTpm) {
     const auto key = std::make_shared<TpmKey>(description.address, description.key);
     ask = [key](ByteView message) { return key->sign(message); };
+    if (!description.attestation_key.empty()) {
+      attester = std::make_unique<BoundedAttester>(
+          description.attestation_key,
+          [key](const crypto::Sha256Digest& qualifying_data) { return key->quote(qualifying_data); }, thread);
+    }
   } else {
     const auto key = std::make_shared<Pkcs11Key>(description.address, description.key);
     ask = [key](ByteView message) { return key->sign(message); };
   }
-  return std::make_shared<BoundedSigner>(description.public_key, std::move(ask));
+  return std::make_shared<BoundedSigner>(description.public_key, std::move(ask), thread, std::move(attester));
 }
 
 }  // namespace kiroku::recorder

@@ -16,6 +16,8 @@ struct HardwareDescription {
   std::string address;  // TCTI or PKCS#11 URI
   Bytes key;            // of a TPM the template's `unique`, of a token the key's CKA_ID
   crypto::P256PublicKey public_key;
+  /// TPMT_PUBLIC of the TPM's attestation key; empty if it has none that this home uses, and for a token.
+  Bytes attestation_key = {};
 
   [[nodiscard]] std::string to_json() const;
   /// Throws kiroku::Error naming what is wrong.
@@ -24,7 +26,11 @@ struct HardwareDescription {
 
 /// Has the hardware make a new key; kiroku::Error where it does not.
 HardwareDescription make_hardware_key(HardwareDescription::Kind kind, const std::string& address);
-/// What signs by it. Nothing is asked of the hardware before the first signature.
+/// The attestation key of the TPM that has this key; kiroku::Error where the TPM does not quote by it, or for
+/// a token.
+Bytes find_attestation_key(const HardwareDescription& description);
+/// What signs by it, and quotes if there is an attestation key. Nothing is asked of the hardware before the
+/// first signature.
 std::shared_ptr<const crypto::HardwareSigner> hardware_signer(const HardwareDescription& description);
 
 }  // namespace kiroku::recorder

@@ -18,7 +18,10 @@ def line_of(entry):
 
 @dataclasses.dataclass
 class Entry:
-    """A line. `raw`, if given, stands in its place; `cut` bytes are left out at its end, the line feed first."""
+    """A line. `raw`, if given, stands in its place; `cut` bytes are left out at its end, the line feed first.
+
+    `made` gives further fields for how many lines there are before it and the root over them.
+    """
     type: str
     mono_ns: int
     fields: dict
@@ -26,6 +29,7 @@ class Entry:
     cut: int = 0
     utc_ns: int | None = None       # else by the case clock
     seq: int | None = None
+    made: object = None
 
 
 @dataclasses.dataclass
@@ -155,7 +159,8 @@ class Written:
 
     def take(self, step):
         if isinstance(step, Entry):
-            self.append(step.raw if step.raw is not None else line_of(self._entry(step, {"type": step.type, **step.fields})), step.cut)
+            fields = {"type": step.type, **step.fields, **(step.made(len(self.lines), self.root()) if step.made else {})}
+            self.append(step.raw if step.raw is not None else line_of(self._entry(step, fields)), step.cut)
         elif isinstance(step, Checkpoint):
             size = len(self.lines)
             made = (step.signer or self.case.signer).checkpoint(step.origin or self.case.origin, size, self.root())

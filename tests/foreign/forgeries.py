@@ -3,6 +3,7 @@
 Each function has the codes that it is for in its decorator. It gets a World, in which it may write below `folder`, and
 gives back what a verifier is to be given.
 """
+import base64
 import dataclasses
 import hashlib
 import json
@@ -15,6 +16,7 @@ import merkle
 import note
 import stamp
 import tlog_proof
+import tpm_quote
 from case_writer import MS, SECOND, Checkpoint, Entry, Token
 
 ALL = []
@@ -2643,3 +2645,291 @@ def an_excerpt_signed_by_hardware(world):
 @reaches("checkpoint-not-by-hardware")
 def an_excerpt_by_a_copied_key(world):
     return by_both(hard(world), excerpt(copied(world)))
+
+
+# -- a device whose TPM quotes the boot
+
+
+def quoted(world, change=lambda log, tpm: None, tpm=None, stated=None, **more):
+    """The log of a device whose TPM quotes: its key is stated, then the machine starts twice more; `change` goes on from there."""
+    tpm = tpm or tpm_quote.Forger()
+
+    def add(log, written):
+        attested(log, 90 * SECOND, tpm, stated)
+        another_boot(log, tpm, 2)
+        another_boot(log, tpm, 3)
+        change(log, tpm)
+        log.signed("shutdown", 5 * SECOND)
+    return the_log(world, add, **more)
+
+
+def with_quote(log, entry, tpm, boot_id):
+    """The entry with the quote that the TPM makes now of its boot, for the place where it will stand."""
+    device, tpm = str(log.signer.key), dataclasses.replace(tpm)
+    entry.made = lambda size, root: tpm.quote(tpm_quote.qualifying_data(device, size, root, boot_id))
+    return entry
+
+
+def attested(log, mono_ns, tpm, stated=None):
+    """The attestation key is stated, with a quote of the boot of now."""
+    entry = log.add("device-attestation-added", mono_ns, attestation=stated or tpm.stated)
+    return with_quote(log, entry, tpm, boots_of(log)[-1].fields["boot_id"])
+
+
+def boot_fields(log, number):
+    return {"boot_id": w.BOOT_ID[:-1] + str(number), "device": str(log.signer.key)}
+
+
+def another_boot(log, tpm, number, **start):
+    tpm.boot(**start)
+    fields = boot_fields(log, number)
+    return with_quote(log, log.add("boot", 0, **fields), tpm, fields["boot_id"])
+
+
+def with_fields(entry, **changed):
+    """The entry with other fields than the TPM gave."""
+    made = entry.made
+    entry.made = lambda size, root: {**made(size, root), **changed}
+
+
+def boots_of(log):
+    return [step for step in log.steps if isinstance(step, Entry) and step.type == "boot"]
+
+
+@reaches("boot-quotes-hold")
+def boots_that_are_quoted(world):
+    given = quoted(world)
+    given.never = ["measured-boot-changed", "boots-not-entered", "boot-not-quoted", "boot-quote-missing"]
+    return given
+
+
+@reaches()
+def a_case_beside_a_log_with_quotes(world):
+    """Of a case its log tells no more than it did before."""
+    log = quoted(world)
+    case = next(path for path in world.folder.iterdir() if (path / "segments").exists())
+    return dataclasses.replace(log, path=case, log=log.path, as_log=False, never=["boot-quotes-hold"])
+
+
+@reaches("boot-quote-of-elsewhere")
+def a_quote_replayed_in_a_case_s_log(world):
+    """What was forged in the log is told of the case, too."""
+    given = quoted(world, lambda log, tpm: replay(log))
+    case = next(path for path in world.folder.iterdir() if (path / "segments").exists())
+    return dataclasses.replace(given, path=case, log=given.path, as_log=False)
+
+
+def replay(log):
+    """The newest boot with the quote of the one before."""
+    *_, before, newest = boots_of(log)
+    kept = {}
+    made = before.made
+    before.made = lambda size, root: kept.setdefault("quote", made(size, root))
+    newest.made = lambda size, root: kept["quote"]
+
+
+@reaches("boot-quote-of-elsewhere")
+def a_quote_of_another_boot(world):
+    return quoted(world, lambda log, tpm: replay(log))
+
+
+@reaches("boot-quote-of-elsewhere")
+def a_quote_of_another_device_s_log(world):
+    def change(log, tpm):
+        newest, stranger = boots_of(log)[-1], str(world.stranger.key)
+        newest.made = lambda size, root: tpm.quote(tpm_quote.qualifying_data(stranger, size, root, newest.fields["boot_id"]))
+    return quoted(world, change)
+
+
+@reaches("boot-quote-of-elsewhere")
+def lines_changed_before_a_quote(world):
+    """Somebody with the device's key signs another history in which the TPM's quote is to stand."""
+    def change(log, tpm):
+        newest = boots_of(log)[-1]
+        newest.made = lambda size, root: tpm.quote(tpm_quote.qualifying_data(newest.fields["device"], size, bytes(32), newest.fields["boot_id"]))
+    return quoted(world, change)
+
+
+@reaches("boot-quote-signature-invalid")
+def a_quote_by_another_key(world):
+    def change(log, tpm):
+        other = dataclasses.replace(tpm, seed=bytes([6] * 32))
+        newest = boots_of(log)[-1]
+        newest.made = lambda size, root: other.quote(tpm_quote.qualifying_data(newest.fields["device"], size, root, newest.fields["boot_id"]))
+    return quoted(world, change)
+
+
+@reaches("boot-quote-signature-invalid")
+def a_quote_without_a_key(world):
+    def change(log, written):
+        another_boot(log, tpm_quote.Forger(), 2)
+        log.signed("shutdown", 5 * SECOND)
+    return the_log(world, change)
+
+
+@reaches("boot-quote-signature-invalid")
+def a_quote_whose_signature_is_none(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], quote_signature="AAAA"))
+
+
+@reaches("boot-pcrs-differ")
+def registers_that_were_not_quoted(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index] * 32).hex()}" for index in (*range(10), 15)]))
+
+
+@reaches("boot-pcrs-differ")
+def values_that_were_not_quoted(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index or 99] * 32).hex()}" for index in (*range(10), 14)]))
+
+
+@reaches("boot-quote-malformed")
+def registers_out_of_their_order(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index] * 32).hex()}" for index in (14, *range(10))]))
+
+
+def _quote_changed(change):
+    def with_change(world):
+        def spoil(log, tpm):
+            newest = boots_of(log)[-1]
+            made = newest.made
+
+            def spoiled(size, root):
+                fields = made(size, root)
+                attest = change(bytearray(note.from_base64(fields["quote"])))
+                return {**fields, "quote": base64.b64encode(attest).decode(), "quote_signature": base64.b64encode(tpm.sign(bytes(attest))).decode()}
+            newest.made = spoiled
+        return quoted(world, spoil)
+    return with_change
+
+
+def _byte(at, value):
+    def change(attest):
+        attest[at] = value
+        return attest
+    return change
+
+
+# Where in a TPMS_ATTEST: 0 magic, 4 type, 6 name (2 + 34), 42 qualifying data (2 + 32), 76 clock, 84 resets, 88 restarts, 92 safe, 93 firmware,
+# 101 banks, 105 hash, 107 bytes of the selection, 108 these, 111 digest.
+for _name, _change in {"a_quote_cut_short": lambda attest: attest[:-1], "a_quote_with_more_behind_it": lambda attest: attest + b"\0", "an_empty_quote": lambda attest: b"",
+                       "a_quote_that_no_tpm_made": _byte(0, 0), "another_attestation_than_a_quote": _byte(5, 0x17), "a_quote_with_a_huge_name": _byte(6, 0xFF),
+                       "a_quote_that_is_neither_safe_nor_unsafe": _byte(92, 2), "a_quote_of_two_banks": _byte(104, 2), "a_quote_of_another_bank": _byte(106, 4),
+                       "a_quote_of_more_registers_than_there_are": _byte(107, 4), "a_quote_with_a_shorter_digest": _byte(112, 31)}.items():
+    ALL.append((_name, ("boot-quote-malformed",), _quote_changed(_change)))
+
+
+ALL.append(("a_quote_by_that_key_elsewhere_in_the_tpm", ("boot-quote-signature-invalid",), _quote_changed(_byte(20, 0xAA))))
+
+
+@reaches("boot-quote-malformed")
+def a_quote_that_is_no_base64(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], quote="é"))
+
+
+@reaches("entry-malformed")
+def a_quote_beside_a_word_why_there_is_none(world):
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], no_quote="no TPM"))
+
+
+@reaches("boot-clock-went-back")
+def fewer_resets_than_before(world):
+    return quoted(world, lambda log, tpm: another_boot(log, tpm, 4, resets=-1))
+
+
+@reaches("boot-clock-went-back")
+def fewer_restarts_than_before(world):
+    def change(log, tpm):
+        tpm.restarts += 1
+        another_boot(log, tpm, 4, resets=0, restarts=tpm.restarts)
+        another_boot(log, tpm, 5, resets=0, restarts=tpm.restarts - 1)
+    return quoted(world, change)
+
+
+@reaches("boot-clock-went-back")
+def a_safe_clock_that_went_back(world):
+    return quoted(world, lambda log, tpm: another_boot(log, dataclasses.replace(tpm, clock_ms=-4999), 4))
+
+
+@reaches("boot-quotes-hold")
+def a_clock_that_lost_time_with_its_power(world):
+    """It says itself that it is not safe."""
+    given = quoted(world, lambda log, tpm: another_boot(log, dataclasses.replace(tpm, clock_ms=-4999, safe=0), 4))
+    given.never = ["boot-clock-went-back"]
+    return given
+
+
+@reaches("measured-boot-changed")
+def another_boot_loader(world):
+    return quoted(world, lambda log, tpm: another_boot(log, tpm, 4, pcr4=b"another boot loader"))
+
+
+@reaches("measured-boot-changed")
+def other_registers_than_before(world):
+    def change(log, tpm):
+        tpm.pcrs = {index: value for index, value in tpm.pcrs.items() if index != 14}
+        another_boot(log, tpm, 4)
+    return quoted(world, change)
+
+
+@reaches("boots-not-entered")
+def boots_without_the_recorder(world):
+    return quoted(world, lambda log, tpm: another_boot(log, tpm, 4, resets=3))
+
+
+@reaches("boot-not-quoted")
+def a_boot_that_the_tpm_did_not_quote(world):
+    def change(log, tpm):
+        tpm.boot()
+        log.add("boot", 0, **boot_fields(log, 4), no_quote="the TPM did not answer")
+        another_boot(log, tpm, 5)
+    given = quoted(world, change)
+    given.never = ["boot-quote-missing", "boots-not-entered"]
+    return given
+
+
+@reaches("boot-quote-missing")
+def a_boot_whose_quote_was_taken_away(world):
+    return quoted(world, lambda log, tpm: log.add("boot", 0, **boot_fields(log, 4)))
+
+
+@reaches("device-attestation-differs")
+def a_second_attestation_key(world):
+    def change(log, tpm):
+        attested(log, 0, dataclasses.replace(tpm, seed=bytes([6] * 32)))
+    return quoted(world, change)
+
+
+@reaches("boot-quotes-hold")
+def another_key_of_the_device_with_another_tpm(world):
+    """Of another device in the same log another TPM quotes."""
+    other = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, tpm):
+        for step in log.of(Checkpoint):
+            step.signer = world.device
+        log.signer = other
+        log.signed("device-key-changed", 0, device=str(other.key))
+        tpm = tpm_quote.Forger(bytes([6] * 32))
+        attested(log, 0, tpm)
+        another_boot(log, tpm, 4)
+    given = quoted(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, other.key], never=["device-attestation-differs", "boot-quote-signature-invalid"])
+
+
+@reaches("device-invalid")
+def an_attestation_key_that_signs_anything(world):
+    return quoted(world, tpm=tpm_quote.Forger(attributes=tpm_quote.Forger().attributes & ~(1 << 16)))
+
+
+@reaches("device-invalid")
+def an_attestation_key_that_is_none(world):
+    return quoted(world, stated="AAAA")
+
+
+@reaches("boot-quote-missing")
+def an_attestation_key_that_no_quote_follows(world):
+    """The recorder's log was carried on by a program from before."""
+    def change(log, tpm):
+        for step in boots_of(log)[1:]:
+            step.made = None
+    return quoted(world, change)

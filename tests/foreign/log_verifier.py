@@ -6,9 +6,10 @@ import pathlib
 import re
 
 import note
+import tpm_quote
 from verifier import Folder, Judgement, Ledger, has_hole, outside_notes, size_of_note
 
-FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
+FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-attestation-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
 MOST_WITHOUT_THEIR_OWN = 3
 CONSENT_FILE, LARGEST_CONSENT = re.compile("consents/([0-9a-f]{64})[.]age"), 64 << 20
 
@@ -121,7 +122,7 @@ class LogRead:
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
-        self.consents = Consents(folder)
+        self.consents, boots = Consents(folder), tpm_quote.Boots(report, alone)
         for number, entry in enumerate(self.ledger.entries):
             told, erased, closed = None, None, None
             self.consents.followed()
@@ -156,6 +157,7 @@ class LogRead:
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
                 if kind == "device-hardware-added":
                     self._judge_hardware_key(entry["hardware"], device, report)
+                boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
             if size in folder.note_sizes:
@@ -192,6 +194,7 @@ class LogRead:
             self._judge_tail(to_be_followed)
             folder.judge_names(lambda file: "named" if self.consents.names(file) else _judge_name(file))
             self.consents.finish(len(self.ledger))
+            boots.finish()
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device

@@ -9,6 +9,7 @@ def _entry(kind, **fields):
     return {"type": kind, "seq": 1, "utc": _UTC, "mono_ns": 5, **fields}
 
 
+_QUOTE = {"quote": "q", "quote_signature": "s", "pcrs": [f"0:{_HASH}", f"23:{_HASH}"]}
 _FILE = {"file": "f", "bytes": 1, "sha256": _HASH}
 _SPAN = {"start_ns": 0, "end_ns": 1}
 _STREAM = {"name": "a", "kind": "video", "media": "video/mp2t", "source": "s", "profile": "p", "purpose": "p", "recipients": ["age1"], "timing": "arrival"}
@@ -28,7 +29,8 @@ CASE = [
     _entry("close", reason="r", totals={"a": {"segments": 0, "frames": 0, "dropped": 0, "bytes": 0}}),
     _entry("erased", stream="a", first_index=0, last_index=0, policy="p")]
 LOG = [
-    _entry("boot", boot_id="b", device="d"), _entry("shutdown"), _entry("config-changed", sha256=_HASH), _entry("device-key-changed", device="d"),
+    _entry("boot", boot_id="b", device="d"), _entry("boot", boot_id="b", device="d", **_QUOTE), _entry("boot", boot_id="b", device="d", no_quote="n"),
+    _entry("device-attestation-added", attestation="a", **_QUOTE), _entry("shutdown"), _entry("config-changed", sha256=_HASH), _entry("device-key-changed", device="d"),
     _entry("device-ml-dsa-added", ml_dsa="d"), _entry("device-hardware-added", hardware="d"), _entry("device-hardware-silent", why="w"), _entry("plan-sealed", sha256=_HASH), _entry("case-opened", **_CASE, sha256=_HASH), _entry("case-checkpoint", **_CASE, size=1, root=_HASH),
     _entry("case-closed", **_CASE, size=1, root=_HASH, final_token=_HASH), _entry("replicated", **_CASE, target="t"),
     _entry("erased", **_CASE, stream="s", policy="p"), _entry("access", case="*", what="w", who="w"), _entry("recovered", truncated=1),
@@ -44,8 +46,8 @@ _VALUES = [
     _HASH, "F" * 64, _HASH + "0", "2026-08-05T09:15:02Z", "2026-02-30T09:15:02.000000Z", "2026-12-31T23:59:60.000000Z", "2026-08-05T24:00:00.000000Z",
     "0000-01-01T00:00:00.000000Z", "9999-12-31T23:59:59.999999Z", "2024-02-29T00:00:00.000000Z", "2023-02-29T00:00:00.000000Z", "1/1", "01/1", "1/0", "0/1",
     "1/12345678901", "1234567890/1", "1/90000 ", "mpeg2", "lossless", "source", "crash", "kiroku-case/1", "video/mp2t", "audio", "sound", "suspended",
-    "subject.json.age", "0x1", "F"]
-_KEYS = ["more", "plan", "of", "profile", "begins_ns", "rate_ppb", "frames", "samples", "stream", "final_token", "asked_ns"]
+    "subject.json.age", "0x1", "F", f"9:{_HASH}", f"19:{_HASH}", f"24:{_HASH}", f"01:{_HASH}", f"4:{_HASH}0", f"4:{'F' * 64}", [f"4:{_HASH}"] * 25]
+_KEYS = ["more", "plan", "of", "profile", "begins_ns", "rate_ppb", "frames", "samples", "stream", "final_token", "asked_ns", "quote", "no_quote"]
 
 
 def _paths(value, path=()):

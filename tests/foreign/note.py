@@ -1,6 +1,5 @@
 """C2SP signed notes and tlog-checkpoints with Ed25519 and ECDSA, which `openssl` signs and verifies, and ML-DSA-65 beside them."""
 import base64
-import binascii
 import dataclasses
 import functools
 import hashlib
@@ -14,8 +13,8 @@ _PUBLIC = bytes.fromhex("302a300506032b6570032100")           # SubjectPublicKey
 _PRIVATE = bytes.fromhex("302e020100300506032b657004220420")  # PKCS #8 of Ed25519 before the 32 bytes
 MOST_BYTES, MOST_SIGNATURES = 131072, 100
 ML_DSA_TYPE = b"\xffkiroku/ml-dsa-65"
-_P256_PUBLIC = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d03010703420004")                     # SubjectPublicKeyInfo before both coordinates
-_P256_PRIVATE = bytes.fromhex("3041020100301306072a8648ce3d020106082a8648ce3d030107042730250201010420")  # PKCS #8 before the 32 bytes
+P256_PUBLIC = bytes.fromhex("3059301306072a8648ce3d020106082a8648ce3d03010703420004")                     # SubjectPublicKeyInfo before both coordinates
+P256_PRIVATE = bytes.fromhex("3041020100301306072a8648ce3d020106082a8648ce3d030107042730250201010420")  # PKCS #8 before the 32 bytes
 
 
 class Malformed(ValueError):
@@ -25,7 +24,7 @@ class Malformed(ValueError):
 def from_base64(text):
     try:
         data = base64.b64decode(text, validate=True)
-    except binascii.Error as e:
+    except ValueError as e:
         raise Malformed(f"{text!r} is no base64") from e
     if base64.b64encode(data).decode() != text:
         raise Malformed(f"{text!r} is no canonical base64")
@@ -125,8 +124,8 @@ def parse_hardware_key(text):
     """The device's name and the public key."""
     name, key_id, data = (text.split("+", 2) + ["", ""])[:3]
     data, device = from_base64(data), name.removesuffix("/ecdsa-p256")
-    point = data[1 + len(_P256_PUBLIC):]
-    if device == name or not device or data[:1] != b"\2" or data[1:1 + len(_P256_PUBLIC)] != _P256_PUBLIC or len(point) != 64 or not _on_p256(point):
+    point = data[1 + len(P256_PUBLIC):]
+    if device == name or not device or data[:1] != b"\2" or data[1:1 + len(P256_PUBLIC)] != P256_PUBLIC or len(point) != 64 or not on_p256(point):
         raise Malformed("no key in the hardware of a device")
     key = Key(device, b"", hardware=data[1:])
     if key_id != key.hardware_id.hex():
@@ -134,7 +133,7 @@ def parse_hardware_key(text):
     return key.name, key.hardware
 
 
-def _on_p256(point):
+def on_p256(point):
     """Whether two coordinates are a point of the curve (FIPS 186-5, SP 800-186)."""
     prime = 2**256 - 2**224 + 2**192 + 2**96 - 1
     x, y = int.from_bytes(point[:32]), int.from_bytes(point[32:])
@@ -263,7 +262,7 @@ class Signer:
         if self.ml_dsa_seed is not None:
             key = dataclasses.replace(key, ml_dsa=_private(self.ml_dsa_seed).public, since=self.since)
         if self.hardware_seed is not None:
-            done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=_P256_PRIVATE + self.hardware_seed,
+            done = subprocess.run(["openssl", "pkey", "-inform", "DER", "-pubout", "-outform", "DER"], input=P256_PRIVATE + self.hardware_seed,
                                   capture_output=True, check=True)
             key = dataclasses.replace(key, hardware=done.stdout, hardware_since=self.hardware_since,
                                       log_root_before_hardware=self.log_root_before_hardware if self.hardware_since else None)
@@ -302,7 +301,7 @@ class Signer:
     def sign_by_hardware(self, text):
         with tempfile.TemporaryDirectory() as folder:
             with open(f"{folder}/key", "wb") as out:
-                out.write(_P256_PRIVATE + self.hardware_seed)
+                out.write(P256_PRIVATE + self.hardware_seed)
             return subprocess.run(["openssl", "dgst", "-sha256", "-keyform", "DER", "-sign", f"{folder}/key"], input=text, capture_output=True, check=True).stdout
 
     def checkpoint(self, origin, size, root):

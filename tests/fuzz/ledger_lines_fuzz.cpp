@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <string_view>
 
+#include "archive/format/boot_quote.h"
 #include "archive/format/excerpt_document.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/log_entry.h"
@@ -34,6 +35,11 @@ void check_log_entry(std::string_view line) {
     const std::string written = to_line(*parse.entry);
     const LogEntryParse again = parse_log_entry(written);
     require(again.entry && to_line(*again.entry) == written);
+    const auto* boot = std::get_if<BootEntry>(&parse.entry->body);
+    if (boot != nullptr && boot->quote) {
+      const auto quote = from_stated(*boot->quote);
+      require(!quote || to_stated(*quote).pcrs == boot->quote->pcrs);
+    }
   }
 }
 

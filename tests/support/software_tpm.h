@@ -2,10 +2,17 @@
 // and brings back.
 #pragma once
 
+#include <array>
 #include <csignal>
 #include <filesystem>
 #include <optional>
+#include <span>
+#include <stdexcept>
 #include <string>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+#include <vector>
 
 #include "tests/support/process.h"
 
@@ -40,7 +47,7 @@ class SoftwareTpm {
                    "--log",
                    "fd=1,level=5"};
     process_.emplace(run);
-    while (!std::filesystem::exists(socket().string() + ".ctrl") || !std::filesystem::exists(socket())) {
+    while (!accepts()) {
       if (process_->wait_for("rror", std::chrono::seconds(0))) break;
     }
   }
@@ -51,10 +58,65 @@ class SoftwareTpm {
     std::filesystem::remove(socket());
     std::filesystem::remove(socket().string() + ".ctrl");
   }
+  /// Measures something into a register of the SHA-256 bank, as a boot loader does. Only while nobody else is
+  /// connected: it takes one connection at a time, as the next two do.
+  void measure(unsigned pcr, unsigned char what) {
+    std::vector<unsigned char> command{0x80, 0x02, 0, 0,
+                                       0,    0x41, 0, 0,
+                                       0x01, 0x82,  // TPM2_PCR_Extend
+                                       0,    0,    0, static_cast<unsigned char>(pcr)};
+    append_empty_password(command);
+    command.insert(command.end(), {0, 0, 0, 1, 0, 0x0b});
+    command.insert(command.end(), 32, what);
+    ask(command);
+  }
+  /// Switches its SHA-256 bank of registers on or off, from its next start on.
+  void keep_sha256_bank(bool keep) {
+    std::vector<unsigned char> command{0x80, 0x02, 0, 0,   0, 0x25, 0, 0, 0x01, 0x2b,  // TPM2_PCR_Allocate
+                                       0x40, 0,    0, 0x0c};                           // TPM_RH_PLATFORM
+    append_empty_password(command);
+    const unsigned char bits = keep ? 0xff : 0;
+    command.insert(command.end(), {0, 0, 0, 1, 0, 0x0b, 3, bits, bits, bits});
+    ask(command);
+  }
   /// It takes commands and answers none, until hang(false).
   void hang(bool hangs = true) { process_->signal(hangs ? SIGSTOP : SIGCONT); }
 
  private:
+  static void append_empty_password(std::vector<unsigned char>& command) {
+    command.insert(command.end(), {0, 0, 0, 9, 0x40, 0, 0, 9, 0, 0, 0, 0, 0});  // TPM_RS_PW
+  }
+  /// A connection, or -1.
+  [[nodiscard]] int connected() const {
+    const int descriptor = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    const std::string path = socket().string();
+    path.copy(address.sun_path, sizeof address.sun_path - 1);
+    if (::connect(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
+      return descriptor;
+    ::close(descriptor);
+    return -1;
+  }
+  /// Its socket is there before it listens.
+  [[nodiscard]] bool accepts() const {
+    const int descriptor = connected();
+    if (descriptor >= 0) ::close(descriptor);
+    return descriptor >= 0;
+  }
+  /// Throws unless the TPM says that it did so.
+  void ask(const std::vector<unsigned char>& command) const {
+    const int descriptor = connected();
+    std::array<unsigned char, 64> answer{};
+    const bool answered =
+        descriptor >= 0 &&
+        ::write(descriptor, command.data(), command.size()) == static_cast<ssize_t>(command.size()) &&
+        ::read(descriptor, answer.data(), answer.size()) >= 10;
+    ::close(descriptor);
+    // A head of ten bytes, whose last four are the return code.
+    if (!answered || answer[6] != 0 || answer[7] != 0 || answer[8] != 0 || answer[9] != 0)
+      throw std::runtime_error("swtpm refused a command of the test");
+  }
   [[nodiscard]] std::filesystem::path socket() const { return folder_ / "tpm"; }
   std::filesystem::path folder_;
   std::optional<Process> process_;

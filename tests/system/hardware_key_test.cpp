@@ -76,6 +76,43 @@ TEST_F(HardwareKey, ANewHomeMayHaveAllThreeKeys) {
   EXPECT_EQ(signatures_of(verify(record(), identity())), "ed25519+ml-dsa-65+ecdsa-p256");
 }
 
+TEST_F(HardwareKey, OfATpmQuotesTheBootIntoTheLog) {
+  if (!SoftwareTpm::is_installed()) GTEST_SKIP() << SoftwareTpm::kWhySkipped;
+  const SoftwareTpm tpm(folder() / "t");
+  const ProcessResult made = kiroku({"init", "--demo", "--tpm", "--tcti", tpm.tcti()});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, Not(HasSubstr("does not quote")));
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("and quotes the measured boot"));
+  EXPECT_EQ(verify(record(), identity()).status, 0);
+  const ProcessResult log = kiroku({"log", "--verify"});
+  EXPECT_EQ(log.status, 0) << log.out;
+  EXPECT_THAT(log.out, HasSubstr("these quotes hold"));
+  const ProcessResult alone = verify(home() / "archive/log", identity(), true);
+  EXPECT_EQ(alone.status, 0);
+  EXPECT_THAT(alone.out, HasSubstr("boot-quotes-hold"));
+}
+
+TEST_F(HardwareKey, OfATpmThatDoesNotQuoteMakesAHomeAllTheSameWhichQuotesLater) {
+  if (!SoftwareTpm::is_installed()) GTEST_SKIP() << SoftwareTpm::kWhySkipped;
+  SoftwareTpm tpm(folder() / "t");
+  const auto start_with_registers = [&](bool there) {
+    tpm.keep_sha256_bank(there);
+    tpm.take_away();
+    tpm.start();
+  };
+  start_with_registers(false);
+  const ProcessResult made = kiroku({"init", "--demo", "--tpm", "--tcti", tpm.tcti()});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("SHA-256 bank is switched off"));
+  EXPECT_EQ(verify(record(), identity()).status, 0) << "nothing that is recorded is affected";
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("does not have it quote the measured boot"));
+  start_with_registers(true);
+  const ProcessResult added = kiroku({"init", "--add-tpm"});
+  ASSERT_EQ(added.status, 0) << added.err;
+  EXPECT_THAT(added.out, HasSubstr("quotes the measured boot into the log"));
+  EXPECT_THAT(kiroku({"log", "--verify"}).out, HasSubstr("these quotes hold"));
+}
+
 TEST_F(HardwareKey, OfATokenSignsLikewiseBesideAnMlDsaKeyThatWasThere) {
   if (!SoftwareToken::is_installed()) GTEST_SKIP() << SoftwareToken::kWhySkipped;
   const SoftwareToken token(folder() / "token");

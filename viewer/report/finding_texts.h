@@ -80,6 +80,30 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "のみ。"},
     {"device-hardware-differs", Check::kLog,
      "ログに記載された装置のハードウェア内の鍵が、与えられた識別情報と異なる。"},
+    {"device-attestation-differs", Check::kLog,
+     "ログに二つ目の構成証明鍵が記載されている。記録装置はこのような項目を書かない。"},
+    {"boot-quote-malformed", Check::kLog,
+     "TPM による起動の証明（クォート）として記載されたものが、TPM の作る形式でない。"},
+    {"boot-quote-signature-invalid", Check::kLog,
+     "起動のクォートに、ログに記載された構成証明鍵の署名がない。"},
+    {"boot-quote-of-elsewhere", Check::kLog,
+     "起動のクォートが、別の項目、別の起動または別のログのために作られたものである。"},
+    {"boot-pcrs-differ", Check::kLog, "ログに記載された起動のレジスターが、TPM が証明した値と異なる。"},
+    {"boot-clock-went-back", Check::kLog,
+     "TPM のリセット回数と時計によれば、起動のクォートが前のクォートより古い。"},
+    {"boot-quote-missing", Check::kLog,
+     "ログに構成証明鍵が記載されているのに、その後の起動にクォートも、ない理由も記載されていない。"},
+    {"boot-not-quoted", Check::kLog,
+     "TPM が証明しなかった起動がある。理由はログに記載されている。その起動の状態は分からない。"},
+    {"measured-boot-changed", Check::kLog,
+     "計測された起動の状態が、前に証明された起動と異なる。更新によっても、別のソフトウェアの起動によっても変"
+     "わ"
+     "る。"},
+    {"boots-not-entered", Check::kLog,
+     "TPM のリセット回数によれば、ログに記載された回数より多く装置が起動された。"},
+    {"boot-quotes-hold", Check::kLog,
+     "TPM が、ログに記載された構成証明鍵で起動の状態を証明した。その鍵が TPM "
+     "の鍵であることは、ここでは確認されない。"},
     {"checkpoint-not-by-hardware", Check::kDevice,
      "装置はハードウェア内の複製できない鍵でも署名するが、ここにあるものを覆うその署名がない。ハードウェアが"
      "応"

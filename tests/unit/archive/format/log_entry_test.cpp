@@ -33,8 +33,17 @@ std::vector<Example> examples() {
   const std::string id(kCase);
   const std::string hex(kHex);
   const std::string with_case = ",\"case\":\"" + id + "\"";
+  const StatedQuote quote{"cQ==", "cw==", {"4:" + hex, "14:" + hex}};
+  const std::string with_quote =
+      R"(,"quote":"cQ==","quote_signature":"cw==","pcrs":["4:)" + hex + R"(","14:)" + hex + R"("]})";
   return {
       {BootEntry{"b1", "dev+1+k"}, head_of("boot") + R"(,"boot_id":"b1","device":"dev+1+k"})"},
+      {BootEntry{"b1", "dev+1+k", quote, {}},
+       head_of("boot") + R"(,"boot_id":"b1","device":"dev+1+k")" + with_quote},
+      {BootEntry{"b1", "dev+1+k", {}, "no TPM"},
+       head_of("boot") + R"(,"boot_id":"b1","device":"dev+1+k","no_quote":"no TPM"})"},
+      {DeviceAttestationEntry{"YQ==", quote},
+       head_of("device-attestation-added") + R"(,"attestation":"YQ==")" + with_quote},
       {ShutdownEntry{}, head_of("shutdown") + "}"},
       {ConfigChangedEntry{some_digest()}, head_of("config-changed") + ",\"sha256\":\"" + hex + "\"}"},
       {DeviceKeyChangedEntry{"dev+2+k"}, head_of("device-key-changed") + R"(,"device":"dev+2+k"})"},
@@ -117,6 +126,30 @@ TEST(LogEntry, RefusesPurposesThatAreNoShortNames) {
   for (const std::string& each : bad) EXPECT_FALSE(parse_log_entry(before + each + after).entry) << each;
 }
 
+TEST(LogEntry, RefusesRegistersThatAreNone) {
+  const std::string before =
+      head_of("boot") + R"(,"boot_id":"b","device":"d","quote":"","quote_signature":"","pcrs":)";
+  const std::string hex(kHex);
+  ASSERT_TRUE(parse_log_entry(before + "[\"23:" + hex + "\"]}").entry);
+  std::string many = "[";
+  for (int i = 0; i < 25; ++i) many += (i == 0 ? "\"1:" : ",\"1:") + hex + "\"";
+  const std::vector<std::string> bad{"[]",
+                                     "[\"24:" + hex + "\"]",
+                                     "[\"04:" + hex + "\"]",
+                                     "[\"-4:" + hex + "\"]",
+                                     "[\":" + hex + "\"]",
+                                     "[\"" + hex + "\"]",
+                                     "[\"4:" + hex + "0\"]",
+                                     "[\"4:" + hex.substr(1) + "\"]",
+                                     "[\"4:" + hex.substr(1) + "F\"]",
+                                     "[\"4 :" + hex + "\"]",
+                                     "[4]",
+                                     "{}",
+                                     many + "]"};
+  for (const std::string& each : bad) EXPECT_FALSE(parse_log_entry(before + each + "}").entry) << each;
+  EXPECT_FALSE(parse_log_entry(before + "[\"4:" + hex + "\"],\"no_quote\":\"why\"}").entry) << "both";
+}
+
 TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
   for (const Example& example : examples()) {
     // Cut each member out in turn; `final_token`, an erased stream and a lost duration may be absent.
@@ -134,6 +167,7 @@ TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
           example.line.compare(start, 8, "\"stream\"") != 0 &&
           example.line.compare(start, 13, "\"duration_ns\"") != 0 &&
           example.line.compare(start, 9, "\"purpose\"") != 0 &&
+          example.line.compare(start, 10, "\"no_quote\"") != 0 &&
           example.line.compare(start, 6, "\"form\"") != 0) {
         EXPECT_FALSE(parse_log_entry(cut).entry) << cut;
       }

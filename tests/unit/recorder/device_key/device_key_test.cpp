@@ -181,6 +181,100 @@ TEST_F(TpmKeyTest, OneThatHangsDoesNotHoldUpWhoeverSigns) {
   }
 }
 
+TEST_F(TpmKeyTest, QuotesTheBootByAKeyThatStaysTheSame) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  made.attestation_key = find_attestation_key(made);
+  const crypto::Sha256Digest asked = crypto::sha256(kMessage);
+  std::vector<crypto::TpmQuote> said;
+  for (int boot = 0; boot < 2; ++boot) {
+    const auto signer = hardware_signer(made);
+    EXPECT_EQ(signer->sign(kMessage).why, "");
+    const auto answer = signer->attester()->quote(asked);
+    ASSERT_TRUE(answer.quote) << answer.why;
+    EXPECT_EQ(crypto::why_no_quote(*answer.quote, made.attestation_key, asked), "");
+    std::string problem;
+    said.push_back(crypto::parse_tpm_quote(answer.quote->attest, problem).value());
+    EXPECT_EQ(answer.quote->pcrs.size(), 11U);
+    EXPECT_EQ(signer->sign(kMessage).why, "") << "there is room for both keys";
+    tpm_->take_away();
+    tpm_->start();
+  }
+  EXPECT_EQ(said[1].resets - said[0].resets, 1U);
+  EXPECT_EQ(said[1].pcr_digest, said[0].pcr_digest);
+}
+
+TEST_F(TpmKeyTest, SignsNothingFromOutsideByItsAttestationKey) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  made.attestation_key = find_attestation_key(made);
+  std::string problem;
+  const auto key = crypto::parse_attestation_key(made.attestation_key, problem);
+  ASSERT_TRUE(key) << problem;
+  EXPECT_NE(key->key, made.public_key);
+  EXPECT_FALSE(
+      crypto::verify_ecdsa_p256(key->key, kMessage, hardware_signer(made)->sign(kMessage).signature));
+}
+
+TEST_F(TpmKeyTest, WhatIsMeasuredIsQuoted) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  made.attestation_key = find_attestation_key(made);
+  const auto quote = [&] { return hardware_signer(made)->attester()->quote({}).quote.value(); };
+  const auto before = quote();
+  tpm_->measure(7, 0xaa);
+  const auto after = quote();
+  for (std::size_t i = 0; i < before.pcrs.size(); ++i)
+    EXPECT_EQ(before.pcrs[i] == after.pcrs[i], before.pcrs[i].index != 7) << i;
+}
+
+TEST_F(TpmKeyTest, AnotherTpmDoesNotQuoteForThisOne) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  made.attestation_key = find_attestation_key(made);
+  const test::SoftwareTpm other(folder_.path() / "o");
+  made.address = other.tcti();
+  EXPECT_THAT(hardware_signer(made)->attester()->quote({}).why, HasSubstr("not by the key"));
+  EXPECT_THAT([&] { find_attestation_key(made); }, ThrowsMessage<Error>(HasSubstr("another machine's")));
+}
+
+TEST_F(TpmKeyTest, OneWithoutSha256RegistersSaysSoAndSigns) {
+  tpm_->keep_sha256_bank(false);
+  tpm_->take_away();
+  tpm_->start();
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  EXPECT_THAT([&] { find_attestation_key(made); }, ThrowsMessage<Error>(HasSubstr("SHA-256 bank")));
+  made.attestation_key = TpmKey(made.address, made.key).attestation_key();
+  const auto signer = hardware_signer(made);
+  EXPECT_THAT(signer->attester()->quote({}).why, HasSubstr("SHA-256 bank"));
+  EXPECT_EQ(signer->sign(kMessage).why, "");
+}
+
+TEST_F(TpmKeyTest, OneThatHangsDoesNotHoldUpWhoeverAsksForAQuote) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  made.attestation_key = find_attestation_key(made);
+  const auto key = std::make_shared<TpmKey>(made.address, made.key);
+  const auto thread = std::make_shared<BoundedThread>(std::chrono::milliseconds(1));
+  const BoundedAttester attester(
+      made.attestation_key, [key](const crypto::Sha256Digest& asked) { return key->quote(asked); }, thread);
+  const BoundedSigner signer(
+      made.public_key, [key](ByteView message) { return key->sign(message); }, thread, nullptr);
+  tpm_->hang();
+  EXPECT_THAT(attester.quote({}).why, HasSubstr("did not answer"));
+  EXPECT_THAT(signer.sign(kMessage).why, HasSubstr("an earlier request")) << "nor who signs meanwhile";
+  tpm_->hang(false);
+  while (signer.sign(kMessage).signature.empty()) {
+  }
+}
+
+TEST_F(TpmKeyTest, ItsDescriptionHasTheAttestationKey) {
+  HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
+  EXPECT_EQ(HardwareDescription::parse(made.to_json()).attestation_key, Bytes())
+      << "one from before, which is no error";
+  EXPECT_EQ(hardware_signer(made)->attester(), nullptr);
+  made.attestation_key = find_attestation_key(made);
+  EXPECT_EQ(HardwareDescription::parse(made.to_json()).attestation_key, made.attestation_key);
+  made.attestation_key.back() ^= std::byte{1};
+  EXPECT_THAT([&] { HardwareDescription::parse(made.to_json()); },
+              ThrowsMessage<Error>(HasSubstr("attestation_key")));
+}
+
 TEST(TpmKeyWithoutTpm, NamesTheWayThatLeadsNowhere) {
   EXPECT_THAT([] { make_hardware_key(Kind::kTpm, "swtpm:path=/nowhere"); },
               ThrowsMessage<Error>(HasSubstr("swtpm:path=/nowhere")));

@@ -33,6 +33,14 @@ describe('An entry of the appliance log', () => {
     });
     expect(rowOf({ ...head, type: 'shutdown' })).toMatchObject({ case: '', who: '', deed: '', carries: [] });
   });
+  it('shows of a quote of the boot enough to tell it from others', () => {
+    const quote = { quote: '/1RDR4AYACIAC0JPjRixuxL0', quote_signature: 'MEUCIQ==', pcrs: ['4:ab'] };
+    expect(rowOf({ ...head, type: 'boot', boot_id: 'b', ...quote }).carries).toEqual([
+      ['boot_id', 'b'],
+      ['quote', '/1RDR4AYACIAC0JP…'],
+    ]);
+    expect(rowOf({ ...head, type: 'boot', boot_id: 'b', no_quote: 'it did not answer' }).carries).toContainEqual(['no_quote', 'it did not answer']);
+  });
   it('of no single case leads to none', () => {
     expect(rowOf({ ...head, type: 'access', case: '*', what: 'adds user anna', who: 'root' }).case).toBe('');
   });

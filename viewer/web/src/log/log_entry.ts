@@ -21,12 +21,14 @@ export const kLogTypes = [
   'device-key-changed',
   'device-ml-dsa-added',
   'device-hardware-added',
+  'device-attestation-added',
   'device-hardware-silent',
   'pre-roll-discarded',
   'recovered',
 ] as const;
 
-const kOwnColumns = new Set(['type', 'seq', 'utc', 'mono_ns', 'case', 'who', 'what']);
+/** What belongs to a quote and is for verifiers is left out, too: its signature, and the registers. */
+const kOwnColumns = new Set(['type', 'seq', 'utc', 'mono_ns', 'case', 'who', 'what', 'quote_signature', 'pcrs']);
 
 export interface LogRow {
   seq: number;
@@ -43,9 +45,13 @@ export interface LogRow {
 
 /** Of what the entry carries beside its own columns, what is a length in nanoseconds. */
 const kLengths = new Set(['duration_ns']);
+/** Base64 of some hundred bytes, of which the beginning tells one from another. */
+const kBytes = new Set(['quote', 'attestation']);
+const kBytesShown = 16;
 
 function text(field: string, value: unknown): string {
   if (kLengths.has(field) && typeof value === 'number') return formatDuration(value);
+  if (kBytes.has(field) && typeof value === 'string' && value.length > kBytesShown) return `${value.slice(0, kBytesShown)}…`;
   return typeof value === 'string' ? value : JSON.stringify(value);
 }
 
