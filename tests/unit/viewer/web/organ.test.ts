@@ -90,9 +90,36 @@ describe('Where the organ is in the pictures', () => {
 
   it('is summed up: how many, how well, where not', () => {
     const summary = organSummary(alignment([placed(0, 0, 0, 3), placed(1, 0, 0, 1), placed(2, 0, 0, 2), lost(3), lost(4), placed(5, 0, 0, 1.5)]));
-    expect(summary).toMatchObject({ looked: 6, placed: 4, middle_mm: 2, most_mm: 3, lost_ns: 3 * kTenth });
+    expect(summary).toMatchObject({ looked: 6, placed: 4, half_mm: 1.5, most_mm: 3, lost_ns: 3 * kTenth });
     expect(summary.lost.map(({ start_ns, end_ns }) => [start_ns / kTenth, end_ns / kTenth])).toEqual([[2, 5]]);
-    expect(organSummary(alignment([lost(0)]))).toMatchObject({ looked: 1, placed: 0, middle_mm: undefined, most_mm: undefined });
+    expect(organSummary(alignment([lost(0)]))).toMatchObject({ looked: 1, placed: 0, half_mm: undefined, most_mm: undefined });
+  });
+
+  it('has losses from one end to the other, with their reasons, the longest first', () => {
+    const lostAndFound = alignment([
+      placed(0),
+      lost(1, 'hidden'),
+      lost(2, 'not-looked'),
+      lost(3, 'not-looked'),
+      lost(4, 'not-looked'),
+      lost(5, 'no-organ'),
+      lost(6, 'no-organ'),
+      lost(7, 'no-organ'),
+      placed(8),
+      placed(9),
+      lost(10, 'not-looked'),
+      placed(11),
+      lost(30, 'mirrored'),
+    ]);
+    const { episodes, lost: losses } = organSummary(lostAndFound);
+    expect(episodes.map(({ start_ns, end_ns, whys }) => [start_ns / kTenth, Math.round(end_ns / kTenth), whys])).toEqual([
+      [0, 8, ['no-organ', 'hidden']],
+      [8, 9, []],
+      [9, 11, ['not-looked']],
+      [11, 11, []],
+      [30, 30, ['mirrored']],
+    ]);
+    expect(losses.length).toBe(3);
   });
 });
 

@@ -1,5 +1,5 @@
 // The lane of the time line that says where the plan's organ was found in the pictures, and where it was sought and not found. Where nobody looked it is empty.
-import type { OrganStretch } from '@/compare/organ_place';
+import type { OrganEpisode } from '@/compare/organ_place';
 import type { Span } from '@/base/spans';
 import type { Colors } from '@/timeline/colors';
 import { toPixel } from '@/timeline/scale';
@@ -8,7 +8,7 @@ type Hatch = (context: CanvasRenderingContext2D, x: number, y: number, width: nu
 
 export function drawOrgan(
   context: CanvasRenderingContext2D,
-  stretches: readonly OrganStretch[],
+  episodes: readonly OrganEpisode[],
   window: Span,
   width: number,
   top: number,
@@ -17,12 +17,12 @@ export function drawOrgan(
   hatch: Hatch,
 ): void {
   // A lost picture is never hidden by found ones beside it, however far one looks at them from.
-  const order = [...stretches.filter((one) => one.lost === undefined), ...stretches.filter((one) => one.lost !== undefined)];
-  for (const { start_ns, end_ns, lost } of order) {
+  const order = [...episodes.filter((one) => one.whys.length === 0), ...episodes.filter((one) => one.whys.length > 0)];
+  for (const { start_ns, end_ns, whys } of order) {
     const from = Math.max(-10, toPixel(start_ns, window, width));
     const to = Math.min(width + 10, toPixel(end_ns, window, width));
     if (to <= 0 || from >= width) continue;
-    if (lost === undefined) {
+    if (whys.length === 0) {
       context.fillStyle = colors('lane-organ');
       context.fillRect(from, top, Math.max(1, to - from), height);
     } else {

@@ -7,6 +7,8 @@ import { lastAtOrBefore, type Span } from '@/base/spans';
 const kMostApart_ns = 300_000_000;
 /** A picture's own time, as a browser tells it, may fall that much beside it. */
 const kSame_ns = 1_000_000;
+/** Lost before, and not searched for: that takes a second. */
+const kNotLooked = 'not-looked';
 
 type Moment = OrganAlignment['moments'][number];
 /** In metres, patient coordinates; axes right, up and back, one after the other. */
@@ -136,14 +138,38 @@ export function organStretches(alignment: OrganAlignment): OrganStretch[] {
   return out;
 }
 
+/** Placed, where there is no reason; else lost from one end to the other, for these reasons, the longest first. */
+export interface OrganEpisode extends Span {
+  whys: readonly string[];
+}
+
+/** Lost stretches that follow each other as one. That a picture was not searched, as a search takes long, is only a reason where there is no other. */
+function organEpisodes(stretches: readonly OrganStretch[]): OrganEpisode[] {
+  const out: (Span & { times: Map<string, number> })[] = [];
+  for (const { start_ns, end_ns, lost } of stretches) {
+    const last = out.at(-1);
+    const goesOn = last?.end_ns === start_ns && last.times.size > 0 === (lost !== undefined);
+    const episode = goesOn && last ? last : { start_ns, end_ns, times: new Map<string, number>() };
+    if (episode !== last) out.push(episode);
+    episode.end_ns = end_ns;
+    if (lost !== undefined) episode.times.set(lost, (episode.times.get(lost) ?? 0) + end_ns - start_ns);
+  }
+  return out.map(({ start_ns, end_ns, times }) => {
+    const whys = [...times].sort((a, b) => b[1] - a[1]).map(([why]) => why);
+    const told = whys.filter((why) => why !== kNotLooked);
+    return { start_ns, end_ns, whys: told.length > 0 ? told : whys };
+  });
+}
+
 export interface OrganSummary {
-  stretches: readonly OrganStretch[];
+  episodes: readonly OrganEpisode[];
+  /** Pictures. */
   looked: number;
   placed: number;
-  /** Of the placed pictures; nothing where there is none. */
-  middle_mm: number | undefined;
+  /** Half of the placed ones have no larger standard error, and none has a larger one than that; nothing where none is placed. */
+  half_mm: number | undefined;
   most_mm: number | undefined;
-  lost: readonly OrganStretch[];
+  lost: readonly OrganEpisode[];
   lost_ns: number;
 }
 
@@ -152,13 +178,13 @@ export function organSummary(alignment: OrganAlignment): OrganSummary {
     .filter(isPlaced)
     .map((one) => one.standard_error_mm)
     .sort((a, b) => a - b);
-  const stretches = organStretches(alignment);
-  const lost = stretches.filter((one) => one.lost !== undefined);
+  const episodes = organEpisodes(organStretches(alignment));
+  const lost = episodes.filter((one) => one.whys.length > 0);
   return {
-    stretches,
+    episodes,
     looked: alignment.moments.length,
     placed: errors.length,
-    middle_mm: errors[errors.length >> 1],
+    half_mm: errors[Math.max(0, Math.ceil(errors.length / 2) - 1)],
     most_mm: errors.at(-1),
     lost,
     lost_ns: lost.reduce((sum, one) => sum + one.end_ns - one.start_ns, 0),

@@ -1,6 +1,6 @@
 // What a surgeon reads in a minute of an organ that was found in the pictures by itself: in how many, how well, where not and why, and what the outline leaves out.
 import type { OrganAlignment } from '@/api/types';
-import { formatDuration, formatTime } from '@/base/time';
+import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
 import type { OrganSummary as Summary } from '@/compare/organ_place';
 import type { PlanModel } from '@/compare/plan_model';
 import { t, word } from '@/i18n/i18n';
@@ -10,6 +10,9 @@ import type { CaseModel } from '@/views/case_model';
 
 /** Longer lists are folded: the longest stretches say most. */
 const kListed = 6;
+
+/** Shorter than a minute to the tenth of a second: most losses are. */
+const lasted = (ns: number) => (ns < kMinute ? `${(ns / kSecond).toFixed(1)} s` : formatDuration(ns));
 
 interface Props {
   plan: PlanModel;
@@ -31,19 +34,19 @@ export function OrganSummary({ plan, alignment, summary, model, playback }: Prop
         <Icon name={summary.placed > 0 ? 'check' : 'cross'} />{' '}
         {summary.placed > 0 ? t('organ.found', { n: summary.placed, all: summary.looked, ...span }) : t('organ.foundNone', { all: summary.looked, ...span })}
       </p>
-      {summary.middle_mm !== undefined && summary.most_mm !== undefined && (
-        <p>{t('organ.errors', { middle: summary.middle_mm.toFixed(1), most: summary.most_mm.toFixed(1) })}</p>
+      {summary.half_mm !== undefined && summary.most_mm !== undefined && (
+        <p>{t('organ.errors', { half: summary.half_mm.toFixed(1), most: summary.most_mm.toFixed(1) })}</p>
       )}
       {summary.lost.length > 0 && (
         <>
-          <p>{t('organ.lostAll', { n: summary.lost.length, time: formatDuration(summary.lost_ns) })}</p>
+          <p>{t('organ.lostAll', { n: summary.lost.length, time: lasted(summary.lost_ns) })}</p>
           <ul class="organ-lost">
             {shown.map((one) => (
               <li key={one.start_ns}>
                 <button type="button" class="link mono" onClick={() => playback.seek(one.start_ns)}>
                   {time(one.start_ns)} – {time(one.end_ns)}
                 </button>{' '}
-                {word('organ.why', one.lost ?? 'unknown')}
+                {one.whys.map((why) => word('organ.why', why)).join(' · ')}
               </li>
             ))}
           </ul>

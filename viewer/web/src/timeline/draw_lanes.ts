@@ -3,7 +3,7 @@ import type { Alarm, ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { formatTime, kSecond } from '@/base/time';
 import { drawOrgan } from '@/compare/draw_organ';
-import type { OrganStretch } from '@/compare/organ_place';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { inOrderDone } from '@/compare/plan_map';
 import { drawStrokes } from '@/pointing/draw_strokes';
 import type { Colors } from '@/timeline/colors';
@@ -229,7 +229,7 @@ export function drawLanes(
   model: CaseModel,
   alarms: readonly Alarm[],
   steps: readonly ComparedStep[],
-  organ: readonly OrganStretch[],
+  organ: readonly OrganEpisode[],
   strokes: readonly Stroke[],
   window: Span,
   width: number,

@@ -5,7 +5,7 @@ import { useEffect, useRef } from 'preact/hooks';
 import type { ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import type { MatchingModel } from '@/compare/matching_model';
-import type { OrganStretch } from '@/compare/organ_place';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { StepFlags } from '@/compare/step_flags';
 import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
@@ -36,7 +36,7 @@ interface Props {
   /** Of the comparison that is shown. */
   steps: readonly ComparedStep[];
   /** Where its organ was found in the pictures, and where not. */
-  organ: readonly OrganStretch[];
+  organ: readonly OrganEpisode[];
   /** Where somebody pointed. */
   strokes: readonly Stroke[];
   /** While its steps are matched by hand. */

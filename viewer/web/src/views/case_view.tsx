@@ -11,7 +11,7 @@ import { CaseConsents } from '@/consent/case_consents';
 import { isFleet, rowOf } from '@/fleet/fleet_api';
 import { shownCase } from '@/fleet/question';
 import { OrganOver } from '@/compare/organ_over';
-import type { OrganStretch } from '@/compare/organ_place';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { PickingStage } from '@/compare/picking_stage';
 import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
@@ -107,7 +107,7 @@ const kProofsEvery_ms = 1000;
 const kNoStrokes: readonly Stroke[] = [];
 
 const kNoSteps: readonly ComparedStep[] = [];
-const kNoStretches: readonly OrganStretch[] = [];
+const kNoEpisodes: readonly OrganEpisode[] = [];
 
 function Loaded({
   model,
@@ -320,7 +320,7 @@ function Loaded({
         onSelect={select}
         withPictures={unlocked}
         steps={steps}
-        organ={organ?.summary.stretches ?? kNoStretches}
+        organ={organ?.summary.episodes ?? kNoEpisodes}
         strokes={pointing?.strokes.value ?? kNoStrokes}
         matching={matching}
       />
