@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/common/file.h"
 #include "base/error.h"
 #include "media/film_writer.h"
 #include "sim/mesh/mesh_writer.h"
@@ -190,6 +191,7 @@ TEST(Alignment, OfAnHourMakesADocumentThatIsStillShown) {
   alignment.surface.faces.assign(2 * kMostDrawnNodes, {9999, 9998, 9997});
   const std::string text = comparison_json(comparison, {}, {});
   EXPECT_LT(text.size(), kLargestDocument);
+  EXPECT_LT(text.size(), apps::kLargestSmallFile) << "kiroku compare --verify reads no more";
   EXPECT_NO_THROW((void)read_provenance(text, "an hour"));
 }
 

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { kOrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
-import { facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
+import { coverFaces, facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
 import { organAt, organStretches, organSummary } from '@/compare/organ_place';
 
 type Moment = OrganAlignment['moments'][number];
@@ -147,6 +147,22 @@ describe('The outline of an organ', () => {
     // The face that lies in y = 0 alone.
     expect([...facing(mesh, seen)]).toEqual([0, 1, 0, 0]);
     expect(mesh.edges.length).toBe(4 * 6);
+  });
+
+  it('is around what its faces cover, row by row', () => {
+    const rows = (corners: number[], turned: number[], scale = 1) => {
+      const mask = new Uint32Array(8 * 4).fill(7);
+      coverFaces({ ...mesh, faces: Uint32Array.from([0, 1, 2, 0, 2, 3]) }, Float64Array.from(corners), Uint8Array.from(turned), scale, 8, 4, mask);
+      return [0, 1, 2, 3].map((row) => [...mask.slice(8 * row, 8 * row + 8)].map((one) => (one === 0 ? '.' : '#')).join(''));
+    };
+    const square = [1, 1, 1, 3, 5, 3, 5, 1];
+    expect(rows(square, [1, 1])).toEqual(['........', '.####...', '.####...', '........']);
+    expect(rows(square, [0, 0])).toEqual(['........', '........', '........', '........']);
+    expect(rows(square, [1, 0])).toEqual(['........', '.#......', '.###....', '........']);
+    expect(rows([2, 2, 2, 6, 6, 6, 6, 2], [1, 1], 0.5)).toEqual(['........', '.##.....', '.##.....', '........']);
+    // Beyond the picture's borders nothing is written.
+    expect(rows([-9, -9, -9, 99, 99, 99, 99, -9], [1, 1])).toEqual(Array<string>(4).fill('########'));
+    expect(rows([9, 9, 9, 12, 12, 12, 12, 9], [1, 1])).toEqual(Array<string>(4).fill('........'));
   });
 
   it('has nothing of what is beside or behind the eye', () => {

@@ -74,6 +74,36 @@ export function facing({ faces }: OutlineMesh, seen: Float64Array): Uint8Array {
   return turned;
 }
 
+/** Opaque where a face that is turned to the camera lies, a number for each pixel of a mask that is `scale` times as large as the picture: paths of
+ * thousands of triangles take a browser half a second. */
+export function coverFaces({ faces }: OutlineMesh, seen: Float64Array, turned: Uint8Array, scale: number, wide: number, high: number, mask: Uint32Array): void {
+  const kOpaque = 0xff000000;
+  mask.fill(0);
+  for (let face = 0; face < turned.length; ++face) {
+    if (turned[face] === 0) continue;
+    const corner = (side: number, axis: number) => scale * (seen[2 * (faces[3 * face + (side % 3)] as number) + axis] as number);
+    const top = Math.min(corner(0, 1), corner(1, 1), corner(2, 1));
+    const bottom = Math.max(corner(0, 1), corner(1, 1), corner(2, 1));
+    // Rows and columns whose middle lies within.
+    for (let row = Math.max(0, Math.ceil(top - 0.5)); row <= Math.min(high - 1, Math.floor(bottom - 0.5)); ++row) {
+      const y = row + 0.5;
+      let left = Infinity;
+      let right = -Infinity;
+      for (let side = 0; side < 3; ++side) {
+        const [y1, y2] = [corner(side, 1), corner(side + 1, 1)];
+        if (y < Math.min(y1, y2) || y > Math.max(y1, y2)) continue;
+        const [x1, x2] = [corner(side, 0), corner(side + 1, 0)];
+        const x = y1 === y2 ? x1 : x1 + ((y - y1) / (y2 - y1)) * (x2 - x1);
+        left = Math.min(left, x);
+        right = Math.max(right, x);
+      }
+      const from = Math.max(0, Math.ceil(left - 0.5));
+      const to = Math.min(wide - 1, Math.floor(right - 0.5));
+      if (from <= to) mask.fill(kOpaque, row * wide + from, row * wide + to + 1);
+    }
+  }
+}
+
 export interface OutlineLook {
   line: string;
   /** Around the line, so that it is seen on light and dark. */
@@ -82,48 +112,66 @@ export interface OutlineLook {
   wide: number;
 }
 
-/** Clears the canvas's picture and draws the outline: beside the organ's border, outside of it, so that the border itself stays to be seen. */
-export function drawOutline(
-  context: CanvasRenderingContext2D,
-  mesh: OutlineMesh,
-  camera: OrganCamera,
-  field_deg: number,
-  width: number,
-  height: number,
-  look: OutlineLook,
-): void {
-  const seen = seenNodes(mesh, camera, field_deg, width, height);
-  const turned = facing(mesh, seen);
-  const at = (node: number) => [seen[2 * node] as number, seen[2 * node + 1] as number] as const;
-  const { edges, faces } = mesh;
-  context.beginPath();
-  for (let edge = 0; edge < edges.length; edge += 4) {
-    const [one, other] = [edges[edge + 2] as number, edges[edge + 3] as number];
-    if (one === other ? turned[one] === 0 : turned[one] === turned[other]) continue;
-    const [ax, ay] = at(edges[edge] as number);
-    const [bx, by] = at(edges[edge + 1] as number);
-    if (Number.isNaN(ax + bx)) continue;
-    context.moveTo(ax, ay);
-    context.lineTo(bx, by);
+/** The mask has fewer pixels than large panes: what it loses is less than the line is wide. */
+const kMostMaskWide = 800;
+
+/** Draws outlines of one mesh, again and again. */
+export class OutlineDrawing {
+  private readonly mask = document.createElement('canvas');
+  private pixels: ImageData | undefined;
+
+  constructor(private readonly mesh: OutlineMesh) {}
+
+  /** Beside the organ's border, outside of it, so that the border itself stays to be seen. The context is empty, and the picture lies at its origin. */
+  draw(context: CanvasRenderingContext2D, camera: OrganCamera, field_deg: number, width: number, height: number, look: OutlineLook): void {
+    const seen = seenNodes(this.mesh, camera, field_deg, width, height);
+    const turned = facing(this.mesh, seen);
+    const { edges } = this.mesh;
+    const isWithin = this.cover(seen, turned, width, height);
+    context.beginPath();
+    for (let edge = 0; edge < edges.length; edge += 4) {
+      const [one, other] = [edges[edge + 2] as number, edges[edge + 3] as number];
+      if (one === other ? turned[one] === 0 : turned[one] === turned[other]) continue;
+      const [a, b] = [2 * (edges[edge] as number), 2 * (edges[edge + 1] as number)];
+      const [ax, ay, bx, by] = [seen[a] as number, seen[a + 1] as number, seen[b] as number, seen[b + 1] as number];
+      if (Number.isNaN(ax + bx)) continue;
+      // A fold before or behind other parts of the organ: it would be drawn to be wiped away.
+      if (isWithin(ax, ay) && isWithin(bx, by) && isWithin((ax + bx) / 2, (ay + by) / 2)) continue;
+      context.moveTo(ax, ay);
+      context.lineTo(bx, by);
+    }
+    context.lineCap = 'round';
+    context.strokeStyle = look.halo;
+    context.lineWidth = 2 * look.wide + 2;
+    context.stroke();
+    context.strokeStyle = look.line;
+    context.lineWidth = 2 * look.wide;
+    context.stroke();
+    // What lies within all that the organ covers goes: folds of it, and the inner half of the line.
+    context.globalCompositeOperation = 'destination-out';
+    context.drawImage(this.mask, 0, 0, width, height);
+    context.globalCompositeOperation = 'source-over';
   }
-  context.lineCap = 'round';
-  context.strokeStyle = look.halo;
-  context.lineWidth = 2 * look.wide + 2;
-  context.stroke();
-  context.strokeStyle = look.line;
-  context.lineWidth = 2 * look.wide;
-  context.stroke();
-  // What lies within all that the organ covers goes: folds of it, and the inner half of the line.
-  context.beginPath();
-  for (let face = 0; face < turned.length; ++face) {
-    if (!turned[face]) continue;
-    context.moveTo(...at(faces[3 * face] as number));
-    context.lineTo(...at(faces[3 * face + 1] as number));
-    context.lineTo(...at(faces[3 * face + 2] as number));
-    context.closePath();
+
+  /** Makes the mask; tells whether all about a place is covered. */
+  private cover(seen: Float64Array, turned: Uint8Array, width: number, height: number): (x: number, y: number) => boolean {
+    const scale = Math.min(1, kMostMaskWide / width);
+    const [wide, high] = [Math.max(1, Math.round(width * scale)), Math.max(1, Math.round(height * scale))];
+    const context = this.mask.getContext('2d') as CanvasRenderingContext2D;
+    if (this.pixels?.width !== wide || this.pixels.height !== high) {
+      this.mask.width = wide;
+      this.mask.height = high;
+      this.pixels = context.createImageData(wide, high);
+    }
+    const mask = new Uint32Array(this.pixels.data.buffer);
+    coverFaces(this.mesh, seen, turned, wide / width, wide, high, mask);
+    context.putImageData(this.pixels, 0, 0);
+    const kAbout = 2;
+    return (x, y) => {
+      const [column, row] = [Math.floor((x * wide) / width), Math.floor((y * wide) / width)];
+      if (column < kAbout || row < kAbout || column >= wide - kAbout || row >= high - kAbout) return false;
+      const is = (dx: number, dy: number) => mask[(row + dy) * wide + column + dx] !== 0;
+      return is(-kAbout, 0) && is(kAbout, 0) && is(0, -kAbout) && is(0, kAbout) && is(-1, -1) && is(1, -1) && is(-1, 1) && is(1, 1);
+    };
   }
-  context.globalCompositeOperation = 'destination-out';
-  context.fillStyle = '#000';
-  context.fill('nonzero');
-  context.globalCompositeOperation = 'source-over';
 }

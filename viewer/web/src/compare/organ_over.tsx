@@ -2,7 +2,7 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { OrganAlignment } from '@/api/types';
-import { drawOutline, outlineMesh } from '@/compare/organ_outline';
+import { OutlineDrawing, outlineMesh } from '@/compare/organ_outline';
 import { organAt, type OrganPlace, pictureSizeAt } from '@/compare/organ_place';
 import { t, word } from '@/i18n/i18n';
 import type { PanePlayer } from '@/media/pane_player';
@@ -28,7 +28,10 @@ export function organText(place: OrganPlace | undefined): string {
 export function OrganOver({ alignment, player, playback, original_ns }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const place = useSignal<OrganPlace | undefined>(undefined);
-  const mesh = useMemo(() => outlineMesh(alignment.surface), [alignment]);
+  const drawing = useMemo(() => {
+    const mesh = outlineMesh(alignment.surface);
+    return mesh && new OutlineDrawing(mesh);
+  }, [alignment]);
   useEffect(() => {
     let drawn = '';
     const follower: Follower = {
@@ -47,7 +50,7 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         one.dataset['organ'] = found?.is ?? 'unknown';
         const context = prepared(one, wide, high);
         const size = at_ns === undefined ? undefined : pictureSizeAt(alignment, at_ns);
-        if (found?.is !== 'placed' || !mesh || !size) return;
+        if (found?.is !== 'placed' || !drawing || !size) return;
         // A smaller picture stands in the middle of the viewing copy, which is as large as the stream's largest; an archived frame has the pane to itself.
         const outer = original_ns === undefined ? pictureBox(wide, high, videoWidth, videoHeight) : { left: 0, top: 0, width: wide, height: high };
         const inner = pictureBox(outer.width, outer.height, size.width, size.height);
@@ -56,7 +59,7 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         context.beginPath();
         context.rect(0, 0, inner.width, inner.height);
         context.clip();
-        drawOutline(context, mesh, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
+        drawing.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
         context.restore();
       },
     };
@@ -64,7 +67,7 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
     return () => {
       playback.followers.delete(follower);
     };
-  }, [alignment, mesh, player, playback, original_ns]);
+  }, [alignment, drawing, player, playback, original_ns]);
   const found = place.value;
   return (
     <div class="organ-over">
