@@ -1,5 +1,7 @@
 #include "viewer/api/matching_api.h"
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <mutex>
 
@@ -7,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/json_or_null.h"
+#include "viewer/api/alignment_fields.h"
 #include "viewer/api/api.h"
 #include "viewer/api/fluoroscopy_fields.h"
 #include "viewer/http/disk_room.h"
@@ -100,6 +103,8 @@ class MatchingApi {
     const archive::CaseReader recording = context_.open_case(request);
     const std::filesystem::path seal = plan_of(recording);
     FluoroscopyFields fluoroscopy = take_fluoroscopy(asked, recording.opening());
+    std::vector<std::string> more = take_alignment(asked, recording.opening());
+    std::ranges::move(fluoroscopy.arguments, std::back_inserter(more));
     const compare::KeptPlace place = compare::kept_place(context_.home().comparisons_folder, case_id, name);
     std::error_code ignored;
     if (std::filesystem::exists(place.sealed_document(), ignored))
@@ -114,7 +119,7 @@ class MatchingApi {
                        .seal_file = seal,
                        .name = name,
                        .by_hand = by_hand->dump(),
-                       .more = std::move(fluoroscopy.arguments),
+                       .more = std::move(more),
                        .further_file = std::move(fluoroscopy.geometry),
                        .made_by = user,
                        .asked_by = user + " (kiroku view, " + request.peer + ")",

@@ -123,11 +123,12 @@ ordered_json fluoroscopy_json(const Fluoroscopy& found) {
           {"alignment", found.alignment ? alignment_json(*found.alignment) : ordered_json(nullptr)}};
 }
 
-/// Numbers of which a document with thousands of moments needs no seventeen digits.
-double rounded(double value, double to) { return std::round(value / to) * to; }
+/// Numbers of which a document with thousands of moments needs no seventeen digits. Divided last: a product
+/// with 0.01 would have them again.
+double rounded(double value, double per_one) { return std::round(value * per_one) / per_one; }
 
 ordered_json moment_json(const sim::AlignedMoment& moment) {
-  constexpr double kMmPerM = 1000, kHundredth = 0.01, kMicrometre = 1e-6, kTurn = 1e-7;
+  constexpr double kMmPerM = 1000, kHundredth = 100, kMicrometre = 1e6, kTurn = 1e7;
   ordered_json one{{"time_ns", moment.time_ns},
                    {"misfit_px", rounded(moment.misfit_px, kHundredth)},
                    {"outline_seen", rounded(moment.supported, kHundredth)}};
@@ -143,19 +144,37 @@ ordered_json moment_json(const sim::AlignedMoment& moment) {
   return one;
 }
 
+ordered_json surface_json(const sim::DrawnSurface& surface) {
+  constexpr double kMmPerM = 1000, kHundredth = 100;
+  ordered_json nodes = ordered_json::array(), faces = ordered_json::array();
+  for (const sim::Vector3& node : surface.nodes) {
+    for (const double value : node) nodes.push_back(rounded(kMmPerM * value, kHundredth));
+  }
+  for (const auto& face : surface.faces) {
+    for (const std::uint32_t node : face) faces.push_back(node);
+  }
+  return {{"moved_mm", rounded(kMmPerM * surface.moved_m, kHundredth)},
+          {"nodes_mm", std::move(nodes)},
+          {"faces", std::move(faces)}};
+}
+
 ordered_json organ_alignment_json(const Alignment& alignment) {
-  ordered_json lost = ordered_json::array(), moments = ordered_json::array();
+  ordered_json lost = ordered_json::array(), moments = ordered_json::array(), sizes = ordered_json::array();
   for (const Alignment::Lost& each : alignment.lost()) {
     ordered_json one = span_json(each.span);
     one["why"] = sim::name_of(each.why);
     lost.push_back(std::move(one));
   }
+  for (const Alignment::PictureSize& size : alignment.sizes)
+    sizes.push_back({{"from_ns", size.from_ns}, {"width", size.width}, {"height", size.height}});
   for (const sim::AlignedMoment& moment : alignment.moments) moments.push_back(moment_json(moment));
   ordered_json all = span_json(alignment.span);
   all["field_deg"] = alignment.field_deg;
   all["pictures"] = alignment.moments.size();
   all["held"] = alignment.held();
   all["lost"] = std::move(lost);
+  all["picture_sizes"] = std::move(sizes);
+  all["surface"] = surface_json(alignment.surface);
   all["moments"] = std::move(moments);
   return all;
 }

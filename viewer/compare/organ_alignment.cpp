@@ -83,7 +83,8 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
   require_alignable(request.span);
   sim::OrganTrack track(mesh, request.field_deg, request.range);
   playback::PictureSpan frames(recording, identities, stream, request.span.start_ns, request.span.end_ns);
-  Alignment alignment{request.span, request.field_deg, {}};
+  Alignment alignment{request.span, request.field_deg, {}, {}, {}};
+  alignment.surface = sim::drawn_surface(sim::organ_surface(mesh), kMostDrawnNodes);
   const double all_ns = double(std::max<std::int64_t>(1, request.span.end_ns - request.span.start_ns));
   while (frames.next() && frames.time_ns() < request.span.end_ns) {
     const std::int64_t time_ns = frames.time_ns();
@@ -97,6 +98,9 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
     picture.width = frames.width();
     picture.height = frames.height();
     picture.rgb = frames.rgb();
+    std::vector<Alignment::PictureSize>& sizes = alignment.sizes;
+    if (sizes.empty() || sizes.back().width != picture.width || sizes.back().height != picture.height)
+      sizes.push_back({time_ns, picture.width, picture.height});
     alignment.moments.push_back(track.take(time_ns, picture));
     if (share) share(double(time_ns - request.span.start_ns) / all_ns);
   }

@@ -10,6 +10,7 @@
 
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
+#include "sim/align/drawn_surface.h"
 #include "sim/align/organ_track.h"
 
 namespace kiroku::compare {
@@ -24,6 +25,13 @@ struct Alignment {
   archive::Span span;
   double field_deg = 0;
   std::vector<sim::AlignedMoment> moments;  // in order, kAlignedEveryNs apart at least
+  /// Of the recorded pictures, from that time on: the first moment's, and each other one after it.
+  struct PictureSize {
+    std::int64_t from_ns = 0;
+    int width = 0, height = 0;
+  };
+  std::vector<PictureSize> sizes;
+  sim::DrawnSurface surface;  // the organ's, by which its outline can be drawn
 
   [[nodiscard]] std::size_t held() const;
   /// Where the organ was in the picture of that time. Between two moments in which it was held, evenly
@@ -45,6 +53,9 @@ std::string sentence_of(sim::WhyLost why);
 inline constexpr std::int64_t kAlignedEveryNs = 100'000'000, kAlignedMostNs = 300'000'000;
 /// An hour: a longer stretch would take a day, and its document hundreds of megabytes.
 inline constexpr std::int64_t kLongestAlignedNs = 3'600'000'000'000;
+
+/// More would make the document large and a browser slow, and its outline no better.
+inline constexpr std::size_t kMostDrawnNodes = 10'000;
 
 /// kiroku::UsageError for a stretch that is longer than kLongestAlignedNs.
 void require_alignable(const archive::Span& span);

@@ -6,6 +6,7 @@ import { startConnection } from '@/shell/connection';
 import { startTheme } from '@/shell/state';
 import 'uplot/dist/uPlot.min.css';
 import '@/styles/matching.css';
+import '@/styles/organ.css';
 import '@/styles/picking.css';
 import '@/styles/page.css';
 import '@/styles/guests.css';

@@ -13,6 +13,7 @@
 #include "crypto/encoding.h"
 #include "tests/support/eventually.h"
 #include "tests/support/temporary_folder.h"
+#include "viewer/api/alignment_fields.h"
 
 namespace kiroku::viewer {
 namespace {
@@ -20,6 +21,7 @@ namespace {
 using namespace std::chrono_literals;
 using nlohmann::json;
 using testing::HasSubstr;
+using testing::Not;
 namespace fs = std::filesystem;
 
 class MatchingApiTest : public testing::Test {
@@ -259,6 +261,49 @@ TEST_F(MatchingApiTest, AFluoroscopyIsNamedToTheProgramWithItsGeometry) {
               HasSubstr("'align_at_ns'"));
   EXPECT_THAT(refused({{"stream", "fluoroscopy"}, {"geometry", geometry}, {"force", true}}),
               HasSubstr("'force' is nothing"));
+}
+
+TEST_F(MatchingApiTest, AnAlignmentIsAskedForInWordsOfTheProgram) {
+  serve("echo \"$@\" > " + (folder_ / "asked").string() + "; cat > /dev/null");
+  unlock();
+  const auto asked = [&](const json& alignment) {
+    const Response begun = ask("POST", "comparisons",
+                               {{"name", "laid"},
+                                {"by_hand", {{"steps", json::array()}}},
+                                {"fluoroscopy", nullptr},
+                                {"alignment", alignment}});
+    EXPECT_EQ(begun.status, 202) << text_of(begun);
+    EXPECT_EQ(ended()["state"], "done");
+    std::ifstream in(folder_ / "asked");
+    return std::string{std::istreambuf_iterator<char>(in), {}};
+  };
+  EXPECT_THAT(asked(nullptr), Not(HasSubstr("--align")));
+  EXPECT_THAT(asked({{"field_deg", 60}}), HasSubstr(" --align auto --field 60\n"));
+  EXPECT_THAT(
+      asked(
+          {{"field_deg", 57.5}, {"view", "head"}, {"from_ns", 1'500'000'000}, {"to_ns", 3'601'500'000'000}}),
+      HasSubstr(" --align auto --field 57.5 --view head --from 00:00:01.5 --to 01:00:01.5\n"));
+
+  const auto refused = [&](const json& alignment, const json& by_hand = json::object()) {
+    const Response answer =
+        ask("POST", "comparisons", {{"name", "laid"}, {"by_hand", by_hand}, {"alignment", alignment}});
+    EXPECT_EQ(answer.status, 400) << text_of(answer);
+    return text_of(answer);
+  };
+  EXPECT_THAT(refused("auto"), HasSubstr("must be an object"));
+  for (const json& field : {json(), json("60"), json(9.9), json(121), json(1e300)})
+    EXPECT_THAT(refused({{"field_deg", field}}), HasSubstr("'field_deg'")) << field;
+  for (const json& view : {json(), json(7), json("20,10"), json("--force")})
+    EXPECT_THAT(refused({{"field_deg", 60}, {"view", view}}), HasSubstr("'view'")) << view;
+  for (const json& time : {json("now"), json(-1), json(1.5), json(UINT64_MAX)}) {
+    EXPECT_THAT(refused({{"field_deg", 60}, {"from_ns", time}}), HasSubstr("'from_ns'")) << time;
+    EXPECT_THAT(refused({{"field_deg", 60}, {"to_ns", time}}), HasSubstr("'to_ns'")) << time;
+  }
+  EXPECT_THAT(refused({{"field_deg", 60}, {"from_ns", 5}, {"to_ns", 5}}), HasSubstr("after 'from_ns'"));
+  EXPECT_THAT(refused({{"field_deg", 60}, {"from_ns", 0}, {"to_ns", kLongestAlignedStretchNs + 1}}),
+              HasSubstr("an hour at most"));
+  EXPECT_THAT(refused({{"field_deg", 60}, {"force", true}}), HasSubstr("'force' is nothing"));
+  EXPECT_THAT(refused({{"field_deg", 60}}, {{"registration", json::object()}}), HasSubstr("leave one of"));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include "apps/common/file.h"
 #include "base/error.h"
 #include "media/film_writer.h"
 #include "sim/mesh/mesh_writer.h"
@@ -17,8 +18,10 @@
 #include "tests/support/nanoseconds.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
+#include "viewer/api/alignment_fields.h"
 #include "viewer/compare/comparison_document.h"
 #include "viewer/compare/paired_pictures.h"
+#include "viewer/kept/kept_comparison.h"
 
 namespace kiroku::compare {
 namespace {
@@ -133,6 +136,14 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   EXPECT_EQ(told["lost"].back()["end_ns"], kSecond);
   EXPECT_TRUE(told["moments"][0].contains("standard_error_mm"));
   EXPECT_FALSE(told["moments"][kSmokeFrom].contains("eye_m"));
+  // By which the page draws the outline.
+  EXPECT_EQ(told["picture_sizes"], nlohmann::json::parse(R"([{"from_ns": 0, "width": 640, "height": 480},
+                                      {"from_ns": 1000000000, "width": 320, "height": 240}])"));
+  EXPECT_EQ(told["surface"]["moved_mm"], 0);
+  ASSERT_EQ(told["surface"]["nodes_mm"].size(), 3 * surface_.nodes.size());
+  EXPECT_NEAR(told["surface"]["nodes_mm"][5].get<double>(), 1000 * surface_.nodes[1].z(), 0.005);
+  ASSERT_EQ(told["surface"]["faces"].size(), 3 * surface_.faces.size());
+  EXPECT_EQ(told["surface"]["faces"][4], surface_.faces[1][1]);
 
   // On the film's pictures. Nobody looked at what is outside of the stretch that was aligned.
   comparison.alignment->moments.resize(kPictures + 2);
@@ -161,6 +172,34 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   EXPECT_THAT(caption(kSmokeFrom * kTenthNs), HasSubstr("organ not found here"));
   EXPECT_THAT(caption(kSecond), HasSubstr("organ placed, standard error "));
   EXPECT_THAT(caption(2 * kSecond - kTenthNs), HasSubstr("organ not looked for here"));
+}
+
+TEST(Alignment, OfAnHourMakesADocumentThatIsStillShown) {
+  Comparison comparison;
+  Alignment& alignment = comparison.alignment.emplace();
+  sim::AlignedMoment moment;
+  moment.why = sim::WhyLost::kNotLost;
+  moment.camera.eye_m = {-0.123456, -0.234567, 0.345678};
+  moment.camera.to_view.setConstant(-0.1234567);
+  moment.standard_error_m = 1.23e-3;
+  moment.misfit_px = moment.rival_px = 12.34;
+  for (; moment.time_ns <= kLongestAlignedNs; moment.time_ns += kAlignedEveryNs) {
+    alignment.moments.push_back(moment);
+    alignment.moments.back().time_ns += 1'000'000'000'000'000;  // a machine that ran for days
+  }
+  alignment.surface.nodes.assign(kMostDrawnNodes, {-0.12345, -0.12345, -0.12345});
+  alignment.surface.faces.assign(2 * kMostDrawnNodes, {9999, 9998, 9997});
+  const std::string text = comparison_json(comparison, {}, {});
+  EXPECT_LT(text.size(), kLargestDocument);
+  EXPECT_LT(text.size(), apps::kLargestSmallFile) << "kiroku compare --verify reads no more";
+  EXPECT_NO_THROW((void)read_provenance(text, "an hour"));
+}
+
+TEST(Alignment, HasTheLimitsThatTheServerKnows) {
+  // The server stands beside a recorder: what aligns has no place in it.
+  EXPECT_EQ(viewer::kLeastAlignedFieldDeg, sim::OrganTrack::kLeastFieldDeg);
+  EXPECT_EQ(viewer::kGreatestAlignedFieldDeg, sim::OrganTrack::kGreatestFieldDeg);
+  EXPECT_EQ(viewer::kLongestAlignedStretchNs, kLongestAlignedNs);
 }
 
 TEST(Alignment, OfMoreThanAnHourIsRefused) {

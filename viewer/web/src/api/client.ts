@@ -166,8 +166,8 @@ export const cases = {
   /** What of the case's sealed plan can be matched by hand; takes as long as reading the plan does. */
   matching: (id: string) => json<Matching>('GET', `${caseOf(id)}/matching`),
   /** Has a comparison made, which takes minutes. */
-  compare: (id: string, name: string, by_hand: unknown, fluoroscopy: unknown) =>
-    json<ComparisonMaking>('POST', `${caseOf(id)}/comparisons`, { name, by_hand, fluoroscopy }),
+  compare: (id: string, name: string, by_hand: unknown, more: { fluoroscopy: unknown; alignment: unknown }) =>
+    json<ComparisonMaking>('POST', `${caseOf(id)}/comparisons`, { name, by_hand, ...more }),
   /** The plan's picture with its camera; which point of the organ is at a place of it; how well points register a camera. */
   planPicture: (id: string, view: PickingView) => json<{ jpeg: string; camera: PickingCamera } | Preparing>('POST', `${caseOf(id)}/picking/picture`, view),
   organPoint: (id: string, view: PickingView, x: number, y: number) =>

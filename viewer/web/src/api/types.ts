@@ -71,6 +71,7 @@ export type Check = Judged['checks'][number];
 export type Comparison = Schemas['ComparisonRow'];
 export type ComparisonMaking = Schemas['ComparisonMaking'];
 export type ComparisonDocument = Schemas['ComparisonDocument'];
+export type OrganAlignment = NonNullable<ComparisonDocument['organ_alignment']>;
 export type ComparedStep = ComparisonDocument['steps'][number];
 export type Matching = Schemas['Matching'];
 export type PlannedStep = Matching['steps'][number];

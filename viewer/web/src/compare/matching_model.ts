@@ -1,6 +1,6 @@
 // Matching by hand while it is done: the plan's steps, what was said of them with its way back, and the making of a comparison of it.
-import { batch, computed, type Signal, signal } from '@preact/signals';
-import { cases } from '@/api/client';
+import { batch, computed, type ReadonlySignal, type Signal, signal } from '@preact/signals';
+import { ApiError, cases } from '@/api/client';
 import type { ComparedStep, ComparisonMaking, Matching } from '@/api/types';
 import type { Span } from '@/base/spans';
 import {
@@ -21,6 +21,7 @@ import {
   undone,
   unpaused,
 } from '@/compare/matching';
+import { type OrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
 import { byHandPicks, kNoPicks, lacks, type Picks } from '@/compare/picks';
 import { type Fluoroscopy, fluoroscopyBody } from '@/compare/fluoroscopy';
 import { stepAt } from '@/compare/plan_map';
@@ -46,6 +47,8 @@ export class MatchingModel {
   readonly pausesSince_ns: Signal<number | undefined> = signal(undefined);
   /** What the plan's radiographs shall be compared with; nothing: they are not. */
   readonly fluoroscopy: Signal<Fluoroscopy | undefined> = signal(undefined);
+  /** How the plan's organ shall be found in the recorded pictures; nothing: it is not looked for. */
+  readonly organ: Signal<OrganAsked | undefined> = signal(undefined);
   private readonly history: Signal<History<Work>> = signal(beginning(kNoWork));
   /** While a flag is held: what would be said if it were let go. */
   private readonly held: Signal<Draft | undefined> = signal(undefined);
@@ -53,6 +56,8 @@ export class MatchingModel {
   readonly picks = computed(() => this.history.value.now.picks);
   readonly lacks = computed(() => lacks(this.picks.value));
   readonly steps = computed(() => (this.plan.value ? compared(this.plan.value.steps, this.draft.value, this.room.value) : kNoSteps));
+  readonly organStretch = computed(() => this.organ.value && stretchOf(this.organ.value, this.steps.value, this.selection.value, this.room.value));
+  readonly organLacks = computed(() => organLacks(this.organ.value, this.organStretch.value, this.picks.value.pairs.length > 0));
   readonly map = computed(() => mapOfSteps(this.steps.value));
   readonly canUndo = computed(() => this.history.value.past.length > 0);
   readonly canRedo = computed(() => this.history.value.future.length > 0);
@@ -64,6 +69,8 @@ export class MatchingModel {
     private readonly onProblem: (error: Error) => void,
     /** A comparison of this name is there. */
     private readonly onMade: (name: string) => Promise<void>,
+    /** On the time line. */
+    private readonly selection: ReadonlySignal<Span | undefined>,
   ) {}
 
   get isOpen(): boolean {
@@ -84,6 +91,7 @@ export class MatchingModel {
         this.history.value = beginning({ draft: ofFound(plan.found, { start_ns: plan.begins_ns, end_ns: plan.end_ns }), picks: kNoPicks });
         this.pausesSince_ns.value = undefined;
         this.fluoroscopy.value = undefined;
+        this.organ.value = undefined;
         this.chosen.value = plan.steps[0]?.step ?? 1;
         this.name.value = freeName(taken);
         this.plan.value = plan;
@@ -159,22 +167,47 @@ export class MatchingModel {
         this.caseId,
         this.name.peek(),
         { ...byHand(this.draft.peek()), ...byHandPicks(this.picks.peek()) },
-        fluoroscopyBody(this.fluoroscopy.peek()),
+        { fluoroscopy: fluoroscopyBody(this.fluoroscopy.peek()), alignment: organBody(this.organ.peek(), this.organStretch.peek()) },
       );
-      while (!this.closed && this.making.peek()?.state === 'running') {
-        await new Promise((resolve) => setTimeout(resolve, kAskEvery_ms));
-        if (!this.closed) this.making.value = await cases.making(this.caseId);
-      }
-      const made = this.making.peek();
-      if (this.closed || !made) return;
-      if (made.state === 'failed') throw new Error(made.problem);
-      await this.onMade(made.name);
-      this.leave();
+      if (await this.madeWell()) this.leave();
     } catch (error) {
       if (!this.closed && error instanceof Error) this.onProblem(error);
     } finally {
       this.making.value = undefined;
     }
+  }
+
+  /** Waits for what is being made of this case already, if anything is: whoever asked for it may have left the page. */
+  async resume(): Promise<void> {
+    try {
+      const making = await cases.making(this.caseId);
+      if (this.closed || making.state !== 'running' || this.making.peek()) return;
+      this.making.value = making;
+    } catch (error) {
+      // None was asked for since the server began.
+      if (!this.closed && error instanceof Error && !(error instanceof ApiError && error.status === 404)) this.onProblem(error);
+      return;
+    }
+    try {
+      await this.madeWell();
+    } catch (error) {
+      if (!this.closed && error instanceof Error) this.onProblem(error);
+    } finally {
+      this.making.value = undefined;
+    }
+  }
+
+  /** Waits for the end of what is made, and shows it; false where nobody waits for it any more. */
+  private async madeWell(): Promise<boolean> {
+    while (!this.closed && this.making.peek()?.state === 'running') {
+      await new Promise((resolve) => setTimeout(resolve, kAskEvery_ms));
+      if (!this.closed) this.making.value = await cases.making(this.caseId);
+    }
+    const made = this.making.peek();
+    if (this.closed || !made) return false;
+    if (made.state === 'failed') throw new Error(made.problem);
+    await this.onMade(made.name);
+    return true;
   }
   async stop(): Promise<void> {
     try {

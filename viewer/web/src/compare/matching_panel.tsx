@@ -2,6 +2,7 @@
 import { useComputed } from '@preact/signals';
 import { formatTime, kSecond } from '@/base/time';
 import type { MatchingModel } from '@/compare/matching_model';
+import { OrganChoice } from '@/compare/organ_choice';
 import type { PickingModel } from '@/compare/picking_model';
 import { PointsPart, ToolsPart, WorkChoice, XrayPart } from '@/compare/picking_panel';
 import { type MessageKey, t } from '@/i18n/i18n';
@@ -50,12 +51,32 @@ function doing(text: string): string {
     'following picked points': 'match.doing.following',
     'carrying out the plan': 'match.doing.simulating',
     'reading the CT': 'match.doing.ct',
+    'looking for the organ in the pictures': 'organ.doing',
     "making the plan's film": 'match.doing.film',
     'comparing with the fluoroscopy': 'match.doing.fluoroscopy',
     "making the film of the plan's radiographs": 'match.doing.radiographs',
   };
   const key = known[text];
   return key ? t(key) : t('match.doing.beginning');
+}
+
+/** How far the comparison is that is being made; whoever asked for it may stop it. */
+export function Making({ matching }: { matching: MatchingModel }) {
+  const making = matching.making.value;
+  if (!making) return null;
+  const share = making.state === 'running' ? making.share : null;
+  return (
+    <div class="matching-making" role="status">
+      <progress {...(share !== null ? { value: share } : {})} max="1" aria-label={t('match.making')} />
+      <span>
+        {making.state === 'running' ? doing(making.doing) : t('match.making')}
+        {share !== null && <span aria-hidden="true"> · {Math.floor(100 * share)} %</span>}
+      </span>
+      <button type="button" class="button" onClick={() => void matching.stop()}>
+        {t('match.stop')}
+      </button>
+    </div>
+  );
 }
 
 interface Props {
@@ -197,14 +218,11 @@ export function MatchingPanel({ matching, picking, model, playback, pause }: Pro
         {work === 'tools' && <ToolsPart matching={matching} picking={picking} model={model} playback={playback} />}
         {work === 'xray' && <XrayPart matching={matching} model={model} playback={playback} />}
       </fieldset>
+      <fieldset class="matching-part" disabled={busy}>
+        <OrganChoice matching={matching} model={model} />
+      </fieldset>
       {making ? (
-        <div class="matching-making" role="status">
-          <progress {...(making.state === 'running' && making.share !== null ? { value: making.share } : {})} max="1" aria-label={t('match.making')} />
-          <span>{making.state === 'running' ? doing(making.doing) : t('match.making')}</span>
-          <button type="button" class="button" onClick={() => void matching.stop()}>
-            {t('match.stop')}
-          </button>
-        </div>
+        <Making matching={matching} />
       ) : (
         <form
           class="matching-keep"
@@ -224,7 +242,7 @@ export function MatchingPanel({ matching, picking, model, playback, pause }: Pro
               onInput={(event) => (matching.name.value = event.currentTarget.value)}
             />
           </label>
-          <button type="submit" class="button button-main" disabled={matched === 0 || lacks !== undefined}>
+          <button type="submit" class="button button-main" disabled={matched === 0 || lacks !== undefined || matching.organLacks.value !== undefined}>
             {t('match.keep')}
           </button>
           <button type="button" class="button" onClick={() => matching.leave()}>

@@ -1,8 +1,10 @@
 // The comparison that a case's view shows: which there are, the one that was chosen with its document, and how the plan lies beside the pictures.
-import { effect, type Signal, signal } from '@preact/signals';
+import { computed, effect, type ReadonlySignal, type Signal, signal } from '@preact/signals';
 import { cases } from '@/api/client';
 import type { Comparison, ComparisonDocument } from '@/api/types';
+import type { Span } from '@/base/spans';
 import { MatchingModel } from '@/compare/matching_model';
+import { organSummary } from '@/compare/organ_place';
 import { PickingModel } from '@/compare/picking_model';
 import { type PlanMap, planMap } from '@/compare/plan_map';
 import { PlanPlayer } from '@/compare/plan_player';
@@ -37,6 +39,13 @@ export class PlanModel {
   readonly view: Signal<PlanView> = signal('beside');
   /** Of an overlay: the plan's opacity; of a wipe: where its edge is. */
   readonly share = signal(0.5);
+  /** Whether the organ's outline is drawn where it was found. */
+  readonly outline = signal(true);
+  /** Of the comparison that is shown; nothing where the organ was not looked for. */
+  readonly organ = computed(() => {
+    const alignment = this.shown.value?.document.organ_alignment;
+    return alignment ? { alignment, summary: organSummary(alignment) } : undefined;
+  });
   readonly matching: MatchingModel;
   readonly picking: PickingModel;
   private closed = false;
@@ -47,8 +56,12 @@ export class PlanModel {
     private readonly caseId: string,
     private readonly playback: Playback,
     private readonly onProblem: (error: Error) => void,
+    /** On the time line. */
+    selection: ReadonlySignal<Span | undefined>,
+    /** The case names a plan, so that a comparison of it may be in the making. */
+    isPlanned: boolean,
   ) {
-    this.matching = new MatchingModel(caseId, onProblem, (name) => this.open(name));
+    this.matching = new MatchingModel(caseId, onProblem, (name) => this.open(name), selection);
     this.picking = new PickingModel(caseId, this.matching, playback, onProblem);
     // What is matched by hand is seen at once, where there is a film of that plan.
     this.unfollow = effect(() => {
@@ -58,6 +71,7 @@ export class PlanModel {
       if (map) shown?.player?.follow(map);
     });
     void this.open();
+    if (isPlanned) void this.matching.resume();
   }
 
   close(): void {

@@ -3,7 +3,8 @@
 import type { Check, ComparedStep } from '@/api/types';
 import { formatTime, kSecond } from '@/base/time';
 import { inOrderDone, stepAt } from '@/compare/plan_map';
-import { MatchingPanel } from '@/compare/matching_panel';
+import { Making, MatchingPanel } from '@/compare/matching_panel';
+import { OrganSummary } from '@/compare/organ_summary';
 import { filmsOf, type PlanModel, type ShownComparison, viewsOf } from '@/compare/plan_model';
 import { formatMoment, language, type MessageKey, t, word } from '@/i18n/i18n';
 import { pressureText, vitalName } from '@/i18n/vital_names';
@@ -159,6 +160,7 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
   if (!shown) {
     return (
       <div class="plan-panel">
+        <Making matching={plan.matching} />
         {plan.list.value.length === 0 && problems.length === 0 && <p class="muted">{t('match.none')}</p>}
         {matchByHand}
         {problems.map((one) => (
@@ -170,11 +172,13 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
     );
   }
   const { row, document } = shown;
+  const organ = plan.organ.value;
   const current = stepAt(document.steps, now_ns + 1e6);
   const found = inOrderDone(document.steps).length;
   const tools = document.tools.filter((one) => one.pictures > 0);
   return (
     <div class="plan-panel">
+      <Making matching={plan.matching} />
       {plan.list.value.length > 1 && (
         <label class="plan-choice">
           <span>{t('plan.which')}</span>
@@ -191,6 +195,7 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
       <p class="muted plan-made">{t('plan.made', { by: row.made_by, moment: formatMoment(row.made_at) })}</p>
       <Proof group="sealed" title={t(`sealed.${row.sealed_before.verdict}`)} judged={row.sealed_before} open={row.sealed_before.verdict !== 'holds'} />
       <Proof group="whole" title={t(`whole.${row.whole.verdict}`)} judged={row.whole} open={row.whole.verdict !== 'holds'} />
+      {organ && <OrganSummary plan={plan} {...organ} model={model} playback={playback} />}
       {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
       {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && (
         <p class="muted plan-note">{t('plan.notRegistered')}</p>

@@ -8,6 +8,7 @@ import { fleetEn, fleetJa } from '@/i18n/fleet_messages';
 import { guestEn, guestJa } from '@/i18n/guest_messages';
 import { logEn, logJa } from '@/i18n/log_messages';
 import { matchEn, matchJa } from '@/i18n/match_messages';
+import { organEn, organJa } from '@/i18n/organ_messages';
 import { pickEn, pickJa } from '@/i18n/pick_messages';
 import { placeEn, placeJa } from '@/i18n/place_messages';
 import { planEn, planJa } from '@/i18n/plan_messages';
@@ -33,6 +34,7 @@ const en = {
   ...consentEn,
   ...planEn,
   ...matchEn,
+  ...organEn,
   ...pickEn,
   ...subjectEn,
   ...timelineEn,
@@ -60,6 +62,7 @@ const ja: Record<MessageKey, string> = {
   ...consentJa,
   ...planJa,
   ...matchJa,
+  ...organJa,
   ...pickJa,
   ...subjectJa,
   ...timelineJa,

@@ -2,6 +2,8 @@
 import type { Alarm, ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { formatTime, kSecond } from '@/base/time';
+import { drawOrgan } from '@/compare/draw_organ';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { inOrderDone } from '@/compare/plan_map';
 import { drawStrokes } from '@/pointing/draw_strokes';
 import type { Colors } from '@/timeline/colors';
@@ -13,13 +15,13 @@ export const kLane = 20;
 export const kMarkLane = 24;
 
 export interface Lane {
-  kind: 'ruler' | 'stream' | 'marks' | 'plan' | 'pointing' | 'alarms' | 'proof';
+  kind: 'ruler' | 'stream' | 'marks' | 'plan' | 'organ' | 'pointing' | 'alarms' | 'proof';
   stream?: string;
   top: number;
   height: number;
 }
 
-export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false, hasPointing = false): Lane[] {
+export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false, hasPointing = false, hasOrgan = false): Lane[] {
   const lanes: Lane[] = [];
   let top = 0;
   const add = (kind: Lane['kind'], height: number, stream?: string) => {
@@ -29,6 +31,7 @@ export function lanesOf(model: CaseModel, hasAlarms: boolean, hasPlan = false, h
   add('ruler', kRuler);
   if (model.timeline.marks) add('marks', kMarkLane);
   if (hasPlan) add('plan', kMarkLane);
+  if (hasOrgan) add('organ', kLane);
   if (hasPointing) add('pointing', kLane);
   for (const { name } of model.lanes) add('stream', kLane, name);
   if (hasAlarms) add('alarms', kLane);
@@ -226,6 +229,7 @@ export function drawLanes(
   model: CaseModel,
   alarms: readonly Alarm[],
   steps: readonly ComparedStep[],
+  organ: readonly OrganEpisode[],
   strokes: readonly Stroke[],
   window: Span,
   width: number,
@@ -246,6 +250,9 @@ export function drawLanes(
         break;
       case 'plan':
         drawSteps(context, steps, window, width, top, high, colors);
+        break;
+      case 'organ':
+        drawOrgan(context, organ, window, width, top, high, colors, hatch);
         break;
       case 'pointing':
         drawStrokes(context, strokes, window, width, top, high, colors);

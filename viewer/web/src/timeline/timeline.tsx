@@ -5,6 +5,7 @@ import { useEffect, useRef } from 'preact/hooks';
 import type { ComparedStep, Stroke } from '@/api/types';
 import type { Span } from '@/base/spans';
 import type { MatchingModel } from '@/compare/matching_model';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { StepFlags } from '@/compare/step_flags';
 import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
@@ -34,13 +35,15 @@ interface Props {
   withPictures: boolean;
   /** Of the comparison that is shown. */
   steps: readonly ComparedStep[];
+  /** Where its organ was found in the pictures, and where not. */
+  organ: readonly OrganEpisode[];
   /** Where somebody pointed. */
   strokes: readonly Stroke[];
   /** While its steps are matched by hand. */
   matching: MatchingModel | undefined;
 }
 
-export function Timeline({ model, playback, window, store, selection, onSelect, withPictures, steps, strokes, matching }: Props) {
+export function Timeline({ model, playback, window, store, selection, onSelect, withPictures, steps, organ, strokes, matching }: Props) {
   const { element, width } = useWidth();
   const canvas = useRef<HTMLCanvasElement>(null);
   const dark = theme.value;
@@ -50,7 +53,7 @@ export function Timeline({ model, playback, window, store, selection, onSelect, 
   const version = store?.version.value ?? 0;
   const alarms = store?.over(shown, wide).alarms ?? [];
   const hasSteps = matching !== undefined || steps.some((one) => one.done !== null);
-  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, hasSteps, strokes.length > 0);
+  const list = lanesOf(model, alarms.length > 0 || (store?.over(whole, 200).alarms.length ?? 0) > 0, hasSteps, strokes.length > 0, organ.length > 0);
   const planLane = list.find((lane) => lane.kind === 'plan');
   const height = (list.at(-1)?.top ?? 0) + (list.at(-1)?.height ?? 0);
 
@@ -62,8 +65,8 @@ export function Timeline({ model, playback, window, store, selection, onSelect, 
 
   useEffect(() => {
     const one = canvas.current as HTMLCanvasElement;
-    drawLanes(prepared(one, wide, height), list, model, alarms, steps, strokes, shown, wide, height, colorsOf(one));
-  }, [model, wide, height, shown, dark, version, steps, strokes]);
+    drawLanes(prepared(one, wide, height), list, model, alarms, steps, organ, strokes, shown, wide, height, colorsOf(one));
+  }, [model, wide, height, shown, dark, version, steps, organ, strokes]);
 
   /** A mark, or the beginning of a step or of pointing, near `x`. */
   const momentNear = (x: number): number | undefined => {

@@ -10,6 +10,8 @@ import { fluoroscopies } from '@/compare/fluoroscopy';
 import { CaseConsents } from '@/consent/case_consents';
 import { isFleet, rowOf } from '@/fleet/fleet_api';
 import { shownCase } from '@/fleet/question';
+import { OrganOver } from '@/compare/organ_over';
+import type { OrganEpisode } from '@/compare/organ_place';
 import { PickingStage } from '@/compare/picking_stage';
 import { PlanModel, streamOf } from '@/compare/plan_model';
 import { PlanOver, PlanPane } from '@/compare/plan_pane';
@@ -105,6 +107,7 @@ const kProofsEvery_ms = 1000;
 const kNoStrokes: readonly Stroke[] = [];
 
 const kNoSteps: readonly ComparedStep[] = [];
+const kNoEpisodes: readonly OrganEpisode[] = [];
 
 function Loaded({
   model,
@@ -143,12 +146,18 @@ function Loaded({
   );
   const hasVitals = model.info.streams.some((one) => one.kind === 'vitals');
   const store = useMemo(() => (unlocked && hasVitals ? new VitalsStore(id, model.whole, notifyOf) : undefined), [model, unlocked]);
-  const plan = useMemo(() => (unlocked && may(role, 'compare') && !isFleet() ? new PlanModel(id, playback, notifyOf) : undefined), [playback, unlocked]);
+  const selection = useSignal<Span | undefined>(undefined);
+  const plan = useMemo(
+    () => (unlocked && may(role, 'compare') && !isFleet() ? new PlanModel(id, playback, notifyOf, selection, model.info.plan !== null) : undefined),
+    [playback, unlocked],
+  );
   const pointing = useMemo(
     () => (unlocked && (model.recorded.get('pointing') ?? []).length > 0 ? new RecordedPointing(id, notifyOf) : undefined),
     [model, unlocked],
   );
   const compared = plan?.shown.value;
+  const organ = plan?.organ.value;
+  const outlined = plan?.outline.value === true ? organ : undefined;
   const planView = compared?.player ? plan?.view.value : undefined;
   const matching = plan?.matching.plan.value ? plan.matching : undefined;
   const picking = plan?.picking.isOpen.value ? plan.picking : undefined;
@@ -171,7 +180,6 @@ function Loaded({
   const closed = (which: OpenDialog) => () => {
     if (dialog.peek() === which) dialog.value = undefined;
   };
-  const selection = useSignal<Span | undefined>(undefined);
   const whole = useRef<HTMLElement>(null);
 
   const problem = playback.problem.value;
@@ -272,6 +280,9 @@ function Loaded({
                 {plan && compared && planView !== undefined && planView !== 'beside' && planView !== 'none' && player.stream === streamOf(compared) && (
                   <PlanOver plan={plan} shown={compared} />
                 )}
+                {outlined && player.stream === compared?.document.case.stream && (
+                  <OrganOver alignment={outlined.alignment} player={player} playback={playback} original_ns={frames.shown.value.get(player.stream)?.time_ns} />
+                )}
                 {pointing && <RecordedPointers pointing={pointing} player={player} playback={playback} />}
               </Pane>
             ))
@@ -309,6 +320,7 @@ function Loaded({
         onSelect={select}
         withPictures={unlocked}
         steps={steps}
+        organ={organ?.summary.episodes ?? kNoEpisodes}
         strokes={pointing?.strokes.value ?? kNoStrokes}
         matching={matching}
       />

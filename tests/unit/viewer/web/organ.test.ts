@@ -1,0 +1,227 @@
+import { describe, expect, it } from 'vitest';
+import type { ComparedStep, OrganAlignment } from '@/api/types';
+import { kOrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
+import { coverFaces, facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
+import { organAt, organStretches, organSummary } from '@/compare/organ_place';
+
+type Moment = OrganAlignment['moments'][number];
+const kTenth = 100_000_000;
+const kSecond = 1e9;
+/** Axes turned about the patient's z by so many degrees. */
+const turned = (deg: number): NonNullable<Moment['view_axes']> => {
+  const [c, s] = [Math.cos((deg * Math.PI) / 180), Math.sin((deg * Math.PI) / 180)];
+  return [c, s, 0, 0, 0, 1, s, -c, 0];
+};
+const placed = (at: number, x = 0, deg = 0, error = 1): Moment => ({
+  time_ns: at * kTenth,
+  eye_m: [x, -0.2, 0],
+  view_axes: turned(deg),
+  standard_error_mm: error,
+});
+const lost = (at: number, why = 'hidden'): Moment => ({ time_ns: at * kTenth, lost: why });
+const alignment = (moments: Moment[], sizes: OrganAlignment['picture_sizes'] = [{ from_ns: 0, width: 640, height: 480 }]): OrganAlignment => ({
+  start_ns: 0,
+  end_ns: 10 * kSecond,
+  field_deg: 60,
+  picture_sizes: sizes,
+  moments,
+});
+
+describe('Where the organ is in the pictures', () => {
+  it('is told of each picture that was looked at, by the millisecond', () => {
+    const one = alignment([placed(0), placed(1, 0.01)]);
+    expect(organAt(one, 0)).toEqual({ is: 'placed', camera: { eye: [0, -0.2, 0], axes: turned(0) }, error_mm: 1 });
+    expect(organAt(one, kTenth - 400_000)).toEqual(organAt(one, kTenth));
+    expect(organAt(one, kTenth + 400_000)).toEqual(organAt(one, kTenth));
+  });
+
+  it('goes evenly between two that are placed, with the larger error, the shorter way round', () => {
+    for (const [from, to] of [
+      [0, 20],
+      [170, 190],
+      [-175, -195],
+      [80, 100],
+    ] as const) {
+      const one = alignment([placed(0, 0, from, 1), placed(1, 0.04, to, 2)]);
+      const place = organAt(one, kTenth / 4);
+      if (place?.is !== 'placed') throw new Error('it is placed');
+      expect(place.error_mm).toBe(2);
+      expect(place.camera.eye[0]).toBeCloseTo(0.01, 12);
+      turned(from + (to - from) / 4).forEach((value, at) => expect(place.camera.axes[at]).toBeCloseTo(value, 9));
+    }
+  });
+
+  it('is never guessed: beside a lost picture, beyond the ends, over a gap, and where pictures change their size', () => {
+    const one = alignment([placed(0), lost(1), placed(2), placed(3), placed(7)]);
+    expect(organAt(one, 0.5 * kTenth)).toEqual({ is: 'lost', why: 'hidden' });
+    expect(organAt(one, 1.5 * kTenth)).toEqual({ is: 'lost', why: 'hidden' });
+    expect(organAt(one, 2.5 * kTenth)?.is).toBe('placed');
+    expect(organAt(one, 5 * kTenth)).toBeUndefined();
+    expect(organAt(one, -5_000_000)).toBeUndefined();
+    expect(organAt(one, 7.1 * kTenth)).toBeUndefined();
+    expect(organAt(alignment([]), 0)).toBeUndefined();
+    const sizes = [
+      { from_ns: 0, width: 640, height: 480 },
+      { from_ns: kTenth, width: 320, height: 480 },
+    ];
+    expect(organAt(alignment([placed(0), placed(1)], sizes), 0.5 * kTenth)).toBeUndefined();
+    expect(organAt(alignment([placed(0), placed(1)], sizes), kTenth)?.is).toBe('placed');
+    // Half of a place is none.
+    expect(organAt(alignment([{ time_ns: 0, eye_m: [0, 0, 0] }]), 0)).toEqual({ is: 'lost', why: 'unknown' });
+  });
+
+  it('makes stretches that say of each moment what organAt() says', () => {
+    const one = alignment([placed(0), placed(1), lost(2, 'hidden'), lost(3, 'not-looked'), placed(4), placed(5), placed(9)]);
+    const stretches = organStretches(one);
+    expect(stretches.map(({ start_ns, end_ns, lost: why }) => [start_ns / kTenth, Math.round(end_ns / kTenth), why])).toEqual([
+      [0, 1, undefined],
+      [1, 3, 'hidden'],
+      [3, 4, 'not-looked'],
+      [4, 5, undefined],
+      [9, 9, undefined],
+    ]);
+    for (let at_ns = kTenth / 20; at_ns < 10 * kTenth; at_ns += kTenth / 10) {
+      const place = organAt(one, at_ns);
+      const stretch = stretches.find(({ start_ns, end_ns }) => start_ns <= at_ns && at_ns < end_ns);
+      // The picture of 0.5 s and that of 0.9 s last as long as their time is told exactly.
+      expect(stretch === undefined ? undefined : (stretch.lost ?? 'placed')).toBe(place?.is === 'lost' ? place.why : place?.is);
+    }
+  });
+
+  it('is summed up: how many, how well, where not', () => {
+    const summary = organSummary(alignment([placed(0, 0, 0, 3), placed(1, 0, 0, 1), placed(2, 0, 0, 2), lost(3), lost(4), placed(5, 0, 0, 1.5)]));
+    expect(summary).toMatchObject({ looked: 6, placed: 4, half_mm: 1.5, most_mm: 3, lost_ns: 3 * kTenth });
+    expect(summary.lost.map(({ start_ns, end_ns }) => [start_ns / kTenth, end_ns / kTenth])).toEqual([[2, 5]]);
+    expect(organSummary(alignment([lost(0)]))).toMatchObject({ looked: 1, placed: 0, half_mm: undefined, most_mm: undefined });
+  });
+
+  it('has losses from one end to the other, with their reasons, the longest first', () => {
+    const lostAndFound = alignment([
+      placed(0),
+      lost(1, 'hidden'),
+      lost(2, 'not-looked'),
+      lost(3, 'not-looked'),
+      lost(4, 'not-looked'),
+      lost(5, 'no-organ'),
+      lost(6, 'no-organ'),
+      lost(7, 'no-organ'),
+      placed(8),
+      placed(9),
+      lost(10, 'not-looked'),
+      placed(11),
+      lost(30, 'mirrored'),
+    ]);
+    const { episodes, lost: losses } = organSummary(lostAndFound);
+    expect(episodes.map(({ start_ns, end_ns, whys }) => [start_ns / kTenth, Math.round(end_ns / kTenth), whys])).toEqual([
+      [0, 8, ['no-organ', 'hidden']],
+      [8, 9, []],
+      [9, 11, ['not-looked']],
+      [11, 11, []],
+      [30, 30, ['mirrored']],
+    ]);
+    expect(losses.length).toBe(3);
+  });
+});
+
+describe('The outline of an organ', () => {
+  /** A tetrahedron 20 mm wide, anticlockwise from outside. */
+  const surface = { moved_mm: 0, nodes_mm: [0, 0, 0, 20, 0, 0, 0, 20, 0, 0, 0, 20], faces: [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3] };
+  const mesh = outlineMesh(surface);
+  if (!mesh) throw new Error('a tetrahedron has a surface');
+
+  it('is seen as a pinhole sees it, the lesser side covering the field', () => {
+    // From 0.2 m before the patient: x to the right, z up.
+    const seen = seenNodes(mesh, { eye: [0, -0.2, 0], axes: turned(0) }, 60, 640, 480);
+    const focal = 240 / Math.tan(Math.PI / 6);
+    expect([...seen.slice(0, 2)]).toEqual([320, 240]);
+    expect(seen[2]).toBeCloseTo(320 + (focal * 0.02) / 0.2, 9);
+    expect(seen[3]).toBeCloseTo(240, 9);
+    expect(seen[7]).toBeCloseTo(240 - (focal * 0.02) / 0.2, 9);
+    // As upright as wide.
+    expect(seenNodes(mesh, { eye: [0, -0.2, 0], axes: turned(0) }, 60, 480, 640)[2]).toBeCloseTo(240 + (focal * 0.02) / 0.2, 9);
+  });
+
+  it('has faces that are seen from outside, and edges between two of them', () => {
+    const camera = { eye: [0.005, -0.2, 0.005], axes: turned(0) };
+    const seen = seenNodes(mesh, camera, 60, 640, 480);
+    // The face that lies in y = 0 alone.
+    expect([...facing(mesh, seen)]).toEqual([0, 1, 0, 0]);
+    expect(mesh.edges.length).toBe(4 * 6);
+  });
+
+  it('is around what its faces cover, row by row', () => {
+    const rows = (corners: number[], turned: number[], scale = 1) => {
+      const mask = new Uint32Array(8 * 4).fill(7);
+      coverFaces({ ...mesh, faces: Uint32Array.from([0, 1, 2, 0, 2, 3]) }, Float64Array.from(corners), Uint8Array.from(turned), scale, 8, 4, mask);
+      return [0, 1, 2, 3].map((row) => [...mask.slice(8 * row, 8 * row + 8)].map((one) => (one === 0 ? '.' : '#')).join(''));
+    };
+    const square = [1, 1, 1, 3, 5, 3, 5, 1];
+    expect(rows(square, [1, 1])).toEqual(['........', '.####...', '.####...', '........']);
+    expect(rows(square, [0, 0])).toEqual(['........', '........', '........', '........']);
+    expect(rows(square, [1, 0])).toEqual(['........', '.#......', '.###....', '........']);
+    expect(rows([2, 2, 2, 6, 6, 6, 6, 2], [1, 1], 0.5)).toEqual(['........', '.##.....', '.##.....', '........']);
+    // Beyond the picture's borders nothing is written.
+    expect(rows([-9, -9, -9, 99, 99, 99, 99, -9], [1, 1])).toEqual(Array<string>(4).fill('########'));
+    expect(rows([9, 9, 9, 12, 12, 12, 12, 9], [1, 1])).toEqual(Array<string>(4).fill('........'));
+  });
+
+  it('has nothing of what is beside or behind the eye', () => {
+    const seen = seenNodes(mesh, { eye: [0, 0.01, 0], axes: turned(0) }, 60, 640, 480);
+    expect(Number.isNaN(seen[0])).toBe(true);
+    expect(Number.isNaN(seen[4])).toBe(false);
+    expect([...facing(mesh, seen)]).toEqual([0, 0, 0, 0]);
+  });
+
+  it('is none where a document has none, or one that is none', () => {
+    expect(outlineMesh(undefined)).toBeUndefined();
+    expect(outlineMesh({ ...surface, faces: [] })).toBeUndefined();
+    expect(outlineMesh({ ...surface, faces: [0, 1] })).toBeUndefined();
+    expect(outlineMesh({ ...surface, faces: [0, 1, 4] })).toBeUndefined();
+    expect(outlineMesh({ ...surface, nodes_mm: [0, 0] })).toBeUndefined();
+  });
+});
+
+describe('Asking for the organ to be found', () => {
+  const step = (start_s: number, end_s: number): ComparedStep => ({
+    step: 1,
+    name: 'hold',
+    planned: { start_s: 0, duration_s: 1 },
+    done: { start_ns: start_s * kSecond, end_ns: end_s * kSecond, order: 1, pauses: [], pause_before_ns: null },
+  });
+  const room = { start_ns: 0, end_ns: 20 * kSecond };
+
+  it('is for the matched steps, a second around them, within the case', () => {
+    const asked = { ...kOrganAsked, field_deg: 60 };
+    expect(stretchOf(asked, [step(5, 7), step(2, 4)], undefined, room)).toEqual({ start_ns: kSecond, end_ns: 8 * kSecond });
+    expect(stretchOf(asked, [step(0.5, 19.5)], undefined, room)).toEqual(room);
+    expect(stretchOf(asked, [{ ...step(0, 1), done: null }], undefined, room)).toBeUndefined();
+  });
+
+  it('or for what is selected on the time line', () => {
+    const asked = { ...kOrganAsked, where: 'selection' as const };
+    expect(stretchOf(asked, [step(5, 7)], { start_ns: 3.2, end_ns: 25 * kSecond }, room)).toEqual({ start_ns: 3, end_ns: 20 * kSecond });
+    expect(stretchOf(asked, [step(5, 7)], undefined, room)).toBeUndefined();
+    expect(stretchOf(asked, [step(5, 7)], { start_ns: 30 * kSecond, end_ns: 31 * kSecond }, room)).toBeUndefined();
+  });
+
+  it('says what is missing', () => {
+    const stretch = { start_ns: 0, end_ns: 3600 * kSecond };
+    expect(organLacks(undefined, undefined, true)).toBeUndefined();
+    expect(organLacks(kOrganAsked, stretch, false)).toBe('field');
+    for (const field_deg of [9.9, 120.1, NaN]) expect(organLacks({ ...kOrganAsked, field_deg }, stretch, false)).toBe('field');
+    expect(organLacks({ ...kOrganAsked, field_deg: 60 }, stretch, true)).toBe('points');
+    expect(organLacks({ ...kOrganAsked, field_deg: 60 }, undefined, false)).toBe('stretch');
+    expect(organLacks({ ...kOrganAsked, field_deg: 60 }, { ...stretch, end_ns: stretch.end_ns + 1 }, false)).toBe('long');
+    expect(organLacks({ ...kOrganAsked, field_deg: 60 }, stretch, false)).toBeUndefined();
+  });
+
+  it('is sent as the server takes it, and not at all where nobody asked', () => {
+    expect(organBody(undefined, { start_ns: 1, end_ns: 2 })).toBeUndefined();
+    expect(organBody({ ...kOrganAsked, field_deg: 55, view: 'left' }, { start_ns: 1, end_ns: 2 })).toEqual({
+      field_deg: 55,
+      view: 'left',
+      from_ns: 1,
+      to_ns: 2,
+    });
+  });
+});

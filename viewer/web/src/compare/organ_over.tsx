@@ -1,0 +1,78 @@
+// Over the recorded pictures: the outline of the plan's organ where it was found in the picture that is shown, and in words how well, or that it was not.
+import { useSignal } from '@preact/signals';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
+import type { OrganAlignment } from '@/api/types';
+import { OutlineDrawing, outlineMesh } from '@/compare/organ_outline';
+import { organAt, type OrganPlace, pictureSizeAt } from '@/compare/organ_place';
+import { t, word } from '@/i18n/i18n';
+import type { PanePlayer } from '@/media/pane_player';
+import type { Follower, Playback } from '@/media/playback';
+import { pictureBox } from '@/pointing/geometry';
+import { prepared } from '@/timeline/colors';
+
+const kLook = { line: '#4df0ff', halo: 'rgb(0 0 0 / 75%)', wide: 2.5 };
+
+interface Props {
+  alignment: OrganAlignment;
+  player: PanePlayer;
+  playback: Playback;
+  /** When the archived frame was taken that lies over the viewing copy. */
+  original_ns: number | undefined;
+}
+
+export function organText(place: OrganPlace | undefined): string {
+  if (!place) return t('organ.notLooked');
+  return place.is === 'placed' ? t('organ.placed', { mm: place.error_mm.toFixed(1) }) : t('organ.lost', { why: word('organ.why', place.why) });
+}
+
+export function OrganOver({ alignment, player, playback, original_ns }: Props) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const place = useSignal<OrganPlace | undefined>(undefined);
+  const drawing = useMemo(() => {
+    const mesh = outlineMesh(alignment.surface);
+    return mesh && new OutlineDrawing(mesh);
+  }, [alignment]);
+  useEffect(() => {
+    let drawn = '';
+    const follower: Follower = {
+      tick: (time_ns) => {
+        const one = canvas.current;
+        if (!one) return;
+        // The picture that is seen counts, not the clock: it may be older by the time that a picture lasts, or while one is sought.
+        const at_ns = player.isRecorded(time_ns) ? (original_ns ?? player.shown?.media_ns) : undefined;
+        const [wide, high] = [one.clientWidth, one.clientHeight];
+        const { videoWidth, videoHeight } = player.video;
+        const now = [at_ns, wide, high, videoWidth, videoHeight].join();
+        if (now === drawn) return;
+        drawn = now;
+        const found = at_ns === undefined ? undefined : organAt(alignment, at_ns);
+        place.value = found;
+        one.dataset['organ'] = found?.is ?? 'unknown';
+        const context = prepared(one, wide, high);
+        const size = at_ns === undefined ? undefined : pictureSizeAt(alignment, at_ns);
+        if (found?.is !== 'placed' || !drawing || !size) return;
+        // A smaller picture stands in the middle of the viewing copy, which is as large as the stream's largest; an archived frame has the pane to itself.
+        const outer = original_ns === undefined ? pictureBox(wide, high, videoWidth, videoHeight) : { left: 0, top: 0, width: wide, height: high };
+        const inner = pictureBox(outer.width, outer.height, size.width, size.height);
+        context.save();
+        context.translate(outer.left + inner.left, outer.top + inner.top);
+        context.beginPath();
+        context.rect(0, 0, inner.width, inner.height);
+        context.clip();
+        drawing.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
+        context.restore();
+      },
+    };
+    playback.followers.add(follower);
+    return () => {
+      playback.followers.delete(follower);
+    };
+  }, [alignment, drawing, player, playback, original_ns]);
+  const found = place.value;
+  return (
+    <div class="organ-over">
+      <canvas ref={canvas} aria-hidden="true" />
+      <p class={`organ-state organ-state-${found?.is ?? 'unknown'}`}>{organText(found)}</p>
+    </div>
+  );
+}
