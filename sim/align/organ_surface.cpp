@@ -69,6 +69,7 @@ OrganSurface organ_surface(const TetMesh& mesh) {
       if (here == kNone) {
         here = static_cast<std::uint32_t>(surface.nodes.size());
         surface.nodes.push_back(mesh.nodes[face.nodes[i]]);
+        surface.mesh_nodes.push_back(face.nodes[i]);
       }
       nodes[i] = here;
     }
@@ -94,6 +95,14 @@ Camera after_motion(const OrganSurface& surface, const Camera& camera, const Mot
       Eigen::Quaterniond(Eigen::Matrix3d(rotation * camera.to_view)).normalized().toRotationMatrix();
   moved.eye_m = surface.middle_m - moved.to_view.transpose() * (middle + motion.head<3>());
   return moved;
+}
+
+Motion motion_between(const OrganSurface& surface, const Camera& from, const Camera& to) {
+  Motion motion;
+  motion.head<3>() = to.view_m(surface.middle_m) - from.view_m(surface.middle_m);
+  const Eigen::AngleAxisd turn(Eigen::Matrix3d(to.to_view * from.to_view.transpose()));
+  motion.tail<3>() = surface.radius_m * turn.angle() * turn.axis();
+  return motion;
 }
 
 MotionCovariance squared_way(const OrganSurface& surface, const Camera& camera) {

@@ -23,6 +23,7 @@ struct OrganSurface {
     std::array<std::uint32_t, 2> faces;
   };
   std::vector<Vector3> nodes;                           // (|V|), those of the surface alone, m
+  std::vector<std::uint32_t> mesh_nodes;                // (|V|), the number of each in the mesh
   std::vector<std::array<std::uint32_t, 3>> faces;      // anticlockwise from outside
   std::vector<Edge> edges;                              // of exactly two faces
   Vector3 middle_m = Vector3::Zero();                   // mean of the nodes
@@ -36,6 +37,8 @@ OrganSurface organ_surface(const TetMesh& mesh);
 
 /// The camera that sees the organ as it is seen after it made that motion before this camera.
 Camera after_motion(const OrganSurface& surface, const Camera& camera, const Motion& motion);
+/// The motion that leads from a camera to another one, as far as it is small: after_motion() backwards.
+Motion motion_between(const OrganSurface& surface, const Camera& from, const Camera& to);
 /// Mean over the surface of the squared length by which a motion moves it: motion^T * this * motion.
 MotionCovariance squared_way(const OrganSurface& surface, const Camera& camera);
 /// The same for a motion of that covariance: the root is the standard error of the organ's place, m.

@@ -1,9 +1,8 @@
 // The camera that makes the organ's outline fall onto the border that the picture shows, with how well that
 // is determined. Functions are pure and thread-safe.
 //
-// Source: the border is sought along the outline's normals by what colours are within and around it, as
-// Stoiber, Pfanne, Strobl, Triebel and Albu-Schäffer, "A Sparse Gaussian Approach to Region-Based 6DoF Object
-// Tracking" (ACCV 2020); solved by Gauss and Newton with Tukey's weights.
+// Source: the border is sought along the outline's normals (border.h); solved by Gauss and Newton with
+// Tukey's weights.
 #pragma once
 
 #include <optional>

@@ -139,6 +139,8 @@ Outline outline_of(const OrganSurface& surface, const Camera& camera, const Pinh
       OutlinePoint point;
       point.pixel = from + share * (to - from);
       point.view_m = pinhole.place_m(point.pixel, depth);
+      point.nodes = edge.nodes;
+      point.along = share * depth / -b.z();  // even in the picture is not even on the edge
       if (!inside_by(point.pixel, margin_px)) continue;
       const Eigen::Vector2d small = (point.pixel.array() - (silhouette.shrink - 1) / 2.0) / silhouette.shrink;
       const Slope slope = slope_at(covered, small.x(), small.y());

@@ -2,6 +2,8 @@
 // make it. Functions are pure and thread-safe.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -22,9 +24,11 @@ struct Silhouette {
 
 /// A place of the outline.
 struct OutlinePoint {
-  Vector3 view_m;           // on the surface, in the view's axes
-  Eigen::Vector2d pixel;    // on the border of the silhouette, in the picture
-  Eigen::Vector2d outward;  // of length 1, pixels
+  Vector3 view_m;                        // on the surface, in the view's axes
+  Eigen::Vector2d pixel;                 // on the border of the silhouette, in the picture
+  Eigen::Vector2d outward;               // of length 1, pixels
+  std::array<std::uint32_t, 2> nodes{};  // of the surface's edge on which it lies
+  double along = 0;                      // from the first, 0, to the second, 1, on the surface
 };
 
 /// Nothing where a part of the organ is beside or behind the eye. `width` and `height` of the picture.

@@ -43,6 +43,13 @@ SurfacePoints::~SurfacePoints() = default;
 
 void SurfacePoints::drop() { state_->points.clear(); }
 
+std::vector<SurfacePoints::Followed> SurfacePoints::followed() const {
+  std::vector<Followed> all;
+  for (const FixedPoint& point : state_->points)
+    all.push_back({point.organ_m, {point.pixel.x, point.pixel.y}});
+  return all;
+}
+
 bool SurfacePoints::worn() const {
   constexpr int kLong = 20;
   constexpr double kLeft = 0.6;

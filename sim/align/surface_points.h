@@ -41,6 +41,12 @@ class SurfacePoints {
   /// Whether too few are left of those that were fixed, or they have been followed for long.
   [[nodiscard]] bool worn() const;
   void drop();
+  /// Those that are followed, in the picture that follow() took last.
+  struct Followed {
+    Vector3 organ_m;        // where it was fixed to the organ
+    Eigen::Vector2d pixel;  // where it is now
+  };
+  [[nodiscard]] std::vector<Followed> followed() const;
 
   static constexpr std::size_t kLeastPoints = 12;
 

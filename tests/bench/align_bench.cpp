@@ -27,7 +27,6 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <optional>
-#include <random>
 #include <sstream>
 #include <string>
 #ifdef KIROKU_HAS_CSRT
@@ -35,32 +34,19 @@
 #endif
 
 #include "base/error.h"
-#include "media/film_writer.h"
 #include "sim/align/organ_track.h"
+#include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
 #include "tests/support/endoscope_scene.h"
-#include "tests/support/temporary_folder.h"
 
 namespace {
 
-using kiroku::bench::processor_seconds, kiroku::bench::write_png;
+using kiroku::bench::Chance, kiroku::bench::processor_seconds, kiroku::bench::through_barrel_lens,
+    kiroku::bench::through_mpeg2, kiroku::bench::write_png;
 using kiroku::test::EndoscopeScene;
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
 constexpr double kEveryS = 0.1;
-
-/// What a seed makes of a sequence.
-class Chance {
- public:
-  explicit Chance(std::uint32_t seed) : random_(seed) {}
-  double between(double low, double high) {
-    return low + (high - low) * double(random_()) / double(std::mt19937::max());
-  }
-  int one_of(int count) { return std::min(count - 1, static_cast<int>(between(0, count))); }
-
- private:
-  std::mt19937 random_;
-};
 
 /// A hand that holds the endoscope: around the organ, nearer and farther, never quite still.
 struct Hand {
@@ -136,51 +122,6 @@ Picture mirror_of(const Picture& picture) {
       std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, made.pixel(x, y));
   }
   return made;
-}
-
-/// As a lens shows it that draws the corners in by a twentieth.
-Picture through_barrel_lens(const Picture& picture) {
-  constexpr double kDrawnIn = 0.05;
-  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
-  cv::Mat x(from.size(), CV_32F), y(from.size(), CV_32F);
-  const double middle_x = (picture.width - 1) / 2.0, middle_y = (picture.height - 1) / 2.0,
-               corner2 = middle_x * middle_x + middle_y * middle_y;
-  for (int row = 0; row < from.rows; ++row) {
-    for (int column = 0; column < from.cols; ++column) {
-      const double s = column - middle_x, t = row - middle_y,
-                   scale = 1 + kDrawnIn * (s * s + t * t) / corner2;
-      x.at<float>(row, column) = static_cast<float>(middle_x + scale * s);
-      y.at<float>(row, column) = static_cast<float>(middle_y + scale * t);
-    }
-  }
-  Picture made(picture.width, picture.height);
-  cv::Mat to(from.size(), CV_8UC3, made.rgb.data());
-  cv::remap(from, to, x, y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-  return made;
-}
-
-/// The pictures after MPEG-2 at 4 Mbit/s.
-std::vector<Picture> through_mpeg2(const std::vector<Picture>& pictures) {
-  const kiroku::test::TemporaryFolder folder;
-  const std::filesystem::path lossless = folder / "lossless.mkv", coded = folder / "coded.mpg";
-  kiroku::media::FilmWriter writer(lossless, {pictures[0].width, pictures[0].height, 3, 25, 1});
-  for (const Picture& picture : pictures) writer.add({picture.width, picture.height, 3, picture.rgb});
-  writer.finish();
-  const std::string quiet = "ffmpeg -nostdin -v error -y -i ";
-  const std::string encode = quiet + lossless.string() +
-                             " -c:v mpeg2video -pix_fmt yuv420p -b:v 4M -maxrate 4M -bufsize 2M -g 12 " +
-                             coded.string();
-  if (std::system(encode.c_str()) != 0) throw kiroku::Error("ffmpeg did not encode: is it installed?");
-  const std::string decode = quiet + coded.string() + " -f rawvideo -pix_fmt rgb24 -";
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(popen(decode.c_str(), "r"), pclose);
-  std::vector<Picture> decoded;
-  while (pipe && decoded.size() < pictures.size()) {
-    Picture picture(pictures[0].width, pictures[0].height);
-    if (std::fread(picture.rgb.data(), 1, picture.rgb.size(), pipe.get()) != picture.rgb.size()) break;
-    decoded.push_back(std::move(picture));
-  }
-  if (decoded.size() != pictures.size()) throw kiroku::Error("ffmpeg gave other pictures back than it got");
-  return decoded;
 }
 
 /// Some pictures of a film, as large as the rendered ones.

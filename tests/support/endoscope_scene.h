@@ -84,6 +84,7 @@ struct EndoscopeScene {
   struct Look {
     sim::Camera camera;
     bool organ = true;
+    std::vector<double> displacement_m;  // (3 |V|), of the organ's nodes; empty for none
     std::vector<sim::MarkedSolid> tools;
     double smoke = 0;  // 0 to 1: how much of the picture is smoke alone
     double noise = 4;  // standard deviation, of 255
@@ -139,12 +140,12 @@ struct EndoscopeScene {
     scene.shows_body = look.organ;
     // What differs between a black and a white background is background.
     scene.background = {0, 0, 0};
-    const sim::Picture on_black = renderer_.render({}, scene).picture;
+    const sim::Picture on_black = renderer_.render(look.displacement_m, scene).picture;
     scene.background = {255, 255, 255};
-    const sim::Picture on_white = renderer_.render({}, scene).picture;
+    const sim::Picture on_white = renderer_.render(look.displacement_m, scene).picture;
     scene.node_colours.assign(colours_.size(), {255, 255, 255});
     scene.to_light = {0, 0, 1};
-    const sim::Picture shade = renderer_.render({}, scene).picture;
+    const sim::Picture shade = renderer_.render(look.displacement_m, scene).picture;
     sim::Picture made(kWidth, kHeight);
     std::mt19937 random(look.seed);
     for (int y = 0; y < kHeight; ++y) {

@@ -1,0 +1,82 @@
+// Rendered pictures as an endoscope's film has them, for benches whose truth is known. Fixed seeds: the same
+// everywhere.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "media/film_writer.h"
+#include "sim/render/picture.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::bench {
+
+/// What a seed makes of a sequence.
+class Chance {
+ public:
+  explicit Chance(std::uint32_t seed) : random_(seed) {}
+  double between(double low, double high) {
+    return low + (high - low) * double(random_()) / double(std::mt19937::max());
+  }
+  int one_of(int count) { return std::min(count - 1, static_cast<int>(between(0, count))); }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// As a lens shows it that draws the corners in by a twentieth.
+inline sim::Picture through_barrel_lens(const sim::Picture& picture) {
+  constexpr double kDrawnIn = 0.05;
+  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
+  cv::Mat x(from.size(), CV_32F), y(from.size(), CV_32F);
+  const double middle_x = (picture.width - 1) / 2.0, middle_y = (picture.height - 1) / 2.0,
+               corner2 = middle_x * middle_x + middle_y * middle_y;
+  for (int row = 0; row < from.rows; ++row) {
+    for (int column = 0; column < from.cols; ++column) {
+      const double s = column - middle_x, t = row - middle_y,
+                   scale = 1 + kDrawnIn * (s * s + t * t) / corner2;
+      x.at<float>(row, column) = static_cast<float>(middle_x + scale * s);
+      y.at<float>(row, column) = static_cast<float>(middle_y + scale * t);
+    }
+  }
+  sim::Picture made(picture.width, picture.height);
+  cv::Mat to(from.size(), CV_8UC3, made.rgb.data());
+  cv::remap(from, to, x, y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return made;
+}
+
+/// The pictures after MPEG-2 at 4 Mbit/s.
+inline std::vector<sim::Picture> through_mpeg2(const std::vector<sim::Picture>& pictures) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path lossless = folder / "lossless.mkv", coded = folder / "coded.mpg";
+  media::FilmWriter writer(lossless, {pictures[0].width, pictures[0].height, 3, 25, 1});
+  for (const sim::Picture& picture : pictures) writer.add({picture.width, picture.height, 3, picture.rgb});
+  writer.finish();
+  const std::string quiet = "ffmpeg -nostdin -v error -y -i ";
+  const std::string encode = quiet + lossless.string() +
+                             " -c:v mpeg2video -pix_fmt yuv420p -b:v 4M -maxrate 4M -bufsize 2M -g 12 " +
+                             coded.string();
+  if (std::system(encode.c_str()) != 0) throw Error("ffmpeg did not encode: is it installed?");
+  const std::string decode = quiet + coded.string() + " -f rawvideo -pix_fmt rgb24 -";
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(popen(decode.c_str(), "r"), pclose);
+  std::vector<sim::Picture> decoded;
+  while (pipe && decoded.size() < pictures.size()) {
+    sim::Picture picture(pictures[0].width, pictures[0].height);
+    if (std::fread(picture.rgb.data(), 1, picture.rgb.size(), pipe.get()) != picture.rgb.size()) break;
+    decoded.push_back(std::move(picture));
+  }
+  if (decoded.size() != pictures.size()) throw Error("ffmpeg gave other pictures back than it got");
+  return decoded;
+}
+
+}  // namespace kiroku::bench
