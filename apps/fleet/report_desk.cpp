@@ -176,11 +176,18 @@ struct ReportDesk::State {
         throw DeskRefusal{403, "this certificate of " + name +
                                    " has ended: an administrator revokes the name "
                                    "('kiroku-fleet revoke'), then enrol it anew with 'kiroku fleet enrol'"};
+      case kTooManyCertificates:
+        throw DeskRefusal{403, name +
+                                   " was given a thousand certificates that have not ended: it reports with "
+                                   "the one it has, and an administrator revokes the name once that ends "
+                                   "('kiroku-fleet revoke')"};
       case kOtherCertificate:
         throw DeskRefusal{403,
                           "another certificate of " + name +
                               " counts now: this one was replaced, or another appliance was enrolled under "
-                              "the name"};
+                              "the name. If nobody renewed it here, a copy of this appliance did: an "
+                              "administrator revokes the name ('kiroku-fleet revoke'), then enrol it anew "
+                              "with 'kiroku fleet enrol'"};
     }
   }
 
