@@ -26,12 +26,16 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::uint16_t kExamplePort = 8444;
-constexpr std::size_t kThreads = 4, kRandomBytes = 16;
+constexpr std::size_t kThreads = 4, kNonceBytes = 16;
 /// Of a hospital group's appliances, each of which keeps one connection.
 constexpr std::size_t kMostConnections = 1000;
 constexpr std::string_view kEnrolPath = "/enrol";
 constexpr std::string_view kTooMany =
     "too many requests to be enrolled came from this address: try again later";
+constexpr std::string_view kNoSuchRequest =
+    "nobody entered the code within ten minutes: run 'kiroku fleet enrol' again";
+constexpr std::string_view kTooManyGuesses =
+    "too many questions about requests that nobody made came from this address: try again later";
 
 Response written_answer(int status, std::string body) {
   return {status, {{"Content-Type", "application/json"}, {"Cache-Control", "no-store"}}, std::move(body)};
@@ -39,15 +43,9 @@ Response written_answer(int status, std::string body) {
 Response answer_of(int status, const ordered_json& body) { return written_answer(status, body.dump()); }
 
 std::string random_hex() {
-  std::array<std::byte, kRandomBytes> random{};
+  std::array<std::byte, kNonceBytes> random{};
   crypto::fill_random(random);
   return crypto::to_hex(random);
-}
-
-/// As random_hex() makes one. Nothing else is asked of the database: it ends its connection, which all
-/// reports share, over text that is no UTF-8.
-bool is_id(const std::string& text) {
-  return text.size() == 2 * kRandomBytes && text.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
 
 std::string request_in(const Request& request) {
@@ -127,7 +125,7 @@ struct ReportDesk::State {
     fleet::PendingEnrolment asked;
     asked.request_pem = fleet::request_alone(request_in(request));
     asked.appliance = fleet::appliance_of_request(asked.request_pem);
-    asked.id = random_hex();
+    asked.id = authority.new_enrolment_id();
     // Drawn now that the request is known: see enrolment_code().
     asked.nonce = random_hex();
     try {
@@ -140,16 +138,18 @@ struct ReportDesk::State {
   }
 
   Response tell_enrolment(const std::string& id, const std::string& holder) {
-    const auto now = AttemptGuard::Clock::now();
-    if (guessers.wait(holder, now).count() > 0) throw DeskRefusal{429, std::string(kTooMany)};
-    std::optional<std::string> certificate;
-    if (is_id(id))
-      certificate = reports.with([&](fleet::FleetReports& all) { return all.certificate_for(id); });
-    if (!certificate) {
-      // Each costs a question to the database; an appliance that asked is told of once, and asks anew.
+    // A right one is never refused: nobody guesses it, but an appliance may share its address with whoever
+    // tries. A wrong one costs no question to the database, which all reports share and which ends its
+    // connection over text that is no UTF-8.
+    if (!authority.is_enrolment_id(id)) {
+      const auto now = AttemptGuard::Clock::now();
+      if (guessers.wait(holder, now).count() > 0) throw DeskRefusal{429, std::string(kTooManyGuesses)};
       guessers.failed(holder, now);
-      throw DeskRefusal{404, "nobody entered the code within ten minutes: run 'kiroku fleet enrol' again"};
+      throw DeskRefusal{404, std::string(kNoSuchRequest)};
     }
+    const std::optional<std::string> certificate =
+        reports.with([&](fleet::FleetReports& all) { return all.certificate_for(id); });
+    if (!certificate) throw DeskRefusal{404, std::string(kNoSuchRequest)};
     if (certificate->empty()) return answer_of(202, ordered_json::object());
     return answer_of(200, {{"certificate", *certificate}});
   }
@@ -176,11 +176,18 @@ struct ReportDesk::State {
         throw DeskRefusal{403, "this certificate of " + name +
                                    " has ended: an administrator revokes the name "
                                    "('kiroku-fleet revoke'), then enrol it anew with 'kiroku fleet enrol'"};
+      case kTooManyCertificates:
+        throw DeskRefusal{403, name +
+                                   " was given a thousand certificates that have not ended: it reports with "
+                                   "the one it has, and an administrator revokes the name once that ends "
+                                   "('kiroku-fleet revoke')"};
       case kOtherCertificate:
         throw DeskRefusal{403,
                           "another certificate of " + name +
                               " counts now: this one was replaced, or another appliance was enrolled under "
-                              "the name"};
+                              "the name. If nobody renewed it here, a copy of this appliance did: an "
+                              "administrator revokes the name ('kiroku-fleet revoke'), then enrol it anew "
+                              "with 'kiroku fleet enrol'"};
     }
   }
 

@@ -230,9 +230,22 @@ void renew(ReportingIdentity& identity, const std::filesystem::path& file) {
   identity = std::move(renewed);
 }
 
+/// As it is now: another process of this appliance may have renewed it, or somebody enrolled it anew. Whoever
+/// shows a certificate that was replaced is taken for a copy where it happens again. Keeps the one it has
+/// where the file holds none that can be read: the server says what becomes of that.
+void read_again(const Home& home, ReportingIdentity& identity) {
+  try {
+    if (std::optional<ReportingIdentity> there = ReportingIdentity::read(home.reporting_file()))
+      identity = std::move(*there);
+  } catch (const Error&) {
+    // As above.
+  }
+}
+
 int report_once(const Request& request, const Home& home, ReportingIdentity identity) {
-  if (request.renew) renew(identity, home.reporting_file());
   const fleet::ApplianceReport report = Reporter(home).report();
+  read_again(home, identity);
+  if (request.renew) renew(identity, home.reporting_file());
   const std::string told = fleet::to_json(report);
   ReportClient(identity).post("/report", told);
   if (request.json) {
@@ -244,43 +257,63 @@ int report_once(const Request& request, const Home& home, ReportingIdentity iden
   return kDone;
 }
 
-/// Keeps the one it has where the file holds none that can be read.
-void read_again(const Home& home, ReportingIdentity& identity) {
-  try {
-    if (std::optional<ReportingIdentity> there = ReportingIdentity::read(home.reporting_file()))
-      identity = std::move(*there);
-  } catch (const Error&) {
-    // The failure that led here is told.
+/// Renews the certificate while it runs, once that is due. A renewal that fails may have cost the server a
+/// certificate that this appliance could not keep: it is tried again after a sixteenth of the time that is
+/// left, so about two hundred times until that is over.
+class Renewal {
+ public:
+  /// Why the certificate is not renewed though it is due; "" otherwise. The one before still counts then, and
+  /// what is reported may be why: a disk that is full.
+  const std::string& look(const Home& home, ReportingIdentity& identity) {
+    const fleet::CertificateFacts facts = fleet::facts_of_certificate_pem(identity.certificate_pem);
+    const UtcTime now = utc_now();
+    if (!facts.is_to_be_renewed(now)) {
+      failure_.clear();
+      return failure_;
+    }
+    const auto tried = std::chrono::steady_clock::now();
+    if (!failure_.empty() && tried < next_) return failure_;
+    try {
+      renew(identity, home.reporting_file());
+      failure_.clear();
+    } catch (const Error& error) {
+      failure_ = std::string("its certificate was not renewed: ") + error.what();
+      next_ = tried + std::chrono::duration_cast<std::chrono::seconds>(facts.not_after - now) / kShareOfRest;
+    }
+    return failure_;
   }
-}
+
+ private:
+  static constexpr int kShareOfRest = 16;
+  std::string failure_;
+  std::chrono::steady_clock::time_point next_;
+};
 
 int follow(const Home& home, ReportingIdentity identity) {
   Reporter reporter(home);
+  Renewal renewal;
   std::optional<ReportClient> client;
+  std::string url, certificate;  // of the client
   std::chrono::seconds pause = kReportInterval;
   std::string told;
   do {
-    std::string now, not_renewed;
+    std::string now;
     try {
-      if (fleet::facts_of_certificate_pem(identity.certificate_pem).is_to_be_renewed(utc_now())) {
-        try {
-          renew(identity, home.reporting_file());
-          client.reset();
-        } catch (const Error& error) {
-          // The one before still counts, and what is reported may be why: a disk that is full.
-          not_renewed = std::string("its certificate was not renewed: ") + error.what();
-        }
+      const fleet::ApplianceReport report = reporter.report();
+      read_again(home, identity);
+      const std::string& not_renewed = renewal.look(home, identity);
+      if (!client || url != identity.url || certificate != identity.certificate_pem) {
+        client.emplace(identity);
+        url = identity.url;
+        certificate = identity.certificate_pem;
       }
-      if (!client) client.emplace(identity);
-      client->post("/report", fleet::to_json(reporter.report()));
+      client->post("/report", fleet::to_json(report));
       now = not_renewed;
       pause = kReportInterval;
     } catch (const Error& error) {
       now = error.what();
       pause = std::min(2 * pause, kLongestReportPause);
-      // It may have been enrolled anew, or renewed by hand, while this runs.
       client.reset();
-      read_again(home, identity);
     }
     // The same trouble is told once, and that it is over.
     if (now != told) {

@@ -14,7 +14,7 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 3;
+constexpr std::int64_t kVersion = 4, kWithReports = 2, kWithStricterAlarms = 3;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -116,6 +116,28 @@ constexpr const char* kAlarmsOfWhatIsNotIntact[] = {
                           ORDER BY v.number DESC LIMIT 1) IN ('incomplete', 'unproven'))",
 };
 
+// What version 4 has more, by which a copy of an appliance is seen: every certificate that an enrolment was
+// given, and the runs that reported lately (fleet/catalogue/fleet_reports).
+constexpr const char* kTracesOfCopies[] = {
+    R"(CREATE TABLE kiroku.certificates (
+         appliance         text COLLATE "C" NOT NULL,
+         certificate       text NOT NULL,         -- SHA-256, as in kiroku.appliances
+         certificate_until timestamptz NOT NULL,
+         refused           timestamptz,           -- when it was first shown after another had replaced it
+         PRIMARY KEY (appliance, certificate)))",
+    R"(INSERT INTO kiroku.certificates (appliance, certificate, certificate_until)
+         SELECT name, certificate, certificate_until FROM kiroku.appliances WHERE revoked IS NULL
+         UNION SELECT name, next_certificate, next_until FROM kiroku.appliances
+         WHERE revoked IS NULL AND next_certificate IS NOT NULL)",
+    R"(ALTER TABLE kiroku.appliances
+         ADD COLUMN earlier_runs text[] NOT NULL DEFAULT '{}',        -- newest first
+         ADD COLUMN run_changes timestamptz[] NOT NULL DEFAULT '{}',  -- when the run changed, newest first
+         ADD COLUMN replaced timestamptz,        -- when a certificate was last replaced by its next one
+         ADD COLUMN replaced_shown timestamptz)",  // since when one that was replaced is known to be in use
+    R"(UPDATE kiroku.appliances SET earlier_runs = ARRAY[earlier_run] WHERE earlier_run IS NOT NULL)",
+    "ALTER TABLE kiroku.appliances DROP COLUMN earlier_run",
+};
+
 // Roles belong to the whole server, and may be there from another database of it.
 constexpr const char* kRoles[] = {
     R"(DO $$ DECLARE role text; BEGIN
@@ -136,6 +158,7 @@ constexpr const char* kRoles[] = {
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
     "GRANT INSERT, UPDATE ON kiroku.appliances TO kiroku_reporter",
+    "GRANT INSERT, UPDATE (refused), DELETE ON kiroku.certificates TO kiroku_reporter",
     "GRANT INSERT, UPDATE (certificate), DELETE ON kiroku.enrolments TO kiroku_reporter",
     "GRANT UPDATE ON kiroku.wrong_codes TO kiroku_reporter",
 };
@@ -279,12 +302,14 @@ void FleetCatalogue::prepare(Postgres& database) {
       for (const char* statement : kTables) database.ask(statement);
       database.ask("INSERT INTO kiroku.version VALUES ($1)", {number(kVersion)});
     }
-    constexpr std::int64_t kWithReports = 2;
     if (!there || *there < kWithReports) {
       for (const char* statement : kReportTables) database.ask(statement);
     }
-    if (!there || *there < kVersion) {
+    if (!there || *there < kWithStricterAlarms) {
       for (const char* statement : kAlarmsOfWhatIsNotIntact) database.ask(statement);
+    }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kTracesOfCopies) database.ask(statement);
       database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
     }
     for (const char* statement : kRoles) database.ask(statement);

@@ -31,12 +31,17 @@ struct EnrolledAppliance {
   std::optional<UtcTime> revoked = {};
   std::optional<UtcTime> heard = {};  // when its newest report came; none: it never reported
   std::string report = {};            // that one, as to_json() writes it
-  /// When a process that had been followed by another reported again: two report under this name.
+  /// When it last showed by their runs that two report under this name: a run that had been followed by one
+  /// of the next 16 came again, or the run changed eight times within a minute. A machine that starts anew
+  /// has a run that was never there, and needs longer to start.
   std::optional<UtcTime> doubled = {};
+  /// Since when somebody is known to use a certificate of this enrolment that another one had replaced: there
+  /// are two, and only one of them is heard. Until the name is enrolled anew.
+  std::optional<UtcTime> replaced_shown = {};
 };
 
 /// Why a report is not taken.
-enum class ReportRefusal { kNotEnrolled, kRevoked, kOtherCertificate, kEnded };
+enum class ReportRefusal { kNotEnrolled, kRevoked, kOtherCertificate, kEnded, kTooManyCertificates };
 
 class FleetReports {
  public:
@@ -59,13 +64,15 @@ class FleetReports {
   void code_failed();
   void code_succeeded();
 
-  /// Takes what `name` says of itself with this certificate. Nothing where it was taken.
+  /// Takes what `name` says of itself with this certificate. Nothing where it was taken. A certificate of
+  /// this enrolment that was replaced is noted (EnrolledAppliance::replaced_shown) where it comes a second
+  /// time, or five minutes after it was replaced; so it is by renew().
   std::optional<ReportRefusal> take(const std::string& name, const std::string& fingerprint,
                                     const ApplianceReport& report);
   /// Whether `name` may speak with this certificate. Nothing where it may.
   std::optional<ReportRefusal> refusal(const std::string& name, const std::string& fingerprint);
   /// The appliance may report with the new certificate, too, and with it alone once it did. Nothing where it
-  /// was taken.
+  /// was taken. kTooManyCertificates where a thousand of this enrolment have not ended.
   std::optional<ReportRefusal> renew(const std::string& name, const std::string& fingerprint,
                                      const CertificateFacts& renewed);
   /// No certificate of this name counts any more; false where none is enrolled.
@@ -77,7 +84,10 @@ class FleetReports {
   [[nodiscard]] UtcTime now();
 
  private:
+  void keep_certificate(const std::string& name, const CertificateFacts& facts);
   std::optional<ReportRefusal> why_not(const std::string& name, const std::string& fingerprint);
+  std::optional<ReportRefusal> why_not_noted(const std::string& name, const std::string& fingerprint);
+  void note_replaced(const std::string& name, const std::string& fingerprint);
   void remove_old_requests();
   Postgres database_;
 };

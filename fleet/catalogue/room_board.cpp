@@ -21,14 +21,19 @@ constexpr std::chrono::days kCertificateEndsSoon{7};
 constexpr std::chrono::hours kDoubledFor{1};
 constexpr std::string_view kRecording = "recording";
 
-/// Of an appliance that is heard of, whichever room.
+/// Runs may be no more than a person's test, and are told for an hour. A certificate that was replaced and is
+/// used is told until the name is enrolled anew: the one that is heard may be the copy.
+bool is_of_two(const EnrolledAppliance& one, UtcTime now) {
+  return one.replaced_shown || (one.doubled && now - *one.doubled < kDoubledFor);
+}
+
+/// Of an appliance that is heard of, whichever room, beside whether two have its name.
 std::vector<Concern> concerns_of_appliance(const BoardRow& row, const EnrolledAppliance& one, UtcTime now) {
   std::vector<Concern> all;
   const auto add = [&](bool is_so, Concern what) {
     if (is_so) all.push_back(what);
   };
   const ApplianceReport& report = *row.report;
-  add(one.doubled && now - *one.doubled < kDoubledFor, Concern::kTwoOfOneName);
   add(!report.recorder, Concern::kNoRecorder);
   if (report.recorder) {
     const ApplianceReport::Recorder& recorder = *report.recorder;
@@ -66,8 +71,10 @@ std::vector<BoardRow> rows_of(const EnrolledAppliance& one, UtcTime now) {
   row.appliance = one.name;
   row.heard = one.heard;
   row.certificate_until = one.certificate_until;
+  // The server saw that by itself, so that it holds of an appliance that is not heard of, too.
+  if (is_of_two(one, now)) row.concerns.push_back(Concern::kTwoOfOneName);
   if (!one.heard) {
-    row.concerns = {Concern::kNeverHeard};
+    row.concerns.push_back(Concern::kNeverHeard);
     return {row};
   }
   // A database whose clock was set back has reports of the future: whoever still reports has a newer one.
@@ -75,27 +82,25 @@ std::vector<BoardRow> rows_of(const EnrolledAppliance& one, UtcTime now) {
   try {
     row.report = parse_report(one.report);
   } catch (const UsageError&) {
-    row.concerns = {row.is_heard ? Concern::kUnreadable : Concern::kNotHeard};
+    row.concerns.push_back(row.is_heard ? Concern::kUnreadable : Concern::kNotHeard);
+    std::ranges::sort(row.concerns);
     return {row};
   }
   row.clock_ahead_us = (row.report->now - *one.heard).count();
-  const std::vector<Concern> shared =
+  const std::vector<Concern> told =
       row.is_heard ? concerns_of_appliance(row, one, now) : std::vector{Concern::kNotHeard};
+  row.concerns.insert(row.concerns.end(), told.begin(), told.end());
   std::vector<BoardRow> rows;
   if (row.report->recorder) {
     for (const RoomReport& room : row.report->recorder->rooms) {
       BoardRow& each = rows.emplace_back(row);
       each.room = room;
-      each.concerns = shared;
       if (room.state == kRecording)
         each.recording_since = *one.heard - std::chrono::seconds(room.recording_s);
       if (row.is_heard) add_concerns_of_room(room, each.concerns);
     }
   }
-  if (rows.empty()) {
-    rows.push_back(row);
-    rows.back().concerns = shared;
-  }
+  if (rows.empty()) rows.push_back(row);
   for (BoardRow& each : rows) std::ranges::sort(each.concerns);
   return rows;
 }

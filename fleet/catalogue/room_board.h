@@ -52,8 +52,8 @@ constexpr bool is_urgent(Concern concern) { return concern <= Concern::kTwoOfOne
 struct BoardRow {
   std::string appliance;
   std::optional<RoomReport> room = {};
-  /// Gravest first. Of an appliance that is not heard of, nothing but that is told: what it said before may
-  /// not be so any more.
+  /// Gravest first. Of an appliance that is not heard of, nothing but that is told, and whether two have its
+  /// name, which the server saw: what it said before may not be so any more.
   std::vector<Concern> concerns = {};
   bool is_heard = false;
   std::optional<UtcTime> heard = {};            // its newest report

@@ -1,6 +1,7 @@
 #include "fleet/reports/fleet_authority.h"
 
 #include <array>
+#include <optional>
 #include <sys/stat.h>
 
 #include <openssl/pem.h>
@@ -11,6 +12,7 @@
 #include "base/printable.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "crypto/key_derivation.h"
 #include "timestamp/certificate_maker.h"
 #include "timestamp/small_files.h"
 
@@ -30,6 +32,7 @@ constexpr std::chrono::days kBackdated{1};
 constexpr mode_t kKeyMode = 0600, kCertificateMode = 0644, kOthers = 0077;
 constexpr std::string_view kCodeDigits = "0123456789ABCDEFGHJKMNPQRSTVWXYZ";  // Crockford's base 32
 constexpr std::size_t kCodeDigitCount = 16, kCodeGroup = 4;
+constexpr std::size_t kIdBytes = 16, kDigitsOfId = 4 * kIdBytes;  // random ones, and as many of an HMAC
 
 [[noreturn]] void fail(const std::string& what) {
   throw Error("cannot " + what + ": " + crypto::last_openssl_error());
@@ -237,6 +240,13 @@ bool is_issued_for(std::string_view certificate_pem, std::string_view authority_
 struct FleetAuthority::State {
   Credential credential;
   std::string certificate_pem;
+  crypto::Secret id_key;
+
+  /// What follows these random bytes.
+  [[nodiscard]] Bytes proof_of(ByteView random) const {
+    const crypto::Sha256Digest proof = crypto::hmac_sha256(id_key.bytes(), random);
+    return to_bytes(ByteView(proof).first(kIdBytes));
+  }
 };
 
 FleetAuthority::FleetAuthority(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -273,6 +283,9 @@ FleetAuthority FleetAuthority::open(const fs::path& folder) {
   if (!fits)
     throw UsageError(key_file.string() + " is not the key of " + certificate_file.string() +
                      ": copy both from one server");
+  // Not of the file's bytes: it may have been copied with other ends of its lines.
+  state->id_key =
+      crypto::hkdf_sha256(pem_of_key(state->credential.key.get()).bytes(), {}, "kiroku enrolment ids 1");
   return FleetAuthority(std::move(state));
 }
 
@@ -316,6 +329,20 @@ std::string FleetAuthority::issue(std::string_view request_pem, UtcTime now, std
   return pem_of(
       timestamp::issue_certificate_for(X509_REQ_get0_pubkey(request.get()), profile, state_->credential)
           .get());
+}
+
+std::string FleetAuthority::new_enrolment_id() const {
+  std::array<std::byte, kIdBytes> random{};
+  crypto::fill_random(random);
+  return crypto::to_hex(random) + crypto::to_hex(state_->proof_of(random));
+}
+
+bool FleetAuthority::is_enrolment_id(std::string_view id) const {
+  if (id.size() != kDigitsOfId) return false;
+  const std::optional<Bytes> bytes = crypto::from_hex(id);
+  if (!bytes) return false;
+  const ByteView all(*bytes);
+  return crypto::equal_constant_time(all.subspan(kIdBytes), state_->proof_of(all.first(kIdBytes)));
 }
 
 FleetAuthority::ServerIdentity FleetAuthority::issue_server_identity() const {

@@ -79,6 +79,12 @@ class FleetAuthority {
   [[nodiscard]] const std::string& certificate_pem() const;
   /// A certificate for clients, for the request's key and name; appliance_of_request() was asked before.
   [[nodiscard]] std::string issue(std::string_view request_pem, UtcTime now, std::chrono::hours lasts) const;
+  /// Under which an appliance asks what became of its request: 128 random bits and an HMAC of them under a
+  /// key that follows from this authority's, in hexadecimal. So each server of the fleet knows by itself
+  /// which ones a server of the fleet gave, and asks the database of no other. Throws kiroku::Error.
+  [[nodiscard]] std::string new_enrolment_id() const;
+  /// Of any text; takes as long for each wrong HMAC.
+  [[nodiscard]] bool is_enrolment_id(std::string_view id) const;
   /// A certificate for servers with a new key, as long as the authority's.
   struct ServerIdentity {
     std::string certificate_pem;

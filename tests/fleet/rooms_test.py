@@ -191,18 +191,81 @@ def try_spoiling_enrolment(server, folder, appliance, psql):
     for before in ("\0\n", "\0"):
         status, sentence = answer(report_desk(url), "/enrol", json.dumps({"request": before + certificate_request(folder, "or-9")}))
         require(status in (202, 400), f"a request behind a zero byte is answered with {status} {sentence}")
-    process, _ = appliance.begin_to_enrol(url, "or-8")
+    process, told = appliance.begin_to_enrol(url, "or-8")
     try:
         status, text = server.administrator.ask("fleet/enrolments", {"code": "0000-0000-0000-0000"})
         require(b"no appliance that waits" in text, f"while a stranger's request waits, a code is answered with {status}: {text}")
         # Text that is no UTF-8 would end the connection to the database that all reports share.
         statuses = [raw_status(url, target) for target in (b"/enrol/\xff", b"/enrol/" + b"0" * 5000, b"/enrol/" + b"0" * 32, b"/enrol/'")]
         require(statuses == [404] * 4, f"addresses of nobody are answered with {statuses}")
-        statuses = [raw_status(url, b"/enrol/" + b"1" * 32) for _ in range(8)]
+        statuses = [raw_status(url, b"/enrol/" + b"1" * 64) for _ in range(8)]
         require(429 in statuses, f"whoever guesses again and again is answered with {statuses}")
+        # Whom they share their address with is told of its certificate none the less.
+        code = told["code"]
+        server.administrator.read("fleet/enrolments", {"code": code})
+        eventually(lambda: raw_status(url, b"/enrol/" + b"1" * 64) and process.poll() is not None,
+                   "an appliance is not told of its certificate while somebody at its address guesses")
+        require(process.returncode == 0 and appliance.identity()["appliance"] == "or-8", f"it was told {process.stderr.read()}")
+        require(raw_status(url, b"/enrol/" + b"1" * 64) == 429, "whoever guesses is not slowed down any more")
     finally:
         process.terminate()
         process.communicate(timeout=60)
+
+
+def try_taking_a_name(server, folder, appliance, admit, psql):
+    """By a copy of an enrolled appliance."""
+    def concerns():
+        return {concern for row in server.rooms()["rooms"] if row["appliance"] == "or-1" for concern in row["concerns"]}
+
+    def enrol_anew():
+        server.administrator.tell("fleet/appliances/or-1/revocation", {})
+        process, told = appliance.begin_to_enrol(server.reports, "or-1")
+        admit(told)
+        require(process.wait(timeout=60) == 0, "it was not told")
+
+    def told_by(thief, run):
+        return answer(report_desk(server.reports, thief, folder), "/report", json.dumps({**report, "run": run * 32}))[0]
+
+    psql("UPDATE kiroku.appliances SET doubled = NULL")
+    report = json.loads(appliance_report(appliance, server.reports))
+    # With a new run each time, so that none of its own comes twice.
+    require("two-of-one-name" not in concerns(), f"before there was a copy it is {concerns()}")
+    require([told_by(appliance.identity(), run) for run in "12"] == [200, 200], "the copy is refused")
+    appliance.kiroku("fleet", "report")
+    require("two-of-one-name" in concerns(), "a copy whose runs are new each time is not seen")
+    enrol_anew()
+    require("two-of-one-name" not in concerns(), "an appliance that was enrolled anew is two yet")
+
+    # The service takes up what was renewed by hand, and is no copy.
+    with appliance.following():
+        for _ in range(3):
+            appliance.kiroku("fleet", "report", "--renew")
+        eventually(lambda: "not-heard" not in concerns() and "never-heard" not in concerns(), "it is not heard of")
+        before = heard(server)
+        eventually(lambda: heard(server) > before, "the service does not report by what was renewed by hand")
+    require("two-of-one-name" not in concerns(), "a renewal by hand counts as a second appliance")
+
+    copy = Appliance.__new__(Appliance)
+    copy.programs, copy.home, copy.recorder = appliance.programs, folder / "copy", None
+    copy.environment = dict(os.environ, KIROKU_HOME=str(copy.home))
+    # Without its cases, which go on meanwhile.
+    shutil.copytree(appliance.home, copy.home, ignore=lambda _, names: [name for name in names if name == "archive" or "sock" in name])
+    copy.kiroku("fleet", "report", "--renew")
+    for _ in range(2):
+        refused = appliance.ask("fleet", "report")
+        require(refused.returncode == 2 and "a copy of this appliance did" in refused.stderr, f"whose name was taken hears {refused.stderr}")
+    require(told_by(copy.identity(), "3") == 200, "the copy is refused")
+    require("two-of-one-name" in concerns(), "a copy that renewed the certificate is not seen")
+    # Nobody is there any more who could contradict it.
+    psql("UPDATE kiroku.appliances SET replaced_shown = replaced_shown - interval '3 days' WHERE name = 'or-1'")
+    require(told_by(copy.identity(), "3") == 200 and "two-of-one-name" in concerns(), "the copy is forgotten")
+    enrol_anew()
+    require(copy.ask("fleet", "report").returncode == 2, "the copy reports yet")
+    require("two-of-one-name" not in concerns(), "who was revoked tells of who has the name now")
+
+
+def heard(server):
+    return max((row["heard"] or "" for row in server.rooms()["rooms"] if row["appliance"] == "or-1"), default="")
 
 
 def raw_status(url, target):
@@ -401,6 +464,8 @@ def try_everything(programs, folder, connection):
         servers.append(FleetServer(programs, folder / "page-4", configuration))
         try_enrolling_anew(servers[3], one, admit, psql)
         try_spoiling_enrolment(servers[3], folder, twin, psql)
+        servers.append(FleetServer(programs, folder / "page-5", configuration))
+        try_taking_a_name(servers[4], folder, one, admit, psql)
         listed = subprocess.run([programs / "kiroku-fleet", "rooms", "--config", configuration], capture_output=True, text=True, check=False)
         require("or-7" in listed.stdout, f"kiroku-fleet rooms says {listed.stdout}{listed.stderr}")
     finally:

@@ -51,6 +51,14 @@ class OfItsOwn : public testing::Test {
     database.ask("CREATE ROLE " + user_of(role) + " LOGIN IN ROLE " + role);
     return user_of(role);
   }
+  /// What such a catalogue has, as far as this program's has it otherwise.
+  static void make_the_third_version(Postgres& database) {
+    database.ask("DROP TABLE kiroku.certificates");
+    database.ask(
+        "ALTER TABLE kiroku.appliances DROP COLUMN earlier_runs, DROP COLUMN run_changes, DROP COLUMN "
+        "replaced, DROP COLUMN replaced_shown, ADD COLUMN earlier_run text");
+    database.ask("UPDATE kiroku.version SET version = 3");
+  }
   [[nodiscard]] std::string user_of(const std::string& role) const { return name_ + "_" + role; }
 
  private:
@@ -345,6 +353,7 @@ TEST_F(FleetCatalogueTest, AlarmsOfACatalogueOfTheSecondVersionAreOfWhatIsNotInt
     if (lease->case_id == "unchecked") catalogue_.give_back(*lease, 600s, "its key was missing");
   }
   Postgres database(connection());
+  make_the_third_version(database);
   database.ask("UPDATE kiroku.version SET version = 2");
   EXPECT_THAT([&] { (void)catalogue(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
   FleetCatalogue::prepare(database);
@@ -506,6 +515,13 @@ class FleetReportsTest : public OfItsOwn {
     all.admit(one, pem, "anna");
     return print_of(pem);
   }
+  /// Renewed by whoever has this one, and used.
+  std::string renewed(FleetReports& all, const std::string& name, const std::string& fingerprint) {
+    const CertificateFacts next = facts_of_certificate_pem(issued(asked(name)));
+    EXPECT_FALSE(all.renew(name, fingerprint, next));
+    EXPECT_FALSE(all.take(name, next.fingerprint, said('c')));
+    return next.fingerprint;
+  }
   static ApplianceReport said(char run = 'a') {
     ApplianceReport report;
     report.program = "0.1.0";
@@ -603,6 +619,132 @@ TEST_F(FleetReportsTest, TwoThatReportUnderOneNameAreSeen) {
   EXPECT_TRUE(all.appliances().at(0).doubled);
 }
 
+TEST_F(FleetReportsTest, ARunThatComesAgainIsSeenThoughOthersCameBetween) {
+  FleetReports all = reports();
+  const std::string print = enrol(all, "or-1");
+  all.take("or-1", print, said('o'));
+  for (const char run : {'a', 'b', 'c'}) all.take("or-1", print, said(run));
+  EXPECT_FALSE(all.appliances().at(0).doubled);
+  all.take("or-1", print, said('o'));
+  EXPECT_TRUE(all.appliances().at(0).doubled);
+}
+
+TEST_F(FleetReportsTest, RunsThatChangeFasterThanAMachineStartsAreSeen) {
+  FleetReports all = reports();
+  const std::string print = enrol(all, "or-1");
+  for (const char run : {'1', '2', '3', '4', '5', '6', '7', '8'}) all.take("or-1", print, said(run));
+  EXPECT_FALSE(all.appliances().at(0).doubled) << "of seven changes";
+  all.take("or-1", print, said('9'));
+  EXPECT_TRUE(all.appliances().at(0).doubled);
+}
+
+TEST_F(FleetReportsTest, AMachineThatStartsAnewWithoutEndIsNoSecondOne) {
+  FleetReports all = reports();
+  Postgres database(connection());
+  const std::string print = enrol(all, "or-1");
+  ApplianceReport report = said();
+  for (int start = 0; start < 40; ++start) {
+    report.run = std::to_string(1000 + start) + std::string(28, 'a');
+    all.take("or-1", print, report);
+    all.take("or-1", print, report);
+    database.ask(
+        "UPDATE kiroku.appliances SET run_changes = coalesce((SELECT array_agg(at - interval '10 seconds' "
+        "ORDER BY at DESC) FROM unnest(run_changes) AS at), '{}')");
+  }
+  EXPECT_FALSE(all.appliances().at(0).doubled);
+}
+
+TEST_F(FleetReportsTest, WhoRenewedACopiedCertificateIsSeenOnceTheOriginalReportsAgain) {
+  FleetReports all = reports(with_role("kiroku_reporter"));
+  const std::string original = enrol(all, "or-1");
+  ASSERT_FALSE(all.take("or-1", original, said('o')));
+  // The copy renews more than once, so that the original's is long past.
+  const std::string copy = renewed(all, "or-1", renewed(all, "or-1", renewed(all, "or-1", original)));
+  EXPECT_EQ(all.take("or-1", original, said('o')), ReportRefusal::kOtherCertificate);
+  EXPECT_FALSE(all.appliances().at(0).replaced_shown) << "one of the appliance's own processes had it yet";
+  EXPECT_EQ(all.take("or-1", original, said('o')), ReportRefusal::kOtherCertificate);
+  const std::optional<UtcTime> since = all.appliances().at(0).replaced_shown;
+  EXPECT_TRUE(since);
+  all.take("or-1", copy, said('c'));
+  all.take("or-1", original, said('o'));
+  EXPECT_EQ(all.appliances().at(0).replaced_shown, since);
+
+  all.revoke("or-1");
+  const std::string anew = enrol(all, "or-1");
+  EXPECT_FALSE(all.appliances().at(0).replaced_shown);
+  for (const std::string& earlier : {original, copy, original, copy})
+    EXPECT_EQ(all.take("or-1", earlier, said('c')), ReportRefusal::kOtherCertificate);
+  EXPECT_FALSE(all.appliances().at(0).replaced_shown) << "who was revoked tells nothing of who has the name";
+  EXPECT_FALSE(all.take("or-1", anew, said('n')));
+}
+
+TEST_F(FleetReportsTest, ARenewalByACertificateThatWasReplacedIsSeen) {
+  FleetReports all = reports();
+  const std::string first = enrol(all, "or-1");
+  renewed(all, "or-1", first);
+  for (int i = 0; i < 2; ++i)
+    EXPECT_EQ(all.renew("or-1", first, facts_of_certificate_pem(issued(asked("or-1")))),
+              ReportRefusal::kOtherCertificate);
+  EXPECT_TRUE(all.appliances().at(0).replaced_shown);
+}
+
+TEST_F(FleetReportsTest, ACertificateThatWasReplacedLongAgoIsSeenAtOnce) {
+  FleetReports all = reports();
+  const std::string first = enrol(all, "or-1");
+  renewed(all, "or-1", first);
+  Postgres(connection()).ask("UPDATE kiroku.appliances SET replaced = replaced - interval '5 minutes'");
+  all.take("or-1", first, said());
+  EXPECT_TRUE(all.appliances().at(0).replaced_shown);
+}
+
+TEST_F(FleetReportsTest, ACertificateThatAnotherReplacedBeforeItWasUsedIsSeen) {
+  FleetReports all = reports();
+  const std::string shared = enrol(all, "or-1");
+  const CertificateFacts original = facts_of_certificate_pem(issued(asked("or-1"))),
+                         copy = facts_of_certificate_pem(issued(asked("or-1")));
+  EXPECT_FALSE(all.renew("or-1", shared, original));
+  EXPECT_FALSE(all.renew("or-1", shared, copy));
+  EXPECT_FALSE(all.take("or-1", copy.fingerprint, said()));
+  for (int i = 0; i < 2; ++i)
+    EXPECT_EQ(all.take("or-1", original.fingerprint, said()), ReportRefusal::kOtherCertificate);
+  EXPECT_TRUE(all.appliances().at(0).replaced_shown);
+}
+
+TEST_F(FleetReportsTest, WhoIsRefusedWhileTheNameIsEnrolledAnewTellsNothingOfIt) {
+  FleetReports all = reports();
+  const std::string first = enrol(all, "or-1");
+  renewed(all, "or-1", first);
+  all.take("or-1", first, said());
+  Postgres enrolling(connection()), watching(connection());
+  std::future<std::optional<ReportRefusal>> refused;
+  enrolling.together([&] {
+    enrolling.ask("UPDATE kiroku.appliances SET enrolled = now()");
+    refused = std::async(std::launch::async, [&] { return reports().take("or-1", first, said()); });
+    // It has seen what was there before, and waits for the row.
+    while (watching.ask("SELECT 1 FROM pg_locks WHERE NOT granted").size() == 0) std::this_thread::yield();
+    enrolling.ask("DELETE FROM kiroku.certificates");
+  });
+  EXPECT_EQ(refused.get(), ReportRefusal::kOtherCertificate);
+  EXPECT_FALSE(all.appliances().at(0).replaced_shown);
+}
+
+TEST_F(FleetReportsTest, NobodyFillsTheDatabaseWithCertificates) {
+  FleetReports all = reports();
+  Postgres database(connection());
+  const std::string first = enrol(all, "or-1");
+  database.ask(
+      "INSERT INTO kiroku.certificates (appliance, certificate, certificate_until) SELECT 'or-1', i::text, "
+      "now() + interval '1 day' FROM generate_series(1, 999) AS i");
+  const CertificateFacts next = facts_of_certificate_pem(issued(asked("or-1")));
+  EXPECT_EQ(all.renew("or-1", first, next), ReportRefusal::kTooManyCertificates);
+  EXPECT_FALSE(all.take("or-1", first, said()));
+  database.ask(
+      "UPDATE kiroku.certificates SET certificate_until = now() - interval '1 second' WHERE certificate = "
+      "'7'");
+  EXPECT_FALSE(all.renew("or-1", first, next));
+  EXPECT_EQ(database.ask("SELECT count(*) FROM kiroku.certificates").integer(0, 0), 1000);
+}
+
 TEST_F(FleetReportsTest, RequestsAreFewAndEndByThemselves) {
   FleetReports all = reports();
   for (const char* name : {"or-1", "or-2", "or-3", "or-4"}) all.ask(asked(name), "192.0.2.1");
@@ -630,12 +772,44 @@ TEST_F(FleetReportsTest, WrongCodesAreSlowedDownTogether) {
 
 TEST_F(FleetReportsTest, ACatalogueOfTheFirstVersionIsBroughtUpToDate) {
   Postgres database(connection());
-  for (const char* table : {"appliances", "enrolments", "wrong_codes"})
+  for (const char* table : {"appliances", "certificates", "enrolments", "wrong_codes"})
     database.ask(std::string("DROP TABLE kiroku.") + table);
   database.ask("UPDATE kiroku.version SET version = 1");
   EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
   FleetCatalogue::prepare(database);
   EXPECT_TRUE(reports().appliances().empty());
+}
+
+TEST_F(FleetReportsTest, ACatalogueOfTheThirdVersionKeepsItsAppliancesAndSeesTheirCopies) {
+  Postgres database(connection());
+  std::string used, copied;
+  {
+    FleetReports all = reports();
+    used = enrol(all, "or-1");
+    all.take("or-1", used, said('a'));
+    copied = enrol(all, "or-2");
+    enrol(all, "or-3");
+    all.revoke("or-3");
+  }
+  // As that version has it, while or-2 renews.
+  make_the_third_version(database);
+  database.ask("UPDATE kiroku.appliances SET earlier_run = $1, run = $2 WHERE name = 'or-1'",
+               {std::string(32, 'a'), std::string(32, 'b')});
+  const std::string next = print_of(issued(asked("or-2")));
+  database.ask(
+      "UPDATE kiroku.appliances SET next_certificate = $1, next_until = certificate_until WHERE name = "
+      "'or-2'",
+      {next});
+  EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+
+  FleetReports all = reports();
+  EXPECT_EQ(database.ask("SELECT count(*) FROM kiroku.certificates").integer(0, 0), 3);
+  EXPECT_FALSE(all.take("or-1", used, said('a')));
+  EXPECT_TRUE(all.appliances().at(0).doubled) << "the run before is known yet";
+  EXPECT_FALSE(all.take("or-2", next, said()));
+  for (int i = 0; i < 2; ++i) all.take("or-2", copied, said());
+  EXPECT_TRUE(all.appliances().at(1).replaced_shown);
 }
 
 }  // namespace

@@ -49,6 +49,20 @@ TEST(RoomBoard, TellsNothingOfARoomThatIsWell) {
   EXPECT_EQ(board[0].recording_since, kNoon - 602s);
 }
 
+TEST(RoomBoard, ACopyThatTookTheNameIsToldUntilItIsEnrolledAnewWhoeverIsHeard) {
+  EnrolledAppliance one = enrolled("or-1", well("or-1"));
+  one.doubled = kNoon - 2h;
+  EXPECT_THAT(concerns_of(one), IsEmpty()) << "what runs showed is told for an hour";
+  one.replaced_shown = kNoon - 72h;
+  EXPECT_THAT(concerns_of(one), ElementsAre(Concern::kTwoOfOneName));
+  one.heard = kNoon - 1h;
+  EXPECT_THAT(concerns_of(one), ElementsAre(Concern::kNotHeard, Concern::kTwoOfOneName));
+  one.report = "nonsense";
+  EXPECT_THAT(concerns_of(one), ElementsAre(Concern::kNotHeard, Concern::kTwoOfOneName));
+  one.heard = {};
+  EXPECT_THAT(concerns_of(one), ElementsAre(Concern::kTwoOfOneName, Concern::kNeverHeard));
+}
+
 TEST(RoomBoard, WhatWasNotHeardOfIsNotToldAsIfItWereSo) {
   ApplianceReport report = well("or-1");
   report.recorder->rooms[0].silent = {"endoscope"};

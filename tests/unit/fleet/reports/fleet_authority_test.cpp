@@ -1,5 +1,6 @@
 #include "fleet/reports/fleet_authority.h"
 
+#include <cctype>
 #include <filesystem>
 #include <set>
 
@@ -126,6 +127,27 @@ TEST_F(FleetAuthorityTest, ACodeIsTakenAsPeopleTypeIt) {
   EXPECT_EQ(parse_enrolment_code("OIL0-2XFA-9DTR-PHW4"), "0110-2XFA-9DTR-PHW4");
   for (const char* wrong : {"", "K7QM-2XFA-9DTR-PHW", "K7QM-2XFA-9DTR-PHW44", "U7QM-2XFA-9DTR-PHW4"})
     EXPECT_EQ(parse_enrolment_code(wrong), "") << wrong;
+}
+
+TEST_F(FleetAuthorityTest, KnowsWhichEnrolmentsAServerOfItsFleetGaveAnIdentifier) {
+  const FleetAuthority one = FleetAuthority::open_or_make(folder_.path() / "one", now_),
+                       same = FleetAuthority::open(folder_.path() / "one"),
+                       foreign = FleetAuthority::open_or_make(folder_.path() / "foreign", now_);
+  const std::string id = one.new_enrolment_id();
+  EXPECT_NE(one.new_enrolment_id(), id);
+  EXPECT_TRUE(one.is_enrolment_id(id));
+  EXPECT_TRUE(same.is_enrolment_id(id)) << "another server's";
+  EXPECT_FALSE(foreign.is_enrolment_id(id));
+  for (std::size_t at = 0; at < id.size(); ++at) {
+    std::string wrong = id;
+    wrong[at] = wrong[at] == '0' ? '1' : '0';
+    EXPECT_FALSE(one.is_enrolment_id(wrong)) << wrong;
+  }
+  std::string shouted = id;
+  for (char& each : shouted) each = static_cast<char>(std::toupper(static_cast<unsigned char>(each)));
+  for (const std::string& wrong : {std::string(), id.substr(1), id + "0", id + id, shouted,
+                                   std::string(64, '0'), std::string(64, '\xff'), std::string(32, '0')})
+    EXPECT_FALSE(one.is_enrolment_id(wrong)) << wrong;
 }
 
 TEST_F(FleetAuthorityTest, AnIdentityIsReadAsItWasWritten) {
