@@ -374,7 +374,8 @@ TEST_F(ReportDocument, ANameMakesNoOutsideAuthorityOfTheRecordersOwn) {
   ReportInput in = input();
   ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
   std::size_t named = 0;
-  for (const auto& bracket : archive::report_json(in.verification).at("brackets")) {
+  const nlohmann::ordered_json as_json = archive::report_json(in.verification);
+  for (const auto& bracket : as_json.at("brackets")) {
     if (bracket.at("authority_after").is_null() && bracket.at("authority_before").is_null()) {
       EXPECT_EQ(bracket.at("time"), "none");
       continue;
