@@ -20,7 +20,8 @@ struct Check {
   std::optional<std::uint64_t> entry = {};  // number of an entry of the appliance log
   std::optional<std::uint64_t> size = {};   // of a ledger: how many entries
   std::optional<UtcTime> time = {};
-  std::string by = {};  // an authority or a person
+  std::string by = {};    // an authority or a person
+  std::string kind = {};  // of an authority: "external", "self-issued"; what `by` says is only its name
 };
 
 inline const char* answer_name(Check::Answer answer) {

@@ -450,6 +450,10 @@ std::optional<Refusal> Judge::check_path() {
 
 }  // namespace
 
+std::string_view authority_kind_name(TimeAuthority authority) {
+  return authority == TimeAuthority::kOutside ? "external" : "self-issued";
+}
+
 std::string_view code_name(TokenCode code) { return entry_of(code).name; }
 
 TokenVerdict verdict_of(TokenCode code) { return entry_of(code).verdict; }

@@ -44,6 +44,7 @@ enum class TimeAuthority {
   kOutside,  // an authority that the verifier trusts as independent of the recorder
   kOwn,      // the recorder's own: order is proved, time is what the recorder says
 };
+std::string_view authority_kind_name(TimeAuthority authority);  // "external", "self-issued"
 
 /// Roots that are trusted and further certificates that merely help to build a chain. Roots of outside
 /// authorities and of the recorder's own authority are kept apart: which one a token ends at decides what its

@@ -32,7 +32,7 @@ void write_durably(const fs::path& file, ByteView bytes) {
 
 Stamp stamp_file(const recorder::NamedAuthority& authority, const fs::path& file,
                  const crypto::Sha256Digest& digest, const timestamp::TrustStore& trust) {
-  Stamp result{authority.name, {}, {}};
+  Stamp result{authority.name, {}, {}, {}};
   try {
     const timestamp::Request request = timestamp::make_request(crypto::HashAlgorithm::kSha256, digest);
     const Bytes response = authority.source->ask(timestamp::encode_request(request));
@@ -45,6 +45,7 @@ Stamp stamp_file(const recorder::NamedAuthority& authority, const fs::path& file
     }
     write_durably(archive::token_beside(file, authority.name), response);
     result.gen_time = judgement.info->gen_time;
+    result.clock = judgement.authority;
   } catch (const Error& error) {
     result.problem = error.what();
   }
@@ -55,11 +56,26 @@ ordered_json stamps_json(const std::vector<Stamp>& stamps) {
   ordered_json all = ordered_json::array();
   for (const Stamp& each : stamps) {
     ordered_json one{{"authority", each.authority}};
-    if (each.gen_time) one["gen_time"] = format_utc(*each.gen_time);
+    if (each.gen_time) {
+      one["gen_time"] = format_utc(*each.gen_time);
+      one["kind"] = timestamp::authority_kind_name(each.clock);
+    }
     if (!each.problem.empty()) one["problem"] = each.problem;
     all.push_back(std::move(one));
   }
   return all;
+}
+
+std::string stamp_lines(const std::vector<Stamp>& stamps) {
+  std::string lines;
+  for (const Stamp& each : stamps) {
+    if (!each.gen_time) continue;
+    lines += "  time  " + format_utc(*each.gen_time) + " by " + printable(each.authority);
+    if (each.clock == timestamp::TimeAuthority::kOwn)
+      lines += " (self-issued: by the recorder's own authority, no outside clock stands behind it)";
+    lines += "\n";
+  }
+  return lines;
 }
 
 void warn_of_missing(const std::vector<Stamp>& stamps) {

@@ -24,12 +24,17 @@ struct Stamp {
   std::string authority;
   std::optional<UtcTime> gen_time;
   std::string problem;  // why there is no valid token
+  /// Of a valid token: whose clock it tells. The authority's name says nothing of that.
+  timestamp::TimeAuthority clock = timestamp::TimeAuthority::kOwn;
 };
 
 /// Asks for a token and writes it beside the file: liver.seal.json has liver.seal.AUTHORITY.tsr.
 Stamp stamp_file(const recorder::NamedAuthority& authority, const std::filesystem::path& file,
                  const crypto::Sha256Digest& digest, const timestamp::TrustStore& trust);
+/// Of a valid token `kind` is "external" or "self-issued".
 nlohmann::ordered_json stamps_json(const std::vector<Stamp>& stamps);
+/// A line for each valid token, which says of the recorder's own that no outside clock stands behind it.
+std::string stamp_lines(const std::vector<Stamp>& stamps);
 /// Warnings about those without a token, on standard error.
 void warn_of_missing(const std::vector<Stamp>& stamps);
 bool any_valid(const std::vector<Stamp>& stamps);

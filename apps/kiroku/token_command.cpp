@@ -142,13 +142,6 @@ std::string verdict_name(TokenVerdict verdict) {
   return "could-not-check";
 }
 
-/// "external" or "self-issued", of a valid token.
-std::string time_name(const TokenJudgement& judgement) {
-  const bool outside = judgement.authority == timestamp::TimeAuthority::kOutside;
-  return std::string(
-      archive::time_proof_name(outside ? archive::TimeProof::kExternal : archive::TimeProof::kSelfIssued));
-}
-
 ordered_json info_json(const timestamp::TokenInfo& info) {
   return {{"gen_time", format_utc(info.gen_time)},
           {"accuracy_ns", info.accuracy_ns},
@@ -174,18 +167,19 @@ std::string answer_name(Qualification::Answer answer) {
 void print_judgement_json(const JudgedFile& judged, TokenVerdict verdict,
                           const std::optional<Qualification>& qualification) {
   const TokenJudgement& judgement = judged.judgement;
-  print_json(
-      {{"verdict", verdict_name(verdict)},
-       {"code", timestamp::code_name(judgement.code)},
-       {"text", judgement.explanation},
-       {"signer", judgement.signer_subject},
-       {"root", judgement.root_subject},
-       {"time", verdict == TokenVerdict::kValid ? ordered_json(time_name(judgement)) : ordered_json(nullptr)},
-       {"qualification", qualification ? ordered_json{{"answer", answer_name(qualification->answer)},
-                                                      {"text", qualification->sentence}}
-                                       : ordered_json(nullptr)},
-       {"shared", judged.steps ? ordered_json{{"steps", *judged.steps}} : ordered_json(nullptr)},
-       {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
+  print_json({{"verdict", verdict_name(verdict)},
+              {"code", timestamp::code_name(judgement.code)},
+              {"text", judgement.explanation},
+              {"signer", judgement.signer_subject},
+              {"root", judgement.root_subject},
+              {"time", verdict == TokenVerdict::kValid
+                           ? ordered_json(timestamp::authority_kind_name(judgement.authority))
+                           : ordered_json(nullptr)},
+              {"qualification", qualification ? ordered_json{{"answer", answer_name(qualification->answer)},
+                                                             {"text", qualification->sentence}}
+                                              : ordered_json(nullptr)},
+              {"shared", judged.steps ? ordered_json{{"steps", *judged.steps}} : ordered_json(nullptr)},
+              {"token", judgement.info ? info_json(*judgement.info) : ordered_json(nullptr)}});
 }
 
 void print_judgement(const JudgedFile& judged, TokenVerdict verdict,

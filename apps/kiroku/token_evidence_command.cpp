@@ -155,7 +155,11 @@ void print(const Judged& judged, const Request& request) {
                                    : ", " + std::to_string(canonical.size()) + " of them as canonical XML,")
       : canonical.empty() ? "the file was there"
                           : "the file's canonical XML was there";
-  std::cout << (standing == Standing::kHolds ? paint(Colour::kGreen, "HOLDS") + ": " + files + " at "
+  // What no outside clock stands behind is said by the recorder, and proved to nobody.
+  const std::string holds = judgement.outside()
+                                ? paint(Colour::kGreen, "HOLDS") + ": "
+                                : paint(Colour::kYellow, "HOLDS") + ", by the recorder's own word: ";
+  std::cout << (standing == Standing::kHolds ? holds + files + " at "
                 : standing == Standing::kRefused
                     ? paint(Colour::kRed, "REFUSED") + ": the record says since "
                     : paint(Colour::kYellow, "COULD NOT BE CHECKED") + ": the record says since ")

@@ -155,10 +155,7 @@ int close(const CloseRequest& request) {
     warn_of_missing(stamps);
     std::cout << "Closed: no answer can be changed any more without being noticed.\n  hash  "
               << crypto::to_hex(digest) << "\n";
-    for (const Stamp& each : stamps) {
-      if (each.gen_time)
-        std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
-    }
+    std::cout << stamp_lines(stamps);
     if (stamps.empty())
       std::cout << "  time  no home is here whose time-stamping authorities could be asked (--home)\n";
     std::cout << "  Give every reader this hash before the key is opened.\n"
@@ -211,7 +208,11 @@ void add_study_close_command(Command& study) {
       "where "
       "there is a home, time-stamped (sealed.AUTHORITY.tsr). From then on nothing is answered any more, and "
       "'study report' refuses what was changed.");
-  command.explain("Exit status: 0 closed and time-stamped, 3 closed without a time-stamp.");
+  command.explain(
+      "Each time-stamp says whose clock it tells: self-issued is one of the recorder's own authority, which "
+      "proves no time to others. Exit status: 0 closed and time-stamped, self-issued or not, 3 closed "
+      "without "
+      "a time-stamp.");
   command.example("kiroku quality study close reading", "when every reader has judged every film");
   command.on_run([request] { return close(*request); });
 }

@@ -120,10 +120,7 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
                               : " is not sealed: "
                                 "the case is not of this home")
               << "\n  hash  " << crypto::to_hex(made.digest) << "\n";
-    for (const Stamp& each : made.stamps) {
-      if (each.gen_time)
-        std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
-    }
+    std::cout << stamp_lines(made.stamps);
     std::cout << "  The recording was not verified: kiroku verify tells whether it is whole\n";
     if (keeping != nullptr) {
       std::cout << "  next  kiroku view shows it in the case"

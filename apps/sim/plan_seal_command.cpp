@@ -71,10 +71,7 @@ int seal(const Request& request) {
     std::cout << printable(made.file.string()) << ": " << made.seal.files.size()
               << " files sealed, entered into the appliance log\n  seal  " << crypto::to_hex(made.digest)
               << "\n";
-    for (const Stamp& each : made.stamps) {
-      if (each.gen_time)
-        std::cout << "  time  " << format_utc(*each.gen_time) << " by " << each.authority << "\n";
-    }
+    std::cout << stamp_lines(made.stamps);
     std::cout << "  next  kiroku record --plan " << printable(made.file.string()) << " ...\n";
   }
   return any_valid(made.stamps) ? kDone : kNoAnswer;
@@ -141,9 +138,12 @@ void add_plan_seal_commands(Command& plan) {
       "Writes PLAN.seal.json beside the plan: the hashes of the plan, its mesh or what that is made of, and "
       "its volume; of a breathing lung its mesh, labels and trace. Their hash is entered into the appliance "
       "log and time-stamped (PLAN.seal.AUTHORITY.tsr). "
-      "Nothing of the plan leaves the machine but that hash. Exit status: 0 sealed and time-stamped, 3 "
-      "sealed "
-      "without a time-stamp.");
+      "Nothing of the plan leaves the machine but that hash.");
+  sealed.explain(
+      "Each time-stamp says whose clock it tells: self-issued is one of the recorder's own authority, which "
+      "proves no time to others. Exit status: 0 sealed and time-stamped, self-issued or not, 3 sealed "
+      "without "
+      "a time-stamp.");
   sealed.example("kiroku plan seal liver.json", "and then: kiroku record --plan liver.seal.json ...");
   sealed.on_run([seal_request] { return seal(*seal_request); });
 

@@ -136,8 +136,12 @@ viewer::ModelSealer sealer_of(const Home& home) {
                        [&](const crypto::Sha256Digest& digest) { writable.log->plan_sealed(digest); });
     viewer::SealedModel told{made.file.filename().string(), crypto::to_hex(made.digest), {}};
     for (const Stamp& stamp : made.stamps) {
-      told.stamps.push_back(
-          {stamp.authority, stamp.gen_time ? format_utc(*stamp.gen_time) : std::string(), stamp.problem});
+      viewer::SealedModel::Stamp& its = told.stamps.emplace_back();
+      its.authority = stamp.authority;
+      its.problem = stamp.problem;
+      if (!stamp.gen_time) continue;
+      its.time = format_utc(*stamp.gen_time);
+      its.kind = timestamp::authority_kind_name(stamp.clock);
     }
     return told;
   };

@@ -32,12 +32,11 @@ Check check_token(const fs::path& token, const std::string& authority, const cry
     case timestamp::TokenVerdict::kValid:
       check.answer = Answer::kHolds;
       check.time = judgement.info->gen_time;
+      check.kind = timestamp::authority_kind_name(judgement.authority);
       check.text = "existed at " + format_utc(judgement.info->gen_time) + ", says " + name + " (" +
                    judgement.root_subject + ")";
-      if (judgement.authority == timestamp::TimeAuthority::kOwn) {
+      if (judgement.authority == timestamp::TimeAuthority::kOwn)
         check.text += "; self-issued: by the recorder's own authority, no outside clock stands behind it";
-        check.by += " (self-issued)";
-      }
       break;
     case timestamp::TokenVerdict::kRefused:
       check.answer = Answer::kDiffers;

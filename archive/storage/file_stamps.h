@@ -20,7 +20,7 @@ std::vector<std::filesystem::path> tokens_beside(const std::filesystem::path& fi
 timestamp::Expectation expectation_of(const crypto::Sha256Digest& digest);
 
 /// What the tokens beside `file` say of its hash, each by itself; that it is not known where there is none.
-/// Of a self-issued token text and name of the authority say that it is one.
+/// Of a valid token Check::kind and text say whether it is self-issued.
 /// kiroku::IoError for one that cannot be read.
 std::vector<Check> check_tokens_beside(const std::filesystem::path& file, const crypto::Sha256Digest& digest,
                                        const timestamp::TrustStore& trust);

@@ -53,6 +53,10 @@ std::vector<Bracket> brackets_of(const std::vector<StampedToken>& tokens, std::u
   }
 
   std::vector<Bracket> brackets;
+  const auto rest_on = [](Bracket& bracket, const StampedToken& token) {
+    if (bracket.time != TimeProof::kSelfIssued)
+      bracket.time = token.outside ? TimeProof::kExternal : TimeProof::kSelfIssued;
+  };
   const StampedToken* newest = nullptr;
   std::size_t entered = 0;
   std::size_t covering = 0;
@@ -72,10 +76,12 @@ std::vector<Bracket> brackets_of(const std::vector<StampedToken>& tokens, std::u
     if (newest != nullptr) {
       bracket.not_before = newest->earliest();
       bracket.authority_before = newest->authority;
+      rest_on(bracket, *newest);
     }
     if (covering < soonest.size()) {
       bracket.not_after = soonest[covering]->latest();
       bracket.authority_after = soonest[covering]->authority;
+      rest_on(bracket, *soonest[covering]);
     }
     // Clocks of two authorities that differ: what either says lies between both.
     if (bracket.not_before && bracket.not_after && *bracket.not_after < *bracket.not_before) {

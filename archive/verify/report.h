@@ -36,10 +36,13 @@ struct StreamReport {
 
 /// Entries [first_entry, last_entry] were written after not_before and before not_after: by outside clocks
 /// alone where the case has any token of an outside authority, else by the recorder's own authority.
+/// The names are the ledger's, which says of no authority whose clock it has: `time` does. kExternal: by
+/// outside authorities alone; kSelfIssued: the recorder's own takes part; kNone: neither time is there.
 struct Bracket {
   std::uint64_t first_entry = 0, last_entry = 0;
   std::optional<UtcTime> not_before, not_after;
   std::string authority_before, authority_after;
+  TimeProof time = TimeProof::kNone;
 };
 
 /// An authority's clock beside the case clock: gen_time, and the case clock in the middle of the exchange

@@ -57,7 +57,8 @@ ordered_json bracket_json(const Bracket& bracket) {
           {"not_before", or_null(bracket.not_before)},
           {"not_after", or_null(bracket.not_after)},
           {"authority_before", or_null(bracket.authority_before)},
-          {"authority_after", or_null(bracket.authority_after)}};
+          {"authority_after", or_null(bracket.authority_after)},
+          {"time", time_proof_name(bracket.time)}};
 }
 
 ordered_json comparison_json(const ClockComparison& comparison, const std::optional<UtcTime>& clock_zero) {

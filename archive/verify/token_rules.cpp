@@ -70,8 +70,9 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     now.earliest_ns = token.exchange->asked_ns;
     now.latest_ns = token.exchange->answered_ns;
   }
-  const StampedToken stamped{entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
-                             token.authority, judged.root,      token.file};
+  const StampedToken stamped{
+      entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
+      token.authority, judged.root,      token.file,     judged.valid && judged.external};
   now.stamped = stamped;
   if (judged.valid) {
     compare_clocks(token, now);

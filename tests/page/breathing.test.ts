@@ -322,7 +322,7 @@ story('A person who fits a breathing lung', (step) => {
     await page.getByLabel('Seal it as a plan').check();
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await page
-      .getByText(/Saved as planned\.json, sealed in planned\.seal\.json\. Time-stamps: [1-9]/)
+      .getByText(/Saved as planned\.json, sealed in planned\.seal\.json\. Time-stamps: [1-9], all self-issued/)
       .first()
       .waitFor();
     const { stdout } = await run(kiroku, ['plan', 'verify', file('planned.seal.json'), '--home', file('home'), '--json']);

@@ -102,7 +102,7 @@ describe('The plan beside the recording', () => {
     await page.getByText('The plan was sealed before the first picture').click();
     await page.getByText(/The seal is entry \d+ of the appliance’s log/).waitFor();
     await page.getByText('The first entry of this case names the plan by its seal.').waitFor();
-    await page.getByText(/The seal existed at .* says the authority embedded/).waitFor();
+    await page.getByText(/The seal existed at .* says the authority embedded, self-issued/).waitFor();
     await page.getByText('The comparison is as it was made').waitFor();
     await page.getByText(/Compared by Dr. Mori/).waitFor();
     expect(await seriousBarriers(page)).toEqual([]);

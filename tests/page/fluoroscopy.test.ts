@@ -174,7 +174,7 @@ story('A person who comes from a case’s fluoroscopy', (step) => {
     await page.getByLabel('Seal it as a plan').check();
     await page.getByRole('button', { name: 'Save', exact: true }).click();
     await page
-      .getByText(/Saved as fitted\.json, sealed in fitted\.seal\.json\. Time-stamps: [1-9]/)
+      .getByText(/Saved as fitted\.json, sealed in fitted\.seal\.json\. Time-stamps: [1-9], all self-issued/)
       .first()
       .waitFor();
     const { checks } = JSON.parse(await appliance.kiroku('plan', 'verify', chest('fitted.seal.json'), '--json')) as {

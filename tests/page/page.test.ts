@@ -411,6 +411,10 @@ describe('A lawyer', () => {
     await verify(intact);
     await expect.poll(() => page.locator('.banner h2').textContent()).toMatch(/^Intact/);
     await expect.poll(() => page.locator('.banner').textContent()).toContain('self-issued');
+    // An authority's name is its owner's choice: whose clock it is stands beside it.
+    const bounds = (await page.locator('section[aria-labelledby="brackets"] td').allTextContents()).filter((bound) => bound.includes('('));
+    expect(bounds.length).toBeGreaterThan(0);
+    expect(bounds.filter((bound) => !bound.endsWith(', self-issued)'))).toEqual([]);
     await expect.poll(() => page.locator('.chain-link').count()).toBe(5);
     await expect.poll(() => page.locator('.chain-broken').count()).toBe(0);
     expect(await seriousBarriers(page)).toEqual([]);

@@ -179,6 +179,26 @@ TEST_F(PlanProgram, MakesTheMeshThatThePlanHasARecipeFor) {
               HasSubstr("mesh.labels is 'none.nii': there is no such file"));
 }
 
+// Whoever sets a recorder up chooses what its own authority is called.
+TEST_F(PlanProgram, SaysOfASealWhoseClockTellsItsTime) {
+  make_demo_home();
+  std::string settings = read_text(home() / "kiroku.toml");
+  const std::string name = "name = \"embedded\"";
+  ASSERT_NE(settings.find(name), std::string::npos) << settings;
+  settings.replace(settings.find(name), name.size(), "name = \"national-metrology-institute\"");
+  write_text(home() / "kiroku.toml", settings);
+  const std::string by_own =
+      " by national-metrology-institute (self-issued: by the recorder's own authority, "
+      "no outside clock stands behind it)\n";
+  const ProcessResult told = kiroku({"plan", "seal", "plan.json"});
+  EXPECT_EQ(told.status, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr(by_own));
+  write_text(folder() / "again.json", read_text(folder() / "plan.json") + "\n");
+  const nlohmann::json sealed = kiroku_json({"plan", "seal", "again.json", "--json"});
+  EXPECT_EQ(sealed["time_stamps"][0]["authority"], "national-metrology-institute");
+  EXPECT_EQ(sealed["time_stamps"][0]["kind"], "self-issued");
+}
+
 TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {
   make_demo_home();
   const std::filesystem::path other = record();

@@ -159,7 +159,7 @@ TEST_F(Token, OfARecordInXmlIsJudgedOverItsFile) {
   EXPECT_EQ(answer["outside"], false) << "the home's own authority is nobody else's clock";
   EXPECT_EQ(answer["time_stamps"].size(), 1U);
   EXPECT_THAT(kiroku({"token", "evidence", "record.xml", "data"}).out,
-              testing::StartsWith("HOLDS: the file was there"));
+              testing::StartsWith("HOLDS, by the recorder's own word: the file was there"));
   EXPECT_EQ(answer["only_as_canonical_xml"], nlohmann::json::array());
 
   write_text(folder() / "other", "something else\n");
@@ -179,11 +179,12 @@ TEST_F(Token, OfARecordInXmlOverCanonicalXmlThatIsSaid) {
   ASSERT_EQ(tool({"openssl", "ts", "-reply", "-in", "response", "-token_out", "-out", "token"}).status, 0);
   write_text(folder() / "record.xml", xml_record_of(tool({"openssl", "base64", "-in", "token"}).out));
   EXPECT_THAT(kiroku({"token", "evidence", "record.xml", "data"}).out,
-              testing::StartsWith("HOLDS: the file was there"));
+              testing::StartsWith("HOLDS, by the recorder's own word: the file was there"));
   write_text(folder() / "written.xml", "<a  b='1'><!-- said later --></a>");
   const ProcessResult held = kiroku({"token", "evidence", "record.xml", "written.xml"});
   EXPECT_EQ(held.status, 0) << held.out;
-  EXPECT_THAT(held.out, testing::StartsWith("HOLDS: the file's canonical XML was there"));
+  EXPECT_THAT(held.out,
+              testing::StartsWith("HOLDS, by the recorder's own word: the file's canonical XML was there"));
   EXPECT_THAT(held.out, HasSubstr("written.xml: how it is written is not covered"));
   const auto answer = kiroku_json({"token", "evidence", "record.xml", "written.xml", "--json"});
   EXPECT_EQ(answer["only_as_canonical_xml"], nlohmann::json::array({"written.xml"}));

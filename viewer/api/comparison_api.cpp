@@ -22,7 +22,8 @@ ordered_json checks_json(const std::vector<Check>& checks) {
                    {"entry", or_null(check.entry)},
                    {"size", or_null(check.size)},
                    {"time", or_null(check.time)},
-                   {"by", or_null(check.by)}});
+                   {"by", or_null(check.by)},
+                   {"kind", or_null(check.kind)}});
   }
   return all;
 }

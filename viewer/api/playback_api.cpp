@@ -107,7 +107,8 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
                         {"not_before", or_null(bracket.not_before)},
                         {"not_after", or_null(bracket.not_after)},
                         {"authority_before", or_null(bracket.authority_before)},
-                        {"authority_after", or_null(bracket.authority_after)}});
+                        {"authority_after", or_null(bracket.authority_after)},
+                        {"time", archive::time_proof_name(bracket.time)}});
   }
   return {{"segments", std::move(segments)},
           {"gaps", std::move(gaps)},

@@ -17,6 +17,7 @@ struct SealedModel {
   std::string file, sha256;  // the seal's name, and its hash
   struct Stamp {
     std::string authority, time, problem;  // time and problem: one is empty
+    std::string kind = {};                 // whose clock the time is: "external", "self-issued"; else empty
   };
   std::vector<Stamp> stamps;
 };

@@ -21,7 +21,10 @@ std::string saved_text(std::uint64_t input, const std::string& file, const Seale
   if (seal) {
     ordered_json stamps = ordered_json::array();
     for (const SealedModel::Stamp& stamp : seal->stamps)
-      stamps.push_back({{"authority", stamp.authority}, {"time", stamp.time}, {"problem", stamp.problem}});
+      stamps.push_back({{"authority", stamp.authority},
+                        {"time", stamp.time},
+                        {"kind", stamp.kind},
+                        {"problem", stamp.problem}});
     saved["seal"] = {{"file", seal->file}, {"sha256", seal->sha256}, {"time_stamps", std::move(stamps)}};
   }
   return ordered_json{{"saved", std::move(saved)}}.dump();

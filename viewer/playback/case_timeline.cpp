@@ -66,7 +66,7 @@ std::vector<TimelineBracket> brackets_on_clock(const std::vector<archive::Stampe
   for (const archive::Bracket& bracket : archive::brackets_of(tokens, 0, entry_times.size())) {
     const std::size_t after = std::min<std::size_t>(bracket.last_entry + 1, entry_times.size() - 1);
     brackets.push_back({entry_times[bracket.first_entry], entry_times[after], bracket.not_before,
-                        bracket.not_after, bracket.authority_before, bracket.authority_after});
+                        bracket.not_after, bracket.authority_before, bracket.authority_after, bracket.time});
   }
   return brackets;
 }
@@ -89,7 +89,14 @@ Timeline timeline_of(const archive::CaseReader& recording, const timestamp::Trus
     timeline.tokens.push_back({stated.mono_ns, token.gen_time, token.authority, token.checkpoint, kind});
     if (kind == Kind::kNotJudged) continue;
     (kind == Kind::kExternal ? external : self_issued)
-        .push_back({stated.seq, token.checkpoint, token.gen_time, token.accuracy_ns, token.authority});
+        .push_back({stated.seq,
+                    token.checkpoint,
+                    token.gen_time,
+                    token.accuracy_ns,
+                    token.authority,
+                    {},
+                    {},
+                    kind == Kind::kExternal});
   }
   timeline.checkpoints = checkpoints_of(recording.folder(), entry_times);
   const auto& proving = external.empty() ? self_issued : external;

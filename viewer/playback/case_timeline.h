@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "archive/reading/case_reader.h"
+#include "archive/verify/report.h"
 #include "base/utc_time.h"
 #include "timestamp/token_verifier.h"
 #include "viewer/playback/case_media.h"
@@ -43,6 +44,7 @@ struct TimelineBracket {
   std::int64_t start_ns = 0, end_ns = 0;
   std::optional<UtcTime> not_before, not_after;
   std::string authority_before, authority_after;
+  archive::TimeProof time = archive::TimeProof::kNone;  // as of archive::Bracket
 };
 struct Timeline {
   std::vector<TimelineSegment> segments;

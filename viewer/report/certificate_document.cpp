@@ -92,6 +92,27 @@ class CertificateMaker {
     return out.empty() ? "none" : out;
   }
 
+  /// Who vouches for the times of this record: what is signed under penalty of perjury claims no other.
+  [[nodiscard]] std::string time_stamping() const {
+    switch (found_.time) {
+      case archive::TimeProof::kExternal:
+        return "Time-stamping authorities outside the recorder signed when they were shown these roots.";
+      case archive::TimeProof::kExternalInPart:
+        return "Time-stamping authorities outside the recorder signed when they were shown these roots, as "
+               "far as entry " +
+               std::to_string(found_.outside_entries - 1) +
+               " of the ledger. Of what follows the recorder alone says when it was written.";
+      case archive::TimeProof::kSelfIssued:
+        return "A time-stamping authority that is part of the recorder signed, by the recorder's own clock, "
+               "when it was shown these roots. No time stamp of an authority outside the recorder could be "
+               "relied on.";
+      case archive::TimeProof::kNone:
+        break;
+    }
+    return "No time stamp of an authority could be relied on: the recorder alone says when the record was "
+           "written.";
+  }
+
   void add_system() {
     heading("3. The process that made the record: Rule 902(13)");
     body(
@@ -99,9 +120,9 @@ class CertificateMaker {
         "each "
         "stream in segments of a few seconds. It encrypts each segment, and enters its SHA-256 hash in a "
         "ledger. It "
-        "signs the root of all entries with a key of its own. Time-stamping authorities sign when they were "
-        "shown "
-        "these roots. What the recorder could not record it enters as a gap.");
+        "signs the root of all entries with a key of its own. What the recorder could not record it enters "
+        "as a gap. " +
+        time_stamping());
     small("Stated by the person who signs:");
     Table table = facts_table();
     blank(table, "How I know that the recorder worked as set up");
@@ -153,8 +174,10 @@ class CertificateMaker {
         "That the pictures came from a camera in the room. Whoever controls a camera's cable can feed the "
         "recorder "
         "other pictures while it records.");
-    if (found_.time != archive::TimeProof::kExternal)
+    if (found_.time == archive::TimeProof::kExternalInPart)
       item("That an outside clock confirms all of the times above: see the result in part 4.");
+    if (found_.time == archive::TimeProof::kSelfIssued || found_.time == archive::TimeProof::kNone)
+      item("That an outside clock confirms any of the times above: see the result in part 4.");
     if (found_.verdict == Verdict::kIntactWithGaps || (found_.excerpt && found_.excerpt->with_gaps))
       item(
           "That everything was recorded. The record itself states what is missing; the verification report "

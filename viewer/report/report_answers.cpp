@@ -210,14 +210,31 @@ std::string ReportMaker::authority_words() const {
       names += (i > 0 ? ", " : "") + plain_text(authority.names[i]);
     }
     if (authority.names.size() > kMostNames) names += ", …";
-    out += (out.empty() ? "" : "; ") + plain_text(authority.subject) + " (" + names + ")";
+    out += (out.empty() ? "" : "; ") + plain_text(authority.subject) + " (" + names + ")" +
+           (authority.outside ? "" : words("clock.own"));
   }
   return out;
 }
 
+// Whose time stamps they are decides who can make the chain anew.
+std::string ReportMaker::chain_lead() const {
+  if (found_.signed_entries == 0) return words("check.unsigned");
+  switch (found_.time) {
+    case archive::TimeProof::kExternal:
+      return words("chain.lead.external");
+    case archive::TimeProof::kExternalInPart:
+      return words("chain.lead.external-in-part", {std::to_string(found_.outside_entries - 1)});
+    case archive::TimeProof::kSelfIssued:
+      return words("chain.lead.self-issued");
+    case archive::TimeProof::kNone:
+      break;
+  }
+  return words("chain.lead.none");
+}
+
 void ReportMaker::add_chain() {
   heading("heading.chain");
-  paragraph(words("chain.lead"));
+  paragraph(words("chain.lead", {chain_lead()}));
   const CaseFacts& facts = in_.facts;
   Chain chain;
   std::uint64_t segments = facts.segments, segment_bytes = facts.segment_bytes;

@@ -73,6 +73,8 @@ class ReportMaker {
   [[nodiscard]] Chain::Link link(TextKey title, const CheckAnswer& answered, std::string text,
                                  std::string bond) const;
 
+  /// What a change would take, by the kind of the time stamps that hold.
+  [[nodiscard]] std::string chain_lead() const;
   void add_chain();
 
   [[nodiscard]] std::string kind_words(const std::string& kind) const;
@@ -97,6 +99,8 @@ class ReportMaker {
   template <typename Row>
   void add_long_table(Table table, std::size_t size, const Row& row, TextKey further);
 
+  /// What the times below are worth, by the kind of the time stamps that hold.
+  [[nodiscard]] std::string time_lead() const;
   void add_time();
 
   /// Whether a token holds and proves time; nothing: no.

@@ -23,12 +23,23 @@ void ReportMaker::add_long_table(Table table, std::size_t size, const Row& row, 
   if (!all) small(words(further, {std::to_string(size - 2 * kRowsAtEachEnd)}));
 }
 
+std::string ReportMaker::time_lead() const {
+  if (found_.time == archive::TimeProof::kNone) return time_sentence(in_);
+  if (found_.time == archive::TimeProof::kSelfIssued) return words("time.lead.self-issued");
+  return words("time.lead",
+               {found_.time == archive::TimeProof::kExternal
+                    ? words("time.lead.external")
+                    : words("time.lead.external-in-part", {std::to_string(found_.outside_entries - 1)})});
+}
+
 void ReportMaker::add_time() {
   heading("heading.time");
-  paragraph(words("time.lead"));
-  if (found_.time == archive::TimeProof::kSelfIssued) paragraph(words("time.lead-inside"));
+  paragraph(time_lead());
+  if (found_.outside_tokens > 0 && found_.own_tokens > 0)
+    paragraph(words("time.lead.own-too", {count(found_.own_tokens, "one.token", "many.token")}));
   heading("heading.brackets", 2);
-  if (found_.brackets.empty()) {
+  // Where no token holds there is one bracket, without a time.
+  if (found_.brackets.empty() || found_.time == archive::TimeProof::kNone) {
     paragraph(words("time.no-brackets"));
   } else {
     const auto limit = [&](const std::optional<UtcTime>& time) {
@@ -50,7 +61,7 @@ void ReportMaker::add_time() {
               {std::to_string(bracket.first_entry) + "–" + std::to_string(bracket.last_entry)},
               {limit(bracket.not_before)},
               {limit(bracket.not_after)},
-              {plain_text(by)}};
+              {plain_text(by) + (bracket.time == archive::TimeProof::kSelfIssued ? words("clock.own") : "")}};
         },
         "bracket.further");
   }

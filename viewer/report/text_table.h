@@ -342,12 +342,31 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"reason.to-be-carried-on", "recovery after an interruption; to be carried on as case {0}",
      "中断後の復旧処理（症例 {0} として引き継ぐ予定）"},
     // -- the chain
-    {"chain.lead",
-     "Each part vouches for the one above it. Who changes one byte of a film would have to change the "
-     "ledger, "
-     "the checkpoints that a device signed, and time stamps that others issued.",
-     "各部分は、その上の部分を保証します。映像を1バイトでも変えるには、台帳、装置が署名したチェックポイント、"
-     "第三者が発行したタイムスタンプをすべて変えなければなりません。"},
+    {"chain.lead", "Each part vouches for the one above it. {0}", "各部分は、その上の部分を保証します。{0}"},
+    {"chain.lead.external",
+     "Who changes one byte of a film would have to change the ledger, the checkpoints that a device signed, "
+     "and time stamps that others issued.",
+     "映像を1バイトでも変えるには、台帳、装置が署名したチェックポイント、第三者が発行したタイムスタンプをすべ"
+     "て変えなければなりません。"},
+    {"chain.lead.external-in-part",
+     "Who changes one byte of a film would have to change the ledger and the checkpoints that a device "
+     "signed. As far as entry {0} of the ledger they would also have to change time stamps that others "
+     "issued. Whoever holds the recorder's keys can make what follows anew.",
+     "映像を1バイトでも変えるには、台帳と、装置が署名したチェックポイントを変えなければなりません。"
+     "台帳の項目 {0} までは、第三者が発行したタイムスタンプも変えなければなりません。"
+     "それより後は、記録装置の鍵を持つ者が作り直すことができます。"},
+    {"chain.lead.self-issued",
+     "Who changes one byte of a film would have to change the ledger, the checkpoints that a device signed, "
+     "and time stamps that the recorder's own authority issued. Whoever holds the recorder's keys can make "
+     "all of them anew. No time stamp of anybody else could be relied on.",
+     "映像を1バイトでも変えるには、台帳、装置が署名したチェックポイント、記録装置自身の認証局が発行したタイム"
+     "スタンプをすべて変えなければなりません。記録装置の鍵を持つ者は、そのすべてを作り直すことができます。"
+     "それ以外の者による、依拠できるタイムスタンプはありません。"},
+    {"chain.lead.none",
+     "Who changes one byte of a film would have to change the ledger and the checkpoints that a device "
+     "signed. Whoever holds the recorder's keys can make both anew. No time stamp could be relied on.",
+     "映像を1バイトでも変えるには、台帳と、装置が署名したチェックポイントを変えなければなりません。"
+     "記録装置の鍵を持つ者は、その両方を作り直すことができます。依拠できるタイムスタンプはありません。"},
     {"chain.segments", "Segments", "区間ファイル"},
     {"chain.segments.text",
      "{0}, {1} in all: pictures, vital signs and events, sealed before they were hashed.",
@@ -580,17 +599,28 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"cause.interrupted", "the recorder was interrupted", "記録装置の中断"},
     // -- time
     {"time.lead",
-     "A time stamp proves that what it covers existed at its time. What was written after a time stamp was "
-     "entered "
-     "cannot be older than it. So each part of the record lies in a bracket between two outside times.",
-     "タイムスタンプは、対象がその時刻に存在したことを証明します。また、タイムスタンプの記入後に書かれたもの"
-     "は、"
-     "それより古くはありません。したがって記録の各部分は、二つの外部時刻の間の範囲に収まります。"},
-    {"time.lead-inside",
-     "Here the times are those of an authority inside the recorder: the brackets show order, and are as "
-     "right as the "
-     "recorder's own clock.",
-     "ここでの時刻は装置内蔵の認証局によるものです。範囲は順序を示し、その正しさは装置の時計に依存します。"},
+     "A time stamp of an outside authority proves that what it covers existed at its time. What was written "
+     "after a time stamp was entered cannot be older than it. {0}",
+     "外部の認証局のタイムスタンプは、対象がその時刻に存在したことを証明します。また、タイムスタンプの記入後"
+     "に書かれたものは、それより古くはありません。{0}"},
+    {"time.lead.external",
+     "So each part of the record lies in a bracket between two outside times. Where one of them is missing, "
+     "the table says “no limit”.",
+     "したがって記録の各部分は、二つの外部時刻の間の範囲に収まります。一方がない場合、表には「限界なし」と記"
+     "します。"},
+    {"time.lead.external-in-part",
+     "So each part of the record as far as entry {0} lies in a bracket between two outside times. Where one "
+     "of them is missing, the table says “no limit”. No outside clock says by when the rest was written.",
+     "したがって記録のうち項目 {0} までの各部分は、二つの外部時刻の間の範囲に収まります。一方がない場合、表に"
+     "は「限界なし」と記します。それより後がいつまでに書かれたかを示す外部の時計はありません。"},
+    {"time.lead.own-too", "The recorder's own authority issued {0}, too. No bracket rests on what they say.",
+     "このほか、記録装置自身の認証局による{0}があります。時刻の範囲には用いていません。"},
+    {"time.lead.self-issued",
+     "The only time stamps that could be relied on are those of an authority inside the recorder. The "
+     "brackets show order. Their times are as right as the recorder's own clock: no clock outside stands "
+     "behind them.",
+     "依拠できるタイムスタンプは、装置内蔵の認証局によるものだけです。範囲は順序を示します。その時刻の正しさ"
+     "は装置の時計に依存し、外部の時計による裏付けはありません。"},
     {"time.earliest", "Not before", "以後"},
     {"time.latest", "Not after", "以前"},
     {"time.widest", "Widest bracket", "最も広い範囲"},

@@ -1,5 +1,8 @@
 #include "archive/verify/brackets.h"
 
+#include <string_view>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 namespace kiroku::archive {
@@ -55,6 +58,25 @@ TEST(Brackets, OfClocksThatDifferSpanWhatBothSay) {
   EXPECT_EQ(brackets[0].authority_before, "b");
   EXPECT_EQ(brackets[0].not_after, at(12) + std::chrono::milliseconds(700));
   EXPECT_EQ(brackets[0].authority_after, "a");
+}
+
+// A name says nothing of whose clock it is.
+TEST(Brackets, SayWhoseClockTheirTimesAre) {
+  const auto token = [](std::uint64_t entry, int seconds, bool outside) {
+    return StampedToken{entry, entry, at(seconds), 0, "national-metrology-institute", {}, {}, outside};
+  };
+  const auto times = [](const std::vector<StampedToken>& tokens) {
+    std::vector<std::string_view> names;
+    for (const Bracket& bracket : brackets_of(tokens, 0, 8)) names.push_back(time_proof_name(bracket.time));
+    return names;
+  };
+  using Names = std::vector<std::string_view>;
+  EXPECT_EQ(times({}), Names({"none"}));
+  EXPECT_EQ(times({token(3, 10, false)}), Names({"self-issued", "self-issued"}));
+  EXPECT_EQ(times({token(3, 10, true)}), Names({"external", "external"}));
+  EXPECT_EQ(times({token(3, 10, true), token(6, 20, false)}),
+            Names({"external", "self-issued", "self-issued"}))
+      << "what the recorder's own authority bounds on one side is its word";
 }
 
 }  // namespace

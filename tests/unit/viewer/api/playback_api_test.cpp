@@ -180,6 +180,7 @@ TEST_F(PlaybackApiTest, VitalSignsAndTheTimeLineAreJson) {
   const json timeline = json_of(get("timeline"));
   EXPECT_THAT(timeline["tokens"], Not(IsEmpty()));
   EXPECT_EQ(timeline["tokens"][0]["kind"], "self-issued");
+  EXPECT_EQ(timeline["brackets"][0]["time"], "self-issued");
   EXPECT_TRUE(timeline.contains("marks"));
   const json of_auditor = json_of(get("timeline", session(Role::kAuditor)));
   EXPECT_FALSE(of_auditor.contains("marks"));

@@ -176,13 +176,14 @@ TEST_F(BreathingApi, SealsNothingWithoutAHome) {
 /// Whose sealer refuses the second model.
 struct SealingApi : BreathingApi {
   std::vector<std::filesystem::path> sealed;
-  BreathingRoom sealing_room{bench, 2, [](const std::string& /*sentence*/) {},
-                             [this](const std::filesystem::path& model) {
-                               EXPECT_NO_THROW(static_cast<void>(sim::read_breathing_model(model)));
-                               sealed.push_back(model);
-                               if (sealed.size() > 1) throw Error("the log is full");
-                               return SealedModel{"planned.seal.json", "ab12", {{"embedded", "now", ""}}};
-                             }};
+  BreathingRoom sealing_room{
+      bench, 2, [](const std::string& /*sentence*/) {},
+      [this](const std::filesystem::path& model) {
+        EXPECT_NO_THROW(static_cast<void>(sim::read_breathing_model(model)));
+        sealed.push_back(model);
+        if (sealed.size() > 1) throw Error("the log is full");
+        return SealedModel{"planned.seal.json", "ab12", {{"embedded", "now", "", "self-issued"}}};
+      }};
   test::ServedRoutes sealing_routes{
       [this](Router& router) { add_breathing_routes(router, sealing_room, context); }, "anna",
       Role::kSurgeon};
@@ -198,10 +199,12 @@ TEST_F(SealingApi, SealsWhatItSavedAndTellsWhereThatFailed) {
   client->send_text(message(1, "save", wanted("planned")));
   const json saved = until_said(*client, "saved");
   EXPECT_EQ(saved["file"], "planned.json");
-  EXPECT_EQ(saved["seal"],
-            (json{{"file", "planned.seal.json"},
-                  {"sha256", "ab12"},
-                  {"time_stamps", {{{"authority", "embedded"}, {"time", "now"}, {"problem", ""}}}}}));
+  EXPECT_EQ(
+      saved["seal"],
+      (json{{"file", "planned.seal.json"},
+            {"sha256", "ab12"},
+            {"time_stamps",
+             {{{"authority", "embedded"}, {"time", "now"}, {"kind", "self-issued"}, {"problem", ""}}}}}));
   ASSERT_EQ(sealed.size(), 1U);
   EXPECT_EQ(sealed.front(), chest.folder() / "planned.json");
   // What is there is not saved over, and not sealed.

@@ -61,6 +61,8 @@ TEST_F(CaseTimelineTest, SaysWhatTheLedgerSaysOfTime) {
   for (const TimelineBracket& bracket : timeline.brackets) {
     EXPECT_EQ(bracket.start_ns, covered_ns) << "without a hole";
     covered_ns = bracket.end_ns;
+    const bool bound = bracket.not_before || bracket.not_after;
+    EXPECT_EQ(bracket.time, bound ? archive::TimeProof::kSelfIssued : archive::TimeProof::kNone);
   }
   EXPECT_FALSE(timeline.brackets.front().not_before) << "nothing outside was before the first";
   EXPECT_TRUE(timeline.brackets.front().not_after);

@@ -6,10 +6,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "archive/format/case_layout.h"
 #include "archive/reading/excerpt.h"
 #include "archive/storage/file_system.h"
+#include "archive/verify/report_json.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/utc_time.h"
@@ -269,6 +271,125 @@ TEST_F(ReportDocument, CountsOnlyTheTimeStampsThatHold) {
   in.verification.outside_tokens = 2;
   EXPECT_THAT(test::text_of(make_report(in)),
               HasSubstr("2 time stamps by authorities under trusted roots hold."));
+}
+
+// Whoever reads a report must not take the recorder's word for an outside authority's.
+TEST_F(ReportDocument, SaysWhoseTimeStampsAChangeWouldHaveToOvercome) {
+  ReportInput in = input();
+  const auto text_in = [&](Language language) {
+    in.language = language;
+    return test::text_of(make_report(in));
+  };
+  const char* const others = "time stamps that others issued";
+  const char* const others_ja = "第三者が発行したタイムスタンプ";
+  const char* const outside_times = "between two outside times";
+  const char* const outside_times_ja = "二つの外部時刻の間";
+
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  std::string text = text_in(Language::kEnglish), japanese = text_in(Language::kJapanese);
+  EXPECT_THAT(text, AllOf(HasSubstr("time stamps that the recorder's own authority issued. Whoever holds the "
+                                    "recorder's keys can make all of them anew."),
+                          HasSubstr("are those of an authority inside the recorder"),
+                          HasSubstr(" | embedded (self-issued)\n"), Not(HasSubstr(others)),
+                          Not(HasSubstr(outside_times)), Not(HasSubstr("proves that what it covers"))));
+  EXPECT_THAT(japanese, AllOf(HasSubstr("記録装置自身の認証局が発行したタイムスタンプ"),
+                              HasSubstr("embedded（自己発行）\n"), Not(HasSubstr(others_ja)),
+                              Not(HasSubstr(outside_times_ja))));
+
+  in.verification.time = archive::TimeProof::kExternal;
+  in.verification.outside_tokens = 2;
+  for (archive::Bracket& bracket : in.verification.brackets) bracket.time = archive::TimeProof::kExternal;
+  text = text_in(Language::kEnglish);
+  EXPECT_THAT(text,
+              AllOf(HasSubstr(others), HasSubstr(outside_times),
+                    HasSubstr("The recorder's own authority issued 3 time stamps, too. No bracket rests on "
+                              "what they say."),
+                    HasSubstr(" | embedded\n")));
+  EXPECT_THAT(text_in(Language::kJapanese), AllOf(HasSubstr(others_ja), HasSubstr(outside_times_ja),
+                                                  HasSubstr("時刻の範囲には用いていません")));
+
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  in.verification.own_tokens = 0;
+  EXPECT_THAT(
+      text_in(Language::kEnglish),
+      AllOf(HasSubstr("As far as entry 2 of the ledger they would also have to change time stamps that "
+                      "others issued. Whoever holds the recorder's keys can make what follows anew."),
+            HasSubstr("as far as entry 2 lies in a bracket between two outside times"),
+            HasSubstr("No outside clock says by when the rest was written."),
+            Not(HasSubstr("authority issued"))));
+  EXPECT_THAT(text_in(Language::kJapanese),
+              AllOf(HasSubstr("台帳の項目 2 までは、第三者が発行した"), HasSubstr("項目 2 までの各部分は")));
+}
+
+TEST_F(ReportDocument, WithoutATimeStampThatHoldsTellsOfNone) {
+  // None was ever there: what the authority would have signed was not asked for.
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  archive_.now_ns = 7'000'000'000;
+  sample.record_at_once();
+  sample.writer().close("operator", archive_.now());
+  sample.writer().finish(archive_.now());
+  folder_ = sample.folder();
+  const auto expect_none = [](const ReportInput& asked) {
+    ReportInput in = asked;
+    ASSERT_EQ(in.verification.time, archive::TimeProof::kNone);
+    const std::string text = test::text_of(make_report(in));
+    EXPECT_THAT(text, AllOf(HasSubstr("No time stamp could be checked: when it existed is not proved."),
+                            HasSubstr("can make both anew. No time stamp could be relied on."),
+                            HasSubstr("There is no bracket"), Not(HasSubstr("others issued")),
+                            Not(HasSubstr("outside times")), Not(HasSubstr("proves that what it covers"))));
+    in.language = Language::kJapanese;
+    EXPECT_THAT(test::text_of(make_report(in)),
+                AllOf(HasSubstr("依拠できるタイムスタンプはありません"), Not(HasSubstr("第三者が発行した")),
+                      Not(HasSubstr("二つの外部時刻"))));
+  };
+  expect_none(input());
+  // Those of a case are there, and nobody was trusted to have made them.
+  folder_ = test::SampleCase::write(archive_);
+  archive::VerifyOptions trusting_nobody = archive_.options();
+  trusting_nobody.trust = nullptr;
+  expect_none(input(trusting_nobody));
+}
+
+TEST_F(ReportDocument, OfALedgerThatNobodySignedTellsOfNoDeviceThatSignedIt) {
+  ReportInput in = input();
+  in.verification.signed_entries = 0;
+  EXPECT_THAT(test::text_of(make_report(in)), Not(HasSubstr("checkpoints that a device signed")));
+}
+
+// Whoever sets a recorder up chooses what its own authority is called.
+TEST_F(ReportDocument, ANameMakesNoOutsideAuthorityOfTheRecordersOwn) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  archive_.now_ns = 7'000'000'000;
+  sample.record_at_once();
+  sample.writer().close("operator", archive_.now());
+  const archive::StoredCheckpoint checkpoint = sample.writer().checkpoint(archive_.now(), true);
+  const Bytes response = archive_.stamp(checkpoint.note);
+  sample.writer().add_token(checkpoint, "national-metrology-institute", response,
+                            test::SampleArchive::facts_of(response), archive_.now());
+  sample.writer().finish(archive_.now());
+  folder_ = sample.folder();
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  std::size_t named = 0;
+  const nlohmann::ordered_json as_json = archive::report_json(in.verification);
+  for (const auto& bracket : as_json.at("brackets")) {
+    if (bracket.at("authority_after").is_null() && bracket.at("authority_before").is_null()) {
+      EXPECT_EQ(bracket.at("time"), "none");
+      continue;
+    }
+    ++named;
+    EXPECT_EQ(bracket.at("time"), "self-issued") << bracket;
+  }
+  EXPECT_GT(named, 0U);
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr(" | national-metrology-institute (self-issued)\n"));
+  EXPECT_THAT(text, Not(HasSubstr(" | national-metrology-institute\n")));
+  EXPECT_THAT(text, HasSubstr(" (national-metrology-institute) (self-issued)")) << "in the chain";
+  in.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(" | national-metrology-institute（自己発行）\n"));
 }
 
 // Whoever holds the device's key can enter a token of an authority of their own, of any time, beside a true
@@ -992,6 +1113,26 @@ TEST_F(ReportDocument, CertificateHoldsWhatWasFoundAndLeavesBlankWhatAPersonMust
 }
 
 // Whoever signs it does so under penalty of perjury.
+TEST_F(ReportDocument, CertificateSaysWhoseTimeStampsThereAre) {
+  ReportInput in = input();
+  const auto text = [&] { return test::text_of(make_certificate(in)); };
+  const char* const outside = "Time-stamping authorities outside the recorder signed";
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  EXPECT_THAT(text(), AllOf(HasSubstr("part of the recorder signed, by the recorder's own clock"),
+                            HasSubstr("That an outside clock confirms any of the times"),
+                            Not(HasSubstr(outside)), Not(HasSubstr("Time-stamping authorities sign"))));
+  in.verification.time = archive::TimeProof::kNone;
+  EXPECT_THAT(text(), AllOf(HasSubstr("No time stamp of an authority could be relied on"),
+                            HasSubstr("That an outside clock confirms any of the times"),
+                            Not(HasSubstr(outside)), Not(HasSubstr("Time-stamping authorities sign"))));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  EXPECT_THAT(text(), AllOf(HasSubstr(outside), HasSubstr("as far as entry 2 of the ledger. Of what follows"),
+                            HasSubstr("That an outside clock confirms all of the times")));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(text(), AllOf(HasSubstr(outside), Not(HasSubstr("That an outside clock confirms"))));
+}
+
 TEST_F(ReportDocument, CertificateSaysWhatNoLogShowed) {
   const std::string missing = "which was not compared, or knows it only in part";
   EXPECT_THAT(test::text_of(make_certificate(input())), Not(HasSubstr(missing)));

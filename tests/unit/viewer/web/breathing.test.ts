@@ -78,12 +78,28 @@ describe('What is saved', () => {
 });
 
 describe('A model that was sealed', () => {
-  const stamp = (authority: string, time: string, problem: string) => ({ authority, time, problem });
+  const stamp = (authority: string, time: string, problem: string, kind: 'external' | 'self-issued' = 'external') => ({
+    authority,
+    time,
+    kind: time === '' ? ('' as const) : kind,
+    problem,
+  });
   const told = (...time_stamps: ReturnType<typeof stamp>[]) =>
     noticesOfSaved('lung.json', { file: 'lung.seal.json', sha256: 'ab', time_stamps }).map(({ kind, text }) => [kind, text]);
   it('is told as a success where a time-stamp came', () => {
     expect(noticesOfSaved('lung.json', null).map(({ kind }) => kind)).toEqual(['done']);
-    expect(told(stamp('swiss', '2026-11-27T10:00:00Z', ''))).toEqual([['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps: 1.']]);
+    expect(told(stamp('swiss', '2026-11-27T10:00:00Z', ''))).toEqual([
+      ['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps of outside authorities: 1.'],
+    ]);
+  });
+  it('is told as no success where the recorder’s own authority alone stamped it, whatever its name', () => {
+    const own = stamp('national-metrology-institute', '2026-11-27T10:00:00Z', '', 'self-issued');
+    expect(told(own)).toEqual([
+      ['problem', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps: 1, all self-issued. No outside clock says when it was sealed.'],
+    ]);
+    expect(told(own, stamp('swiss', '2026-11-27T10:00:00Z', ''))).toEqual([
+      ['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps of outside authorities: 1. Self-issued: 1.'],
+    ]);
   });
   it('is told as a problem, with authority and reason, where one did not', () => {
     expect(told(stamp('swiss', '', 'it does not answer'))).toEqual([
@@ -91,7 +107,7 @@ describe('A model that was sealed', () => {
     ]);
     expect(told()).toEqual([['problem', 'Saved as lung.json and sealed in lung.seal.json, without any time-stamp. No authority was asked.']]);
     expect(told(stamp('swiss', '2026-11-27T10:00:00Z', ''), stamp('dfn', '', 'it refuses'))).toEqual([
-      ['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps: 1.'],
+      ['done', 'Saved as lung.json, sealed in lung.seal.json. Time-stamps of outside authorities: 1.'],
       ['problem', 'A time-stamp is missing. dfn: it refuses'],
     ]);
   });

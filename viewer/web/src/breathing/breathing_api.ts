@@ -71,11 +71,11 @@ export interface Fitted {
   tumour: (SeenTumour | null)[];
 }
 
-/** What froze a model: its hash is in the appliance log. Of a stamp time or problem is empty. */
+/** What froze a model: its hash is in the appliance log. Of a stamp time and kind, or problem, are empty. */
 export interface ModelSeal {
   file: string;
   sha256: string;
-  time_stamps: { authority: string; time: string; problem: string }[];
+  time_stamps: { authority: string; time: string; kind: 'external' | 'self-issued' | ''; problem: string }[];
 }
 interface Saved {
   /** Of the message that asked for it. */

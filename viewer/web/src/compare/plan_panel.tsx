@@ -6,6 +6,7 @@ import { inOrderDone, stepAt } from '@/compare/plan_map';
 import { Making, MatchingPanel } from '@/compare/matching_panel';
 import { OrganSummary } from '@/compare/organ_summary';
 import { filmsOf, type PlanModel, type ShownComparison, viewsOf } from '@/compare/plan_model';
+import { nameWithKind } from '@/verification/authority_kind';
 import { formatMoment, language, type MessageKey, t, word } from '@/i18n/i18n';
 import { pressureText, vitalName } from '@/i18n/vital_names';
 import type { Playback } from '@/media/playback';
@@ -27,7 +28,7 @@ function sentence(group: 'whole' | 'sealed', check: Check): string {
     entry: check.entry ?? '',
     size: check.size ?? '',
     time: check.time === null ? '' : formatMoment(check.time),
-    by: check.by ?? '',
+    by: check.kind === null ? (check.by ?? '') : nameWithKind(check.by ?? '', check.kind),
   });
 }
 

@@ -12,6 +12,7 @@ import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
 import { verdictSign } from '@/shell/verdict';
+import { nameWithKind } from '@/verification/authority_kind';
 import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText } from '@/verification/chain';
 import { ChainDrawing } from '@/verification/chain_drawing';
 import { FindingText } from '@/verification/finding_text';
@@ -50,7 +51,8 @@ function FindingRow({ finding, timeline, about }: { finding: Finding; timeline: 
 }
 
 function Brackets({ report }: { report: VerificationReport }) {
-  const said = (utc: string | null, authority: string | null) => (utc ? `${formatMoment(utc)}${authority ? ` (${authority})` : ''}` : t('bracket.unknown'));
+  const said = (utc: string | null, authority: string | null, kind: VerificationReport['brackets'][number]['time']) =>
+    utc ? `${formatMoment(utc)}${authority ? ` (${nameWithKind(authority, kind)})` : ''}` : t('bracket.unknown');
   return (
     <section class="card table-card" aria-labelledby="brackets">
       <h2 id="brackets">{t('bracket.title')}</h2>
@@ -70,8 +72,8 @@ function Brackets({ report }: { report: VerificationReport }) {
                 <th scope="row" class="mono">
                   {one.first_entry} – {one.last_entry}
                 </th>
-                <td>{said(one.not_before, one.authority_before)}</td>
-                <td>{said(one.not_after, one.authority_after)}</td>
+                <td>{said(one.not_before, one.authority_before, one.time)}</td>
+                <td>{said(one.not_after, one.authority_after, one.time)}</td>
               </tr>
             ))}
           </tbody>
