@@ -433,7 +433,8 @@ TEST_F(PeopleAttack, WhoIsRemovedWhileTheirRequestComesDoesNothing) {
       {"/api/users/sato/role", {{"role", "administrator"}}}};
   for (const Deed& deed : deeds) {
     for (const bool is_removed_by_hand : {false, true}) {
-      context.users().add("mallory", Role::kAdministrator, crypto::Secret(kPassword));
+      context.users().add("mallory", Role::kAdministrator,
+                          crypto::Secret::copy_of(std::string_view(kPassword)));
       Browser mallory = sign_in("mallory");
       ask(mallory, "POST", deed.path, deed.body, [&] {
         if (is_removed_by_hand) {
