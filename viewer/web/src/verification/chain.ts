@@ -22,6 +22,7 @@ const kByCode: Record<string, LinkName> = {
   'device-file-differs': 'checkpoints',
   'device-ml-dsa-differs': 'checkpoints',
   'device-hardware-differs': 'checkpoints',
+  'device-attestation-differs': 'checkpoints',
   'ledger-not-covered': 'checkpoints',
   'close-not-covered': 'checkpoints',
   'end-not-covered': 'checkpoints',
