@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <arpa/inet.h>
 #include <array>
+#include <csignal>
 #include <netinet/in.h>
 #include <poll.h>
 #include <stdexcept>
@@ -72,6 +73,8 @@ struct HttpsConnection::State {
 
 HttpsConnection::HttpsConnection(std::uint16_t port, const std::string& source)
     : state_(std::make_unique<State>()) {
+  // OpenSSL writes with write(): a server that closed first would end the whole test program.
+  ::signal(SIGPIPE, SIG_IGN);
   state_->socket = Descriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int number = state_->socket.number();
   const sockaddr_in from = address_of(source, 0);
