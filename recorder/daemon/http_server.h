@@ -7,8 +7,8 @@
 //   is
 //                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
 //
-// Whoever gives wrong tokens waits ever longer before another is looked at (429). The right one is always
-// taken: nobody can shut the hook to the program that uses it.
+// Whoever gives wrong tokens waits ever longer (429). Ten tokens a second are looked at meanwhile, so that a
+// few guesses do not shut the hook to the program that uses it at the same address.
 #pragma once
 
 #include <cstdint>

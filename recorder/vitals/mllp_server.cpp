@@ -73,7 +73,7 @@ struct Shared {
   Tally strangers{};                       // complaints of peers who delivered nothing, by name and address
   Tally senders{kMostTallied, kToldEach};  // and of all others
   std::atomic<std::uint64_t> refused = 0;
-  HandshakePace handshakes{options.handshakes, options.handshakes_of_network};
+  HandshakePace handshakes{options.handshakes, options.network_handshakes_each_second};
   std::set<std::shared_ptr<Connection>> connections{};
 
   void complain_of_stranger(const std::string& name, const std::string& text, const std::string& peer) {
@@ -370,13 +370,12 @@ struct MllpServer::State {
                                   "a connection was refused: this address may not send here", peer);
       return;
     }
-    if (tls && shared.handshakes.must_wait(peer, AttemptGuard::Clock::now())) {
+    if (tls && !shared.handshakes.may_begin(peer, AttemptGuard::Clock::now())) {
       ++shared.refused;
-      shared.complain_of_stranger(
-          "connection-refused",
-          "a connection was refused: too many TLS connections of this address brought "
-          "no message, so it has to wait",
-          peer);
+      shared.complain_of_stranger("connection-refused",
+                                  "a connection was refused: too many TLS connections of this address or its "
+                                  "network brought no message, so it has to wait",
+                                  peer);
       return;
     }
     socket.set_option(tcp::no_delay(true), ignored);

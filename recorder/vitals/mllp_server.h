@@ -35,16 +35,13 @@ class MllpServer {
     std::chrono::seconds stall_limit = std::chrono::minutes(1);
     std::chrono::seconds handshake_limit{10};  // of TLS
     /// Over TLS, of an address that delivered no message yet: connections that bring none count as failures.
-    /// Who has to wait is closed before the handshake. All addresses of one IPv6 /64 have a wider bound, of
-    /// one second at a time: one machine of a network keeps its neighbours waiting, and not out.
+    /// Who has to wait is closed before the handshake.
     AttemptLimits handshakes{.free_failures = 16,
                              .first_wait = std::chrono::seconds(2),
                              .longest_wait = std::chrono::seconds(30),
                              .memory = std::chrono::minutes(10)};
-    AttemptLimits handshakes_of_network{.free_failures = 256,
-                                        .first_wait = std::chrono::seconds(1),
-                                        .longest_wait = std::chrono::seconds(1),
-                                        .memory = std::chrono::minutes(10)};
+    /// Of all such addresses of one IPv6 /64 together (recorder/vitals/handshake_pace.h).
+    std::size_t network_handshakes_each_second = 20;
     /// PEM files; TLS (1.2 at least) if there is a certificate. With `clients` only who has a certificate
     /// issued by one of those is let in.
     std::string certificate, key, clients;

@@ -440,12 +440,7 @@ void tell(const std::vector<Record>& records) {
   std::printf("docs/results/record.py align-points --machine NAME%s\n", points.line().c_str());
 }
 
-struct Settings {
-  std::uint32_t first = 1;
-  int sequences = 8, pictures = 30;
-  std::string clip, records, show;
-  std::vector<std::string> told;
-};
+using Settings = kiroku::bench::SequenceSettings;
 
 void run(const Settings& settings) {
   const TetMesh fine = kiroku::test::liver_like_mesh({44, 12, 30}),
@@ -545,16 +540,7 @@ std::vector<Record> records_of(const std::vector<std::string>& files) {
 int main(int argc, char** argv) {
   try {
     Settings settings;
-    for (int i = 1; i + 1 < argc; i += 2) {
-      const std::string name = argv[i], value = argv[i + 1];
-      if (name == "--first") settings.first = static_cast<std::uint32_t>(std::stoul(value));
-      if (name == "--sequences") settings.sequences = std::stoi(value);
-      if (name == "--pictures") settings.pictures = std::stoi(value);
-      if (name == "--clip") settings.clip = value;
-      if (name == "--records") settings.records = value;
-      if (name == "--show") settings.show = value;
-      if (name == "--tell") settings.told.push_back(value);
-    }
+    settings.read(argc, argv);
     if (settings.told.empty())
       run(settings);
     else

@@ -309,12 +309,7 @@ void tell(const std::vector<Record>& records) {
   std::printf("docs/results/record.py deform-nothing --machine NAME%s\n", nothing.line().c_str());
 }
 
-struct Settings {
-  std::uint32_t first = 1;
-  int sequences = 9, pictures = 12;
-  std::string records, show;
-  std::vector<std::string> told;
-};
+using Settings = kiroku::bench::SequenceSettings;
 
 /// The organ at rest in the first picture, found from a place that is off; that place where it is not found,
 /// as what is no such organ is laid on the picture by somebody.
@@ -458,15 +453,9 @@ std::vector<Record> records_of(const std::vector<std::string>& files) {
 int main(int argc, char** argv) {
   try {
     Settings settings;
-    for (int i = 1; i + 1 < argc; i += 2) {
-      const std::string name = argv[i], value = argv[i + 1];
-      if (name == "--first") settings.first = static_cast<std::uint32_t>(std::stoul(value));
-      if (name == "--sequences") settings.sequences = std::stoi(value);
-      if (name == "--pictures") settings.pictures = std::stoi(value);
-      if (name == "--records") settings.records = value;
-      if (name == "--show") settings.show = value;
-      if (name == "--tell") settings.told.push_back(value);
-    }
+    settings.sequences = 9;
+    settings.pictures = 12;
+    settings.read(argc, argv);
     if (settings.told.empty())
       run(settings);
     else

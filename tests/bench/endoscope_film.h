@@ -79,4 +79,27 @@ inline std::vector<sim::Picture> through_mpeg2(const std::vector<sim::Picture>& 
   return decoded;
 }
 
+/// What a bench of sequences is asked for.
+struct SequenceSettings {
+  std::uint32_t first = 1;  // seed of the first one
+  int sequences = 8, pictures = 30;
+  std::string clip, records, show;
+  std::vector<std::string> told;  // files of records to tell of, and nothing is made
+
+  /// "--first N --sequences N --pictures N --clip FILE --records FILE --show FOLDER --tell FILE", in any
+  /// order.
+  void read(int argc, const char* const* argv) {
+    for (int i = 1; i + 1 < argc; i += 2) {
+      const std::string name = argv[i], value = argv[i + 1];
+      if (name == "--first") first = static_cast<std::uint32_t>(std::stoul(value));
+      if (name == "--sequences") sequences = std::stoi(value);
+      if (name == "--pictures") pictures = std::stoi(value);
+      if (name == "--clip") clip = value;
+      if (name == "--records") records = value;
+      if (name == "--show") show = value;
+      if (name == "--tell") told.push_back(value);
+    }
+  }
+};
+
 }  // namespace kiroku::bench

@@ -6,7 +6,7 @@ import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, expect } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, story, type Visitor, visitSignedIn } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, story, type Visitor, visitPlan } from './kit';
 import { expectFits } from './layout';
 import { cameraAt, film, kField_deg, kHigh, kWide, liver, meshText, OrganScene, type SceneCamera } from './organ_scene';
 
@@ -122,24 +122,9 @@ beforeAll(async () => {
   const recorded = join(folder, 'endoscope.y4m');
   const pictures = Array.from({ length: kPictures }, (_, at) => scene.picture(truth(at), hasSmoke(at), at + 1));
   writeFileSync(recorded, film(pictures, kRate));
-  await appliance.kiroku(
-    'record',
-    '--endoscope',
-    `${recorded}?speed=max`,
-    '--vitals',
-    'synthetic:patient?speed=max',
-    '--profile',
-    'lossless',
-    '--duration',
-    `${(1000 * kPictures) / kRate}ms`,
-    '--plan',
-    join(folder, 'plan.seal.json'),
-  );
-  id = appliance.cases().at(-1) as string;
+  id = await appliance.recordPlanned(join(folder, 'plan.seal.json'), 'endoscope', `${recorded}?speed=max`, (1000 * kPictures) / kRate);
   browser = await startBrowser();
-  visitor = await visitSignedIn(browser, appliance);
-  await visitor.page.locator('.case-link', { hasText: id }).click();
-  await visitor.page.getByRole('tab', { name: 'Plan' }).click();
+  visitor = await visitPlan(browser, appliance, id);
 });
 
 afterAll(async () => {

@@ -149,6 +149,13 @@ export class Appliance {
     return (await run(kiroku, [...parameters, '--home', this.home])).stdout;
   }
 
+  /** A case by a sealed plan, of what the source shows as fast as it can be taken; its identifier. */
+  async recordPlanned(seal: string, stream: 'endoscope' | 'fluoroscopy', source: string, duration_ms: number): Promise<string> {
+    const vitals = 'synthetic:patient?speed=max';
+    await this.kiroku('record', `--${stream}`, source, '--vitals', vitals, '--profile', 'lossless', '--duration', `${duration_ms}ms`, '--plan', seal);
+    return this.cases().at(-1) as string;
+  }
+
   private spawn(program: string, parameters: string[]): ChildProcess {
     const child = spawn(program, parameters, { stdio: ['ignore', 'pipe', 'inherit'] });
     this.processes.push(child);
@@ -348,6 +355,14 @@ export async function visitSignedIn(browser: Browser, appliance: Appliance): Pro
   const visitor = await visit(browser);
   await visitor.page.goto(appliance.signIn);
   await visitor.page.getByRole('heading', { name: 'Cases' }).waitFor();
+  return visitor;
+}
+
+/** Someone who has signed in, and sees the plan of a case. */
+export async function visitPlan(browser: Browser, appliance: Appliance, id: string): Promise<Visitor> {
+  const visitor = await visitSignedIn(browser, appliance);
+  await visitor.page.locator('.case-link', { hasText: id }).click();
+  await visitor.page.getByRole('tab', { name: 'Plan' }).click();
   return visitor;
 }
 

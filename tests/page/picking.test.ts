@@ -8,7 +8,7 @@ import { afterAll, beforeAll, expect } from 'vitest';
 import type { ComparisonDocument, PickingCamera } from '@/api/types';
 import { type OrganPoint, type Place, seenBy } from '@/compare/picks';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, story, type Visitor, visitSignedIn } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, startBrowser, story, type Visitor, visitPlan } from './kit';
 import { expectFits } from './layout';
 
 const kWide = 320;
@@ -131,24 +131,9 @@ beforeAll(async () => {
     '--view',
     `${kView.azimuth_deg},${kView.elevation_deg}`,
   ]);
-  await appliance.kiroku(
-    'record',
-    '--endoscope',
-    `${film}?speed=max`,
-    '--vitals',
-    'synthetic:patient?speed=max',
-    '--profile',
-    'lossless',
-    '--duration',
-    '3000ms',
-    '--plan',
-    join(folder, 'plan.seal.json'),
-  );
-  id = appliance.cases().at(-1) as string;
+  id = await appliance.recordPlanned(join(folder, 'plan.seal.json'), 'endoscope', `${film}?speed=max`, 3000);
   browser = await startBrowser();
-  visitor = await visitSignedIn(browser, appliance);
-  await visitor.page.locator('.case-link', { hasText: id }).click();
-  await visitor.page.getByRole('tab', { name: 'Plan' }).click();
+  visitor = await visitPlan(browser, appliance, id);
   await visitor.page.getByRole('button', { name: 'Match steps by hand' }).click();
   await matching().getByText('0 of 2 steps matched').waitFor();
 });

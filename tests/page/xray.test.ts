@@ -47,22 +47,7 @@ beforeAll(async () => {
   );
   const compare = (one: string, name: string, ...more: string[]) =>
     appliance.kiroku('compare', one, seal, '--by-hand', hand, '--gpu', 'off', '--width', '64', '--name', name, '--made-by', 'Dr. Sato', ...more);
-  const record = async (source: string) => {
-    await appliance.kiroku(
-      'record',
-      '--fluoroscopy',
-      source,
-      '--vitals',
-      'synthetic:patient?speed=max',
-      '--profile',
-      'lossless',
-      '--duration',
-      '5500ms',
-      '--plan',
-      seal,
-    );
-    return appliance.cases().at(-1) as string;
-  };
+  const record = (source: string) => appliance.recordPlanned(seal, 'fluoroscopy', source, 5500);
   const first = await record('synthetic:room?size=256x192&speed=max');
   await compare(first, 'film', '--geometry', geometry('lain.json', [-7, 0, 5]));
   const film = join(folder, 'xray.mp4');

@@ -188,13 +188,23 @@ TEST_F(HttpServerTest, AnswersAlsoWhereARoomsNameIsNoText) {
   EXPECT_THAT(answer, HasSubstr("there is no room \xef\xbf\xbd")) << "U+FFFD in its place";
 }
 
-TEST_F(HttpServerTest, NobodyShutsTheHookToWhoHasItsToken) {
-  for (int i = 0; i < 40; ++i)
+TEST_F(HttpServerTest, AFewGuessesShutTheHookToNobodyWhoHasItsToken) {
+  for (int i = 0; i < 5 + 9; ++i)
     EXPECT_THAT(post("/rooms/or-1/start", "wrong", ""), testing::Not(HasSubstr(" 200 ")));
   EXPECT_EQ(called, "");
   EXPECT_THAT(post("/rooms/or-1/stop", "a token of some length", ""), HasSubstr(" 200 OK"))
       << "though it never came from here before";
   EXPECT_EQ(called, "or-1 stop ");
+}
+
+TEST_F(HttpServerTest, OfManyGuessesTenASecondAreLookedAt) {
+  for (int i = 0; i < 5 + 10; ++i)
+    EXPECT_THAT(post("/rooms/or-1/start", "wrong", ""), testing::Not(HasSubstr(" 200 ")));
+  EXPECT_THAT(post("/rooms/or-1/stop", "a token of some length", ""), HasSubstr(" 429 "));
+  EXPECT_EQ(called, "");
+  now += std::chrono::seconds(1);
+  EXPECT_THAT(post("/rooms/or-1/stop", "a token of some length", ""), HasSubstr(" 200 OK"))
+      << "the address still has to wait";
 }
 
 TEST_F(HttpServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {

@@ -1,5 +1,5 @@
-// Where the plan's organ is in the recorded pictures, by the comparison's document: placed with a standard error, lost for a reason, or not looked for. Nothing
-// is guessed between. Pure; as viewer/compare/organ_alignment.cpp, which has the last word.
+// Where the plan's organ is in the recorded pictures, by the comparison's document: placed with a standard error, lost for a reason, or not looked for. It
+// moves evenly between two placed pictures that follow each other; nothing else is guessed. Pure; as viewer/compare/organ_alignment.cpp, which has the last word.
 import type { OrganAlignment } from '@/api/types';
 import { lastAtOrBefore, type Span } from '@/base/spans';
 
