@@ -1,0 +1,150 @@
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "tests/unit/viewer/report/report_case.h"
+#include "viewer/report/pdf_writer.h"
+
+namespace kiroku::report {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    const ReportInput asked = input(archive_.options(), language);
+    write("receipt.pdf", write_pdf(make_receipt(asked)));
+    EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+    tool({"pdftoppm", "-r", "150", "-png", "receipt.pdf", "page"});
+    const std::string scanned = tool({"zbarimg", "--quiet", "--raw", "-Sbinary", "page-1.png"});
+    ASSERT_TRUE(asked.facts.last_checkpoint);
+    EXPECT_EQ(scanned, asked.facts.last_checkpoint->text);
+    // What was scanned is a note that the device signed, over the whole ledger.
+    const crypto::OpenedNote note = crypto::open_note(scanned, {archive_.device()});
+    EXPECT_FALSE(note.failure) << note.explanation;
+    EXPECT_EQ(crypto::Checkpoint::parse(note.text)->root, asked.facts.root);
+    EXPECT_EQ(crypto::Checkpoint::parse(note.text)->size, asked.facts.entries);
+  }
+}
+
+// Anybody who writes to the folder can: no token is over the newest checkpoint of a case.
+TEST_F(ReportDocument, ReceiptOfACheckpointWithForeignSignaturesHoldsTheDevicesAlone) {
+  const ReportInput before = input();
+  const StoredNote& note = *before.facts.last_checkpoint;
+  const std::string foreign = "\u2014 witness.example/w " +
+                              crypto::to_base64(Bytes(3000, std::byte{7}), crypto::Base64Padding::kPadded) +
+                              "\n";
+  const std::size_t signatures = note.text.rfind("\n\n") + 2;
+  for (const std::string& changed :
+       {note.text + foreign, note.text.substr(0, signatures) + foreign + note.text.substr(signatures)}) {
+    std::ofstream(folder_ / note.file, std::ios::binary) << changed;
+    const ReportInput in = input();
+    ASSERT_EQ(in.verification.verdict, before.verification.verdict);
+    ASSERT_EQ(in.facts.last_checkpoint->text, changed);
+    const Document receipt = make_receipt(in);
+    const std::string text = test::text_of(receipt);
+    // As many bytes are compared as code and file have in common.
+    const std::size_t same = changed.starts_with(note.text) ? note.text.size() : signatures + 4;
+    EXPECT_THAT(text, HasSubstr("cmp -n " + std::to_string(same) + " - " + note.file));
+    if (!has_tools()) continue;
+    write("receipt.pdf", write_pdf(receipt));
+    tool({"pdftoppm", "-r", "150", "-png", "receipt.pdf", "page"});
+    EXPECT_EQ(tool({"zbarimg", "--quiet", "--raw", "-Sbinary", "page-1.png"}), note.text);
+  }
+}
+
+TEST_F(ReportDocument, CertificateHoldsWhatWasFoundAndLeavesBlankWhatAPersonMustSay) {
+  const ReportInput in = input();
+  const std::string text = test::text_of(make_certificate(in));
+  EXPECT_THAT(text, HasSubstr("✓ INTACT\n"));
+  EXPECT_THAT(text, HasSubstr(crypto::to_hex(*in.facts.root)));
+  EXPECT_THAT(text, HasSubstr(archive_.device().to_string()));
+  EXPECT_THAT(text, HasSubstr("Signature | ____"));
+  EXPECT_THAT(text, HasSubstr("I declare under penalty of perjury"));
+  EXPECT_THAT(text, HasSubstr("That an outside clock confirms"));
+  EXPECT_THAT(text, HasSubstr("No key was given that opens them"));
+  EXPECT_THAT(text, Not(HasSubstr("That everything was recorded")));
+}
+
+// Whoever signs it does so under penalty of perjury.
+TEST_F(ReportDocument, CertificateSaysWhoseTimeStampsThereAre) {
+  ReportInput in = input();
+  const auto text = [&] { return test::text_of(make_certificate(in)); };
+  const char* const outside = "Time-stamping authorities outside the recorder signed";
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  EXPECT_THAT(text(), AllOf(HasSubstr("part of the recorder signed, by the recorder's own clock"),
+                            HasSubstr("That an outside clock confirms any of the times"),
+                            Not(HasSubstr(outside)), Not(HasSubstr("Time-stamping authorities sign"))));
+  in.verification.time = archive::TimeProof::kNone;
+  EXPECT_THAT(text(), AllOf(HasSubstr("No time stamp of an authority could be relied on"),
+                            HasSubstr("That an outside clock confirms any of the times"),
+                            Not(HasSubstr(outside)), Not(HasSubstr("Time-stamping authorities sign"))));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  EXPECT_THAT(text(), AllOf(HasSubstr(outside), HasSubstr("as far as entry 2 of the ledger. Of what follows"),
+                            HasSubstr("That an outside clock confirms all of the times")));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(text(), AllOf(HasSubstr(outside), Not(HasSubstr("That an outside clock confirms"))));
+}
+
+TEST_F(ReportDocument, CertificateSaysWhatNoLogShowed) {
+  const std::string missing = "which was not compared, or knows it only in part";
+  EXPECT_THAT(test::text_of(make_certificate(input())), Not(HasSubstr(missing)));
+  archive::VerifyOptions options = archive_.options();
+  options.log.reset();
+  EXPECT_THAT(test::text_of(make_certificate(input(options))), HasSubstr(missing));
+}
+
+TEST_F(ReportDocument, CertificateOfARecordWithGapsSaysThatNotEverythingIsThere) {
+  ReportInput in = input();
+  in.verification.verdict = archive::Verdict::kIntactWithGaps;
+  in.verification.time = archive::TimeProof::kExternal;
+  const std::string text = test::text_of(make_certificate(in));
+  EXPECT_THAT(text, HasSubstr("That everything was recorded"));
+  EXPECT_THAT(text, Not(HasSubstr("That an outside clock confirms")));
+}
+
+TEST_F(ReportDocument, CertificateIsRefusedWhereNobodyCouldSignIt) {
+  using archive::Verdict;
+  for (const Verdict verdict : {Verdict::kUnproven, Verdict::kIncomplete, Verdict::kTampered}) {
+    ReportInput in = input();
+    in.verification.verdict = verdict;
+    EXPECT_THROW(make_certificate(in), UsageError);
+  }
+  EXPECT_THROW(make_certificate(input(archive_.options(), Language::kJapanese)), UsageError);
+}
+
+TEST_F(ReportDocument, ReceiptOfACaseWithoutOutsideTimeSaysSo) {
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.time, archive::TimeProof::kSelfIssued);
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("no clock outside stands behind them"));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 3;
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("as far as entry 2 of its ledger"));
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_receipt(in)), Not(HasSubstr("\n- ")));
+}
+
+TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  change_byte("segments/endoscope/00000001.ts.age", 500);
+  change_byte("ledger.jsonl", 2);
+  write("receipt.pdf", write_pdf(make_receipt(input())));
+  EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+  EXPECT_THAT(tool({"pdftotext", "receipt.pdf", "-"}), HasSubstr("DOES NOT HOLD (TAMPERED)"));
+}
+
+TEST_F(ReportDocument, ReceiptWithoutACheckpointIsRefused) {
+  fs::remove_all(folder_ / "checkpoints");
+  EXPECT_THROW(make_receipt(input()), UsageError);
+}
+
+}  // namespace
+}  // namespace kiroku::report
