@@ -1,5 +1,7 @@
 // Apart from the other deleters: libavfilter loads 33 libraries, and only a program that filters links this
 // file.
+#include <cstdint>  // libavutil/common.h asks for UINT64_C
+
 extern "C" {
 #include <libavfilter/avfilter.h>
 }

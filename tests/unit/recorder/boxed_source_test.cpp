@@ -59,11 +59,9 @@ class BoxedSession : public testing::Test {
   /// Records a camera of which the decoder gets a signal after some pictures, until the next decoder has
   /// given some, too.
   RecordedCase record_with(int signal) {
-    std::atomic<bool> ended = false, camera_ended = false;
-    std::thread camera([&] {
-      while (!ended) test::write_film(bench_ / "camera", 1000);
-      camera_ended = true;
-    });
+    std::atomic<bool> ended = false;
+    test::ReturningCamera camera(bench_ / "camera", 1000);
+    camera.come_back();
     SessionOptions options = bench_.options();
     options.video = {bench_.stream("endoscope", (bench_ / "camera").string())};
     SourceGuard::Limits limits;
@@ -93,12 +91,6 @@ class BoxedSession : public testing::Test {
     attacker.join();
     ended = true;
     counter.join();
-    // It may wait for a reader.
-    EXPECT_TRUE(test::eventually([&] {
-      const Descriptor reader(::open((bench_ / "camera").c_str(), O_RDONLY | O_NONBLOCK));
-      return camera_ended.load();
-    }));
-    camera.join();
     return bench_.read(folder);
   }
 

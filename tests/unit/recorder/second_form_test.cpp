@@ -1,7 +1,5 @@
 // The pictures of one source, archived in two forms at once.
-#include <csignal>
 #include <sys/stat.h>
-#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -79,30 +77,23 @@ TEST(SecondForm, HoldsThePicturesAndTimesThatAStreamOfItsOwnWould) {
 
 TEST(SecondForm, OfASourceThatGoesAndComesHasTheSameGap) {
   const RecorderBench bench;
-  std::signal(SIGPIPE, SIG_IGN);
   ASSERT_EQ(::mkfifo((bench / "camera").c_str(), 0600), 0);
   SessionOptions options = bench.options();
   options.video = both_forms(bench, (bench / "camera").string());
-  std::atomic<bool> is_away = false, over = false;
-  std::thread camera([&] {
-    test::write_film(bench / "camera", 12);
-    while (!is_away && !over) std::this_thread::yield();
-    if (is_away) test::write_film(bench / "camera", 1000);
-  });
+  test::ReturningCamera camera(bench / "camera", 12);
   Session session(options);
   std::uint64_t before = 0;
   const SessionResult result = session.run([&](const SessionStatus& status) {
     const StreamStatus& second = status.streams.at(1);
     EXPECT_EQ(second.stuck, 0U);
-    if (!is_away && second.frames > 0 && !second.live) {
+    if (camera.is_away()) {
+      if (second.frames == 0 || second.live) return;
       before = second.frames;
-      is_away = true;
-    } else if (is_away && second.frames >= before + 3) {
+      camera.come_back();
+    } else if (second.frames >= before + 3) {
       session.stop();
     }
   });
-  over = true;
-  camera.join();
   const RecordedCase recorded = bench.read(result.folder);
   EXPECT_THAT(recorded.broken_rules(), IsEmpty());
   for (const char* stream : {kFirst, kSecondForm}) {
