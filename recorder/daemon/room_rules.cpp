@@ -8,6 +8,14 @@ namespace {
 // Nothing came for so long: the signal has paused.
 constexpr std::int64_t kSignalPauseNs = 1'000'000'000;
 
+// A source that has delivered nothing of a new session may still be opening; after so long it is away.
+constexpr std::int64_t kOpeningNs = 10'000'000'000;
+
+// Not while a slow disk or a busy machine keeps pictures of a live source waiting.
+bool is_away(const StreamStatus& stream, std::int64_t now_ns) {
+  return !stream.live && now_ns - stream.last_ns >= (stream.frames > 0 ? kSignalPauseNs : kOpeningNs);
+}
+
 std::int64_t last_sign_of_life_ns(const CaseSoFar& running) {
   const auto& streams = running.status.streams;
   const std::size_t deciding = running.video_streams == 0 ? streams.size() : running.video_streams;
@@ -29,9 +37,9 @@ bool StartRules::signal_wants_a_case(const SessionStatus& now) {
   for (const StreamStatus& stream : now.streams) {
     if (stream.name != rules_.start_on_signal) continue;
     const bool present = stream.frames > 0 && now.now_ns - stream.last_ns < kSignalPauseNs;
+    if (is_away(stream, now.now_ns)) signal_rests_ = false;  // the next signal is another procedure
     if (!present) {
       signal_since_ns_.reset();
-      signal_rests_ = false;  // the next signal is another procedure
     } else if (!signal_since_ns_) {
       signal_since_ns_ = now.now_ns;
     }

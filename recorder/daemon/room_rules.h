@@ -32,7 +32,8 @@ struct RoomRules {
 };
 
 /// Whether a rule wants a case to begin. A person who ended one is not overruled: neither the window that is
-/// open then nor the signal that is there then begins another. Not thread-safe.
+/// open then nor the signal that is there then begins another, not even where another session has to open its
+/// source anew. Not thread-safe.
 class StartRules {
  public:
   /// `rules` must outlive it.

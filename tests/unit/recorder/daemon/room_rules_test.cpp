@@ -70,6 +70,48 @@ TEST(StartRules, SignalAfterAPersonsEndBeginsACaseOnceItHasPaused) {
   EXPECT_TRUE(start.signal_wants_a_case(status_of(15s, 15s)));
 }
 
+/// The same, before its first picture.
+SessionStatus opening_status_of(std::chrono::nanoseconds now) {
+  SessionStatus status = status_of(now, 0s);
+  status.streams[0].frames = 0;
+  return status;
+}
+
+TEST(StartRules, ASourceThatAnotherSessionOpensIsNoSignalThatCameBack) {
+  RoomRules rules;
+  rules.start_on_signal = "endoscope";
+  StartRules start(rules);
+  start.stopped_by_person();
+  start.forget_signal();
+  EXPECT_FALSE(start.signal_wants_a_case(opening_status_of(0s)));
+  EXPECT_FALSE(start.signal_wants_a_case(opening_status_of(4s)));
+  EXPECT_FALSE(start.signal_wants_a_case(status_of(5s, 5s)));
+  EXPECT_FALSE(start.signal_wants_a_case(status_of(60s, 60s))) << "it was there all the time";
+}
+
+TEST(StartRules, ASourceThatASessionCannotOpenIsAwayAndANextSignalBeginsACase) {
+  RoomRules rules;
+  rules.start_on_signal = "endoscope";
+  StartRules start(rules);
+  start.stopped_by_person();
+  start.forget_signal();
+  EXPECT_FALSE(start.signal_wants_a_case(opening_status_of(10s)));
+  EXPECT_FALSE(start.signal_wants_a_case(status_of(11s, 11s)));
+  EXPECT_TRUE(start.signal_wants_a_case(status_of(14s, 14s)));
+}
+
+TEST(StartRules, PicturesThatASlowDiskKeepsWaitingAreNoPauseThatEndsARest) {
+  RoomRules rules;
+  rules.start_on_signal = "endoscope";
+  StartRules start(rules);
+  start.stopped_by_person();
+  SessionStatus slow = status_of(9s, 6s);
+  slow.streams[0].live = true;
+  EXPECT_FALSE(start.signal_wants_a_case(slow));
+  EXPECT_FALSE(start.signal_wants_a_case(status_of(10s, 10s)));
+  EXPECT_FALSE(start.signal_wants_a_case(status_of(60s, 60s)));
+}
+
 TEST(StartRules, AnotherSessionsSignalIsCountedFromItsBeginning) {
   RoomRules rules;
   rules.start_on_signal = "endoscope";
