@@ -8,9 +8,9 @@
 
 #include "media/box/child.h"
 #include "media/export/remux_job.h"
-#include "media/inspection/inspector.h"
+#include "media/inspection/frame_count_job.h"
 #include "media/libav_handles.h"
-#include "media/light/light_reading.h"
+#include "media/light/light_job.h"
 #include "recorder/procedure/worklist_box.h"
 #include "recorder/source/source_box.h"
 #include "viewer/playback/viewing_boxes.h"

@@ -1,4 +1,4 @@
-// What the large program adds to verifying: the home's keys and log, and decoders.
+// What kiroku adds to verifying beside kiroku-verify: the home's keys and log, and decoders.
 #pragma once
 
 #include <memory>

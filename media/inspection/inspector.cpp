@@ -7,7 +7,7 @@
 #include "crypto/hashed_source.h"
 #include "media/borrowed_source.h"
 #include "media/box/boxed_jobs.h"
-#include "media/picture_decoder.h"
+#include "media/inspection/frame_count_job.h"
 #include "media/plaintext_lines.h"
 #include "media/sealed_segment.h"
 #include "media/segment_input.h"
@@ -90,24 +90,6 @@ archive::SegmentInspector decoding_inspector() {
              const crypto::ByteSource& sealed, const crypto::AgeIdentities& identities) {
     return inspect(*boxes, stream, entry, sealed, identities);
   };
-}
-
-nlohmann::json count_frames(const nlohmann::json& with, JobSegments& segments) {
-  const std::string name = with.at("name");
-  const std::unique_ptr<crypto::ByteSource> segment = segments.open(0);
-  std::uint64_t frames = 0;
-  try {
-    SegmentInput input(*segment, with.at("media"), name);
-    PictureDecoder decoder(input, name);
-    while (decoder.next()) {
-      ++frames;
-    }
-  } catch (const MediaError&) {  // cut off, perhaps before its first picture
-    if (with.at("complete").get<bool>()) {
-      throw;
-    }
-  }
-  return {{"frames", frames}};
 }
 
 }  // namespace kiroku::media

@@ -1,10 +1,7 @@
 // Decodes a sealed segment and compares it with what its ledger entry states.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "archive/verify/verify_options.h"
-#include "media/box/job_box.h"
 
 namespace kiroku::media {
 
@@ -17,9 +14,5 @@ namespace kiroku::media {
 /// once: a decoder that is killed by what it decodes is something that does not hold; that none can be
 /// started, or that one was killed from outside, is thrown as kiroku::IoError.
 archive::SegmentInspector decoding_inspector();
-
-/// In the box: {"media", "name", "complete"} of segment 0, of which {"frames"} are counted.
-inline constexpr const char* kCountFrames = "frames";
-nlohmann::json count_frames(const nlohmann::json& with, JobSegments& segments);
 
 }  // namespace kiroku::media

@@ -5,13 +5,10 @@
 #include <functional>
 #include <string>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "light/ledger_lights.h"
 #include "light/light_judge.h"
-#include "media/box/job_box.h"
 
 namespace kiroku::media {
 
@@ -32,10 +29,5 @@ using LightProgress = std::function<void(std::uint64_t done, std::uint64_t total
 StreamLight read_light(const archive::CaseReader& recording, const light::LedgerLights& ledger,
                        const std::string& stream, const crypto::AgeIdentities& identities,
                        const LightProgress& progress = {});
-
-/// In the box: {"media", "name", "complete", "places"} of segment 0. Gives a line for each picture, as
-/// light_reading.cpp says; the answer has "places", as they are known at the end.
-inline constexpr const char* kReadLight = "light";
-nlohmann::json read_light_in_box(const nlohmann::json& with, JobSegments& segments);
 
 }  // namespace kiroku::media

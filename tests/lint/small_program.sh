@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# `kiroku` itself starts within 10 ms: it loads no library of cameras, codecs or solvers, but becomes another program where a command needs them.
+# `kiroku` itself answers at once: it loads no library of cameras, codecs or solvers, but becomes another program where a command needs them.
 # Usage: tests/lint/small_program.sh KIROKU. Exit status: 0 so it is, 1 it loads more.
 set -euo pipefail
 program=$1

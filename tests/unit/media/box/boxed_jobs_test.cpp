@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "crypto/age_error.h"
-#include "media/inspection/inspector.h"
+#include "media/inspection/frame_count_job.h"
 #include "media/segment_input.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/media_maker.h"
