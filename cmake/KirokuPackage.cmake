@@ -19,7 +19,11 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, debconf (>= 0.5) | debconf-2.0")
+# No program is linked to libavdevice; recorder/source/v4l2_format.cpp loads the version that it was compiled for.
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(LIBAVDEVICE REQUIRED libavdevice)
+string(REGEX REPLACE "[.].*" "" libavdevice_major ${LIBAVDEVICE_VERSION})
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, debconf (>= 0.5) | debconf-2.0, libavdevice${libavdevice_major}")
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "fonts-dejavu-core, fonts-ipafont-gothic, ca-certificates, libosmesa6, libtss2-tcti-device0t64 | libtss2-tcti-device0")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA

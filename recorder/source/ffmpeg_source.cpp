@@ -2,7 +2,6 @@
 
 extern "C" {
 #include <libavcodec/avcodec.h>
-#include <libavdevice/avdevice.h>
 #include <libavformat/avformat.h>
 #include <libavutil/parseutils.h>
 #include <libavutil/pixdesc.h>
@@ -11,7 +10,6 @@ extern "C" {
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <mutex>
 #include <thread>
 
 #include "base/error.h"
@@ -20,6 +18,7 @@ extern "C" {
 #include "recorder/source/file_input.h"
 #include "recorder/source/resolved_location.h"
 #include "recorder/source/source_box.h"
+#include "recorder/source/v4l2_format.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -165,10 +164,7 @@ class FfmpegSource : public Source {
     media::Options options;
     if (address_.kind == SourceKind::kDevice) {
       address_.require_options("size,rate,format");
-      static std::once_flag registered;
-      std::call_once(registered, avdevice_register_all);
-      format = av_find_input_format("video4linux2");
-      if (format == nullptr) throw Error(name_ + " cannot be opened: this libavdevice has no video4linux2");
+      format = v4l2_input_format();
       if (address_.options.contains("size")) options.set("video_size", address_.option("size", ""));
       if (address_.options.contains("rate")) options.set("framerate", address_.option("rate", ""));
       if (address_.options.contains("format")) options.set("input_format", address_.option("format", ""));
