@@ -149,7 +149,8 @@ bool is_deflated(const std::string& syntax) {
 /// a picture's own bytes such four stand once in gigabytes by chance.
 std::size_t items_in(const Content& content, std::uint64_t begin, std::uint64_t end) {
   constexpr std::array<unsigned char, 4> kLittle{0xFE, 0xFF, 0x00, 0xE0}, kBig{0xFF, 0xFE, 0xE0, 0x00};
-  std::vector<unsigned char> chunk(kChunk + kLittle.size() - 1);
+  std::vector<unsigned char> chunk(static_cast<std::size_t>(std::min<std::uint64_t>(kChunk, end - begin)) +
+                                   kLittle.size() - 1);
   std::size_t items = 0;
   for (std::uint64_t at = begin; at < end && items <= kMostUnaskedItems; at += kChunk) {
     const std::size_t wanted = static_cast<std::size_t>(std::min<std::uint64_t>(chunk.size(), end - at));
