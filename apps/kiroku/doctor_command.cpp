@@ -420,10 +420,13 @@ Check check_worklist(const RoomConfiguration& room) {
         "without it"};
   }
   const std::string lists = "lists " + std::to_string(answer.items.size()) + " steps of these days";
-  if (const std::string left_out = recorder::left_out_of(answer.items); !left_out.empty()) {
+  if (const std::string left_out = recorder::left_out_of(answer); !left_out.empty()) {
     return {Health::kWarning, subject, lists + "; " + left_out,
-            "have whoever keeps the worklist shorten these steps; a case for one of them needs its patient "
-            "typed in"};
+            answer.not_asked_for > 0 || answer.is_cut
+                ? "look at station_ae and modality in kiroku.toml; have whoever keeps the worklist compare "
+                  "both; a case whose step cannot be chosen needs its patient typed in"
+                : "have whoever keeps the worklist shorten these steps; a case for one of them needs its "
+                  "patient typed in"};
   }
   return {Health::kGood, subject, lists, ""};
 }

@@ -120,13 +120,16 @@ std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
   const recorder::WorklistAnswer answer = recorder::ask_worklist(worklist, now);
   std::string problem = answer.problem;
   if (problem.empty()) {
-    if (const auto data = recorder::nearest_step(answer.items, now, now, worklist.window)) {
+    if (const auto data = recorder::nearest_step(answer, now, now, worklist.window)) {
       std::cerr << "from the worklist: " << printable(in_words(*data)) << std::endl;
       return recorder::subject_json(*data);
     }
-    const std::string left_out = recorder::left_out_of(answer.items);
-    problem = "the worklist lists nothing for now (" + std::to_string(answer.items.size()) +
-              " steps of these days" + (left_out.empty() ? "" : "; " + left_out) + ")";
+    const std::string left_out = recorder::left_out_of(answer);
+    const bool is_doubtful = recorder::is_doubtful(answer, now, worklist.window);
+    problem = (is_doubtful ? "the worklist lists two patients equally near to now ("
+                           : "the worklist lists nothing that can be taken for now (") +
+              std::to_string(answer.items.size()) + " steps of these days" +
+              (left_out.empty() ? "" : "; " + left_out) + ")";
   }
   print_error("kiroku", "warning: " + problem + "; recording without patient and procedure");
   return {};

@@ -40,6 +40,7 @@ std::optional<std::string> CaseSubject::why_missing() const {
   if (!looked_for_) return {};
   source_->hurry();
   std::string why = "the case begins without procedure data";
+  if (source_->is_doubtful(begun_at_)) why += std::string("; ") + kTwoPatients;
   for (const ProcedureWay& way : source_->ways()) why += "; " + way.name + ": " + way.state;
   return why;
 }

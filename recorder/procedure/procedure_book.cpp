@@ -82,7 +82,8 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTim
     }
     all.push_back(kept.message.data);
     all.back().chosen = "a message placed the patient in the room at " + format_utc(kept.received);
-    if (const auto chosen = nearest(times, at, rule.window)) complete(all.back(), planned[*chosen]->data);
+    if (const auto chosen = nearest(times, at, rule.window).index)
+      complete(all.back(), planned[*chosen]->data);
   }
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
@@ -94,6 +95,10 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTim
 }
 
 std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcTime at) const {
+  return choose(rule, at).data;
+}
+
+ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime at) const {
   const Kept* here = nullptr;
   for (const auto& [patient, kept] : placed_) {
     const bool counts = concerns(rule, kept.message) && std::chrono::abs(at - kept.received) <= rule.window;
@@ -107,8 +112,14 @@ std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcT
     planned.push_back(&kept.message);
     times.emplace_back(kept.message.planned.value_or(kept.received));
   }
-  const auto chosen = nearest(times, at, rule.window);
+  const NearestPlan plan = nearest(times, at, rule.window);
+  const auto chosen = plan.index;
   if (here == nullptr && !chosen) return {};
+  // Which of two patients it is nobody can tell: a person chooses.
+  const bool is_anybodys = here == nullptr && std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
+                             return planned[each]->patient != planned[*chosen]->patient;
+                           });
+  if (is_anybodys) return {{}, true};
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
     return std::chrono::abs(*time - at) <= rule.window;
   });
@@ -119,11 +130,11 @@ std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcT
         "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
         std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
   }
-  if (here == nullptr) return appointment;
+  if (here == nullptr) return {appointment};
   ProcedureData found = here->message.data;
   found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here->received);
   if (chosen) complete(found, appointment);
-  return found;
+  return {found};
 }
 
 }  // namespace kiroku::recorder

@@ -30,8 +30,14 @@ class ProcedureBook {
 
   /// For a case that begins at `at`. If a message within the window placed a patient in the room, it is that
   /// patient (the last one placed), completed by their appointment; else the appointment planned nearest to
-  /// `at` (one without a time counts as planned when its message came).
+  /// `at` (one without a time counts as planned when its message came), and nobody where those of two
+  /// patients are equally near.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
+
+  /// Whether find() gives nothing for that reason.
+  [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const {
+    return choose(rule, at).is_doubtful;
+  }
 
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
@@ -44,6 +50,11 @@ class ProcedureBook {
     UtcTime received;
     ProcedureMessage message;
   };
+  struct Choice {
+    std::optional<ProcedureData> data;
+    bool is_doubtful = false;
+  };
+  [[nodiscard]] Choice choose(const ProcedureRule& rule, UtcTime at) const;
   using Messages = std::map<std::string, Kept>;
   static void forget_old(Messages& messages, UtcTime now);
 

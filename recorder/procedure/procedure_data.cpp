@@ -50,6 +50,17 @@ void complete(ProcedureData& data, const ProcedureData& more) {
   data.chosen += "; " + more.chosen;
 }
 
+bool may_be_same_patient(const ProcedureData& one, const ProcedureData& other) {
+  const auto agree = [](const std::string& a, const std::string& b) {
+    return a.starts_with(b) || b.starts_with(a);  // a day of birth may be known as its year alone
+  };
+  if (one.patient_id != other.patient_id) return false;
+  if (one.patient_id.empty()) return one.patient == other.patient;
+  return agree(one.birth_date, other.birth_date) &&
+         (one.patient_id_issuer == other.patient_id_issuer || one.patient_id_issuer.empty() ||
+          other.patient_id_issuer.empty());
+}
+
 Bytes subject_json(const ProcedureData& data) {
   ordered_json patient = ordered_json::object();
   put(patient, "id", data.patient_id);
@@ -87,7 +98,7 @@ Bytes subject_json(const ProcedureData& data) {
 void add_unknown(std::vector<ProcedureData>& list, std::vector<ProcedureData> more) {
   for (ProcedureData& each : more) {
     const bool is_known = std::ranges::any_of(list, [&](const ProcedureData& other) {
-      return other.patient_id == each.patient_id && other.description == each.description &&
+      return may_be_same_patient(other, each) && other.description == each.description &&
              other.accession == each.accession;
     });
     if (!is_known) list.push_back(std::move(each));
@@ -115,15 +126,17 @@ std::string iso_date(std::string_view digits) {
   return date;
 }
 
-std::optional<std::size_t> nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
-                                   std::chrono::nanoseconds window) {
-  std::optional<std::size_t> best;
+NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
+                    std::chrono::nanoseconds window) {
+  NearestPlan found;
   const auto distance = [&](std::size_t i) { return std::chrono::abs(*times[i] - at); };
   for (std::size_t i = 0; i < times.size(); ++i) {
-    if (!times[i] || distance(i) > window) continue;
-    if (!best || distance(i) <= distance(*best)) best = i;
+    if (!times[i] || distance(i) > window || (found.index && distance(i) > distance(*found.index))) continue;
+    if (found.index && distance(i) < distance(*found.index)) found.equally_near.clear();
+    found.index = i;
+    found.equally_near.push_back(i);
   }
-  return best;
+  return found;
 }
 
 }  // namespace kiroku::recorder

@@ -51,6 +51,10 @@ struct ProcedureData {
 /// What `data` leaves empty, as `more` has it, which must be of the same patient.
 void complete(ProcedureData& data, const ProcedureData& more);
 
+/// Whether nothing says that they are two patients: the same number, and no two issuers or days of birth that
+/// differ. Where neither has a number, the same name as it was sent.
+bool may_be_same_patient(const ProcedureData& one, const ProcedureData& other);
+
 /// The subject file's text (docs/reference/format-streams.md): one JSON object, what is empty left out.
 Bytes subject_json(const ProcedureData& data);
 
@@ -64,9 +68,14 @@ std::string key_of(const ProcedureData& data);
 /// "2026-08-05" of "20260805", "2026-08" of "202608"; anything else as it is.
 std::string iso_date(std::string_view digits);
 
-/// The index of the time nearest to `at` that is not further from it than `window`, the later one of two;
-/// nothing if none is.
-std::optional<std::size_t> nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
-                                   std::chrono::nanoseconds window);
+/// What is planned nearest to a moment.
+struct NearestPlan {
+  std::optional<std::size_t> index;  // the last one of those that are equally near; absent: none is near
+  /// Those that are as near as that one, itself among them.
+  std::vector<std::size_t> equally_near;
+};
+/// Of the times that are not further from `at` than `window`.
+NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
+                    std::chrono::nanoseconds window);
 
 }  // namespace kiroku::recorder

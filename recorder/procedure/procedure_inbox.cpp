@@ -139,6 +139,11 @@ std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, Utc
   return state_->book.find(rule, at);
 }
 
+bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.is_doubtful(rule, at);
+}
+
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   return state_->book.list(rule, at);

@@ -33,6 +33,7 @@ class ProcedureInbox {
 
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
   /// As ProcedureBook::list().
+  [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] ProcedureWay way() const;
   /// The port it listens on; 0 while it does not.

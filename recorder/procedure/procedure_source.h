@@ -17,6 +17,9 @@ struct ProcedureWay {
   std::string state;  // "waits for messages at 0.0.0.0:2576; 12 taken"
 };
 
+inline constexpr const char* kTwoPatients =
+    "two patients are planned equally near to its beginning, and a person must choose";
+
 class ProcedureSource {
  public:
   virtual ~ProcedureSource() = default;
@@ -27,6 +30,8 @@ class ProcedureSource {
   /// what has none first; at most kMostListed. Returns at once.
   [[nodiscard]] virtual std::vector<ProcedureData> list(UtcTime at) const = 0;
   static constexpr std::size_t kMostListed = 500;
+  /// Whether find() gives nothing because two patients are planned equally near to `at`. Returns at once.
+  [[nodiscard]] virtual bool is_doubtful(UtcTime /*at*/) const { return false; }
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

@@ -22,7 +22,8 @@ class RoomProcedure : public ProcedureSource {
     std::optional<ProcedureData> found = inbox_ ? inbox_->find(rule_, at) : std::nullopt;
     std::optional<ProcedureData> listed = worklist_ ? worklist_->find(at) : std::nullopt;
     if (!found) return listed;
-    if (listed && listed->patient_id == found->patient_id) complete(*found, *listed);
+    const bool completes = listed && !found->patient_id.empty() && may_be_same_patient(*listed, *found);
+    if (completes) complete(*found, *listed);
     return found;
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const override {
@@ -30,6 +31,9 @@ class RoomProcedure : public ProcedureSource {
     if (worklist_) add_unknown(all, worklist_->list(at));
     order_by_plan(all, kMostListed);
     return all;
+  }
+  [[nodiscard]] bool is_doubtful(UtcTime at) const override {
+    return (inbox_ && inbox_->is_doubtful(rule_, at)) || (worklist_ && worklist_->is_doubtful(at));
   }
   void hurry() override {
     if (worklist_) worklist_->hurry();

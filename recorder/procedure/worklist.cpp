@@ -12,26 +12,57 @@ namespace {
 constexpr std::chrono::seconds kLeastInterval{5};
 constexpr std::chrono::minutes kLongestInterval{5};
 
-}  // namespace
-
-std::string left_out_of(const std::vector<WorklistItem>& items) {
-  const auto count = std::ranges::count(items, true, &WorklistItem::is_left_out);
-  if (count == 0) return "";
-  return std::to_string(count) + (count == 1 ? " step says" : " steps say") +
-         " more of a patient and a procedure than is kept, and cannot be chosen";
+NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
+  std::vector<std::optional<UtcTime>> times;
+  times.reserve(answer.items.size());
+  for (const WorklistItem& item : answer.items) times.push_back(item.planned);
+  return nearest(times, at, window);
 }
 
-std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
+/// Whether nobody can tell whose the nearest step is.
+bool is_anybodys(const WorklistAnswer& answer, const NearestPlan& plan) {
+  const WorklistItem& chosen = answer.items[*plan.index];
+  return std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
+    return answer.items[each].is_left_out || !may_be_same_patient(answer.items[each].data, chosen.data);
+  });
+}
+
+}  // namespace
+
+std::string left_out_of(const WorklistAnswer& answer) {
+  std::string text;
+  const auto add = [&text](const std::string& sentence) { text += (text.empty() ? "" : "; ") + sentence; };
+  if (const auto count = std::ranges::count(answer.items, true, &WorklistItem::is_left_out); count > 0) {
+    add(std::to_string(count) + (count == 1 ? " step says" : " steps say") +
+        " more of a patient and a procedure than is kept, and cannot be chosen");
+  }
+  if (answer.not_asked_for > 0) {
+    add(std::to_string(answer.not_asked_for) +
+        (answer.not_asked_for == 1 ? " step of another station or modality was"
+                                   : " steps of other stations or modalities were") +
+        " listed, too, and cannot be chosen");
+  }
+  if (answer.is_cut) {
+    add("it lists more than " + std::to_string(kMostWorklistItems) +
+        " steps: a person must choose, as the nearest one may be among those that were not read");
+  }
+  return text;
+}
+
+std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime asked, UtcTime at,
                                           std::chrono::nanoseconds window) {
-  std::vector<std::optional<UtcTime>> times;
-  times.reserve(items.size());
-  for (const WorklistItem& item : items) times.push_back(item.planned);
-  const auto chosen = nearest(times, at, window);
-  if (!chosen || items[*chosen].is_left_out) return {};
-  ProcedureData data = items[*chosen].data;
+  const std::vector<WorklistItem>& items = answer.items;
+  const NearestPlan plan = nearest_plan(answer, at, window);
+  if (!plan.index || answer.is_cut || is_anybodys(answer, plan)) return {};
+  ProcedureData data = items[*plan.index].data;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
                 " that it listed at " + format_utc(asked);
   return data;
+}
+
+bool is_doubtful(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
+  const NearestPlan plan = nearest_plan(answer, at, window);
+  return plan.equally_near.size() > 1 && is_anybodys(answer, plan);
 }
 
 struct Worklist::State {
@@ -78,7 +109,9 @@ struct Worklist::State {
     try {
       return ask_worklist(options, now, &cancelled);
     } catch (const std::exception& error) {
-      return {{}, std::string("the worklist cannot be asked: ") + error.what()};
+      WorklistAnswer none;
+      none.problem = std::string("the worklist cannot be asked: ") + error.what();
+      return none;
     }
   }
 
@@ -99,10 +132,10 @@ struct Worklist::State {
       return before.empty() ? answer.problem + "; it is asked again" : "";
     }
     failures = 0;
-    const std::string left_out_before = left_out_of(items);
-    items = std::move(answer.items);
+    const std::string left_out_before = left_out_of(newest);
+    newest = std::move(answer);
     answered = now;
-    const std::string left_out = left_out_of(items), who = "the worklist of " + options.called_ae;
+    const std::string left_out = left_out_of(newest), who = "the worklist of " + options.called_ae;
     if (!left_out.empty() && left_out != left_out_before) return who + ": " + left_out;
     return before.empty() ? "" : who + " answers again";
   }
@@ -115,7 +148,7 @@ struct Worklist::State {
   std::condition_variable changed;
   bool ending = false, hurried = false;
   unsigned failures = 0;
-  std::vector<WorklistItem> items;
+  WorklistAnswer newest;  // that was no failure
   std::optional<UtcTime> answered;
   std::string problem;
   std::thread thread;
@@ -130,7 +163,12 @@ std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
   if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return {};
-  return nearest_step(state_->items, *state_->answered, at, window);
+  return nearest_step(state_->newest, *state_->answered, at, window);
+}
+
+bool Worklist::is_doubtful(UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return recorder::is_doubtful(state_->newest, at, state_->options.window);
 }
 
 std::vector<ProcedureData> Worklist::list(UtcTime at) const {
@@ -138,7 +176,7 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
   const auto window = state_->options.window;
   std::vector<ProcedureData> all;
   if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return all;
-  for (const WorklistItem& item : state_->items) {
+  for (const WorklistItem& item : state_->newest.items) {
     if (item.is_left_out) continue;
     if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
     all.push_back(item.data);
@@ -160,10 +198,10 @@ ProcedureWay Worklist::way() const {
   const std::string name = "worklist";
   if (!state_->problem.empty()) return {name, false, state_->problem};
   if (!state_->answered) return {name, true, "is being asked for the first time"};
-  const std::string left_out = left_out_of(state_->items);
+  const std::string left_out = left_out_of(state_->newest);
   return {name, true,
-          state_->options.called_ae + " listed " + std::to_string(state_->items.size()) + " steps at " +
-              format_utc(*state_->answered) + (left_out.empty() ? "" : "; " + left_out)};
+          state_->options.called_ae + " listed " + std::to_string(state_->newest.items.size()) +
+              " steps at " + format_utc(*state_->answered) + (left_out.empty() ? "" : "; " + left_out)};
 }
 
 }  // namespace kiroku::recorder

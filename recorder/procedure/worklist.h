@@ -38,12 +38,17 @@ struct WorklistItem {
   bool is_left_out = false;
 };
 
+inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
+
 struct WorklistAnswer {
   std::vector<WorklistItem> items;
+  /// Listed although other stations or another modality were stated than were asked for, or none: not among
+  /// the items. Not every worklist compares what it is asked for.
+  std::size_t not_asked_for = 0;
+  /// There were more than kMostWorklistItems: the rest was not read.
+  bool is_cut = false;
   std::string problem;  // one sentence, without anything of a patient; "": asked and answered
 };
-
-inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
 
 /// Asks for the steps of the days within the window around `now`, in a box (worklist_box.h): where there is
 /// none, it cannot be asked. Blocks for a few timeouts at most, a minute where they are short, and no longer
@@ -51,13 +56,16 @@ inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
 WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now,
                             const std::atomic<bool>* cancelled = nullptr);
 
-/// What a person should know of those that were left out, without anything of a patient; "" where none was.
-std::string left_out_of(const std::vector<WorklistItem>& items);
+/// What a person should know of steps that were left out, without anything of a patient; "" where none was.
+std::string left_out_of(const WorklistAnswer& answer);
 
-/// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window;
-/// nothing if none is, or where that one is left out.
-std::optional<ProcedureData> nearest_step(const std::vector<WorklistItem>& items, UtcTime asked, UtcTime at,
+/// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window.
+/// Nothing if none is, where that one is left out, where steps of two patients are equally near, and of an
+/// answer that was cut: nobody can tell then whose it is.
+std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime asked, UtcTime at,
                                           std::chrono::nanoseconds window);
+/// Whether it is nothing because steps of two patients are equally near.
+bool is_doubtful(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window);
 
 /// Asks again and again, from a thread of its own; after failures at longer intervals, up to five minutes.
 /// Every function may be called from any thread.
@@ -74,6 +82,8 @@ class Worklist {
   /// Of the last answer, which is kept while it is not older than the window, the step planned nearest to
   /// `at`.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
+  /// Whether find() gives nothing because steps of two patients are equally near.
+  [[nodiscard]] bool is_doubtful(UtcTime at) const;
   /// All steps of that answer planned within the window around `at`.
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const;
   /// Asks now, unless it did so within the last seconds.

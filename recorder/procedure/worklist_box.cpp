@@ -30,7 +30,7 @@ using std::chrono::steady_clock;
 enum class ToBox : std::uint32_t { kAsk = 1 };
 enum class FromBox : std::uint32_t {
   kClosed = 1,  // the box is: the question begins
-  kAnswered,    // JSON: "items", "problem"
+  kAnswered,    // JSON: "items", "not_asked_for", "is_cut", "problem"
 };
 
 constexpr std::size_t kSharedBytes = 4096;
@@ -52,6 +52,12 @@ constexpr unsigned kProcessorSeconds = 60;
 constexpr rlim_t kMostMemory = rlim_t{1} << 30;
 
 constexpr const char* kNoAnswer = "did not answer: the program that reads its answers says what is none";
+
+WorklistAnswer failure(const std::string& problem) {
+  WorklistAnswer answer;
+  answer.problem = problem;
+  return answer;
+}
 
 std::string name_of(const WorklistOptions& options) {
   return "the worklist " + options.called_ae + " at " + options.host + ":" + std::to_string(options.port);
@@ -143,10 +149,13 @@ WorklistAnswer answer_from(ByteView body, const WorklistOptions& options) {
     const json& items = answered.at("items");
     if (items.size() > kMostWorklistItems) throw Error("too many");
     for (const json& item : items) answer.items.push_back(item_from(item));
+    answer.not_asked_for =
+        std::min<std::uint64_t>(answered.at("not_asked_for").get<std::uint64_t>(), kMostWorklistItems);
+    answer.is_cut = answered.at("is_cut").get<bool>();
   } catch (const std::exception&) {
-    return {{}, name_of(options) + " " + kNoAnswer};
+    return failure(name_of(options) + " " + kNoAnswer);
   }
-  if (!answer.problem.empty()) return {{}, name_of(options) + " " + answer.problem};
+  if (!answer.problem.empty()) return failure(name_of(options) + " " + answer.problem);
   return answer;
 }
 
@@ -155,7 +164,7 @@ WorklistAnswer answer_from(ByteView body, const WorklistOptions& options) {
 // --- outside -----------------------------------------------------------------------------------------------
 
 WorklistAnswer ask_worklist(const WorklistOptions& options, UtcTime now, const std::atomic<bool>* cancelled) {
-  const auto fail = [&](const std::string& why) { return WorklistAnswer{{}, name_of(options) + " " + why}; };
+  const auto fail = [&](const std::string& why) { return failure(name_of(options) + " " + why); };
   const char* const zone = std::getenv("TZ");
   const json asked{{"host", options.host},
                    {"port", options.port},
@@ -234,12 +243,12 @@ WorklistAnswer answer_in_box(const json& asked, media::Channel& channel) {
   options.timeout = std::chrono::seconds(asked.at("timeout_s").get<std::int64_t>());
   options.window = std::chrono::nanoseconds(asked.at("window_ns").get<std::int64_t>());
   ::setenv("TZ", asked.at("zone").get<std::string>().c_str(), 1);
-  if (const std::string why = prepare_worklist_query(); !why.empty()) return {{}, why};
+  if (const std::string why = prepare_worklist_query(); !why.empty()) return failure(why);
   const std::vector<std::string> addresses = addresses_of(asked.at("host"));
-  if (addresses.empty()) return {{}, "cannot be asked: nobody knows its name"};
+  if (addresses.empty()) return failure("cannot be asked: nobody knows its name");
   // What answered for the name (nscd, sssd) is not to be spoken to from the box.
   if (::close_range(media::kMemoryDescriptor + 1, ~0U, 0) != 0)
-    return {{}, "cannot be asked: descriptors stay open in its box"};
+    return failure("cannot be asked: descriptors stay open in its box");
   media::close_box(media::BoxNeeds::kNetwork);
   channel.send(static_cast<std::uint32_t>(FromBox::kClosed), "");
   WorklistAnswer answer;
@@ -269,7 +278,7 @@ void run_worklist_box() {
     } catch (const media::ChannelError&) {
       throw;
     } catch (const std::exception& error) {
-      answer = {{}, std::string("cannot be asked: ") + error.what()};
+      answer = failure(std::string("cannot be asked: ") + error.what());
     }
     json items = json::array();
     for (const WorklistItem& item : answer.items) {
@@ -278,7 +287,10 @@ void run_worklist_box() {
       if (text_of_json(one).size() > kLongestItem) one = {{"at", one["at"]}};
       items.push_back(std::move(one));
     }
-    const std::string said = text_of_json({{"items", std::move(items)}, {"problem", answer.problem}});
+    const std::string said = text_of_json({{"items", std::move(items)},
+                                           {"not_asked_for", answer.not_asked_for},
+                                           {"is_cut", answer.is_cut},
+                                           {"problem", answer.problem}});
     channel.send(static_cast<std::uint32_t>(FromBox::kAnswered), bytes_of(said));
   } catch (const std::exception&) {  // the other end is gone, or will see that this one is
     ::_exit(1);

@@ -194,6 +194,26 @@ std::vector<std::string> character_sets(DcmDataset& answer) {
   return sets;
 }
 
+/// Whether the step is of the station and the modality that were asked for. Both must be returned (PS3.4
+/// table K.6-1, type 1): a step that does not say is nobody's.
+bool is_asked_for(DcmDataset& answer, const WorklistOptions& options) {
+  DcmItem* const step = first_item(&answer, DCM_ScheduledProcedureStepSequence);
+  const auto names = [step](const DcmTagKey& key, const std::string& wanted) {
+    if (wanted.empty()) return true;
+    std::string rest = text(step, key);
+    while (!rest.empty()) {
+      const std::size_t end = std::min(rest.find('\\'), rest.size());
+      std::string one = rest.substr(0, end);
+      one.erase(0, one.find_first_not_of(' '));
+      one.erase(one.find_last_not_of(' ') + 1);
+      if (one == wanted) return true;
+      rest.erase(0, end + 1);
+    }
+    return false;
+  };
+  return names(DCM_ScheduledStationAETitle, options.station_ae) && names(DCM_Modality, options.modality);
+}
+
 WorklistItem read_item(DcmDataset& answer) {
   // DCMTK converts what it can; it cannot switch between sets (ISO 2022, Japanese) with glibc's iconv.
   std::vector<std::string> sets = character_sets(answer);
@@ -246,7 +266,7 @@ std::string prepare_worklist_query() {
 WorklistAnswer query_worklist(const WorklistOptions& options, UtcTime now) {
   WorklistAnswer answer;
   const auto fail = [&](const std::string& what, const OFCondition& why) {
-    answer.items.clear();
+    answer = {};
     answer.problem = what + (why.bad() ? std::string(": ") + why.text() : "");
     return answer;
   };
@@ -280,10 +300,15 @@ WorklistAnswer query_worklist(const WorklistOptions& options, UtcTime now) {
   for (QRResponse* response : responses) {
     status = response->m_status;
     if (result.good() && response->m_dataset != nullptr && answer.items.size() < kMostWorklistItems) {
-      answer.items.push_back(read_item(*response->m_dataset));
+      if (is_asked_for(*response->m_dataset, options)) {
+        answer.items.push_back(read_item(*response->m_dataset));
+      } else {
+        ++answer.not_asked_for;
+      }
     }
     delete response;
   }
+  answer.is_cut = query.cut();
   if (result.good() && !query.cut()) {
     query.releaseAssociation();
   } else {

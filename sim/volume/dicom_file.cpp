@@ -13,6 +13,7 @@
 #include "dcmtk/dcmjpeg/djdecode.h"
 #include "dcmtk/dcmjpls/djdecode.h"
 #include "dcmtk/oflog/oflog.h"
+#include "sim/volume/dicom_bounds.h"
 #include "sim/volume/jpeg2000.h"
 
 namespace kiroku::sim {
@@ -72,6 +73,7 @@ std::string no_dicom_file(const std::filesystem::path& file) {
 
 void load_dicom(DcmFileFormat& dicom, const std::filesystem::path& file) {
   prepare_dcmtk();
+  require_bounded_dicom(file);
   const OFCondition loaded = dicom.loadFile(file.c_str(), EXS_Unknown, EGL_noChange, 4096);
   if (loaded.bad()) {
     throw Error("cannot read " + file.string() + ": it is damaged or cut off (" + loaded.text() + ")");

@@ -20,7 +20,8 @@ bool begins_as_dicom(const std::filesystem::path& file);
 /// The sentence for one that does not.
 std::string no_dicom_file(const std::filesystem::path& file);
 
-/// Large elements stay in the file until they are asked for. kiroku::Error where it is damaged or cut off.
+/// Large elements stay in the file until they are asked for. kiroku::Error where it is damaged or cut off, or
+/// takes more than a picture may (dicom_bounds.h).
 void load_dicom(DcmFileFormat& dicom, const std::filesystem::path& file);
 
 /// Values of a header, and the names of those that are not there.

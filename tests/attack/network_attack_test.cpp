@@ -29,6 +29,7 @@
 #include "tests/support/mllp_client.h"
 #include "tests/support/reserved_port.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/worklist_server.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -392,13 +393,21 @@ TEST(MonitorAttack, ATableHoldsNoFormula) {
 
 // --- the worklist ------------------------------------------------------------------------------------------
 
-/// A worklist that accepts an association, waits for the question, and then sends what no worklist does. Who
-/// is between the recorder and a worklist can do the same: DICOM goes in the clear.
+/// A worklist that accepts an association, waits for the question, and then sends what no worklist does, or
+/// steps that nobody asked for. Who is between the recorder and a worklist can do the same: DICOM goes in the
+/// clear.
 class HostileWorklist {
  public:
-  enum class Answer { kNested, kEndless, kSilence };
-  explicit HostileWorklist(Answer answer)
-      : answer_(answer), acceptor_(context_, {boost::asio::ip::make_address("127.0.0.1"), 0}) {
+  enum class Answer { kNested, kEndless, kSilence, kSteps };
+  /// One of `steps`, as it is sent: what stands in the item of the Scheduled Procedure Step Sequence, and the
+  /// patient's number.
+  struct Step {
+    std::string patient, station, modality;
+  };
+  explicit HostileWorklist(Answer answer, std::vector<Step> steps = {})
+      : answer_(answer),
+        steps_(std::move(steps)),
+        acceptor_(context_, {boost::asio::ip::make_address("127.0.0.1"), 0}) {
     thread_ = std::thread([this] {
       boost::system::error_code failed;
       acceptor_.accept(peer_, failed);
@@ -459,6 +468,25 @@ class HostileWorklist {
     boost::asio::read(peer_, boost::asio::buffer(body), failed);
     return failed ? "" : head[0] + body;
   }
+  /// A C-FIND response: pending, with a dataset behind it, or the last one.
+  static std::string command(bool is_pending) {
+    const std::string fields = element(0x2, std::string("1.2.840.10008.5.1.4.31") + std::string(2, 0)) +
+                               element(0x100, number(0x8020, 2, false)) +
+                               element(0x120, number(1, 2, false)) +
+                               element(0x800, number(is_pending ? 1 : 0x101, 2, false)) +
+                               element(0x900, number(is_pending ? 0xFF00 : 0, 2, false));
+    return element(0, number(fields.size(), 4, false)) + fields;
+  }
+  static std::string dataset(const Step& step) {
+    const auto even = [](std::string text) { return text.size() % 2 == 0 ? text : text + " "; };
+    std::string item = step.modality.empty() ? "" : element(0x00080060, even(step.modality));
+    if (!step.station.empty()) item += element(0x00400001, even(step.station));
+    item += element(0x00400002, test::compact_local_time("%Y%m%d")) +
+            element(0x00400003, even(test::compact_local_time("%H%M")));
+    return element(0x00100010, even(step.patient + "^Given")) + element(0x00100020, even(step.patient)) +
+           element(0x00400100, number(0xFFFE, 2, false) + number(0xE000, 2, false) +
+                                   number(item.size(), 4, false) + item);
+  }
   void serve() {
     const std::string asked = receive();
     constexpr std::size_t kTitles = 5, kItems = 69;
@@ -478,11 +506,17 @@ class HostileWorklist {
       if (said.size() < 7) return;
       if (said[0] == 4 && said[6] == 2) break;  // the end of the question
     }
-    std::string command = element(0x2, std::string("1.2.840.10008.5.1.4.31") + std::string(2, 0)) +
-                          element(0x100, number(0x8020, 2, false)) + element(0x120, number(1, 2, false)) +
-                          element(0x800, number(1, 2, false)) + element(0x900, number(0xFF00, 2, false));
-    command = element(0, number(command.size(), 4, false)) + command;
-    if (answer_ == Answer::kSilence || !send(data(3, command))) {
+    if (answer_ == Answer::kSteps) {
+      for (const Step& step : steps_) {
+        if (!send(data(3, command(true))) || !send(data(2, dataset(step)))) return;
+      }
+      send(data(3, command(false)));
+      receive();  // the release, and its answer
+      send(pdu(6, number(0, 4, true)));
+      receive();
+      return;
+    }
+    if (answer_ == Answer::kSilence || !send(data(3, command(true)))) {
       receive();
       return;
     }
@@ -507,6 +541,7 @@ class HostileWorklist {
   }
 
   const Answer answer_;
+  const std::vector<Step> steps_;
   boost::asio::io_context context_;
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::ip::tcp::socket peer_{context_};
@@ -532,6 +567,43 @@ TEST(WorklistAttack, AnAnswerWithoutEndTakesNoMemoryOfTheRecorder) {
   EXPECT_THAT(answer.problem, HasSubstr("did not answer to the end"));
   constexpr long kKilobytes = 200L << 10U;
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, kKilobytes);
+}
+
+// Some worklists compare nothing with what they are asked for, and list the whole hospital's day.
+TEST(WorklistAttack, AnotherStationsPatientIsNotTaken) {
+  using Steps = std::vector<HostileWorklist::Step>;
+  const HostileWorklist worklist(
+      HostileWorklist::Answer::kSteps,
+      Steps{{"OTHER", "CT1", "ES"}, {"OURS", "ENDO1", "ES"}, {"XRAY", "ENDO1", "CR"}, {"NONE", "", ""}});
+  WorklistOptions options = worklist.options();
+  options.station_ae = "ENDO1";
+  options.modality = "ES";
+  const WorklistAnswer answer = ask_worklist(options, utc_now());
+  ASSERT_THAT(answer.items, SizeIs(1)) << answer.problem;
+  EXPECT_EQ(answer.items[0].data.patient_id, "OURS");
+  EXPECT_EQ(left_out_of(answer),
+            "3 steps of other stations or modalities were listed, too, and cannot be chosen");
+}
+
+// A day's steps often have one time.
+TEST(WorklistAttack, OfTwoPatientsWhoArePlannedForOneTimeNeitherIsTaken) {
+  const HostileWorklist worklist(HostileWorklist::Answer::kSteps,
+                                 {{"FIRST", "ENDO1", "ES"}, {"SECOND", "ENDO1", "ES"}});
+  const UtcTime now = utc_now();
+  const WorklistAnswer answer = ask_worklist(worklist.options(), now);
+  ASSERT_THAT(answer.items, SizeIs(2)) << answer.problem;
+  EXPECT_EQ(nearest_step(answer, now, now, 12h), std::nullopt);
+  EXPECT_TRUE(is_doubtful(answer, now, 12h));
+}
+
+TEST(WorklistAttack, OfMoreStepsThanAreReadNoneIsTakenByItself) {
+  std::vector<HostileWorklist::Step> steps(kMostWorklistItems + 1, {"FLOOD", "ENDO1", "ES"});
+  const HostileWorklist worklist(HostileWorklist::Answer::kSteps, std::move(steps));
+  const UtcTime now = utc_now();
+  const WorklistAnswer answer = ask_worklist(worklist.options(), now);
+  ASSERT_THAT(answer.items, SizeIs(kMostWorklistItems)) << answer.problem;
+  EXPECT_EQ(nearest_step(answer, now, now, 12h), std::nullopt);
+  EXPECT_THAT(left_out_of(answer), HasSubstr("it lists more than 500 steps"));
 }
 
 TEST(WorklistAttack, AWorklistThatSaysNothingKeepsNoRecorderFromEnding) {

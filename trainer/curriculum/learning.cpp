@@ -168,6 +168,16 @@ std::optional<double> value_of(Measure measure, const ExclusionScore& score) {
   return 1e6 * score.damaged_m3;
 }
 
+std::size_t tests_without_result_before(const std::vector<ExclusionRecord>& records,
+                                        const ExclusionRecord& record) {
+  const auto count = std::ranges::count_if(records, [&](const ExclusionRecord& other) {
+    return other.trainee == record.trainee && other.object == record.object &&
+           other.session == record.session && other.test && !is_result(other.ending) &&
+           (record.number == 0 || other.number < record.number);
+  });
+  return static_cast<std::size_t>(count);
+}
+
 TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const std::string& trainee,
                             const std::string& object) {
   TraineeProgress progress;

@@ -63,6 +63,11 @@ struct TraineeProgress {
 /// Why the curriculum does not allow a test, or more practice, as the end of a sentence about the trainee;
 /// empty where it does. `practice_s` of a session; 0: as much as one likes, or none.
 std::string not_allowed(const TraineeProgress& progress, bool test, double practice_s);
+/// How many tests of the record's session on its object the trainee began before it that are no results, as
+/// they were given up or broken off: whoever judges the one that counts should know. Of a record that is kept
+/// nowhere yet, all of them.
+std::size_t tests_without_result_before(const std::vector<ExclusionRecord>& records,
+                                        const ExclusionRecord& record);
 TraineeProgress progress_of(const std::vector<ExclusionRecord>& records, const std::string& trainee,
                             const std::string& object);
 

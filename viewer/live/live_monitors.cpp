@@ -66,7 +66,10 @@ void LiveMonitors::take(Stream& stream, const media::VitalSample& sample) {
     return each.code == sample.code && each.source == sample.source && each.is_wave == sample.is_waveform();
   });
   if (series == stream.series.end()) {
-    if (stream.series.size() == kMostSeries) return;
+    // What was said longest ago makes room: names that come once must not hide the heart rate.
+    if (stream.series.size() == kMostSeries) {
+      stream.series.erase(std::ranges::min_element(stream.series, {}, &viewer::LiveVitalSeries::time_ns));
+    }
     stream.series.push_back(
         {stream.name, sample.source, sample.code, sample.unit, sample.is_waveform(), 0, {}, {}});
     series = std::prev(stream.series.end());
@@ -95,7 +98,12 @@ void LiveMonitors::take(Stream& stream, const media::DeviceAlarm& alarm) {
     stream.alarm_keys.erase(found);
   } else if (found != stream.alarm_keys.end()) {
     stream.alarms[static_cast<std::size_t>(place)].priority = alarm.priority;
-  } else if (stream.alarms.size() < kMostAlarms) {
+  } else {
+    // The oldest makes room. A device whose texts change never ends those it began.
+    if (stream.alarms.size() == kMostAlarms) {
+      stream.alarms.erase(stream.alarms.begin());
+      stream.alarm_keys.erase(stream.alarm_keys.begin());
+    }
     stream.alarms.push_back({stream.name, alarm.source, alarm.text, alarm.priority, alarm.time_ns});
     stream.alarm_keys.push_back(key);
   }

@@ -23,6 +23,11 @@ bool may_hold(const VideoIndex& index, std::uint64_t piece) {
   return piece <= kLastPiece && index.may_hold(begin_of(piece), begin_of(piece) + kPieceTicks);
 }
 
+/// How everything ends that the cache holds of the case.
+std::string ending_of(const std::filesystem::path& folder) {
+  return " " + std::filesystem::weakly_canonical(folder).string();
+}
+
 }  // namespace
 
 struct CasePlayback::Stream {
@@ -61,9 +66,13 @@ CasePlayback::CasePlayback(archive::CaseReader recording, crypto::AgeIdentities 
                            std::shared_ptr<const archive::SealedSource> segments)
     : media_(std::move(recording), std::move(identities), std::move(segments)),
       cache_(std::move(cache)),
-      folder_(std::filesystem::weakly_canonical(media_.recording().folder()).string()) {}
+      ending_(ending_of(media_.recording().folder())) {}
 
 CasePlayback::~CasePlayback() = default;
+
+void CasePlayback::forget_copies(EncryptedCache& cache, const std::filesystem::path& folder) {
+  cache.forget_ending(ending_of(folder));
+}
 
 CasePlayback::Stream& CasePlayback::stream_of(const std::string& stream) {
   const std::lock_guard guard(mutex_);
@@ -164,7 +173,7 @@ std::string CasePlayback::name_of(const std::string& what, const std::string& st
                                   const std::vector<archive::SegmentEntry>& segments) const {
   crypto::Sha256 sources;
   for (const archive::SegmentEntry& segment : segments) sources.update(segment.file.sha256);
-  return what + " " + stream + " " + crypto::to_hex(sources.finish()) + " " + folder_;
+  return what + " " + stream + " " + crypto::to_hex(sources.finish()) + ending_;
 }
 
 std::string CasePlayback::name_of(const std::string& what, const VideoIndex& index, std::uint64_t number,

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -81,6 +82,9 @@ class CasePlayback {
     return pointing_of(media_, from_ns, to_ns);
   }
   [[nodiscard]] const archive::CaseReader& recording() const { return media_.recording(); }
+  /// Forgets what the cache holds of the case in `folder`, whoever put it there. An object that lives may put
+  /// more there afterwards.
+  static void forget_copies(EncryptedCache& cache, const std::filesystem::path& folder);
 
  private:
   struct Stream;
@@ -100,8 +104,8 @@ class CasePlayback {
 
   const CaseMedia media_;
   const std::shared_ptr<EncryptedCache> cache_;
-  const std::string folder_;
-  std::mutex mutex_;  // guards the two below, not what they refer to
+  const std::string ending_;  // of the names of its copies
+  std::mutex mutex_;          // guards the two below, not what they refer to
   std::map<std::string, std::unique_ptr<Stream>> streams_;
   std::map<std::string, std::unique_ptr<CaseVitals>> vitals_;
   SingleFlight<Bytes> making_;

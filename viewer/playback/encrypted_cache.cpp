@@ -115,6 +115,14 @@ void EncryptedCache::put(const std::string& name, ByteView bytes) {
   bytes_ += size;
 }
 
+void EncryptedCache::forget_ending(std::string_view end) {
+  const std::lock_guard guard(mutex_);
+  for (auto item = items_.begin(); item != items_.end();) {
+    const auto at = item++;
+    if (at->first.ends_with(end)) forget(at);
+  }
+}
+
 std::uint64_t EncryptedCache::bytes() const {
   const std::lock_guard guard(mutex_);
   return bytes_;

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "base/bytes.h"
 #include "crypto/aead.h"
@@ -31,6 +32,8 @@ class EncryptedCache {
   std::optional<Bytes> get(const std::string& name);
   /// Keeps a copy, if there is space: a cache that cannot be written to costs time, and nothing else.
   void put(const std::string& name, ByteView bytes);
+  /// Forgets everything whose name ends so, and removes its files.
+  void forget_ending(std::string_view end);
   /// On disk.
   [[nodiscard]] std::uint64_t bytes() const;
 

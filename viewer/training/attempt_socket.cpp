@@ -17,22 +17,24 @@ constexpr double kPicturesPerSecond = 30;
 
 /// Who did what, for the sealed subject of a case.
 ordered_json facts_of(const trainer::ExclusionRecord& record, const trainer::ExclusionBody& body,
-                      UtcTime began, const std::string& user) {
-  return {{"object", record.object},
-          {"hand", "page"},
-          {"simulated", false},
-          {"fingers", record.fingers},
-          {"vertices", body.object().mesh.nodes.size()},
-          {"tetrahedra", body.object().mesh.tetrahedra.size()},
-          {"stress_shown", record.stress_shown},
-          {"damage_pa", body.task().damage_pa},
-          {"friction", body.task().friction},
-          {"trainee", record.trainee},
-          {"group", record.group},
-          {"session", record.session},
-          {"test", record.test},
-          {"signed_in_as", user},
-          {"began", format_utc(began)}};
+                      UtcTime began, const std::string& user, std::size_t tests_before) {
+  ordered_json facts{{"object", record.object},
+                     {"hand", "page"},
+                     {"simulated", false},
+                     {"fingers", record.fingers},
+                     {"vertices", body.object().mesh.nodes.size()},
+                     {"tetrahedra", body.object().mesh.tetrahedra.size()},
+                     {"stress_shown", record.stress_shown},
+                     {"damage_pa", body.task().damage_pa},
+                     {"friction", body.task().friction},
+                     {"trainee", record.trainee},
+                     {"group", record.group},
+                     {"session", record.session},
+                     {"test", record.test},
+                     {"signed_in_as", user},
+                     {"began", format_utc(began)}};
+  if (record.test) facts["tests_without_result_before"] = tests_before;
+  return facts;
 }
 
 }  // namespace
@@ -72,11 +74,12 @@ void AttemptSocket::begin(const BeginMessage& message) {
   record.fingers = message.fingers;
   record.instrument = message.instrument;
   double practice_left_s = 0;
+  std::size_t tests_before = 0;
   const std::int64_t kept = room_.with_results([&](trainer::TrainingDatabase& results) {
     // Again: what was read before the place was taken may have changed.
     const trainer::Trainee trainee = require_may_train(results, message.trainee);
-    const trainer::TraineeProgress progress =
-        trainer::progress_of(results.attempts(), trainee.name, record.object);
+    const std::vector<trainer::ExclusionRecord> records = results.attempts();
+    const trainer::TraineeProgress progress = trainer::progress_of(records, trainee.name, record.object);
     const double practice_s = room_.options().practice_s;
     if (const std::string why = trainer::not_allowed(progress, message.test, practice_s); !why.empty())
       throw Refusal(409, trainee.name + " " + why);
@@ -86,6 +89,7 @@ void AttemptSocket::begin(const BeginMessage& message) {
     record.group = trainee.group;
     record.stress_shown = !message.test && trainee.group != trainer::kStressHidden;
     record.session = progress.session;
+    tests_before = trainer::tests_without_result_before(records, record);
     return results.begin_attempt(trainee, record, utc_now());
   });
   if (is_kept) files_ = room_.options().sealer->keep(kept);
@@ -104,7 +108,7 @@ void AttemptSocket::begin(const BeginMessage& message) {
   if (message.expert && expert != room_.options().experts.end()) options.ghost = expert->second;
   attempt_ = std::make_unique<trainer::LiveAttempt>(
       [this, object = message.object] { return room_.body(object); }, std::move(options), message.fingers,
-      listener(kept, record, shows_press));
+      listener(kept, record, shows_press, tests_before));
 }
 
 trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabase& results,
@@ -118,7 +122,7 @@ trainer::Trainee AttemptSocket::require_may_train(const trainer::TrainingDatabas
 }
 
 trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const trainer::ExclusionRecord& record,
-                                              bool shows_press) {
+                                              bool shows_press, std::size_t tests_before) {
   trainer::LiveListener out;
   out.began = [this, attempt, record, shows_press](const trainer::ExclusionBody& body) {
     room_.with_results([&](trainer::TrainingDatabase& results) {
@@ -147,7 +151,7 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
     if (files_) files_->see(*view.attempt, jpeg);
     if (sends) output_->send_bytes(std::make_shared<const Bytes>(moment_message(view, shows_stress, jpeg)));
   };
-  out.over = [this, attempt, record, began = utc_now()](const trainer::LiveOutcome& over) {
+  out.over = [this, attempt, record, tests_before, began = utc_now()](const trainer::LiveOutcome& over) {
     room_.with_results([&](trainer::TrainingDatabase& results) {
       results.end_attempt(attempt, over.ending, over.outcome.score);
     });
@@ -155,7 +159,7 @@ trainer::LiveListener AttemptSocket::listener(std::int64_t attempt, const traine
     told["attempt"] = attempt;
     told["can_be_sealed"] = files_ != nullptr;
     if (files_) {
-      ordered_json facts = facts_of(record, *room_.body(record.object), began, user_.name);
+      ordered_json facts = facts_of(record, *room_.body(record.object), began, user_.name, tests_before);
       facts["score"] = trainer::score_json(over.outcome.score);
       if (!record.instrument.empty())
         facts["instruments"] = {{"tip", record.instrument}, {"peak_wall_force_n", over.outcome.peak_wall_n}};

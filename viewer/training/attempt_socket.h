@@ -23,7 +23,7 @@ class AttemptSocket : public SocketHandler {
   [[nodiscard]] trainer::Trainee require_may_train(const trainer::TrainingDatabase& results,
                                                    const std::string& name) const;
   [[nodiscard]] trainer::LiveListener listener(std::int64_t attempt, const trainer::ExclusionRecord& record,
-                                               bool shows_press);
+                                               bool shows_press, std::size_t tests_before);
 
   TrainingRoom& room_;
   TrainingUser user_;

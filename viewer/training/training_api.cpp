@@ -129,6 +129,8 @@ Response results_of(TrainingRoom& room, const Request& request) {
         {{"attempt", record.number},
          {"session", record.session},
          {"test", record.test},
+         {"tests_without_result_before",
+          record.test ? trainer::tests_without_result_before(records, record) : 0},
          {"stress_shown", record.stress_shown},
          {"fingers", record.fingers},
          {"instrument", record.instrument},

@@ -21,13 +21,14 @@ class KnownProcedure : public ProcedureSource {
     return known;
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
+  [[nodiscard]] bool is_doubtful(UtcTime) const override { return doubtful; }
   void hurry() override { ++hurried; }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "the server does not answer"}};
   }
 
   std::optional<ProcedureData> known;
-  bool fails = false;
+  bool fails = false, doubtful = false;
   mutable int asked = 0;
   int hurried = 0;
 };
@@ -81,6 +82,14 @@ TEST_F(CaseSubjectTest, LooksEachSecondUntilSomethingIsKnownAndTellsItOnce) {
   EXPECT_EQ(source->asked, 2);
   EXPECT_EQ(subject.late(Clock::Time(11s)), subject_json(somebody()));
   EXPECT_EQ(subject.late(Clock::Time(12s)), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
+  source->doubtful = true;
+  subject.at_beginning({}, {}, false);
+  EXPECT_EQ(subject.why_missing(),
+            "the case begins without procedure data; two patients are planned equally near to its beginning, "
+            "and a person must choose; worklist: the server does not answer");
 }
 
 TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {

@@ -140,6 +140,38 @@ TEST(ProcedureBook, TheNearestAppointmentIsTakenAndSaysOfHowMany) {
   EXPECT_EQ(book.size(), 2U);
 }
 
+TEST(ProcedureBook, OfTwoPatientsWhoAreEquallyNearNeitherIsTaken) {
+  ProcedureBook book;
+  book.take(planned("1", "A", kMorning), kMorning - 1h);
+  book.take(planned("2", "B", kMorning), kMorning - 1h);
+  const ProcedureRule rule{{"OR1"}, 12h};
+  EXPECT_EQ(found(book, kMorning + 10min), "nobody");
+  EXPECT_TRUE(book.is_doubtful(rule, kMorning));
+  EXPECT_EQ(book.list(rule, kMorning).size(), 2U) << "a person chooses";
+  book.take(placed("2", {"OR1"}), kMorning);
+  EXPECT_EQ(found(book, kMorning + 10min), "2 B") << "somebody placed one of them in the room";
+  EXPECT_FALSE(book.is_doubtful(rule, kMorning));
+}
+
+TEST(ProcedureList, OnePatientIsTheSameNumberOfOneIssuer) {
+  const auto patient = [](const std::string& number, const std::string& issuer, const std::string& born) {
+    ProcedureData data;
+    data.patient_id = number;
+    data.patient_id_issuer = issuer;
+    data.birth_date = born;
+    return data;
+  };
+  const ProcedureData one = patient("4711", "HOSPITAL", "1980-01-15");
+  EXPECT_TRUE(may_be_same_patient(one, patient("4711", "", "")));
+  EXPECT_TRUE(may_be_same_patient(one, patient("4711", "HOSPITAL", "1980")));
+  EXPECT_FALSE(may_be_same_patient(one, patient("4711", "CLINIC", "1980-01-15")));
+  EXPECT_FALSE(may_be_same_patient(one, patient("4711", "", "1952-03-02")));
+  EXPECT_FALSE(may_be_same_patient(one, patient("4712", "HOSPITAL", "1980-01-15")));
+  std::vector<ProcedureData> list{one};
+  add_unknown(list, {patient("4711", "CLINIC", "")});
+  EXPECT_EQ(list.size(), 2U) << "both can be chosen";
+}
+
 TEST(ProcedureBook, AnAppointmentCompletesThePatientInTheRoom) {
   ProcedureBook book;
   book.take(planned("1", "first", kMorning), kMorning - 10h);

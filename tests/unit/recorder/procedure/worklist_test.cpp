@@ -117,13 +117,13 @@ TEST_F(WorklistTest, AStepThatSaysMoreThanIsKeptCostsItselfAlone) {
   EXPECT_EQ(answer.problem, "");
   ASSERT_THAT(answer.items, SizeIs(3));
   const auto nearest_to = [&](UtcTime at) {
-    const auto step = nearest_step(answer.items, now, at, 12h);
+    const auto step = nearest_step(answer, now, at, 12h);
     return step ? step->patient_id : "none";
   };
   EXPECT_EQ(nearest_to(now), "1");
   EXPECT_EQ(nearest_to(now + 2h), "none");
   EXPECT_EQ(nearest_to(now + 6h), "3");
-  EXPECT_EQ(left_out_of(answer.items),
+  EXPECT_EQ(left_out_of(answer),
             "1 step says more of a patient and a procedure than is kept, and cannot be chosen");
 
   std::mutex mutex;
@@ -152,8 +152,8 @@ TEST_F(WorklistTest, ManyLongStepsTakeNoOtherAway) {
   const WorklistAnswer answer = ask_worklist(options(), now);
   EXPECT_EQ(answer.problem, "");
   EXPECT_THAT(answer.items, SizeIs(kLong + 1));
-  EXPECT_THAT(left_out_of(answer.items), HasSubstr("75 steps say"));
-  EXPECT_TRUE(nearest_step(answer.items, now, now, 12h).has_value());
+  EXPECT_THAT(left_out_of(answer), HasSubstr("75 steps say"));
+  EXPECT_TRUE(nearest_step(answer, now, now, 12h).has_value());
 }
 
 // Who answers for a name is foreign, too.

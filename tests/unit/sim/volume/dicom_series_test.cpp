@@ -1,6 +1,8 @@
 #include "sim/volume/dicom_series.h"
 
+#include <fstream>
 #include <numbers>
+#include <zlib.h>
 
 #include <Eigen/Geometry>
 #include <gmock/gmock.h>
@@ -323,6 +325,81 @@ TEST_F(DicomSeriesTest, LinksThatLeadNowhereAreToldByTheirName) {
   write_stack({0, 1});
   EXPECT_THAT(read_volume(folder(), {}).findings,
               testing::Contains(HasSubstr("2 links of the folder lead nowhere; what")));
+}
+
+std::string little(std::uint32_t value) {
+  std::string bytes;
+  for (unsigned shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(value >> shift);
+  return bytes;
+}
+/// The head of an element in explicit VR little endian.
+std::string element(const std::string& tag, const std::string& vr, std::uint32_t length) {
+  const bool is_long = vr == "SQ";
+  return tag + vr + (is_long ? std::string(2, 0) + little(length) : little(length).substr(0, 2));
+}
+const std::string kPrivate("\xE1\x7F\x10\x10", 4), kItem("\xFE\xFF\x00\xE0", 4);
+const std::string kOpen(4, '\xFF');
+const std::string kItemEnd("\xFE\xFF\x0D\xE0\0\0\0\0", 8), kSequenceEnd("\xFE\xFF\xDD\xE0\0\0\0\0", 8);
+
+// DCMTK reads them by recursion: such a file ended the program, and with it the planning of everybody.
+TEST_F(DicomSeriesTest, SequencesWithoutBottomAreRefused) {
+  constexpr int kDeep = 100'000;
+  write_stack({0, 2.5});
+  std::ofstream file(folder() / "slice90.dcm", std::ios::binary | std::ios::app);
+  for (int level = 0; level < kDeep; ++level) file << element(kPrivate, "SQ", 0xFFFFFFFF) << kItem << kOpen;
+  file.close();
+  EXPECT_THAT(refusal(), HasSubstr("lie more than 64 deep within each other"));
+}
+
+// Their lengths may be stated, too.
+TEST_F(DicomSeriesTest, SequencesOfStatedLengthsWithoutBottomAreRefused) {
+  constexpr std::uint32_t kDeep = 60'000, kHead = 12, kItemHead = 8;
+  write_stack({0, 2.5});
+  std::ofstream file(folder() / "slice90.dcm", std::ios::binary | std::ios::app);
+  for (std::uint32_t left = kDeep; left > 0; --left) {
+    const std::uint32_t within = (left - 1) * (kHead + kItemHead);
+    file << element(kPrivate, "SQ", within + kItemHead) << kItem << little(within);
+  }
+  file.close();
+  EXPECT_THAT(refusal(), HasSubstr("lie more than 64 deep within each other"));
+}
+
+// Contours of radiotherapy are thousands of items beside each other.
+TEST_F(DicomSeriesTest, ManyItemsBesideEachOtherAreRead) {
+  write_stack({0, 2.5});
+  std::ofstream file(folder() / "slice90.dcm", std::ios::binary | std::ios::app);
+  file << element(kPrivate, "SQ", 0xFFFFFFFF);
+  for (int item = 0; item < 5'000; ++item) {
+    file << kItem << kOpen << element(kPrivate, "SQ", 0xFFFFFFFF) << kItem << kOpen << kItemEnd
+         << kSequenceEnd << kItemEnd;
+  }
+  file << kSequenceEnd;
+  file.close();
+  EXPECT_EQ(read().volume.grid.size[2], 2U);
+}
+
+// 300 KB that become 300 MB, in each of thousands of files.
+TEST_F(DicomSeriesTest, WhatInflatesToMoreThanAPictureIsRefused) {
+  std::string meta = element(std::string("\x02\x00\x10\x00", 4), "UI", 22) + "1.2.840.10008.1.2.1.99";
+  std::ofstream file(folder() / "0.dcm", std::ios::binary);
+  file << std::string(128, 0) << "DICM" << meta;
+  z_stream stream{};
+  ASSERT_EQ(::deflateInit2(&stream, 1, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  std::vector<unsigned char> zeros(1U << 20U), out(1U << 16U);
+  for (int mebibyte = 0; mebibyte <= 256; ++mebibyte) {
+    stream.next_in = zeros.data();
+    stream.avail_in = static_cast<uInt>(zeros.size());
+    do {
+      stream.next_out = out.data();
+      stream.avail_out = static_cast<uInt>(out.size());
+      ::deflate(&stream, mebibyte == 256 ? Z_FINISH : Z_NO_FLUSH);
+      file.write(reinterpret_cast<const char*>(out.data()),
+                 static_cast<std::streamsize>(out.size() - stream.avail_out));
+    } while (stream.avail_out == 0);
+  }
+  ::deflateEnd(&stream);
+  file.close();
+  EXPECT_THAT(refusal(), HasSubstr("it inflates to more than 256 MiB"));
 }
 
 }  // namespace

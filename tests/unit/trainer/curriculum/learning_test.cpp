@@ -171,6 +171,26 @@ TEST(TraineeProgress, AsksForPracticeBeforeATestAndForATestAfterPractice) {
   EXPECT_EQ(not_allowed({1, 500}, false, 0), "");
 }
 
+// Whoever breaks tests off until one goes well has the same score as who did well at once.
+TEST(TraineeProgress, CountsTestsThatCameBeforeTheOneThatCounts) {
+  std::vector<ExclusionRecord> records;
+  const auto add = [&](ExclusionRecord made, Ending ending) {
+    made.ending = ending;
+    made.number = static_cast<std::int64_t>(records.size()) + 1;
+    records.push_back(made);
+  };
+  add(record("x", "g", 1, 1e3, false), Ending::kBrokenOff);  // practice
+  add(record("x", "g", 1, 9e9), Ending::kBrokenOff);
+  add(record("y", "g", 1, 9e9), Ending::kBrokenOff);  // somebody else's
+  add(record("x", "g", 1, 9e9), Ending::kGivenUp);
+  EXPECT_EQ(tests_without_result_before(records, record("x", "g", 1, 0)), 2U) << "one that begins now";
+  add(record("x", "g", 1, 1e3), Ending::kDone);
+  EXPECT_EQ(tests_without_result_before(records, records.back()), 2U);
+  add(record("x", "g", 2, 1e3), Ending::kDone);
+  EXPECT_EQ(tests_without_result_before(records, records.back()), 0U) << "of another session";
+  EXPECT_EQ(tests_without_result_before(records, records[1]), 0U);
+}
+
 TEST(TraineeProgress, ASessionIsOverWithItsTest) {
   std::vector<ExclusionRecord> records;
   EXPECT_EQ(progress_of(records, "x", "a").session, 1);

@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "archive/storage/file_system.h"
+#include "archive/upkeep/retention.h"
 #include "tests/support/decoded_video.h"
+#include "tests/support/eventually.h"
 #include "tests/support/flipped_byte.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/recording.h"
@@ -219,6 +222,32 @@ TEST_F(PlaybackApiTest, ATamperedSegmentIsRefusedInASentence) {
   const Response refused = get("streams/room/pieces/1.mp4");
   EXPECT_EQ(refused.status, 422);
   EXPECT_THAT(std::get<std::string>(refused.body), HasSubstr("is not what the ledger says"));
+}
+
+// Whoever watches a case has its pieces, pictures and vital signs remembered for them.
+TEST_F(PlaybackApiTest, WhatIsErasedWhileItIsWatchedIsNotShownAnyMore) {
+  const std::vector<std::string> of_the_room{
+      "streams/room/init.mp4", "streams/room/pieces/0.mp4", "streams/room/sound/pieces/0.mp4",
+      "streams/room/thumbnails/0.jpg", "streams/room/frame.png?at_ns=0"};
+  for (const std::string& address : of_the_room) EXPECT_EQ(get(address).status, 200) << address;
+  EXPECT_THAT(json_of(get("vitals?from_ns=0&to_ns=5000000000"))["series"], Not(IsEmpty()));
+  const auto copies = [this] {
+    std::size_t count = 0;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(bench_ / "copies"))
+      count += entry.path().extension() == ".sealed" ? 1U : 0U;
+    return count;
+  };
+  EXPECT_GT(copies(), 0U);
+  const recorder::SessionOptions recorded = bench_.options();
+  archive::RetentionOptions erasing;
+  erasing.key = recorded.key;
+  erasing.device_name = recorded.device_name;
+  for (const char* stream : {"room", "vitals"})
+    archive::erase_stream(archive::real_file_system(), erasing, folder_, stream, "consent withdrawn");
+  for (const std::string& address : of_the_room) EXPECT_EQ(get(address).status, 404) << address;
+  EXPECT_TRUE(test::eventually([&] { return copies() == 0; })) << "copies lie on the disk";
+  EXPECT_THAT(json_of(get("vitals?from_ns=0&to_ns=5000000000"))["series"], IsEmpty());
+  EXPECT_EQ(get("streams/silent/pieces/0.mp4").status, 200) << "what was not erased is still shown";
 }
 
 }  // namespace

@@ -86,6 +86,33 @@ TEST_F(LiveMonitorsTest, ShowAlarmsUntilTheyEnd) {
   EXPECT_THAT(now().alarms, SizeIs(1));
 }
 
+// A device whose alarms name values begins each under another text, and ends none of them.
+TEST_F(LiveMonitorsTest, ShowANewAlarmAlsoBehindManyThatNeverEnded) {
+  for (std::size_t i = 1; i <= LiveMonitors::kMostAlarms; ++i)
+    alarm(static_cast<std::int64_t>(i), "start", "HR " + std::to_string(i));
+  alarm(kSecond, "start", "asystole");
+  const auto alarms = now().alarms;
+  ASSERT_THAT(alarms, SizeIs(LiveMonitors::kMostAlarms));
+  EXPECT_EQ(alarms.back().text, "asystole");
+  EXPECT_EQ(alarms.front().text, "HR 2") << "the oldest made room";
+  alarm(2 * kSecond, "end", "asystole");
+  EXPECT_EQ(now().alarms.back().text, "HR " + std::to_string(LiveMonitors::kMostAlarms));
+}
+
+TEST_F(LiveMonitorsTest, ShowANumberAlsoBehindManyNamesThatCameOnce) {
+  for (std::size_t i = 1; i <= LiveMonitors::kMostSeries; ++i) {
+    media::VitalSample sample;
+    sample.time_ns = static_cast<std::int64_t>(i);
+    sample.code = "NAME " + std::to_string(i);
+    sample.value = 1;
+    tap_->offer(sample);
+  }
+  number(kSecond, 60);
+  const auto series = now().series;
+  ASSERT_THAT(series, SizeIs(LiveMonitors::kMostSeries));
+  EXPECT_EQ(series.back().code, "MDC_ECG_HEART_RATE");
+}
+
 TEST_F(LiveMonitorsTest, ForgetACaseWithTheNext) {
   number(kSecond, 60);
   alarm(kSecond, "start");

@@ -266,6 +266,26 @@ TEST_F(TrainingApi, ATraineeTrainsOnceAtATimeAndPlacesAreLimited) {
   EXPECT_EQ(kept().size(), 2U);
 }
 
+TEST_F(TrainingApi, ATestSaysHowManyCameBeforeItWithoutAResult) {
+  const auto add = [this](trainer::Ending ending) {
+    room().with_results([&](trainer::TrainingDatabase& results) {
+      trainer::ExclusionRecord record;
+      record.object = "a";
+      record.fingers = 3;
+      record.test = true;
+      record.ending = ending;
+      results.add_attempt(results.trainee("Aoki"), record, utc_now());
+    });
+  };
+  add(trainer::Ending::kBrokenOff);
+  add(trainer::Ending::kGivenUp);
+  add(trainer::Ending::kDone);
+  const json attempts = answer("GET", "training/trainees/Aoki/results?object=a")["attempts"];
+  ASSERT_EQ(attempts.size(), 3U);
+  EXPECT_EQ(attempts[1]["tests_without_result_before"], 1);
+  EXPECT_EQ(attempts[2]["tests_without_result_before"], 2);
+}
+
 class PacedTraining : public TrainingApi {
  protected:
   PacedTraining() : TrainingApi({}, {2, std::chrono::seconds(10)}) {}

@@ -17,6 +17,10 @@ export const kWaySentences: readonly SentencePair[] = [
   ['the worklist {ae} at {place} refused the question with status {status}', '{place} のワークリスト {ae} が問い合わせを拒否しました（状態 {status}）'],
   ['the worklist {ae} at {place} is not asked any more', '{place} のワークリスト {ae} への問い合わせを終了しました'],
   ['is being asked for the first time', '最初の問い合わせ中です'],
+  [
+    '{ae} listed {n} steps at {time}; {others} steps of other stations or modalities were listed, too, and cannot be chosen',
+    '{ae} は {time} に {n} 件を返しました。別の装置またはモダリティの {others} 件も返されましたが、選択できません',
+  ],
   ['{ae} listed {n} steps at {time}', '{ae} は {time} に {n} 件を返しました'],
   ['does not wait for messages yet', 'まだメッセージを待ち受けていません'],
   [
