@@ -180,7 +180,8 @@ class EvidenceRenewer {
 
   [[noreturn]] static void refuse_record(const fs::path& file, const std::string& why) {
     throw Error(file.string() + " does not hold: " + why +
-                "; find out what became of it, and move it away to have a new one begun");
+                "; see whether the policy and the roots are the right ones, and find out what became of it; "
+                "to have a new one begun, keep this one elsewhere");
   }
   /// A record that could not be checked may hold: it is the only proof of the years before, and whoever moves
   /// it away loses them.

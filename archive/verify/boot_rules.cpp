@@ -43,24 +43,6 @@ std::string changed_registers(const std::vector<crypto::PcrValue>& before,
   return names;
 }
 
-/// Into each of these every firmware of a machine with a TPM measures something, if only that it goes on to
-/// the boot loader (TCG PC Client Platform Firmware Profile, EV_SEPARATOR).
-constexpr unsigned kMeasuredByFirmware = 8;
-
-/// Those of the registers 0 to 7 that were not quoted, or are as they are when the TPM gets power; empty:
-/// none.
-std::string unmeasured_registers(const std::vector<crypto::PcrValue>& pcrs) {
-  std::string names;
-  for (unsigned index = 0; index < kMeasuredByFirmware; ++index) {
-    const auto found = std::find_if(pcrs.begin(), pcrs.end(),
-                                    [index](const crypto::PcrValue& each) { return each.index == index; });
-    if (found == pcrs.end() || found->value == crypto::Sha256Digest{}) {
-      names += (names.empty() ? "" : ", ") + std::to_string(index);
-    }
-  }
-  return names;
-}
-
 }  // namespace
 
 bool BootRules::quotes(const LogEntryBody& body) {

@@ -225,6 +225,20 @@ TEST_F(EvidenceRenewalTest, ARecordWhoseRootIsMissingIsNotCalledFalse) {
   EXPECT_EQ(renew(at("2033-10-01", second_))[0].what, What::kTimeStampRenewed) << "with its root";
 }
 
+TEST_F(EvidenceRenewalTest, AWrongPolicyHasNoRecordThrownAway) {
+  // A year mistyped, or an algorithm left out, and every record of the archive is told to be false.
+  renew(at("2027-01-01", first_));
+  for (const char* policy : {"[[algorithm]]\nname = \"sha256\"\nuntil = 2020-12-31\n[[algorithm]]\nname = "
+                             "\"ecdsa\"\n[[algorithm]]\nname = \"ed25519\"\n",
+                             "[[algorithm]]\nname = \"sha256\"\n"}) {
+    const EvidenceRenewal result = renew(at("2028-01-01", second_, policy))[0];
+    EXPECT_EQ(result.what, What::kRefused);
+    EXPECT_THAT(result.text, HasSubstr("see whether the policy and the roots are the right ones"));
+    EXPECT_THAT(result.text, HasSubstr("keep this one elsewhere"));
+    EXPECT_THAT(result.text, Not(HasSubstr("move it away")));
+  }
+}
+
 TEST_F(EvidenceRenewalTest, ARecordThatLapsedIsNotRenewed) {
   renew(at("2027-01-01", first_));
   const auto results = renew(at("2034-06-01", second_));
