@@ -187,14 +187,16 @@ class EvidenceRenewer {
   /// it away loses them.
   [[noreturn]] static void leave_unchecked(const fs::path& file, const std::string& why) {
     throw Error("whether " + file.string() + " holds could not be checked: " + why +
-                "; leave it where it is, and give what is missing before the record ends: a root of its "
-                "authority in trust.pem, as a rule");
+                "; leave it where it is until that is known: as a rule a root of its authority is missing in "
+                "trust.pem, or this machine's clock is wrong");
   }
   [[noreturn]] static void refuse_unless_it_holds(const fs::path& file,
                                                   const evidence::RecordJudgement& judged) {
     const evidence::Standing standing = judged.standing();
     const auto worst = std::ranges::find(judged.problems, standing, &evidence::Problem::standing);
-    if (standing == evidence::Standing::kCouldNotCheck) leave_unchecked(file, worst->text);
+    // One that lapsed proves nothing any more, whatever is looked at.
+    if (standing == evidence::Standing::kCouldNotCheck && worst->code != "record-lapsed")
+      leave_unchecked(file, worst->text);
     refuse_record(file, worst->text);
   }
   CaseEvidence judge(const CaseFolder& folder, const CaseData& data, const EvidenceRecord& record,

@@ -348,7 +348,7 @@ TEST_F(ReportDocument, CountsTheFilesThatTheLedgerNamesAndSaysWhatElseIsThere) {
       const std::string path = entry.path().lexically_relative(folder).string();
       const bool is_named = path.starts_with("segments/") || path.starts_with("tokens/") ||
                             path == std::string(archive::kSubjectFile);
-      named += entry.is_regular_file() && is_named ? 1 : 0;
+      if (entry.is_regular_file() && is_named) ++named;
     }
     return std::to_string(named);
   };
