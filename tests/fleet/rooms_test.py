@@ -7,6 +7,7 @@ Usage: tests/fleet/rooms_test.py PROGRAMS
 Exit status: 0 everything holds, 1 something does not, 77 PostgreSQL is not installed.
 """
 import contextlib
+import fcntl
 import hashlib
 import http.client
 import json
@@ -247,6 +248,14 @@ def try_taking_a_name(server, folder, appliance, admit, psql):
     enrol_anew()
 
     # Several at one moment: what stays there is the certificate that counts.
+    before = appliance.identity()["certificate"]
+    held = os.open(appliance.home, os.O_RDONLY | os.O_DIRECTORY)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    refused = appliance.ask("fleet", "report", "--renew")
+    require(refused.returncode == 2 and "another process of this appliance renews" in refused.stderr and appliance.identity()["certificate"] == before,
+            f"while another process renews, a renewal says {refused.stderr}")
+    appliance.kiroku("fleet", "report")
+    os.close(held)
     for _ in range(3):
         at_once = [subprocess.Popen(appliance.command("fleet", "report", "--renew"), env=appliance.environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
                    for _ in range(4)]
