@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
+#include "crypto/note_format.h"
 
 namespace kiroku::witness {
 namespace {
@@ -47,6 +48,34 @@ std::optional<FoundNote> read_note(const TileSource& source, std::string_view na
                 std::to_string(kMostPublishedEntries) + " are read");
   found.checkpoint = *checkpoint;
   return found;
+}
+
+/// What is kept of a note that is shown once more.
+struct Joined {
+  std::string text;         // the kept one, with the lines of keys that it had none of
+  bool lacks_some = false;  // of the shown one's lines some found no place
+};
+
+/// Of two notes of one text: cosignatures come one after the other. A key has one line, the first that was
+/// shown: whoever shows them can have made up either, and a note with two is none.
+Joined joined(const FoundNote& kept, const FoundNote& shown) {
+  Joined out{kept.text, false};
+  const crypto::NoteParts there = crypto::parse_note(kept.text), more = crypto::parse_note(shown.text);
+  if (there.text != more.text) return out;
+  for (const crypto::SignatureLine& line : more.lines) {
+    const auto of_that_key = std::ranges::find_if(there.lines, [&](const crypto::SignatureLine& each) {
+      return each.name == line.name && each.key_id == line.key_id;
+    });
+    if (of_that_key != there.lines.end()) {
+      out.lacks_some = out.lacks_some || of_that_key->signature != line.signature;
+      continue;
+    }
+    const std::string longer = out.text + crypto::signature_line(line.name, line.key_id, line.signature);
+    const bool fits = longer.size() <= archive::kMaximumNoteBytes && crypto::parse_note(longer).why.empty();
+    if (fits) out.text = longer;
+    out.lacks_some = out.lacks_some || !fits;
+  }
+  return out;
 }
 
 /// Who signed a note for the log of the same name.
@@ -222,8 +251,8 @@ class Follower {
       result_.what = Following::kOlder;
       return result_;
     }
-    // Of the same entries the copy's own checkpoint may have more signatures.
     if (!kept || size > old) keep(own, *shown, old, more);
+    if (kept && size == old) add_lines(copy_ / kPublishedCheckpoint, *kept, *shown);
     result_.what = !kept ? Following::kBegun : size == old ? Following::kSame : Following::kGoesOn;
     return place_what_waited(roots, kept && size == old ? *kept : *shown);
   }
@@ -237,7 +266,12 @@ class Follower {
       return could_not_tell(why + "; its checkpoint is not kept, as " + std::to_string(kMostUnplaced) +
                             " such wait already");
     }
-    if (is_new) files_.write_durably(kept, bytes_of(shown.text));
+    const auto before =
+        std::ranges::find(unplaced_, kept.filename().string(), &std::pair<std::string, FoundNote>::first);
+    if (is_new)
+      files_.write_durably(kept, bytes_of(shown.text));
+    else if (before != unplaced_.end())
+      add_lines(kept, before->second, shown);
     result_.evidence = kept;
     return could_not_tell(why);
   }
@@ -325,6 +359,29 @@ class Follower {
     if (files_.exists(copy_ / kBeginningFile)) files_.remove(copy_ / kBeginningFile);
   }
 
+  /// Of a checkpoint that is kept in `file` and was shown once more.
+  void add_lines(const fs::path& file, const FoundNote& kept, const FoundNote& shown) {
+    const Joined both = joined(kept, shown);
+    if (both.text != kept.text) files_.write_durably(file, bytes_of(both.text));
+  }
+
+  /// The same of another history, whose cosignatures say which witness cosigned it: that one found no place,
+  /// or the disk has no room, is said. Whatever became of the kept one is somebody else's: it stays.
+  void add_lines_of_history(const fs::path& folder, const FoundNote& shown) {
+    std::optional<FoundNote> kept;
+    try {
+      kept = read_note(*tiles_in_folder(folder));
+    } catch (const Error&) {
+      return;
+    }
+    if (!kept) return;
+    const Joined both = joined(*kept, shown);
+    if (both.lacks_some)
+      result_.not_kept =
+          "its checkpoint has signatures for which the one that is kept has others, or no room";
+    if (both.text != kept->text) files_.write_durably(folder / kPublishedCheckpoint, bytes_of(both.text));
+  }
+
   /// A published log of its own, so far as its tiles fit. Empty where nothing is to be kept, or can be: what
   /// was found does not hang on the room that the other history needs.
   fs::path keep_history(std::string_view kind, const FoundNote& shown, const Leaves* leaves) {
@@ -343,8 +400,10 @@ class Follower {
         files_.make_folder(folder);
         files_.sync_folder(copy_);
       }
-      // Shown once more it may lack a cosignature, and the disk may be full.
-      if (!files_.exists(folder / kPublishedCheckpoint))
+      // Shown once more it may lack a cosignature, or have one more, and the disk may be full.
+      if (files_.exists(folder / kPublishedCheckpoint))
+        add_lines_of_history(folder, shown);
+      else
         files_.write_durably(folder / kPublishedCheckpoint, bytes_of(shown.text));
     } catch (const Error& error) {
       result_.not_kept = error.what();

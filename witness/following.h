@@ -54,9 +54,11 @@ enum class KeepEvidence { kYes, kNo };
 /// asked for only where it is to accuse somebody: then one key must have signed both, with every key that the
 /// device is known to have beside it. A signed checkpoint of more entries, whose tiles are not to be had, is
 /// kept, and compared once the copy has as many. Of other histories 16 are kept; that there is one is said
-/// also where nothing can be written. `progress` is told how many leaf hashes were looked at.
-/// Throws kiroku::UsageError where the folder holds something else or another process is at work in it, and
-/// kiroku::IoError where it cannot be written. Whatever the source does is in the answer.
+/// also where nothing can be written. Of a checkpoint that is kept and shown once more, signature lines of
+/// further keys are added; of one key the first line stays, whichever holds. `progress` is told how many leaf
+/// hashes were looked at. Throws kiroku::UsageError where the folder holds something else or another process
+/// is at work in it, and kiroku::IoError where it cannot be written. Whatever the source does is in the
+/// answer.
 Followed follow_log(const TileSource& source, archive::FileSystem& files, const std::filesystem::path& copy,
                     const std::vector<crypto::VerifierKey>& devices, KeepEvidence keep = KeepEvidence::kYes,
                     const std::function<void(std::uint64_t)>& progress = {});

@@ -24,6 +24,7 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
+#include "archive/format/boot_quote.h"
 #include "base/error.h"
 #include "crypto/pkcs8.h"
 #include "crypto/secret.h"
@@ -236,6 +237,14 @@ Check check_hardware(const Home& home) {
   if (!quoted.quote) {
     return {Health::kWarning, subject, signs + "; it does not quote the measured boot: " + quoted.why,
             "recording is not affected; look into the machine's TPM settings"};
+  }
+  if (const std::string empty = archive::unmeasured_registers(quoted.quote->pcrs); !empty.empty()) {
+    return {
+        Health::kWarning, subject,
+        signs + "; its quotes say nothing of the boot, as the firmware measures nothing into register " +
+            empty,
+        "recording is not affected; switch on the TPM's SHA-256 bank in the firmware's settings, and start "
+        "the machine by UEFI"};
   }
   return {Health::kGood, subject, signs + ", and quotes the measured boot", ""};
 }

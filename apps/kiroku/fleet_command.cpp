@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -20,10 +19,9 @@
 #include "apps/kiroku/told_to_end.h"
 #include "base/error.h"
 #include "base/foreign_json.h"
-#include "crypto/encoding.h"
-#include "crypto/hash.h"
 #include "fleet/reports/appliance_report.h"
 #include "fleet/reports/fleet_authority.h"
+#include "fleet/reports/machine_run.h"
 #include "fleet/reports/report_client.h"
 #include "fleet/shipper.h"
 #include "recorder/control/control_client.h"
@@ -42,7 +40,6 @@ constexpr std::chrono::seconds kReportInterval = 5s, kLongestReportPause = 60s, 
 constexpr std::chrono::seconds kShippingInterval = 30s;
 /// A recorder that takes longer counts as one that does not answer.
 constexpr std::chrono::seconds kRecorderPatience = 2s;
-constexpr std::size_t kRunBytes = 16;
 
 struct Request {
   std::optional<std::string> home, name;
@@ -112,6 +109,9 @@ int enrol(const Request& request) {
     ReportingIdentity identity{request.url, name, text_in(answer, "certificate"), authority,
                                asked.key_pem.clone()};
     require_own(identity);
+    // A renewal of what was enrolled before, which is under way, is not to come after this.
+    std::optional<fleet::ReportingTurn> turn = fleet::ReportingTurn::take(file);
+    while (!turn && !wait_until_told(kPollInterval)) turn = fleet::ReportingTurn::take(file);
     identity.write(file);
     if (!request.json)
       std::cout << "Enrolled, says the server at " << printable(request.url)
@@ -149,13 +149,13 @@ struct ShippingPlace {
 
 class Reporter {
  public:
-  explicit Reporter(const Home& home)
-      : home_(home), configuration_(home.configuration()), run_(run_of(home)) {}
+  explicit Reporter(const Home& home) : home_(home), configuration_(home.configuration()) {}
 
   fleet::ApplianceReport report() {
     fleet::ApplianceReport out;
     out.program = version();
-    out.run = run_;
+    // Anew each time: where somebody removed what it rests on, all who report of this home name the next one.
+    out.run = fleet::run_of_machine(home_.folder());
     out.number = ++number_;
     out.has_store = configuration_.store.has_value();
     if (out.has_store) out.shipping = shipping();
@@ -175,16 +175,6 @@ class Reporter {
   }
 
  private:
-  /// The same for all who report of this home until the machine starts anew: a report by hand beside the
-  /// service is no second appliance. On a machine that has a copy of the disk it is another.
-  static std::string run_of(const Home& home) {
-    std::ifstream file("/proc/sys/kernel/random/boot_id");
-    std::string boot;
-    if (!std::getline(file, boot)) return crypto::to_hex(crypto::Secret::random(kRunBytes).bytes());
-    return crypto::to_hex(
-               crypto::sha256(bytes_of(boot + " " + std::filesystem::canonical(home.folder()).string())))
-        .substr(0, 2 * kRunBytes);
-  }
   std::optional<fleet::ShippingReported> shipping() {
     const auto now = std::chrono::steady_clock::now();
     if (looked_ && now - *looked_ < kShippingInterval) return shipping_;
@@ -209,26 +199,11 @@ class Reporter {
 
   const Home& home_;
   const Configuration configuration_;
-  const std::string run_;
   std::uint64_t number_ = 0;
   std::optional<std::chrono::steady_clock::time_point> looked_;
   std::optional<fleet::ShippingReported> shipping_;
   std::unique_ptr<ShippingPlace> place_;
 };
-
-/// A new key and certificate, by the one that still counts.
-void renew(ReportingIdentity& identity, const std::filesystem::path& file) {
-  fleet::CertificateRequest asked = fleet::make_certificate_request(identity.appliance);
-  const json answer = parse_foreign_json(
-      ReportClient(identity).post("/renew", nlohmann::ordered_json{{"request", asked.request_pem}}.dump()));
-  const std::string certificate = text_in(answer, "certificate");
-  ReportingIdentity renewed{identity.url, identity.appliance, certificate, identity.authority_pem,
-                            std::move(asked.key_pem)};
-  require_own(renewed);
-  // Until this stands there, the one before counts, too, and nothing is signed by the new one.
-  renewed.write(file);
-  identity = std::move(renewed);
-}
 
 /// As it is now: another process of this appliance may have renewed it, or somebody enrolled it anew. Whoever
 /// shows a certificate that was replaced is taken for a copy where it happens again. Keeps the one it has
@@ -242,10 +217,38 @@ void read_again(const Home& home, ReportingIdentity& identity) {
   }
 }
 
+/// A new key and certificate, by the one that still counts: whoever asks has the turn, and has read that one
+/// since.
+void renew(const fleet::ReportingTurn& /*turn*/, ReportingIdentity& identity,
+           const std::filesystem::path& file) {
+  fleet::CertificateRequest asked = fleet::make_certificate_request(identity.appliance);
+  const json answer = parse_foreign_json(
+      ReportClient(identity).post("/renew", nlohmann::ordered_json{{"request", asked.request_pem}}.dump()));
+  const std::string certificate = text_in(answer, "certificate");
+  ReportingIdentity renewed{identity.url, identity.appliance, certificate, identity.authority_pem,
+                            std::move(asked.key_pem)};
+  require_own(renewed);
+  // Until this stands there, the one before counts, too, and nothing is signed by the new one.
+  renewed.write(file);
+  identity = std::move(renewed);
+}
+
+fleet::ReportingTurn require_turn(const Home& home) {
+  std::optional<fleet::ReportingTurn> turn = fleet::ReportingTurn::take(home.reporting_file());
+  if (!turn)
+    throw UsageError(
+        "another process of this appliance renews its certificate, or enrols it, at this moment: nothing was "
+        "changed here; try again in a minute");
+  return std::move(*turn);
+}
+
 int report_once(const Request& request, const Home& home, ReportingIdentity identity) {
   const fleet::ApplianceReport report = Reporter(home).report();
+  // Until the report is made: a renewal in between would replace the certificate that it shows.
+  std::optional<fleet::ReportingTurn> turn;
+  if (request.renew) turn = require_turn(home);
   read_again(home, identity);
-  if (request.renew) renew(identity, home.reporting_file());
+  if (turn) renew(*turn, identity, home.reporting_file());
   const std::string told = fleet::to_json(report);
   ReportClient(identity).post("/report", told);
   if (request.json) {
@@ -265,20 +268,27 @@ class Renewal {
   /// Why the certificate is not renewed though it is due; "" otherwise. The one before still counts then, and
   /// what is reported may be why: a disk that is full.
   const std::string& look(const Home& home, ReportingIdentity& identity) {
-    const fleet::CertificateFacts facts = fleet::facts_of_certificate_pem(identity.certificate_pem);
     const UtcTime now = utc_now();
-    if (!facts.is_to_be_renewed(now)) {
+    const auto is_due = [&] {
+      return fleet::facts_of_certificate_pem(identity.certificate_pem).is_to_be_renewed(now);
+    };
+    if (!is_due()) {
       failure_.clear();
       return failure_;
     }
     const auto tried = std::chrono::steady_clock::now();
     if (!failure_.empty() && tried < next_) return failure_;
+    const UtcTime not_after = fleet::facts_of_certificate_pem(identity.certificate_pem).not_after;
     try {
-      renew(identity, home.reporting_file());
+      const auto turn = fleet::ReportingTurn::take(home.reporting_file());
+      // Whoever has it renews the certificate: the next look finds that done.
+      if (!turn) return failure_;
+      read_again(home, identity);
+      if (is_due()) renew(*turn, identity, home.reporting_file());
       failure_.clear();
     } catch (const Error& error) {
       failure_ = std::string("its certificate was not renewed: ") + error.what();
-      next_ = tried + std::chrono::duration_cast<std::chrono::seconds>(facts.not_after - now) / kShareOfRest;
+      next_ = tried + std::chrono::duration_cast<std::chrono::seconds>(not_after - now) / kShareOfRest;
     }
     return failure_;
   }

@@ -9,6 +9,7 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/output_file.h"
 #include "archive/storage/file_stamps.h"
+#include "archive/verify/verdict.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -83,10 +84,24 @@ void warn_of_missing(const std::vector<Stamp>& stamps) {
     if (!each.problem.empty())
       print_error("kiroku", "warning: no time-stamp of " + each.authority + ": " + each.problem);
   }
+  if (time_of(stamps) == archive::time_proof_name(archive::TimeProof::kSelfIssued))
+    print_error(
+        "kiroku",
+        "warning: no outside authority time-stamped it: the recorder's own proves to nobody else when "
+        "this was there; add an [[authority]] to kiroku.toml, and its root to trust.pem");
 }
 
 bool any_valid(const std::vector<Stamp>& stamps) {
   return std::ranges::any_of(stamps, [](const Stamp& each) { return each.gen_time.has_value(); });
+}
+
+std::string_view time_of(const std::vector<Stamp>& stamps) {
+  const bool outside = std::ranges::any_of(stamps, [](const Stamp& each) {
+    return each.gen_time && each.clock == timestamp::TimeAuthority::kOutside;
+  });
+  return archive::time_proof_name(outside             ? archive::TimeProof::kExternal
+                                  : any_valid(stamps) ? archive::TimeProof::kSelfIssued
+                                                      : archive::TimeProof::kNone);
 }
 
 std::optional<SealRecord> find_record(const Home& home,

@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
@@ -35,9 +36,12 @@ Stamp stamp_file(const recorder::NamedAuthority& authority, const std::filesyste
 nlohmann::ordered_json stamps_json(const std::vector<Stamp>& stamps);
 /// A line for each valid token, which says of the recorder's own that no outside clock stands behind it.
 std::string stamp_lines(const std::vector<Stamp>& stamps);
-/// Warnings about those without a token, on standard error.
+/// Warnings on standard error: about those without a token, and where every token is the recorder's own
+/// authority's.
 void warn_of_missing(const std::vector<Stamp>& stamps);
 bool any_valid(const std::vector<Stamp>& stamps);
+/// Whose clock stands behind them: "external" where one is an outside authority's, "self-issued", "none".
+std::string_view time_of(const std::vector<Stamp>& stamps);
 
 /// Durably, beside its name first.
 void write_durably(const std::filesystem::path& file, ByteView bytes);

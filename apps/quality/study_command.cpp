@@ -150,6 +150,7 @@ int close(const CloseRequest& request) {
     print_json({{"study", study.study.id},
                 {"sha256", crypto::to_hex(digest)},
                 {"readers", std::move(readers)},
+                {"time", time_of(stamps)},
                 {"time_stamps", stamps_json(stamps)}});
   } else {
     warn_of_missing(stamps);
@@ -210,9 +211,8 @@ void add_study_close_command(Command& study) {
       "'study report' refuses what was changed.");
   command.explain(
       "Each time-stamp says whose clock it tells: self-issued is one of the recorder's own authority, which "
-      "proves no time to others. Exit status: 0 closed and time-stamped, self-issued or not, 3 closed "
-      "without "
-      "a time-stamp.");
+      "proves no time to others. Where there is no other, a warning says so. Exit status: 0 closed and "
+      "time-stamped, self-issued or not, as for 'kiroku verify'; 3 closed without a time-stamp.");
   command.example("kiroku quality study close reading", "when every reader has judged every film");
   command.on_run([request] { return close(*request); });
 }

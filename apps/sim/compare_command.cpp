@@ -99,9 +99,9 @@ void add_compare_command(Command& program) {
       "what was "
       "matched, "
       "by whom, of which case and which plan; its hash is entered into the appliance log and time-stamped "
-      "(OUT.comparison.AUTHORITY.tsr). The case is only read. Exit status: 0 made and time-stamped, 3 made "
-      "without a "
-      "time-stamp; "
+      "(OUT.comparison.AUTHORITY.tsr). The case is only read. Exit status: 0 made and time-stamped, "
+      "self-issued "
+      "(then a warning says so) or not, 3 made without a time-stamp; "
       "with --verify 0 all holds, 1 something differs, 3 something could not be checked.");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json",
                   "for the viewer: the plan beside the recording, in step");

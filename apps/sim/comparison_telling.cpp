@@ -92,6 +92,7 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
                         {"document", document},
                         {"sha256", crypto::to_hex(made.digest)},
                         {"in_log", made.in_log},
+                        {"time", time_of(made.stamps)},
                         {"time_stamps", stamps_json(made.stamps)},
                         {"steps_found", comparison.matching.matches.size()},
                         {"steps_planned", comparison.steps.size()},

@@ -65,6 +65,7 @@ int seal(const Request& request) {
     print_json({{"seal", made.file.string()},
                 {"sha256", crypto::to_hex(made.digest)},
                 {"files", made.seal.files.size()},
+                {"time", time_of(made.stamps)},
                 {"time_stamps", stamps_json(made.stamps)}});
   } else {
     warn_of_missing(made.stamps);
@@ -141,9 +142,8 @@ void add_plan_seal_commands(Command& plan) {
       "Nothing of the plan leaves the machine but that hash.");
   sealed.explain(
       "Each time-stamp says whose clock it tells: self-issued is one of the recorder's own authority, which "
-      "proves no time to others. Exit status: 0 sealed and time-stamped, self-issued or not, 3 sealed "
-      "without "
-      "a time-stamp.");
+      "proves no time to others. Where there is no other, a warning says so. Exit status: 0 sealed and "
+      "time-stamped, self-issued or not, as for 'kiroku verify'; 3 sealed without a time-stamp.");
   sealed.example("kiroku plan seal liver.json", "and then: kiroku record --plan liver.seal.json ...");
   sealed.on_run([seal_request] { return seal(*seal_request); });
 

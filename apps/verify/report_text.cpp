@@ -187,6 +187,9 @@ std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_
               : "a chain of " + std::to_string(evidence.time_stamps) + " time-stamps, the newest of " +
                     format_utc_for_people(*evidence.newest);
   if (!evidence.outside) text += ", self-issued: no outside clock stands behind it";
+  if (evidence.later_since)
+    text += "; the first " + counted(evidence.later_entries, "entry", "entries") + " since " +
+            format_utc_for_people(*evidence.later_since);
   if (evidence.resealed > 0)
     text += "; it covers none of the " + counted(evidence.resealed, "segment", "segments") +
             " sealed anew for a reader, whose original hashes the checkpoint covers";

@@ -29,6 +29,7 @@ constexpr std::array<std::string_view, 16> kMeasured{"firmware",
                                                      "",
                                                      "machine owner keys",
                                                      ""};
+constexpr unsigned kMeasuredByFirmware = 8;
 
 }  // namespace
 
@@ -69,6 +70,18 @@ std::optional<crypto::BootAttester::Quote> from_stated(const StatedQuote& stated
     quote.pcrs.push_back(read);
   }
   return quote;
+}
+
+std::string unmeasured_registers(const std::vector<crypto::PcrValue>& pcrs) {
+  std::string names;
+  for (unsigned index = 0; index < kMeasuredByFirmware; ++index) {
+    const auto found = std::find_if(pcrs.begin(), pcrs.end(),
+                                    [index](const crypto::PcrValue& each) { return each.index == index; });
+    if (found == pcrs.end() || found->value == crypto::Sha256Digest{}) {
+      names += (names.empty() ? "" : ", ") + std::to_string(index);
+    }
+  }
+  return names;
 }
 
 std::string pcr_name(unsigned index) {

@@ -30,6 +30,12 @@ StatedQuote to_stated(const crypto::BootAttester::Quote& quote);
 /// ascending order. `stated` is of an entry that was read.
 std::optional<crypto::BootAttester::Quote> from_stated(const StatedQuote& stated);
 
+/// Those of the registers 0 to 7 that are not among these, or are as they are when a TPM gets power, as "0,
+/// 7"; empty: none. Every firmware of a machine with a TPM measures something into each of them, if only that
+/// it goes on to the boot loader (TCG PC Client Platform Firmware Profile, EV_SEPARATOR): into one that is
+/// left empty whoever starts the machine can measure what they like.
+std::string unmeasured_registers(const std::vector<crypto::PcrValue>& pcrs);
+
 /// "register 4 (boot loader)".
 std::string pcr_name(unsigned index);
 

@@ -106,7 +106,7 @@ class EvidenceRenewer {
     evidence::RecordParse parse = evidence::parse_record(*bytes);
     if (!parse.record) throw Error(work.file.string() + " is no evidence record: " + parse.explanation);
     const evidence::RecordJudgement alone = evidence::judge_record(*parse.record, {}, rules());
-    if (!alone.problems.empty()) refuse_record(work.file, alone.problems.front().text);
+    if (!alone.problems.empty()) refuse_unless_it_holds(work.file, alone);
     work.outside = alone.outside();
     const evidence::Due due = evidence::what_is_due(alone, options_.policy, options_.now());
     result.before = work.end = due.before;
@@ -180,11 +180,29 @@ class EvidenceRenewer {
 
   [[noreturn]] static void refuse_record(const fs::path& file, const std::string& why) {
     throw Error(file.string() + " does not hold: " + why +
-                "; find out what became of it, and move it away to have a new one begun");
+                "; see whether the policy and the roots are the right ones, and find out what became of it; "
+                "to have a new one begun, keep this one elsewhere");
+  }
+  /// A record that could not be checked may hold: it is the only proof of the years before, and whoever moves
+  /// it away loses them.
+  [[noreturn]] static void leave_unchecked(const fs::path& file, const std::string& why) {
+    throw Error("whether " + file.string() + " holds could not be checked: " + why +
+                "; leave it where it is until that is known: as a rule a root of its authority is missing in "
+                "trust.pem, or this machine's clock is wrong");
+  }
+  [[noreturn]] static void refuse_unless_it_holds(const fs::path& file,
+                                                  const evidence::RecordJudgement& judged) {
+    const evidence::Standing standing = judged.standing();
+    const auto worst = std::ranges::find(judged.problems, standing, &evidence::Problem::standing);
+    // One that lapsed proves nothing any more, whatever is looked at.
+    if (standing == evidence::Standing::kCouldNotCheck && worst->code != "record-lapsed")
+      leave_unchecked(file, worst->text);
+    refuse_record(file, worst->text);
   }
   CaseEvidence judge(const CaseFolder& folder, const CaseData& data, const EvidenceRecord& record,
                      const fs::path& file) const {
     CaseEvidence judged = judge_case_evidence(folder, data, record, rules());
+    if (judged.could_not_check) leave_unchecked(file, judged.refusal);
     if (!judged.refusal.empty()) refuse_record(file, judged.refusal);
     return judged;
   }

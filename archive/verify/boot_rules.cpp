@@ -81,11 +81,21 @@ void BootRules::take_boot(const BootEntry& boot, std::uint64_t number,
     ++silent_;
     last_silent_ = number;
     last_why_ = *boot.no_quote;
-  } else if (key_) {
+  } else {
+    take_unquoted(number);
+  }
+}
+
+void BootRules::take_unquoted(std::uint64_t number) {
+  if (key_) {
     add_of_log("boot-quote-missing", number,
                at_entry(number) +
                    " tells of a boot that the TPM did not quote, and not why, though the log states an "
                    "attestation key: a program from before wrote it, or somebody took the quote away");
+  } else if (had_key_) {
+    ++silent_;
+    last_silent_ = number;
+    last_why_ = "the device has another key since, and the log states no attestation key beside that";
   }
 }
 
@@ -109,6 +119,7 @@ void BootRules::take_key(const DeviceAttestationEntry& added, std::uint64_t numb
   }
   key_text_ = added.attestation;
   key_ = std::move(key);
+  had_key_ = true;
   judge(added.quote, number, root_before);
 }
 
@@ -142,7 +153,7 @@ void BootRules::judge(const StatedQuote& stated, std::uint64_t number,
     }
   }
   if (holds) {
-    compare({number, *said, quote->pcrs});
+    compare({number, boot_id_, *said, quote->pcrs});
   }
 }
 
@@ -163,6 +174,10 @@ void BootRules::compare(const Held& now) {
       further_resets_ += static_cast<std::uint64_t>(resets) - since_held_;
       last_further_ = now.entry;
     }
+    if (same_power && now.boot_id != last_->boot_id) {
+      ++without_reset_;
+      last_without_reset_ = now.entry;
+    }
     const std::string changed = changed_registers(last_->pcrs, now.pcrs);
     if (!changed.empty()) {
       add_of_log("measured-boot-changed", now.entry,
@@ -170,6 +185,11 @@ void BootRules::compare(const Held& now) {
                      ": " + changed +
                      ". An update or a change of settings does that; so does whoever starts other software");
     }
+  }
+  if (!unmeasured_registers(now.pcrs).empty()) {
+    ++unmeasured_;
+    last_unmeasured_ = now.entry;
+    last_empty_ = unmeasured_registers(now.pcrs);
   }
   ++held_;
   since_held_ = 0;
@@ -181,6 +201,22 @@ void BootRules::finish() {
     add_of_log("boot-quotes-hold", last_ ? last_->entry : 0,
                "the TPM quoted the measured boot " + std::to_string(held_) +
                    " times by the attestation key that the log states, and these quotes hold");
+  }
+  if (unmeasured_ > 0) {
+    add_of_log("boot-not-measured", last_unmeasured_,
+               "the TPM quoted " + std::to_string(unmeasured_) + " boots, the last one in " +
+                   at_entry(last_unmeasured_) +
+                   ", of which nothing was measured into all registers that firmware uses (there " +
+                   last_empty_ +
+                   "): whoever starts the machine can still put in what they like, and these quotes say "
+                   "nothing of what was started");
+  }
+  if (without_reset_ > 0) {
+    add_of_log("boot-without-reset", last_without_reset_,
+               std::to_string(without_reset_) + " boots, the last one in " + at_entry(last_without_reset_) +
+                   ", are others than the ones quoted before them, and by its counts the TPM was not started "
+                   "anew between them: the running kernel started another one, which nothing measures, or "
+                   "somebody made the boot up");
   }
   if (silent_ > 0) {
     add_of_log(

@@ -31,6 +31,7 @@ class BootRules {
  private:
   struct Held {
     std::uint64_t entry = 0;
+    std::string boot_id;
     crypto::TpmQuote said;
     std::vector<crypto::PcrValue> pcrs;
   };
@@ -42,6 +43,8 @@ class BootRules {
              const std::optional<crypto::Sha256Digest>& root_before);
   /// Against the quote before, which holds.
   void compare(const Held& now);
+  /// A boot without a quote and without a word why.
+  void take_unquoted(std::uint64_t number);
   /// Another key of the device: its attestation key is stated anew, if it has one.
   void forget_key();
   /// A finding of the entry `number`; one that tells of no forgery only where the log itself is judged.
@@ -59,6 +62,10 @@ class BootRules {
   std::string last_why_;
   std::uint64_t since_held_ = 0;  // entries of boots since the last quote that holds
   std::uint64_t further_resets_ = 0, last_further_ = 0;
+  bool had_key_ = false;                                // the log stated an attestation key at some time
+  std::uint64_t unmeasured_ = 0, last_unmeasured_ = 0;  // quotes that hold, of registers with nothing in them
+  std::string last_empty_;                              // of that one, the registers
+  std::uint64_t without_reset_ = 0, last_without_reset_ = 0;
 };
 
 }  // namespace kiroku::archive

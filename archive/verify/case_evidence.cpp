@@ -230,6 +230,13 @@ EvidenceReport report_of(const CaseEvidence& judged, const evidence::EvidenceRec
   report.entries = judged.lines;
   report.files = static_cast<std::uint64_t>(std::ranges::count_if(
       judged.covered_files, [&](const NamedFile& named) { return named.entry < judged.lines; }));
+  report.later_entries = judged.lines;
+  for (std::size_t i = 0; report.holds && i < judged.covered_lines.size(); ++i) {
+    const std::optional<std::size_t>& chain = judged.judgement.covered_from[i];
+    if (!chain || judged.covered_lines[i] <= report.later_entries) continue;
+    report.later_entries = judged.covered_lines[i];
+    report.later_since = beginning_of(judged.judgement, *chain);
+  }
   return report;
 }
 
@@ -303,9 +310,14 @@ void report_holding(const EvidenceReport& report, std::uint64_t entries, Finding
   const std::string covered = report.entries < entries ? "the first " + std::to_string(report.entries) +
                                                              " of " + std::to_string(entries) + " entries"
                                                        : "all " + std::to_string(entries) + " entries";
+  const std::string later = report.later_since ? "; it covers the entries up to " +
+                                                     std::to_string(report.later_entries - 1) + " since " +
+                                                     format_utc(*report.later_since)
+                                               : "";
   findings.add("evidence-holds", {report.file},
                "the evidence record " + report.file + " " +
-                   words_of_holding(report, covered + " and " + std::to_string(report.files) + " files"));
+                   words_of_holding(report, covered + " and " + std::to_string(report.files) + " files") +
+                   later);
 }
 
 /// Once an algorithm of the time-stamps ended, anybody can have made them since: they say the time of the

@@ -356,7 +356,7 @@ class ExcerptVerification {
     report.signed_entries = checkpoints_.signed_entries();
     report.in_log = in_log_;
     report.proved_entries = log_proof_.entries_proved(rules_.device());
-    report.files = files_.files() + report.tokens + report.checkpoints + 3;
+    report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfAnExcerpt;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
@@ -402,6 +402,9 @@ class ExcerptVerification {
     part.first_entry = document_.first_entry;
     part.size = document_.size;
     part.with_gaps = findings_.worst() == Severity::kGap;
+    part.listed_segments = static_cast<std::uint64_t>(
+        std::count_if(selected_files_.begin(), selected_files_.end(),
+                      [this](const std::string& file) { return !rules_.erased(file); }));
     part.stated_made_at = document_.made_utc;
     part.stated_made_by = document_.made_by;
     std::vector<StreamReport> held_streams;

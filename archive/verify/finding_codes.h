@@ -299,6 +299,12 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "whoever starts other software"},
     {"boots-not-entered", Severity::kNote,
      "by the TPM's count of resets the machine was started more often than the log tells of"},
+    {"boot-not-measured", Severity::kNote,
+     "registers into which every firmware measures were not quoted, or hold nothing: such a quote says "
+     "nothing of what the machine started"},
+    {"boot-without-reset", Severity::kNote,
+     "the log tells of another boot, and by the TPM's counts the machine was not started anew: the running "
+     "kernel started another one, or somebody made the boot up"},
     {"boot-quotes-hold", Severity::kNote,
      "the TPM quoted the measured boot, by the attestation key that the log states: nobody checks here that "
      "this is the key of a TPM"},

@@ -101,6 +101,8 @@ struct ExcerptReport {
   std::uint64_t first_entry = 0, size = 0;  // the lines are those of the entries [first_entry, size)
   std::vector<ExcerptStream> streams;       // every stream of the case, in its order
   bool with_gaps = false;                   // the findings state gaps
+  /// Segments of the chosen streams in its time, by its lines: those that it should hold.
+  std::uint64_t listed_segments = 0;
   /// What the excerpt says of its making. Nothing proves this.
   std::optional<UtcTime> stated_made_at;
   std::string stated_made_by;
@@ -136,9 +138,13 @@ struct EvidenceReport {
   std::vector<EvidenceLink> links;       // the time-stamps, in their order; none where it does not hold
   std::vector<std::string> hashes;       // of its chains
   std::uint64_t entries = 0, files = 0;  // that it covers
-  std::uint64_t resealed = 0;            // segments of an excerpt that were sealed anew: it covers none
-  std::string refusal;                   // why it does not hold
-  bool could_not_check = false;          // it was not refused: something is missing to tell
+  /// Up to which entry a later chain covers the ledger, and since when; `entries` and nothing where none
+  /// covers more.
+  std::uint64_t later_entries = 0;
+  std::optional<UtcTime> later_since;
+  std::uint64_t resealed = 0;    // segments of an excerpt that were sealed anew: it covers none
+  std::string refusal;           // why it does not hold
+  bool could_not_check = false;  // it was not refused: something is missing to tell
 };
 
 /// Who cosigned the log's checkpoint that holds the case's entries. The verdict is not the witnesses' matter.
@@ -205,7 +211,10 @@ struct VerificationReport {
   std::optional<UtcTime> clock_zero;         // the recorder's wall clock at 0 of the case clock, by `open`
 };
 
-/// Segments that the lines name and do not say are erased; of an excerpt those that it holds.
+/// Segments that the lines name and do not say are erased; of an excerpt those that it should hold.
 std::uint64_t listed_segments(const VerificationReport& report);
+/// Of `files`, those that lines name and whose hashes were compared with these: all but the ledger, or what
+/// an excerpt has in its place, and checkpoints.
+std::uint64_t named_files(const VerificationReport& report);
 
 }  // namespace kiroku::archive

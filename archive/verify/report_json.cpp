@@ -108,6 +108,8 @@ ordered_json evidence_json(const EvidenceReport& evidence) {
           {"hashes", evidence.hashes},
           {"entries", evidence.entries},
           {"files", evidence.files},
+          {"later_entries", evidence.later_entries},
+          {"later_since", or_null(evidence.later_since)},
           {"resealed", evidence.resealed},
           {"refusal", or_null(evidence.refusal)},
           {"could_not_check", evidence.could_not_check}};

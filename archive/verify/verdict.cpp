@@ -1,5 +1,7 @@
 #include "archive/verify/verdict.h"
 
+#include <algorithm>
+
 namespace kiroku::archive {
 
 Verdict verdict_of(Severity worst) {
@@ -25,9 +27,16 @@ Verdict verdict_of_excerpt(Severity worst) {
 }
 
 std::uint64_t listed_segments(const VerificationReport& report) {
+  // Its streams count what it holds.
+  if (report.excerpt) return report.excerpt->listed_segments;
   std::uint64_t listed = 0;
   for (const StreamReport& stream : report.streams) listed += stream.segments - stream.erased_segments;
   return listed;
+}
+
+std::uint64_t named_files(const VerificationReport& report) {
+  const std::uint64_t others = report.checkpoints + (report.excerpt ? kFilesOfAnExcerpt : kFilesOfACase);
+  return report.files - std::min(others, report.files);
 }
 
 std::string_view signatures_name(SignaturesChecked signatures) {

@@ -342,7 +342,7 @@ class CaseVerification {
     report.in_log = in_log_;
     report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());
-    report.files = files_.files() + report.tokens + report.checkpoints + 1;
+    report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfACase;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(0, tree_.size());

@@ -1,6 +1,9 @@
 #include "fleet/reports/report_client.h"
 
 #include <array>
+#include <cerrno>
+#include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
@@ -106,6 +109,20 @@ void ReportingIdentity::write(const fs::path& file) const {
                      "\n";
   timestamp::replace_file(file, bytes_of(text), kOwnerOnly);
   crypto::zeroise(std::as_writable_bytes(std::span(text)));
+}
+
+std::optional<ReportingTurn> ReportingTurn::take(const fs::path& file) {
+  // The folder's own lock: a file for it would be root's where root renewed first.
+  const fs::path home = fs::absolute(file).parent_path();
+  Descriptor folder(::open(home.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) throw IoError("open", home, errno);
+  int status = 0;
+  do {
+    status = ::flock(folder.number(), LOCK_EX | LOCK_NB);
+  } while (status != 0 && errno == EINTR);
+  if (status != 0 && errno == EWOULDBLOCK) return {};
+  if (status != 0) throw IoError("lock", home, errno);
+  return ReportingTurn(std::move(folder));
 }
 
 struct ReportClient::State {

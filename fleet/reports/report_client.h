@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/secret.h"
 
@@ -24,6 +25,19 @@ struct ReportingIdentity {
   static std::optional<ReportingIdentity> read(const std::filesystem::path& file);
   /// Old or new, never a mixture; mode 0600.
   void write(const std::filesystem::path& file) const;
+};
+
+/// Whoever puts something into the place of a ReportingIdentity has the turn: the certificate that one
+/// process renews would else be written over by what another one renewed a moment before, and does not count
+/// any more. The kernel takes it back whatever becomes of the process.
+class ReportingTurn {
+ public:
+  /// Of the home in which `file` lies. Nothing while somebody else has it. Throws kiroku::IoError.
+  static std::optional<ReportingTurn> take(const std::filesystem::path& file);
+
+ private:
+  explicit ReportingTurn(Descriptor folder) : folder_(std::move(folder)) {}
+  Descriptor folder_;
 };
 
 /// The report server did not take what it was given. what() says why and what to do.

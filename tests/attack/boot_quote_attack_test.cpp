@@ -34,6 +34,7 @@ class BootQuoteAttack : public testing::Test {
     tpm_.emplace(folder_ / "t");
     description_ = recorder::make_hardware_key(recorder::HardwareDescription::Kind::kTpm, tpm_->tcti());
     description_.attestation_key = recorder::find_attestation_key(description_);
+    measure_firmware();
     boot("b1");
     start_again();
     boot("b2");
@@ -55,8 +56,16 @@ class BootQuoteAttack : public testing::Test {
     log->shutdown();
   }
   void start_again() {
+    start_unmeasured();
+    measure_firmware();
+  }
+  void start_unmeasured() {
     tpm_->take_away();
     tpm_->start();
+  }
+  /// As every firmware does.
+  void measure_firmware() {
+    for (unsigned pcr = 0; pcr < 8; ++pcr) tpm_->measure(pcr, 0x11);
   }
   [[nodiscard]] std::vector<LogEntry> entries() const {
     std::vector<LogEntry> entries;
@@ -128,6 +137,34 @@ TEST_F(BootQuoteAttack, AnotherBootLoaderIsToldAndIsNoForgery) {
   tpm_->measure(4, 0xbb);
   boot("b4");
   EXPECT_EQ(verdict(), "intact measured-boot-changed 8");
+}
+
+TEST_F(BootQuoteAttack, RegistersWithNothingInThemSayNothingOfTheBoot) {
+  // The firmware measures into another bank, so that whoever starts the machine fills these as they like.
+  start_unmeasured();
+  boot("b4");
+  EXPECT_EQ(verdict(), "intact boot-not-measured 8 measured-boot-changed 8");
+  start_unmeasured();
+  for (unsigned pcr = 0; pcr < 7; ++pcr) tpm_->measure(pcr, 0x11);
+  boot("b5");
+  EXPECT_EQ(verdict(), "intact measured-boot-changed 8 boot-not-measured 10 measured-boot-changed 10")
+      << "one that is empty says it of all";
+}
+
+TEST_F(BootQuoteAttack, AnotherKernelOutOfTheRunningOneIsTold) {
+  boot("b4");
+  EXPECT_EQ(verdict(), "intact boot-without-reset 8")
+      << "kexec: the registers are those of the kernel before";
+}
+
+TEST_F(BootQuoteAttack, BootsUnderAnotherDeviceKeyThatNobodyQuotesAreTold) {
+  auto changed = entries();
+  const std::string device = boot_of(changed[0]).device;
+  changed.push_back({changed.size(), changed.back().at, archive::DeviceKeyChangedEntry{device}});
+  changed.push_back({changed.size(), changed.back().at, BootEntry{"b4", device}});
+  changed.push_back({changed.size(), changed.back().at, BootEntry{"b5", device}});
+  sign_anew(changed);
+  EXPECT_THAT(verdict(), testing::HasSubstr(" boot-not-quoted 10"));
 }
 
 TEST_F(BootQuoteAttack, AQuoteOfAnotherBootIsReplayed) {

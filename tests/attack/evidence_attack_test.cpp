@@ -518,6 +518,13 @@ TEST_F(EvidenceAttack, EntriesBehindTheRecordAreCountedAndTakenIn) {
   EXPECT_EQ(renewed("2028-03-01", true).what, What::kNothingDue);
   const VerificationReport covered = archive::verify_case(attacked.folder(), options);
   EXPECT_EQ(covered.verdict, Verdict::kIntactWithGaps) << details(covered);
+  // What was taken in is not told as if the record said nothing of it.
+  ASSERT_TRUE(covered.evidence.has_value());
+  EXPECT_EQ(covered.evidence->entries, size - 1);
+  EXPECT_EQ(covered.evidence->later_entries, size);
+  EXPECT_EQ(covered.evidence->later_since, day("2028-02-01"));
+  EXPECT_THAT(details(covered), testing::HasSubstr("covers the entries up to " + std::to_string(size - 1) +
+                                                   " since 2028-02-01T00:00:00"));
 }
 
 /// An excerpt beside the case, whose record lies where it is looked for.

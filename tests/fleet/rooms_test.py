@@ -7,6 +7,8 @@ Usage: tests/fleet/rooms_test.py PROGRAMS
 Exit status: 0 everything holds, 1 something does not, 77 PostgreSQL is not installed.
 """
 import contextlib
+import fcntl
+import hashlib
 import http.client
 import json
 import os
@@ -235,6 +237,33 @@ def try_taking_a_name(server, folder, appliance, admit, psql):
     require("two-of-one-name" in concerns(), "a copy whose runs are new each time is not seen")
     enrol_anew()
     require("two-of-one-name" not in concerns(), "an appliance that was enrolled anew is two yet")
+
+    # What whoever has the original's disk can work out: its path, and the boot identifier out of a ledger.
+    boot = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    of_the_disk = hashlib.sha256(f"{boot} {appliance.home.resolve()}".encode()).hexdigest()[:32]
+    appliance.kiroku("fleet", "report")
+    require(answer(report_desk(server.reports, appliance.identity(), folder), "/report", json.dumps({**report, "run": of_the_disk}))[0] == 200, "the copy is refused")
+    appliance.kiroku("fleet", "report")
+    require("two-of-one-name" in concerns(), "a copy that names the run of the original, as far as its disk tells it, is not seen")
+    enrol_anew()
+
+    # Several at one moment: what stays there is the certificate that counts.
+    before = appliance.identity()["certificate"]
+    held = os.open(appliance.home, os.O_RDONLY | os.O_DIRECTORY)
+    fcntl.flock(held, fcntl.LOCK_EX)
+    refused = appliance.ask("fleet", "report", "--renew")
+    require(refused.returncode == 2 and "another process of this appliance renews" in refused.stderr and appliance.identity()["certificate"] == before,
+            f"while another process renews, a renewal says {refused.stderr}")
+    appliance.kiroku("fleet", "report")
+    os.close(held)
+    for _ in range(3):
+        at_once = [subprocess.Popen(appliance.command("fleet", "report", "--renew"), env=appliance.environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                   for _ in range(4)]
+        said = [(process.communicate(timeout=120)[1], process.returncode) for process in at_once]
+        require(any(status == 0 for _, status in said), f"of several renewals at one moment none was made: {said}")
+        require(all(status == 0 or "another process of this appliance renews" in words for words, status in said), f"a renewal at the same moment says {said}")
+        appliance.kiroku("fleet", "report")
+    require("two-of-one-name" not in concerns(), "renewals at one moment count as a second appliance")
 
     # The service takes up what was renewed by hand, and is no copy.
     with appliance.following():

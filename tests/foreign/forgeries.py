@@ -2699,7 +2699,7 @@ def boots_of(log):
 @reaches("boot-quotes-hold")
 def boots_that_are_quoted(world):
     given = quoted(world)
-    given.never = ["measured-boot-changed", "boots-not-entered", "boot-not-quoted", "boot-quote-missing"]
+    given.never = ["measured-boot-changed", "boots-not-entered", "boot-not-quoted", "boot-quote-missing", "boot-not-measured", "boot-without-reset"]
     return given
 
 
@@ -2774,7 +2774,7 @@ def a_quote_whose_signature_is_none(world):
 
 @reaches("boot-pcrs-differ")
 def registers_that_were_not_quoted(world):
-    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index] * 32).hex()}" for index in (*range(10), 15)]))
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index + 1] * 32).hex()}" for index in (*range(10), 15)]))
 
 
 @reaches("boot-pcrs-differ")
@@ -2784,7 +2784,7 @@ def values_that_were_not_quoted(world):
 
 @reaches("boot-quote-malformed")
 def registers_out_of_their_order(world):
-    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index] * 32).hex()}" for index in (14, *range(10))]))
+    return quoted(world, lambda log, tpm: with_fields(boots_of(log)[-1], pcrs=[f"{index}:{bytes([index + 1] * 32).hex()}" for index in (14, *range(10))]))
 
 
 def _quote_changed(change):
@@ -2884,6 +2884,49 @@ def a_boot_that_the_tpm_did_not_quote(world):
         another_boot(log, tpm, 5)
     given = quoted(world, change)
     given.never = ["boot-quote-missing", "boots-not-entered"]
+    return given
+
+
+@reaches("boot-not-measured")
+def registers_into_which_nothing_was_measured(world):
+    """The firmware uses another bank: whoever starts the machine puts in what they like."""
+    return quoted(world, lambda log, tpm: another_boot(log, tpm, 4), tpm=tpm_quote.Forger(pcrs={index: bytes(32) for index in (*range(10), 14)}))
+
+
+@reaches("boot-not-measured")
+def registers_of_which_one_is_empty(world):
+    return quoted(world, tpm=tpm_quote.Forger(pcrs={index: bytes([(index != 7) * (index + 1)] * 32) for index in (*range(10), 14)}))
+
+
+@reaches("boot-not-measured")
+def registers_that_no_firmware_measures_into(world):
+    return quoted(world, tpm=tpm_quote.Forger(pcrs={14: bytes([1] * 32), 16: bytes([2] * 32)}))
+
+
+@reaches("boot-without-reset")
+def another_kernel_out_of_the_running_one(world):
+    """kexec: the registers tell of the kernel before."""
+    given = quoted(world, lambda log, tpm: another_boot(log, tpm, 4, resets=0))
+    given.never = ["measured-boot-changed", "boots-not-entered"]
+    return given
+
+
+@reaches("boot-quotes-hold")
+def a_machine_that_woke_up(world):
+    """A TPM restart is a start."""
+    given = quoted(world, lambda log, tpm: another_boot(log, tpm, 4, resets=0, restarts=8))
+    given.never = ["boot-without-reset"]
+    return given
+
+
+@reaches("boot-not-quoted")
+def boots_without_a_quote_under_another_device_key(world):
+    """With its key the device loses the attestation key; what it starts from then on nobody quotes."""
+    def change(log, tpm):
+        log.signed("device-key-changed", 5 * SECOND, device=str(log.signer.key))
+        log.add("boot", 0, **boot_fields(log, 4))
+    given = quoted(world, change)
+    given.never = ["boot-quote-missing"]
     return given
 
 

@@ -132,6 +132,7 @@ def went_on(before, now):
 @dataclasses.dataclass
 class _Held:
     entry: int
+    boot_id: str
     said: Attested
     pcrs: dict
 
@@ -143,6 +144,8 @@ class Boots:
         self.report, self.alone = report, alone
         self.device = self.boot_id = self.text = self.key = self.last = None
         self.holding = self.silent = self.further = self.since_held = 0   # the last: boots in the log since the last quote that holds
+        self.unmeasured = self.without_reset = 0
+        self.had_key = False
 
     def take(self, number, entry, root_before):
         kind = entry["type"]
@@ -156,13 +159,16 @@ class Boots:
                 self.silent += 1
             elif self.key:
                 self._of_log("boot-quote-missing", number)
+            elif self.had_key:
+                self.silent += 1
         elif kind == "device-key-changed":
             self._change_device(entry["device"], True)
         elif kind == "device-attestation-added":
             self._take_key(number, entry, root_before)
 
     def finish(self):
-        for code, count in (("boot-quotes-hold", self.holding), ("boot-not-quoted", self.silent), ("boots-not-entered", self.further)):
+        for code, count in (("boot-quotes-hold", self.holding), ("boot-not-quoted", self.silent), ("boots-not-entered", self.further),
+                            ("boot-not-measured", self.unmeasured), ("boot-without-reset", self.without_reset)):
             if count:
                 self._of_log(code, count)
 
@@ -182,7 +188,7 @@ class Boots:
             return self.report("device-invalid", str(e))
         if self.key and self.text != entry["attestation"]:
             return self.report("device-attestation-differs", f"line {number}")
-        self.text, self.key = entry["attestation"], key
+        self.text, self.key, self.had_key = entry["attestation"], key, True
         self._judge(number, entry, root_before)
 
     def _judge(self, number, entry, root_before):
@@ -202,7 +208,7 @@ class Boots:
             holds = False
             self.report("boot-quote-of-elsewhere", where)
         if holds:
-            self._compare(_Held(number, said, pcrs))
+            self._compare(_Held(number, self.boot_id, said, pcrs))
 
     def _compare(self, now):
         if self.last:
@@ -212,8 +218,10 @@ class Boots:
             if resets < 0 or (resets == 0 and restarts < 0) or ((said.safe or same_power) and said.clock_ms < before.clock_ms):
                 return self.report("boot-clock-went-back", f"line {now.entry} of the log")
             self.further += max(0, resets - self.since_held)
+            self.without_reset += same_power and now.boot_id != self.last.boot_id
             if now.pcrs != self.last.pcrs:
                 self._of_log("measured-boot-changed", now.entry)
+        self.unmeasured += any(not any(now.pcrs.get(index, b"")) for index in range(8))
         self.holding += 1
         self.last, self.since_held = now, 0
 
@@ -230,7 +238,7 @@ class Forger:
     resets: int = (1 << 32) - 1   # the TPM adds a number of its own
     restarts: int = 7
     safe: int = 1
-    pcrs: dict = dataclasses.field(default_factory=lambda: {index: bytes([index] * 32) for index in (*range(10), 14)})
+    pcrs: dict = dataclasses.field(default_factory=lambda: {index: bytes([index + 1] * 32) for index in (*range(10), 14)})
 
     @property
     def area(self):

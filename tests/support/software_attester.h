@@ -42,9 +42,11 @@ class SoftwareAttester : public crypto::BootAttester {
     append_number<std::uint64_t>(attest, 7);
     append_number<std::uint32_t>(attest, 1);
     append_number<std::uint16_t>(attest, 0x000b);
-    constexpr std::array<std::uint8_t, 4> kPcr4{3, 0b10000, 0, 0};
-    for (const std::uint8_t each : kPcr4) append_number(attest, each);
-    const std::vector<crypto::PcrValue> pcrs{{4, loader_}};
+    constexpr std::array<std::uint8_t, 4> kPcrs0To7{3, 0xff, 0, 0};
+    for (const std::uint8_t each : kPcrs0To7) append_number(attest, each);
+    std::vector<crypto::PcrValue> pcrs;
+    for (unsigned index = 0; index < 8; ++index)
+      pcrs.push_back({index, index == 4 ? loader_ : crypto::sha256(bytes_of("firmware"))});
     append_number<std::uint16_t>(attest, 32);
     append(attest, crypto::digest_of_pcrs(pcrs));
     Bytes signature = key_.sign(attest).signature;

@@ -54,6 +54,7 @@ TEST_F(CompareProgram, MakesADocumentThatSaysWhatItStandsOn) {
   EXPECT_EQ(made["in_planned_order"], false);
   EXPECT_TRUE(made["time_stamps"][0].contains("gen_time")) << made.dump();
   EXPECT_EQ(made["time_stamps"][0]["kind"], "self-issued");
+  EXPECT_EQ(made["time"], "self-issued");
   const nlohmann::json document = nlohmann::json::parse(read_text(folder() / "out.json"));
   EXPECT_EQ(document["format"], "kiroku-comparison/1");
   EXPECT_EQ(document["made_by"], "Dr. Sato");

@@ -78,15 +78,22 @@ TEST_F(HardwareKey, ANewHomeMayHaveAllThreeKeys) {
 
 TEST_F(HardwareKey, OfATpmQuotesTheBootIntoTheLog) {
   if (!SoftwareTpm::is_installed()) GTEST_SKIP() << SoftwareTpm::kWhySkipped;
-  const SoftwareTpm tpm(folder() / "t");
+  SoftwareTpm tpm(folder() / "t");
   const ProcessResult made = kiroku({"init", "--demo", "--tpm", "--tcti", tpm.tcti()});
   ASSERT_EQ(made.status, 0) << made.err;
   EXPECT_THAT(made.out, Not(HasSubstr("does not quote")));
+  EXPECT_THAT(
+      kiroku({"doctor"}).out,
+      HasSubstr("its quotes say nothing of the boot, as the firmware measures nothing into register 0, 1, "
+                "2, 3, 4, 5, 6, 7"));
+  for (unsigned pcr = 0; pcr < 8; ++pcr) tpm.measure(pcr, 0x11);
   EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("and quotes the measured boot"));
   EXPECT_EQ(verify(record(), identity()).status, 0);
   const ProcessResult log = kiroku({"log", "--verify"});
   EXPECT_EQ(log.status, 0) << log.out;
   EXPECT_THAT(log.out, HasSubstr("these quotes hold"));
+  EXPECT_THAT(log.out, HasSubstr("boot-not-measured"))
+      << "no firmware had measured anything when it was asked";
   const ProcessResult alone = verify(home() / "archive/log", identity(), true);
   EXPECT_EQ(alone.status, 0);
   EXPECT_THAT(alone.out, HasSubstr("boot-quotes-hold"));

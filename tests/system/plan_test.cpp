@@ -193,10 +193,13 @@ TEST_F(PlanProgram, SaysOfASealWhoseClockTellsItsTime) {
   const ProcessResult told = kiroku({"plan", "seal", "plan.json"});
   EXPECT_EQ(told.status, 0) << told.err;
   EXPECT_THAT(told.out, HasSubstr(by_own));
+  EXPECT_THAT(told.err, HasSubstr("warning: no outside authority time-stamped it: the recorder's own proves "
+                                  "to nobody else when this was there"));
   write_text(folder() / "again.json", read_text(folder() / "plan.json") + "\n");
   const nlohmann::json sealed = kiroku_json({"plan", "seal", "again.json", "--json"});
   EXPECT_EQ(sealed["time_stamps"][0]["authority"], "national-metrology-institute");
   EXPECT_EQ(sealed["time_stamps"][0]["kind"], "self-issued");
+  EXPECT_EQ(sealed["time"], "self-issued");
 }
 
 TEST_F(PlanProgram, SealsAPlanBeforeTheCaseIsRecorded) {

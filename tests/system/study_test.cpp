@@ -142,6 +142,7 @@ TEST_F(StudyTest, LeadsFromClipsToAReport) {
   const json closed = kiroku_json({"quality", "study", "close", path("reading"), "--json"});
   EXPECT_TRUE(closed.at("time_stamps")[0].contains("gen_time")) << closed;
   EXPECT_EQ(closed.at("time_stamps")[0].at("kind"), "self-issued");
+  EXPECT_EQ(closed.at("time"), "self-issued");
   EXPECT_REFUSED(kiroku({"quality", "study", "close", path("reading")}), "is closed already");
   EXPECT_REFUSED(kiroku({"quality", "study", "serve", path("reading")}), "is closed");
 

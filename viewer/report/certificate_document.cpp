@@ -135,11 +135,11 @@ class CertificateMaker {
     heading("4. The copy, and how it was identified: Rule 902(14) (found by the program)");
     body("On " + utc_time(in_.made) + " the program " + in_.program +
          " verified the copy to which this certificate "
-         "belongs. It computed the SHA-256 hash (FIPS 180-4) of " +
-         files(found_.files) + " with " + grouped(found_.bytes) +
-         " bytes, and compared each with the entry that names the file. It computed the "
+         "belongs. It computed the SHA-256 hash (FIPS 180-4) of the " +
+         files(archive::named_files(found_)) +
+         " of the copy that entries name, and compared each with its entry. It computed the "
          "root of the entries, and checked the device's " +
-         signatures() + " over that root.");
+         signatures() + " over that root. The copy has " + grouped(found_.bytes) + " bytes in all.");
     add(verdict_statement(in_));
     small("Stated by the person who signs:");
     Table table = facts_table();

@@ -133,11 +133,11 @@ void withhold_what_nobody_signed(std::vector<CheckAnswer>& answers) {
 void withhold_contents(std::vector<CheckAnswer>& answers, const archive::VerificationReport& verification) {
   const Answer files = std::ranges::find(answers, Check::kFiles, &CheckAnswer::check)->answer;
   CheckAnswer& contents = *std::ranges::find(answers, Check::kContents, &CheckAnswer::check);
-  // An excerpt's report counts what it holds, not what its lines name.
+  const bool has_other_files =
+      verification.excerpt.has_value() && files != Answer::kYes && files != Answer::kWithGaps;
   const bool lacks_some =
-      verification.excerpt
-          ? files != Answer::kYes && files != Answer::kWithGaps
-          : verification.contents && archive::listed_segments(verification) > verification.contents->segments;
+      has_other_files ||
+      (verification.contents && archive::listed_segments(verification) > verification.contents->segments);
   if (lacks_some && contents.answer == Answer::kYes) contents.answer = Answer::kInPart;
 }
 

@@ -101,6 +101,15 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "る。"},
     {"boots-not-entered", Check::kLog,
      "TPM のリセット回数によれば、ログに記載された回数より多く装置が起動された。"},
+    {"boot-not-measured", Check::kLog,
+     "どのファームウェアも計測値を書き込むレジスターが証明に含まれないか、空である。そのようなクォートは、装"
+     "置"
+     "が何を起動したかを示さない。"},
+    {"boot-without-reset", Check::kLog,
+     "ログには別の起動が記載されているが、TPM "
+     "の回数によれば装置は起動し直されていない。動作中のカーネルが別のカーネルを起動したか、記載が作られたも"
+     "の"
+     "である。"},
     {"boot-quotes-hold", Check::kLog,
      "TPM が、ログに記載された構成証明鍵で起動の状態を証明した。その鍵が TPM "
      "の鍵であることは、ここでは確認されない。"},

@@ -150,11 +150,11 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
                    {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint")});
     case Check::kFiles:
       if (found_.excerpt) {
-        return words("check.files.excerpt.yes",
-                     {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes), held_words()});
+        return words("check.files.excerpt.yes", {count(archive::named_files(found_), "one.file", "many.file"),
+                                                 byte_size(found_.bytes), held_words()});
       }
       return words("check.files.yes",
-                   {count(found_.files, "one.file", "many.file"), byte_size(found_.bytes)});
+                   {count(archive::named_files(found_), "one.file", "many.file"), byte_size(found_.bytes)});
     case Check::kStreams:
       if (answered.answer == Answer::kInPart && !found_.excerpt &&
           (!found_.close_entry || found_.signed_entries <= *found_.close_entry))

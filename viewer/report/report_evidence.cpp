@@ -29,8 +29,13 @@ void ReportMaker::add_evidence() {
   }
   if (!evidence.holds) return;
   paragraph(words("evidence.covered", {grouped(evidence.entries), grouped(evidence.files)}));
-  if (!found_.excerpt && evidence.entries < found_.entries) {
-    paragraph(words("evidence.later", {grouped(found_.entries - evidence.entries)}));
+  const std::uint64_t covered = evidence.later_since ? evidence.later_entries : evidence.entries;
+  if (!found_.excerpt && evidence.later_since) {
+    paragraph(
+        words("evidence.taken-in", {grouped(covered - evidence.entries), utc_time(*evidence.later_since)}));
+  }
+  if (!found_.excerpt && covered < found_.entries) {
+    paragraph(words("evidence.later", {grouped(found_.entries - covered)}));
   }
   if (found_.excerpt) paragraph(words("evidence.excerpt"));
   if (evidence.resealed > 0) paragraph(words("evidence.resealed", {grouped(evidence.resealed)}));

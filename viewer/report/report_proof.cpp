@@ -99,7 +99,10 @@ void ReportMaker::add_repeating() {
   paragraph(words("repeat.hash"));
   add(Listing{
       {"sha256sum " + facts.ledger.name, crypto::to_hex(facts.ledger.sha256) + "  " + facts.ledger.name}});
-  paragraph(words("repeat.files"));
+  std::uint64_t erased = 0;
+  for (const archive::StreamReport& stream : found_.streams) erased += stream.erased_segments;
+  paragraph(erased == 0 ? words("repeat.files")
+                        : words("repeat.files.erased", {count(erased, "one.segment", "many.segment")}));
   add(Listing{
       {R"sh(jq -r '(.subject // .) | select(.file) | "\(.sha256)  \(.file)"' ledger.jsonl | sha256sum -c --quiet)sh"}});
   if (!facts.tokens.empty()) {

@@ -138,8 +138,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.files", "Is every file there, and exactly as it was when it was listed?",
      "すべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.yes",
-     "{0} ({1}): every hash is the one that the ledger states, and no other file is there.",
-     "{0}（{1}）：ハッシュ値はすべて台帳の記載と一致し、余分なファイルはありません。"},
+     "The ledger names {0}, and each has the hash that it states. Beside these only the ledger, its "
+     "checkpoints, "
+     "the device's public key and certificates of authorities are there, {1} in all.",
+     "台帳に記載の{0}"
+     "は、すべて記載どおりのハッシュ値です。ほかにあるのは台帳、そのチェックポイント、装置の公開鍵、"
+     "認証局の証明書だけです（合計 {1}）。"},
     {"check.files.unasked",
      "Every file that could be looked for is there. But entries cannot be read, or name files that they may "
      "not: "
@@ -152,10 +156,15 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.files.excerpt", "Is every file of the excerpt there, and exactly as it was when it was listed?",
      "抜粋のすべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.excerpt.yes",
-     "{0} ({1}) are there, and no other: {2}. Files of the case outside the excerpt were not here to be "
-     "checked.",
-     "{0}（{1}）が存在し、余分なファイルはありません（{2}）。症例のうち抜粋に含まれないファイルは検査してい"
-     "ません。"},
+     "Its lines name {0} that are here, and each has the hash that they state: {2}. Beside these only the "
+     "lines, "
+     "the checkpoints, the device's public key and certificates of authorities are there, {1} in all. Files "
+     "of "
+     "the case outside the excerpt were not here to be checked.",
+     "抜粋の行に記載されここにある{0}は、すべて記載どおりのハッシュ値です（{2}"
+     "）。ほかにあるのは行、チェックポイント、"
+     "装置の公開鍵、認証局の証明書だけです（合計 "
+     "{1}）。症例のうち抜粋に含まれないファイルは検査していません。"},
     {"check.streams", "Was it recorded without a break from beginning to end?",
      "始めから終わりまで途切れなく記録されたか"},
     {"check.streams.yes",
@@ -462,6 +471,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"evidence.covers.link", "the time stamp before", "直前のタイムスタンプ"},
     {"evidence.covered", "It covers {0} ledger entries, from the first on, and {1} files that they name.",
      "対象は、台帳の最初から {0} 件の項目と、それらが名指す {1} 個のファイルです。"},
+    {"evidence.taken-in", "{0} entries came later. A later time stamp of the record covers them, since {1}.",
+     "その後に加わった {0} 件の項目は、証拠記録の後のタイムスタンプにより {1} 以降証明されています。"},
     {"evidence.later",
      "{0} entries came later. The record says nothing of them. On the recorder 'kiroku renew --take-in' "
      "brings "
@@ -746,6 +757,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"repeat.hash", "The ledger is the one that this report speaks of:", "台帳が本書の対象であること："},
     {"repeat.files", "Every file is as the ledger lists it (no output means yes):",
      "全ファイルが台帳のとおりであること（何も表示されなければ一致）："},
+    {"repeat.files.erased",
+     "Every file is as the ledger lists it ({0} that were erased are named as missing, and nothing else is):",
+     "全ファイルが台帳のとおりであること（消去された{0}だけが、ないものとして表示されます）："},
     {"repeat.token", "The last time stamp is over the checkpoint, under roots that you trust:",
      "最後のタイムスタンプが、信頼するルートの下でチェックポイントに対するものであること："},
     {"repeat.all",

@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
+#include "crypto/note_format.h"
 #include "http/server.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/software_hardware_key.h"
@@ -272,7 +273,7 @@ TEST_F(FollowingTest, EvidenceThatWasCutOffIsMadeWholeTheNextTime) {
   }
 }
 
-TEST_F(FollowingTest, ACheckpointThatIsKeptStaysAsItWasShownFirst) {
+TEST_F(FollowingTest, ACheckpointThatIsKeptLosesNothing) {
   follow(log, 300);
   LogToShow shown = PublishedLog(key, 100).at(600);
   const std::string alone = shown.note;
@@ -291,6 +292,70 @@ TEST_F(FollowingTest, ACheckpointThatIsKeptStaysAsItWasShownFirst) {
   EXPECT_EQ(again.evidence, first.evidence);
   EXPECT_EQ(again.not_kept, "");
   EXPECT_EQ(text_in(first.evidence / "checkpoint"), cosigned);
+}
+
+TEST_F(FollowingTest, LaterCosignaturesOfAnotherHistoryAreAdded) {
+  follow(log, 300);
+  const auto cosigned = [](LogToShow shown, const std::vector<std::string>& lines) {
+    for (const std::string& line : lines) shown.note += "\xE2\x80\x94 " + line + "\n";
+    return shown;
+  };
+  const std::string first_line = "witness.example/w1 AAAAAAAA", second_line = "witness.example/w2 AAAAAQAA",
+                    made_up = "witness.example/w1 AAAAAAEB";
+  const LogToShow shown = PublishedLog(key, 100).at(600);
+  const Followed first = follow(*tiles_of(cosigned(shown, {first_line})));
+  const fs::path kept = first.evidence / "checkpoint";
+  EXPECT_EQ(first.not_kept, "");
+  const Followed second = follow(*tiles_of(cosigned(shown, {second_line})));
+  EXPECT_EQ(second.not_kept, "");
+  EXPECT_EQ(text_in(kept), cosigned(shown, {first_line, second_line}).note);
+  // One of a key that has one already: which of them holds nobody asks here.
+  const Followed third = follow(*tiles_of(cosigned(shown, {made_up})));
+  EXPECT_EQ(third.what, Following::kTwoHistories);
+  EXPECT_THAT(third.not_kept, HasSubstr("for which the one that is kept has others"));
+  EXPECT_EQ(text_in(kept), cosigned(shown, {first_line, second_line}).note);
+  // No number of lines makes it a note that nobody reads any more.
+  std::vector<std::string> many;
+  for (int i = 10; i < 110; ++i) many.push_back("w.example/" + std::to_string(i) + " AAAAAAAA");
+  many.resize(98);
+  EXPECT_EQ(follow(*tiles_of(cosigned(shown, many))).what, Following::kTwoHistories);
+  EXPECT_EQ(crypto::parse_note(text_in(kept)).why, "");
+  EXPECT_THAT(text_in(kept), HasSubstr(second_line));
+  // A full disk is said, and nothing is lost.
+  const Followed other = follow(*tiles_of(PublishedLog(key, 200).at(600)));
+  const std::string before = text_in(other.evidence / "checkpoint");
+  test::FaultFileSystem full(folder.path());
+  full.fail("write", ENOSPC);
+  const LogToShow again = cosigned(PublishedLog(key, 200).at(600), {first_line});
+  const Followed told = follow_log(*tiles_of(again), full, copy, {device});
+  EXPECT_EQ(told.what, Following::kTwoHistories);
+  EXPECT_NE(told.not_kept, "");
+  EXPECT_EQ(text_in(other.evidence / "checkpoint"), before);
+}
+
+TEST_F(FollowingTest, LaterCosignaturesOfTheSameEntriesAreAdded) {
+  LogToShow shown = log.at(300);
+  const std::string alone = shown.note;
+  follow(*tiles_of(shown));
+  shown.note += "\xE2\x80\x94 witness.example/w1 AAAAAAAA\n";
+  EXPECT_EQ(follow(*tiles_of(shown)).what, Following::kSame);
+  EXPECT_EQ(text_in(copy / "checkpoint"), shown.note);
+  const std::string cosigned = shown.note;
+  shown.note = alone;
+  EXPECT_EQ(follow(*tiles_of(shown)).what, Following::kSame);
+  EXPECT_EQ(text_in(copy / "checkpoint"), cosigned);
+}
+
+TEST_F(FollowingTest, LaterCosignaturesOfACheckpointWithoutItsTilesAreAdded) {
+  follow(log, 300);
+  const fs::path other = published(PublishedLog(key, 10), 600);
+  fs::remove(other / "tile/0/001");
+  const Followed first = follow_folder(other);
+  ASSERT_EQ(first.what, Following::kCouldNotTell);
+  const std::string cosigned = text_in(other / "checkpoint") + "\xE2\x80\x94 witness.example/w1 AAAAAAAA\n";
+  put(other / "checkpoint", cosigned);
+  EXPECT_EQ(follow_folder(other).evidence, first.evidence);
+  EXPECT_EQ(text_in(first.evidence), cosigned);
 }
 
 TEST_F(FollowingTest, EvidenceThatWasCutOffIsNoWholeOneWhereItsTilesAreNotToBeHadAnyMore) {

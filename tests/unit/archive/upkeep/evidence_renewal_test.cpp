@@ -20,6 +20,7 @@ namespace fs = std::filesystem;
 using test::day;
 using test::PlayedAuthority;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using What = EvidenceRenewal::What;
 
 class EvidenceRenewalTest : public ::testing::Test {
@@ -200,6 +201,42 @@ TEST_F(EvidenceRenewalTest, ARecordThatDoesNotHoldIsLeftAsItIs) {
   EXPECT_THAT(results[0].text, HasSubstr("it does not cover the ledger of this case"));
   EXPECT_EQ(results[1].what, What::kTimeStampRenewed) << results[1].text;
   EXPECT_EQ(renew(at("2034-06-01", second_))[1].what, What::kNothingDue);
+}
+
+TEST_F(EvidenceRenewalTest, ARecordWhoseRootIsMissingIsNotCalledFalse) {
+  // Another party renewed it, or somebody lost trust.pem: told as false, it would be moved away for a new
+  // one.
+  renew(at("2027-01-01", first_));
+  const std::string kept = test::contents(record_of(cases_[0]));
+  timestamp::TrustStore less;
+  less.add_own_authority(bytes_of(archive_.authority().root_pem()), "own");
+  less.add_trusted(bytes_of(second_.root_pem()), "second");
+  EvidenceRenewalOptions options = at("2033-10-01", second_);
+  options.trust = &less;
+  for (const EvidenceRenewal& each : renew(options)) {
+    EXPECT_EQ(each.what, What::kRefused);
+    EXPECT_THAT(each.text,
+                HasSubstr("holds could not be checked: the token of archiveTimeStampSequence[0][0]"));
+    EXPECT_THAT(each.text, HasSubstr("leave it where it is"));
+    EXPECT_THAT(each.text, Not(HasSubstr("does not hold")));
+    EXPECT_THAT(each.text, Not(HasSubstr("move it away")));
+  }
+  EXPECT_EQ(test::contents(record_of(cases_[0])), kept);
+  EXPECT_EQ(renew(at("2033-10-01", second_))[0].what, What::kTimeStampRenewed) << "with its root";
+}
+
+TEST_F(EvidenceRenewalTest, AWrongPolicyHasNoRecordThrownAway) {
+  // A year mistyped, or an algorithm left out, and every record of the archive is told to be false.
+  renew(at("2027-01-01", first_));
+  for (const char* policy : {"[[algorithm]]\nname = \"sha256\"\nuntil = 2020-12-31\n[[algorithm]]\nname = "
+                             "\"ecdsa\"\n[[algorithm]]\nname = \"ed25519\"\n",
+                             "[[algorithm]]\nname = \"sha256\"\n"}) {
+    const EvidenceRenewal result = renew(at("2028-01-01", second_, policy))[0];
+    EXPECT_EQ(result.what, What::kRefused);
+    EXPECT_THAT(result.text, HasSubstr("see whether the policy and the roots are the right ones"));
+    EXPECT_THAT(result.text, HasSubstr("keep this one elsewhere"));
+    EXPECT_THAT(result.text, Not(HasSubstr("move it away")));
+  }
 }
 
 TEST_F(EvidenceRenewalTest, ARecordThatLapsedIsNotRenewed) {

@@ -340,6 +340,62 @@ TEST_F(ReportDocument, OfWhatIsMissingNobodySawTheContents) {
       HasSubstr("! In part | Of 4 sealed files that the ledger lists, 3 sealed files are here as listed"));
 }
 
+// Somebody counts the files of the folder, and a certificate is signed under penalty of perjury.
+TEST_F(ReportDocument, CountsTheFilesThatTheLedgerNamesAndSaysWhatElseIsThere) {
+  const auto named_in = [](const fs::path& folder) {
+    std::uint64_t named = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      const std::string path = entry.path().lexically_relative(folder).string();
+      const bool is_named = path.starts_with("segments/") || path.starts_with("tokens/") ||
+                            path == std::string(archive::kSubjectFile);
+      if (entry.is_regular_file() && is_named) ++named;
+    }
+    return std::to_string(named);
+  };
+  ReportInput whole = input();
+  EXPECT_THAT(test::text_of(make_report(whole)),
+              HasSubstr("The ledger names " + named_in(folder_) +
+                        " files, and each has the hash that it states. Beside these only the ledger, its "
+                        "checkpoints, the device's public key and certificates of authorities are there, "));
+  EXPECT_THAT(test::text_of(make_certificate(whole)),
+              HasSubstr("the SHA-256 hash (FIPS 180-4) of the " + named_in(folder_) +
+                        " files of the copy that entries name, and compared each with its entry."));
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  EXPECT_THAT(test::text_of(make_report(input())),
+              HasSubstr("Its lines name " + named_in(folder_) +
+                        " files that are here, and each has the hash that they state"));
+}
+
+// Whoever repeats the check would else take what a policy removed for files that are missing.
+TEST_F(ReportDocument, SaysOfErasedFilesThatRepeatingTheCheckNamesThem) {
+  ReportInput in = input();
+  const std::string usual = "Every file is as the ledger lists it (no output means yes):";
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(usual));
+  in.verification.streams.front().erased_segments = 2;
+  EXPECT_THAT(
+      test::text_of(make_report(in)),
+      AllOf(Not(HasSubstr(usual)), HasSubstr("Every file is as the ledger lists it (2 sealed files that "
+                                             "were erased are named as missing, and nothing else is):")));
+}
+
+TEST_F(ReportDocument, OfAnExcerptWhatIsMissingCountsAmongWhatItShouldHold) {
+  archive::ExcerptOptions both = second_segment();
+  both.from_ns = 0;
+  archive::make_excerpt(folder_, both, temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  const std::uint64_t all = archive::listed_segments(input().verification);
+  ASSERT_EQ(all, 2U);
+  fs::remove(folder_ / "segments/endoscope/00000001.ts.age");
+  ReportInput input = this->input();
+  EXPECT_EQ(archive::listed_segments(input.verification), all);
+  input.given.identities.push_back({"identity.txt", {}});
+  input.verification.contents = archive::OpenedContents{1, 1, 1};
+  EXPECT_THAT(
+      test::text_of(make_report(input)),
+      HasSubstr("! In part | Of 2 sealed files that the ledger lists, 1 sealed file are here as listed"));
+}
+
 TEST_F(ReportDocument, OfAnExcerptSaysHowMuchOfItTheLogKnows) {
   archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
   folder_ = temporary_ / "excerpt";

@@ -67,6 +67,17 @@ TEST_F(ReportDocument, SaysSinceWhenAnEvidenceRecordProvesTheCaseAndWhatItDoesNo
       text,
       HasSubstr(
           "2 entries came later. The record says nothing of them. On the recorder 'kiroku renew --take-in'"));
+  {
+    ReportInput taken_in = in;
+    taken_in.verification.evidence->later_entries = in.verification.entries - 1;
+    taken_in.verification.evidence->later_since = *parse_utc("2044-03-01T00:00:00Z");
+    const std::string some = test::text_of(make_report(taken_in));
+    EXPECT_THAT(some, HasSubstr("1 entries came later. A later time stamp of the record covers them, since "
+                                "2044-03-01 00:00:00 UTC."));
+    EXPECT_THAT(some, HasSubstr("1 entries came later. The record says nothing of them."));
+    taken_in.verification.evidence->later_entries = in.verification.entries;
+    EXPECT_THAT(test::text_of(make_report(taken_in)), Not(HasSubstr("says nothing of them")));
+  }
   EXPECT_THAT(text, HasSubstr("It does not prove when before that it was recorded"));
   EXPECT_THAT(text, HasSubstr("It must be renewed before 2051-01-01 00:00:00 UTC."));
   EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr("Evidence record | " + proved));

@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import type { Finding, Severity, Timeline, VerificationReport } from '@/api/types';
 import { readFileSync } from 'node:fs';
-import { byGravity, chainOf, linkOf, momentOf } from '@/verification/chain';
+import { messages } from '@/i18n/messages';
+import { byGravity, chainOf, linkOf, momentOf, wordsOfChain } from '@/verification/chain';
 
 const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({
   code,
@@ -49,6 +50,23 @@ describe('The chain of proof', () => {
   it('says nothing of signatures where nobody signed', () => {
     const unsigned = report([], { signatures: 'none', signed_entries: 0, checkpoints: 0 });
     expect(states(unsigned)).toMatchObject({ segments: 'open', ledger: 'open', checkpoints: 'open', tokens: 'holds' });
+  });
+
+  it('says whose clock stands behind its time, and whether a device signed it', () => {
+    const kTimes = ['external', 'external-in-part', 'self-issued', 'none'] as const;
+    const told = (time: (typeof kTimes)[number], more: Partial<VerificationReport> = {}) =>
+      wordsOfChain(report([], { time, ...more }))
+        .map((key) => messages.en[key])
+        .join(' ');
+    expect(told('external')).toContain('an outside authority says when');
+    expect(told('external-in-part')).toContain('Of the later ones nobody outside');
+    expect(told('self-issued')).toContain('No outside clock stands behind it');
+    expect(told('none')).toContain('No time-stamp here shows');
+    for (const time of kTimes) {
+      expect(told(time)).toContain('the device signs the ledger');
+      expect(told(time, { signed_entries: 0 })).not.toContain('signs the ledger');
+      expect(told(time).includes('an outside authority says when')).toBe(time === 'external');
+    }
   });
 
   it('holds where nothing was found', () => {

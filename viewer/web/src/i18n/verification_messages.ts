@@ -48,8 +48,13 @@ export const verificationEn = {
   'verify.closed': 'Closed',
 
   'chain.title': 'The chain of proof',
-  'chain.what':
-    'Each sealed segment is hashed into the ledger; the ledger is signed as a checkpoint; a time-stamp says when the checkpoint existed; an authority stands behind it. Choose a link to see what was found about it.',
+  'chain.what': 'Each sealed segment is hashed into the ledger, and the device signs the ledger as a checkpoint.',
+  'chain.unsigned': 'Each sealed segment is hashed into the ledger. No device signed this ledger: anybody can have written it.',
+  'chainTime.external': 'A time-stamp of an outside authority says when the checkpoint existed.',
+  'chainTime.external-in-part': 'Time-stamps of outside authorities say when the first entries existed. Of the later ones nobody outside says it.',
+  'chainTime.self-issued': 'A time-stamp of the recorder’s own authority says when the checkpoint existed. No outside clock stands behind it.',
+  'chainTime.none': 'No time-stamp here shows when the checkpoint existed.',
+  'chain.choose': 'Choose a link to see what was found about it.',
   'chain.segments': '{n} files, {size}',
   'chain.entries': '{n} entries',
   'chain.signed': '{n} signed',
@@ -133,8 +138,13 @@ export const verificationJa: Record<keyof typeof verificationEn, string> = {
   'verify.closed': '終了',
 
   'chain.title': '証明の連鎖',
-  'chain.what':
-    '封印された各セグメントのハッシュが台帳に入り、台帳はチェックポイントとして署名され、タイムスタンプがその存在時刻を示し、認証局がそれを裏付けます。環を選ぶと、その所見を表示します。',
+  'chain.what': '封印された各セグメントのハッシュが台帳に入り、装置が台帳をチェックポイントとして署名します。',
+  'chain.unsigned': '封印された各セグメントのハッシュが台帳に入ります。この台帳には装置の署名がなく、誰でも書けたものです。',
+  'chainTime.external': '外部の認証局のタイムスタンプが、チェックポイントの存在時刻を示します。',
+  'chainTime.external-in-part': '外部の認証局のタイムスタンプが、最初の項目の存在時刻を示します。その後の項目の時刻を示す外部の者はいません。',
+  'chainTime.self-issued': '記録装置自身の認証局のタイムスタンプが、チェックポイントの存在時刻を示します。外部の時計の裏付けはありません。',
+  'chainTime.none': 'チェックポイントの存在時刻を示すタイムスタンプはここにはありません。',
+  'chain.choose': '環を選ぶと、その所見を表示します。',
   'chain.segments': '{n} ファイル、{size}',
   'chain.entries': '{n} 項目',
   'chain.signed': '署名 {n} 件',

@@ -97,6 +97,13 @@ const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (name === 'tokens' && report.tokens === 0) ||
   (name === 'authority' && (report.time === 'none' || report.time === 'external-in-part'));
 
+/** What the chain is made of, in sentences: who signed it, and whose clock stands behind its time. */
+export const wordsOfChain = (report: VerificationReport): MessageKey[] => [
+  report.signed_entries === 0 ? 'chain.unsigned' : 'chain.what',
+  `chainTime.${report.time}`,
+  'chain.choose',
+];
+
 const kOrder: readonly Severity[] = ['tampered', 'incomplete', 'unproven', 'gap', 'note'];
 
 /** The gravest first; of one severity in the report's order. */

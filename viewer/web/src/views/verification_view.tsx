@@ -13,7 +13,7 @@ import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
 import { verdictSign } from '@/shell/verdict';
 import { nameWithKind } from '@/verification/authority_kind';
-import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText } from '@/verification/chain';
+import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText, wordsOfChain } from '@/verification/chain';
 import { ChainDrawing } from '@/verification/chain_drawing';
 import { FindingText } from '@/verification/finding_text';
 
@@ -237,7 +237,11 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
       {report.excerpt && <Part excerpt={report.excerpt} />}
       <section aria-labelledby="chain">
         <h2 id="chain">{t('chain.title')}</h2>
-        <p class="muted">{t('chain.what')}</p>
+        <p class="muted">
+          {wordsOfChain(report)
+            .map((key) => t(key))
+            .join(' ')}
+        </p>
         <ChainDrawing chain={chainOf(report)} report={report} selected={selected.value} onSelect={(name) => (selected.value = name)} />
       </section>
       <section aria-labelledby="findings">
