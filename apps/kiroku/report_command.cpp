@@ -211,7 +211,7 @@ void add_report_command(Command& program) {
       "The case is verified as 'kiroku verify' does it; whatever the verdict, report and receipt are written "
       "and "
       "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
-      "gives the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the checkpoints, "
+      "and log give the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the checkpoints, "
       "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Both "
       "carry a proof from the appliance log along (case.tlog-proof): the one of --proof if it holds, else "
       "one "
