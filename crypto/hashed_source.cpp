@@ -41,7 +41,8 @@ SourceChanged::SourceChanged(const std::string& name, std::uint64_t offset)
             "whether the disk fails, and try again"),
       offset_(offset) {}
 
-HashTrail HashTrail::of(const ByteSource& source, const HashBegin& begin, const Progress& progress) {
+HashTrail HashTrail::of(const ByteSource& source, const HashBegin& begin, const Progress& progress,
+                        std::span<Hasher> also) {
   HashTrail trail(begin.offset);
   DigestContext hash = sha256_of(begin.before);
   trail.states_.push_back(copy_of(hash));
@@ -52,6 +53,7 @@ HashTrail HashTrail::of(const ByteSource& source, const HashBegin& begin, const 
     const std::size_t got = source.read_at(trail.end_, std::span(buffer).first(wanted));
     if (got == 0) break;
     update(hash, ByteView(buffer).first(got));
+    for (Hasher& each : also) each.update(ByteView(buffer).first(got));
     trail.states_.push_back(copy_of(hash));
     trail.end_ += got;
     if (progress) progress(got);

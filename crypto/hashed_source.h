@@ -48,8 +48,10 @@ class HashTrail {
   using Progress = std::function<void(std::uint64_t more_bytes)>;
 
   /// Hashes [begin.offset, source.size()), in order, each byte once. A source that became shorter gives a
-  /// trail of what there was. Throws whatever the source throws.
-  static HashTrail of(const ByteSource& source, const HashBegin& begin = {}, const Progress& progress = {});
+  /// trail of what there was. `also` takes the same bytes of the source along the way, so that a file is read
+  /// once for all its hashes. Throws whatever the source throws.
+  static HashTrail of(const ByteSource& source, const HashBegin& begin = {}, const Progress& progress = {},
+                      std::span<Hasher> also = {});
 
   [[nodiscard]] std::uint64_t begin() const { return begin_; }
   [[nodiscard]] std::uint64_t end() const { return end_; }

@@ -294,19 +294,20 @@ std::optional<Sighting> sighting_of(const std::vector<float>& cells) {
 }
 
 constexpr int kOppositeOfPlace = 45;
+/// So few are no code's: of anything else a half are opposite, 24 or 25, by chance.
+constexpr int kOppositeOfNothing = 36;
 constexpr float kBorderedOfPlace = 0.8F;
 
-bool is_code(const Look& look) {
-  if (!look.is_whole() || look.frame - look.margin < kLeastContrast || look.bordered < kBorderedOfPlace)
-    return false;
-  const std::optional<Sighting> sighting = sighting_of(look.cells);
-  return sighting && sighting->opposite >= kOppositeOfPlace && sighting->contrast >= kLeastContrast;
+bool is_code(const Look& look, const std::optional<Sighting>& sighting) {
+  return look.is_whole() && look.frame - look.margin >= kLeastContrast && look.bordered >= kBorderedOfPlace &&
+         sighting && sighting->opposite >= kOppositeOfPlace && sighting->contrast >= kLeastContrast;
 }
+bool is_code(const Look& look) { return is_code(look, sighting_of(look.cells)); }
 
 /// The place of a code of which the blob at `about` is the frame; nothing where there is none. A lamp's
 /// reflection in the display lights the dark margin at a side or a corner, and the blob reaches farther
-/// there.
-std::optional<Place> found_at(const GreyView& picture, const Place& about) {
+/// there. `most_opposite`: of all tries, as in Sighting.
+std::optional<Place> found_at(const GreyView& picture, const Place& about, int& most_opposite) {
   constexpr double kReach = 1.2;  // cells
   // Which corners are farther out: none, one, or the two of a side.
   constexpr std::array<unsigned, 9> kFarther{0, 1, 2, 4, 8, 3, 6, 12, 9};
@@ -329,7 +330,9 @@ std::optional<Place> found_at(const GreyView& picture, const Place& about) {
     }
     const Place place = refined(picture, start);
     const Look look = look_at(picture, place);
-    if (is_code(look)) return place;
+    const std::optional<Sighting> sighting = sighting_of(look.cells);
+    if (is_code(look, sighting)) return place;
+    if (sighting) most_opposite = std::max(most_opposite, sighting->opposite);
     // What has no dark margin at most of its edge is no code from wherever one starts.
     constexpr float kPromising = 0.7F;
     if (farther == 0 && look.bordered < kPromising) return std::nullopt;
@@ -487,6 +490,24 @@ PictureFinder::PictureFinder(std::span<const Place> known)
     : places_(known.begin(),
               known.begin() + static_cast<std::ptrdiff_t>(std::min(known.size(), kMostPlaces))) {}
 
+// A code becomes another one each second, and a half of its cells with it: cells of a contrast that can be
+// read then differ by 5 in the mean.
+bool PictureFinder::looks_as_refused(const Refused& now) const {
+  constexpr double kMostMoved = 2;  // pixels
+  constexpr float kMostChanged = 2;
+  return std::ranges::any_of(refused_, [&](const Refused& before) {
+    for (std::size_t i = 0; i < now.about.size(); ++i) {
+      if (std::hypot(now.about[i].x - before.about[i].x, now.about[i].y - before.about[i].y) > kMostMoved)
+        return false;
+    }
+    float changed = 0;
+    for (std::size_t i = 0; i < now.cells.size(); ++i) changed += std::abs(now.cells[i] - before.cells[i]);
+    return changed <= kMostChanged * static_cast<float>(now.cells.size()) &&
+           std::abs(now.frame - before.frame) <= kMostChanged &&
+           std::abs(now.margin - before.margin) <= kMostChanged;
+  });
+}
+
 void PictureFinder::search(const GreyView& picture) {
   if (picture.width < 4 * kLeastHeight || picture.height < 2 * kLeastHeight) return;
   constexpr int kMostRefined = 24;
@@ -503,6 +524,7 @@ void PictureFinder::search(const GreyView& picture) {
     keep(known);
     shown.push_back(known);
   }
+  std::vector<Refused> refused;
   for (const Blob& blob : bright_blobs(picture)) {
     const std::optional<Place> about = place_of(blob, picture.height);
     if (!about) continue;
@@ -512,12 +534,22 @@ void PictureFinder::search(const GreyView& picture) {
     constexpr float kLeastEdge = 5;
     if (!look.is_whole() || look.frame - look.margin < kLeastEdge || look.between_pairs() < kLeastEdge)
       continue;
-    if (++refined_places > kMostRefined) return;
-    const std::optional<Place> place = found_at(picture, *about);
-    if (!place) continue;
-    keep(*place);
-    shown.push_back(*place);
+    if (++refined_places > kMostRefined) break;
+    Refused now{*about, look.cells, look.frame, look.margin};
+    if (looks_as_refused(now)) {
+      refused.push_back(std::move(now));
+      continue;
+    }
+    int most_opposite = 0;
+    const std::optional<Place> place = found_at(picture, *about, most_opposite);
+    if (place) {
+      keep(*place);
+      shown.push_back(*place);
+    } else if (most_opposite <= kOppositeOfNothing) {
+      refused.push_back(std::move(now));
+    }
   }
+  refused_ = std::move(refused);
 }
 
 std::vector<Sighting> PictureFinder::read(const GreyView& picture) const {

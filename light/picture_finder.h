@@ -58,7 +58,17 @@ class PictureFinder {
   [[nodiscard]] const std::vector<Place>& places() const { return places_; }
 
  private:
+  /// Something that is like a code's frame from afar and is none: a lamp, a window. To find that out costs a
+  /// hundred times what it costs to see that it still looks the same.
+  struct Refused {
+    Place about;
+    std::vector<float> cells;
+    float frame = 0, margin = 0;
+  };
+  [[nodiscard]] bool looks_as_refused(const Refused& now) const;
+
   std::vector<Place> places_;
+  std::vector<Refused> refused_;  // in the picture that was searched last
 };
 
 }  // namespace kiroku::light

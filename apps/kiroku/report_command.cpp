@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -106,6 +107,20 @@ report::StatedConsents stated_consents(const Judged& judged, const fs::path& cas
   }
 }
 
+/// The log with which the case was judged, if its device is trusted: what witnesses cosigned of it, as the
+/// home keeps it, comes last.
+std::optional<report::ComparedLog> compared_log(const Judged& judged, const fs::path& case_folder,
+                                                const VerifyExtras& extras) {
+  const auto device =
+      std::ranges::find(judged.devices, judged.report.device, &crypto::VerifierKey::to_string);
+  if (!judged.log || device == judged.devices.end()) return std::nullopt;
+  report::ComparedLog log{*judged.log, *device, judged.against};
+  VerifyDefaults defaults = extras.defaults(case_folder);
+  if (defaults.witnessed_note && defaults.log == judged.log)
+    log.kept.push_back(std::move(*defaults.witnessed_note));
+  return log;
+}
+
 int run(const Request& request, const VerifyExtras& extras) {
   const fs::path output = request.output;
   const std::string ending = output.extension().string();
@@ -125,17 +140,24 @@ int run(const Request& request, const VerifyExtras& extras) {
   report::ReportInput input;
   input.given = given_of(judged, request.judging);
   if (judged.log) input.consents = stated_consents(judged, folder, extras);
+  const std::optional<report::ComparedLog> log = compared_log(judged, folder, extras);
   input.verification = std::move(judged.report);
   input.facts = report::read_case_facts(folder, input.verification);
   input.author = request.author.value_or(person());
   input.program = "kiroku " + std::string(version());
   input.made = date_of_document();
   input.language = report::parse_language(request.language.value_or("en"));
-  if (ending == ".pdf" && !request.receipt && !request.certificate) {
-    input.attachments = report::read_proof_files(
-        folder, input,
-        request.judging.evidence ? fs::path(*request.judging.evidence)
-                                 : archive::evidence_file(folder, input.verification.case_id));
+  if (ending == ".pdf" && !request.certificate) {
+    const auto log_proof = report::log_proof_file(folder, input, judged.log_proof, log);
+    if (request.receipt) {
+      input.attachments = report::receipt_files(input, log_proof);
+    } else {
+      input.attachments = report::read_proof_files(
+          folder, input,
+          request.judging.evidence ? fs::path(*request.judging.evidence)
+                                   : archive::evidence_file(folder, input.verification.case_id));
+      if (log_proof) input.attachments.push_back(*log_proof);
+    }
   }
   const report::Document document = request.receipt       ? report::make_receipt(input)
                                     : request.certificate ? report::make_certificate(input)
@@ -189,9 +211,12 @@ void add_report_command(Command& program) {
       "The case is verified as 'kiroku verify' does it; whatever the verdict, report and receipt are written "
       "and "
       "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
-      "gives the same bytes. A PDF is PDF/A-3b, and a report carries along, as attached files, the "
+      "and log give the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the "
       "checkpoints, "
-      "time-stamp tokens and evidence record that its proof of time rests on.");
+      "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Both "
+      "carry a proof from the appliance log along (case.tlog-proof): the one of --proof if it holds, else "
+      "one "
+      "that is made of the log, as by 'kiroku log prove'.");
   command.example("kiroku report 20260805T091502Z-3f9c21ab -o report.pdf", "the report as A4 pages");
   command.example("kiroku report CASE --language ja --by 'Dr. Sato' -o report.html",
                   "one page for a browser, in Japanese");

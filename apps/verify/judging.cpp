@@ -118,7 +118,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
   options.against = judged.against = notes(defaults);
-  options.log_proof = log_proof_;
+  options.log_proof = judged.log_proof = log_proof_;
   if (witnesses_) options.witnesses = &*witnesses_;
   if (request_.evidence) options.evidence = *request_.evidence;
   if (policy_) options.policy = &*policy_;

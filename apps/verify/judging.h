@@ -42,6 +42,7 @@ struct Judged {
   std::vector<std::filesystem::path> roots, own_roots;
   std::optional<std::filesystem::path> log;
   std::vector<archive::OutsideNote> against;
+  std::optional<archive::OutsideNote> log_proof;
 
   /// As the policy of witnesses asks, where one was given.
   [[nodiscard]] bool is_witnessed() const {

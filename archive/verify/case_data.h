@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "archive/format/case_folder.h"
@@ -22,6 +23,10 @@ struct NamedFile {
   /// As the entry states it; nothing of a note.
   std::optional<FileReference> stated;
 };
+
+/// Hashes of files that were taken beside SHA-256 while the files were checked: of the very bytes that had
+/// the SHA-256 which their entry states.
+using FileHashes = std::map<std::pair<std::string, crypto::HashAlgorithm>, Bytes>;
 
 struct CaseData {
   std::string case_id;

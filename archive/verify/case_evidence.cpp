@@ -18,10 +18,12 @@ using crypto::HashAlgorithm;
 using evidence::Standing;
 
 /// Reads ledger and files once under each hash, however many chains a record has and however many beginnings
-/// of the ledger it names: whoever made it chose both.
+/// of the ledger it names: whoever made it chose both. What was taken while a file was checked is not read
+/// again.
 class RememberedHashes {
  public:
-  RememberedHashes(const CaseFolder& folder, const CaseData& data) : folder_(folder), data_(data) {}
+  RememberedHashes(const CaseFolder& folder, const CaseData& data, const FileHashes& taken)
+      : folder_(folder), data_(data), taken_(taken) {}
 
   /// By the sizes of the ledger's beginnings that notes cover.
   const std::map<std::uint64_t, Bytes>& of_ledger(HashAlgorithm algorithm) {
@@ -30,6 +32,9 @@ class RememberedHashes {
     return place->second;
   }
   const Bytes& of_file(const NamedFile& named, HashAlgorithm algorithm) {
+    // Of files without a stated hash nothing was compared, and nothing taken.
+    const auto taken = named.stated ? taken_.find({named.file, algorithm}) : taken_.end();
+    if (taken != taken_.end()) return taken->second;
     const auto [place, added] = files_.try_emplace({named.file, algorithm});
     if (added) place->second = hash_named_file(folder_, named, algorithm);
     return place->second;
@@ -38,6 +43,7 @@ class RememberedHashes {
  private:
   const CaseFolder& folder_;
   const CaseData& data_;
+  const FileHashes& taken_;
   std::map<HashAlgorithm, std::map<std::uint64_t, Bytes>> ledger_;
   std::map<std::pair<std::string, HashAlgorithm>, Bytes> files_;
 };
@@ -124,16 +130,17 @@ std::optional<Bytes> read_evidence_file(const FileReading& files, const std::fil
 
 std::uint64_t covered_lines(const CaseFolder& folder, const CaseData& data,
                             const evidence::EvidenceRecord& record) {
-  RememberedHashes hashes(folder, data);
+  const FileHashes none_taken;
+  RememberedHashes hashes(folder, data, none_taken);
   const std::vector<std::uint64_t> covered = find_covered_lines(hashes, record);
   return covered.empty() ? 0 : covered.back();
 }
 
 CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
-                                 const evidence::EvidenceRecord& record,
-                                 const evidence::JudgingRules& rules) {
+                                 const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules,
+                                 const FileHashes& taken) {
   CaseEvidence out;
-  RememberedHashes hashes(folder, data);
+  RememberedHashes hashes(folder, data, taken);
   out.covered_lines = find_covered_lines(hashes, record);
   if (out.covered_lines.empty()) {
     out.judgement = evidence::judge_record(record, {}, rules);
@@ -258,13 +265,39 @@ void report_ended(const Ending& ended, const evidence::Policy& policy, const std
   findings.add("algorithm-ended", {}, words_of_end(ended, policy, of_what) + ", and " + why_it_matters);
 }
 
+/// Where the record lies that is to be judged.
+std::filesystem::path record_of(const CaseFolder& folder, const std::string& case_id,
+                                const VerifyOptions& options) {
+  return options.evidence ? *options.evidence : evidence_file(folder.path(), case_id);
+}
+
+/// The record, and its hashes beside SHA-256; nothing where none of these would be needed.
+struct FurtherHashes {
+  std::optional<evidence::EvidenceRecord> record;
+  std::vector<HashAlgorithm> algorithms;
+};
+FurtherHashes read_further_hashes(const CaseFolder& folder, const std::string& case_id,
+                                  const VerifyOptions& options) {
+  const FileReading& files = options.files != nullptr ? *options.files : real_reading();
+  const std::optional<Bytes> bytes = read_evidence_file(files, record_of(folder, case_id, options));
+  if (!bytes) return {};
+  FurtherHashes further{evidence::parse_record(*bytes).record, {}};
+  if (!further.record) return {};
+  std::set<HashAlgorithm> named;
+  for (const evidence::ArchiveTimeStampChain& chain : further.record->chains) {
+    if (const auto algorithm = evidence::hash_of_chain(chain)) named.insert(*algorithm);
+  }
+  named.erase(HashAlgorithm::kSha256);
+  further.algorithms.assign(named.begin(), named.end());
+  return further;
+}
+
 /// The record that lies beside the case, or was given, judged by `judge`; nothing where there is none.
 template <typename Judge>
 std::optional<EvidenceReport> judge_record_beside(const CaseFolder& folder, const VerifiedCase& verified,
                                                   const VerifyOptions& options, CaseEvidence& judged,
                                                   const Judge& judge) {
-  const std::filesystem::path file =
-      options.evidence ? *options.evidence : evidence_file(folder.path(), verified.case_id);
+  const std::filesystem::path file = record_of(folder, verified.case_id, options);
   EvidenceReport report;
   report.file = file.filename().string();
   try {
@@ -355,8 +388,30 @@ void report_not_holding(const EvidenceReport& report, const std::string& of_what
 
 }  // namespace
 
-void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const VerifyOptions& options,
-                         FindingList& findings, VerificationReport& out) {
+std::vector<HashAlgorithm> further_hashes_of_case(const CaseFolder& folder, const std::string& case_id,
+                                                  const VerifyOptions& options) {
+  try {
+    FurtherHashes further = read_further_hashes(folder, case_id, options);
+    if (further.algorithms.empty()) return {};
+    // Another case's record is refused for its ledger: no file is hashed for it.
+    if (covered_lines(folder, read_case_data(folder), *further.record) == 0) return {};
+    return std::move(further.algorithms);
+  } catch (const Error&) {
+    return {};  // judging the record meets it again, and says so
+  }
+}
+
+std::vector<HashAlgorithm> further_hashes_of_excerpt(const CaseFolder& folder, const std::string& case_id,
+                                                     const VerifyOptions& options) {
+  try {
+    return read_further_hashes(folder, case_id, options).algorithms;
+  } catch (const Error&) {
+    return {};  // likewise
+  }
+}
+
+void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const FileHashes& taken,
+                         const VerifyOptions& options, FindingList& findings, VerificationReport& out) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
   const std::optional<EvidenceReport> report =
@@ -365,8 +420,8 @@ void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
         if (data.lines != verified.entries || data.root != verified.root) {
           throw Error("the ledger changed while the case was verified: verify it again");
         }
-        return judge_case_evidence(folder, data, record,
-                                   {.trust = options.trust, .policy = &policy_of(options), .now = now});
+        return judge_case_evidence(
+            folder, data, record, {.trust = options.trust, .policy = &policy_of(options), .now = now}, taken);
       });
   const bool holds = report && report->holds;
   if (holds) {
@@ -392,11 +447,11 @@ void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified,
 
 CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
                                     const evidence::EvidenceRecord& record,
-                                    const evidence::JudgingRules& rules) {
+                                    const evidence::JudgingRules& rules, const FileHashes& taken) {
   CaseEvidence out;
   const std::string note = note_path(data.size);
   const CaseData none;
-  RememberedHashes hashes(folder, none);
+  RememberedHashes hashes(folder, none, taken);
   std::vector<evidence::DataObject> objects;
   for (const NamedFile& file : data.files) objects.push_back(object_of_file(hashes, file));
   const auto rests_on = std::ranges::find(data.files, note, &NamedFile::file);
@@ -431,13 +486,14 @@ CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData&
 }
 
 void check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified, const ExcerptData& data,
-                            const VerifyOptions& options, FindingList& findings, VerificationReport& out) {
+                            const FileHashes& taken, const VerifyOptions& options, FindingList& findings,
+                            VerificationReport& out) {
   const UtcTime now = options.now.value_or(utc_now());
   CaseEvidence judged;
   std::optional<EvidenceReport> report =
       judge_record_beside(folder, verified, options, judged, [&](const evidence::EvidenceRecord& record) {
-        return judge_excerpt_evidence(folder, data, record,
-                                      {.trust = options.trust, .policy = &policy_of(options), .now = now});
+        return judge_excerpt_evidence(
+            folder, data, record, {.trust = options.trust, .policy = &policy_of(options), .now = now}, taken);
       });
   if (report) report->resealed = data.resealed;
   const bool holds = report && report->holds;

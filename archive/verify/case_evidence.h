@@ -32,10 +32,22 @@ struct CaseEvidence {
   bool could_not_check = false;  // it was not refused: something is missing to tell
 };
 /// The data is read under each hash of the record but SHA-256, for which what the ledger states counts:
-/// whoever asks has compared the files with that, or does. Throws kiroku::Error where data cannot be read or
-/// has changed.
+/// whoever asks has compared the files with that, or does. What was `taken` meanwhile is not read again.
+/// Throws kiroku::Error where data cannot be read or has changed.
 CaseEvidence judge_case_evidence(const CaseFolder& folder, const CaseData& data,
-                                 const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules);
+                                 const evidence::EvidenceRecord& record, const evidence::JudgingRules& rules,
+                                 const FileHashes& taken = {});
+
+/// Under which hashes beside SHA-256 the case's record names its data, each once: those that files are hashed
+/// under while they are checked, so that no file is read again to judge the record. Nothing where there is no
+/// record, where it cannot be read, or where it covers nothing of this case's ledger, which judging says.
+std::vector<crypto::HashAlgorithm> further_hashes_of_case(const CaseFolder& folder,
+                                                          const std::string& case_id,
+                                                          const VerifyOptions& options);
+/// As above, of an excerpt, whose ledger cannot tell whether the record covers it.
+std::vector<crypto::HashAlgorithm> further_hashes_of_excerpt(const CaseFolder& folder,
+                                                             const std::string& case_id,
+                                                             const VerifyOptions& options);
 
 /// How many of the ledger's first lines some chain of the record covers, whether it holds or not; 0: of none.
 /// Reads the ledger alone. Throws kiroku::Error where it cannot be read or has changed.
@@ -50,11 +62,12 @@ struct VerifiedCase {
   std::vector<timestamp::SignatureUse> signatures;  // on which its valid tokens rest
   std::vector<StampedToken> tokens, outside;  // its valid ones, and those of outside authorities among them
 };
-/// Judges the record of a case that was verified and not found tampered with; adds what it finds. Sets
+/// Judges the record of a case that was verified and not found tampered with; adds what it finds. `taken` are
+/// the hashes that verifying it took. Sets
 /// `evidence` of the report, which is nothing where there is no record, and takes back what the report says
 /// of time where by the policy an algorithm of the time-stamps ended and no record carries their proof on.
-void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const VerifyOptions& options,
-                         FindingList& findings, VerificationReport& report);
+void check_case_evidence(const CaseFolder& folder, const VerifiedCase& verified, const FileHashes& taken,
+                         const VerifyOptions& options, FindingList& findings, VerificationReport& report);
 
 /// Of what has no evidence record, as a log: adds what the policy says of it, and that a record that was
 /// given was not judged. `what`: "an appliance log".
@@ -76,9 +89,10 @@ struct ExcerptData {
 /// the ledger's lines as such an excerpt does not show. Errors as above.
 CaseEvidence judge_excerpt_evidence(const CaseFolder& folder, const ExcerptData& data,
                                     const evidence::EvidenceRecord& record,
-                                    const evidence::JudgingRules& rules);
+                                    const evidence::JudgingRules& rules, const FileHashes& taken = {});
 /// As check_case_evidence(), of an excerpt.
 void check_excerpt_evidence(const CaseFolder& folder, const VerifiedCase& verified, const ExcerptData& data,
-                            const VerifyOptions& options, FindingList& findings, VerificationReport& report);
+                            const FileHashes& taken, const VerifyOptions& options, FindingList& findings,
+                            VerificationReport& report);
 
 }  // namespace kiroku::archive

@@ -54,6 +54,7 @@ class ExcerptVerification {
     std::optional<ReadableFile> open_file = open(kExcerptOpenFile);
     std::optional<ReadableFile> lines_file = open(kExcerptLinesFile);
     if (open_file && lines_file) {
+      files_.also_hash(further_hashes_of_excerpt(folder_, document_.case_id, options_));
       walk(*open_file, *lines_file);
     }
     if (rules_.opening() && rules_.device()) {
@@ -366,7 +367,7 @@ class ExcerptVerification {
       const TokenRules& tokens = rules_.tokens();
       check_excerpt_evidence(
           folder_, {report.case_id, lines_, {}, tokens.signatures(), tokens.valid(), tokens.outside()},
-          shown_data(), options_, findings_, report);
+          shown_data(), files_.further_hashes(), options_, findings_, report);
     }
     report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of_excerpt(findings_.worst());

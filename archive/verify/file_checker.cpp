@@ -203,11 +203,18 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
     report_progress(file.size());
     return std::nullopt;
   }
+  std::vector<crypto::Hasher> further;
+  for (std::size_t i = 0; !job.rekeyed && i < further_.size(); ++i) {
+    further.emplace_back(further_[i]);
+  }
   file.expect_sequential_reading();
-  hashed.trail = std::make_shared<const crypto::HashTrail>(
-      crypto::HashTrail::of(file, begin, [this](std::uint64_t more) { report_progress(more); }));
+  hashed.trail = std::make_shared<const crypto::HashTrail>(crypto::HashTrail::of(
+      file, begin, [this](std::uint64_t more) { report_progress(more); }, further));
   hashed.fits = hashed.trail->digest() == job.expected.sha256;
   const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; hashed.fits && i < further.size(); ++i) {
+    further_hashes_.emplace(std::pair(job.expected.file, further_[i]), further[i].so_far());
+  }
   ++files_;
   bytes_ += hashed.trail->end();
   return hashed;

@@ -19,6 +19,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
+#include "archive/verify/case_data.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
@@ -58,6 +59,8 @@ class FileChecker {
   FileChecker& operator=(const FileChecker&) = delete;
   ~FileChecker();
 
+  /// Before the first check(): files are hashed under these too, in the pass in which they are checked.
+  void also_hash(std::vector<crypto::HashAlgorithm> algorithms) { further_ = std::move(algorithms); }
   /// Hands over one file; waits while many are waiting already, so that memory stays bounded.
   void check(FileJob job);
   /// Waits for all work. Rethrows what a worker could not turn into a finding. Returns the files that are not
@@ -68,6 +71,8 @@ class FileChecker {
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
   /// After finish(): by stream. Of a stream without a single sound segment there is nothing.
   [[nodiscard]] const std::map<std::string, HeldSegments>& held() const { return held_; }
+  /// After finish(): what also_hash() asked for, of the files that fit their entries and are not re-keyed.
+  [[nodiscard]] const FileHashes& further_hashes() const { return further_hashes_; }
   /// After finish(): nothing where no identity was given.
   [[nodiscard]] std::optional<OpenedContents> contents() const;
 
@@ -111,6 +116,7 @@ class FileChecker {
   const VerifyOptions* options_;
   FindingList* findings_;
   std::uint64_t total_bytes_;
+  std::vector<crypto::HashAlgorithm> further_;  // unchanged once a worker has a file
 
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -124,6 +130,7 @@ class FileChecker {
   std::set<std::pair<std::uint64_t, std::uint64_t>> shared_inodes_;  // of files with several names
   std::uint64_t left_in_holes_ = kMostBytesInHoles;
   std::map<std::string, HeldSegments> held_;
+  FileHashes further_hashes_;
   std::uint64_t files_ = 0;
   std::uint64_t bytes_ = 0;
 

@@ -86,6 +86,9 @@ class CaseVerification {
  private:
   void walk(const ReadableFile& ledger) {
     const std::optional<OpenEntry> open = read_opening(ledger);
+    if (open) {
+      files_.also_hash(further_hashes_of_case(folder_, open->case_id, options_));
+    }
     const std::optional<LogContents> log = walk_log(open);
     LogComparison comparison(log ? &*log : nullptr, open, by_log_);
 
@@ -353,7 +356,7 @@ class CaseVerification {
       check_case_evidence(
           folder_,
           {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
-          options_, findings_, report);
+          files_.further_hashes(), options_, findings_, report);
     }
     report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of(findings_.worst());

@@ -389,6 +389,93 @@ TEST_F(EvidenceAttack, ManyChainsAndManyBeginningsReadTheCaseOnce) {
   for (const auto& [name, times] : once) EXPECT_EQ(times, opened_by(20)[name]) << name;
 }
 
+/// A record of SHA-256 whose data was read again under SHA-512. `other_bytes` is the file of which the
+/// renewal names the hash of something else; none by default.
+class RenewedUnderSha512 : public EvidenceAttack {
+ protected:
+  static constexpr const char* kSegment = "segments/endoscope/00000001.ts.age";
+  RenewedUnderSha512() { write(""); }
+  void write(const std::string& other_bytes) const {
+    using crypto::HashAlgorithm;
+    const archive::CaseFolder folder = archive::CaseFolder::open(first_);
+    const archive::CaseData data = archive::read_case_data(folder);
+    const std::uint64_t lines = data.note_sizes.back();
+    const auto group = [&](HashAlgorithm algorithm) {
+      evidence::HashList hashes{archive::hash_ledger_at(folder, {lines}, algorithm).at(lines)};
+      for (const archive::NamedFile& named : data.files) {
+        const bool of_others = algorithm == HashAlgorithm::kSha512 && named.file == other_bytes;
+        hashes.push_back(of_others ? crypto::digest(algorithm, bytes_of("something else"))
+                                   : archive::hash_named_file(folder, named, algorithm));
+      }
+      return hashes;
+    };
+    const std::vector<evidence::EvidenceRecord> begun = evidence::begin_records(
+        HashAlgorithm::kSha256, {group(HashAlgorithm::kSha256)}, outside_.at("2027-01-01"));
+    write_file(
+        record(first_),
+        std::string(text_of(evidence::encode_record(evidence::renew_hash_trees(
+            begun, HashAlgorithm::kSha512, {group(HashAlgorithm::kSha512)}, outside_.at("2028-01-01"))[0]))));
+  }
+  [[nodiscard]] VerificationReport judged(const fs::path& folder,
+                                          const archive::FileReading* files = nullptr) const {
+    archive::VerifyOptions options = archive_.options();
+    options.trust = &trust_;
+    options.now = day("2030-01-01");
+    options.evidence = record(first_);
+    options.files = files;
+    return archive::verify_case(folder, options);
+  }
+  [[nodiscard]] fs::path make_excerpt() const {
+    archive::ExcerptOptions options;
+    options.from_ns = 2'000'000'001;
+    options.to_ns = 4'000'000'000;
+    options.streams = {"endoscope"};
+    archive::make_excerpt(first_, options, archive_.folder() / "excerpt");
+    return archive_.folder() / "excerpt";
+  }
+};
+
+TEST_F(RenewedUnderSha512, EachSegmentIsReadOnceForBothHashes) {
+  for (const fs::path& folder : {first_, make_excerpt()}) {
+    const CountedReading counted;
+    const VerificationReport report = judged(folder, &counted);
+    EXPECT_TRUE(has(report, "evidence-holds")) << details(report);
+    int segments = 0;
+    for (const auto& [name, times] : counted.opened) {
+      if (!name.ends_with(".age") || name == "subject.age") continue;
+      ++segments;
+      EXPECT_EQ(times, 1) << folder << ": " << name;
+    }
+    EXPECT_GT(segments, 0);
+  }
+}
+
+TEST_F(RenewedUnderSha512, BytesOfAnotherSha512AreRefusedThoughTheirSha256Fits) {
+  write(kSegment);
+  for (const fs::path& folder : {first_, make_excerpt()}) {
+    const VerificationReport report = judged(folder);
+    EXPECT_TRUE(has(report, "evidence-refused")) << details(report);
+    EXPECT_THAT(details(report), testing::HasSubstr(kSegment));
+    EXPECT_EQ(report.verdict, Verdict::kUnproven);
+  }
+}
+
+TEST_F(RenewedUnderSha512, FilesAreHashedForARecordOfThisCaseAlone) {
+  archive::VerifyOptions options;
+  const auto of_case = [&](const fs::path& folder) {
+    return archive::further_hashes_of_case(archive::CaseFolder::open(folder), folder.filename().string(),
+                                           options);
+  };
+  EXPECT_EQ(of_case(first_), std::vector{crypto::HashAlgorithm::kSha512});
+  EXPECT_TRUE(of_case(second_).empty()) << "it was not renewed";
+  write_file(record(second_), read_file(record(first_)));
+  EXPECT_TRUE(of_case(second_).empty()) << "it is another case's";
+  write_file(record(first_), "<EvidenceRecord/>");
+  EXPECT_TRUE(of_case(first_).empty());
+  fs::remove(record(first_));
+  EXPECT_TRUE(of_case(first_).empty());
+}
+
 // A record beside a case that somebody changed does not make up for that.
 TEST_F(EvidenceAttack, ARecordDoesNotHideThatACaseWasTamperedWith) {
   const fs::path segment = first_ / "segments/endoscope/00000000.ts.age";

@@ -307,6 +307,15 @@ TEST_F(Witnesses, OfACaseAreJudgedByItsProofWithoutTheLog) {
   EXPECT_EQ(without.status, 3) << without.out;
   EXPECT_THAT(without.out, HasSubstr("nothing shows that anybody cosigned"));
 
+  // The receipt carries the proof along: whoever has the page, the policy and the case needs nothing else.
+  if (has_tool("pdfdetach")) {
+    ASSERT_EQ(kiroku({"report", recorded.string(), "--receipt", "-o", path("receipt.pdf")}).status, 0);
+    ASSERT_EQ(
+        tool({"pdfdetach", "-save", "2", "-o", path("from-receipt.tlog-proof"), path("receipt.pdf")}).status,
+        0);
+    EXPECT_EQ(read_text(path("from-receipt.tlog-proof")), read_text(proof));
+  }
+
   // A proof of another case is not used; one that was changed shows nothing.
   const fs::path second = record();
   EXPECT_EQ(kiroku({"log", "prove", second.string(), "-o", path("second.tlog-proof")}).status, 0);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
@@ -20,6 +21,10 @@ class HomeWitnesses {
   /// Until the verification is over this must live. Nothing where the home has no policy.
   void ask_in(archive::VerifyOptions& options) const;
   void say(archive::VerificationReport& report) const;
+  /// The log's newest checkpoint that they cosigned; none where the home has no policy, or no such note.
+  [[nodiscard]] std::vector<archive::OutsideNote> notes() const {
+    return note_ ? std::vector{*note_} : std::vector<archive::OutsideNote>{};
+  }
 
  private:
   std::optional<crypto::WitnessPolicy> policy_;

@@ -86,10 +86,17 @@ Response answer(const Request& request, ViewerContext& context, Kind kind, std::
   const Turn turn(making);
   report::ReportInput input = verify(request, context);
   const bool receipt = kind == Kind::kReceipt;
-  if (!receipt) {
-    const std::filesystem::path folder = context.case_folder(request);
+  const std::filesystem::path folder = context.case_folder(request);
+  const ViewerHome& home = context.home();
+  const HomeWitnesses witnesses(home.folder, home.device);
+  const auto log_proof = report::log_proof_file(
+      folder, input, std::nullopt, report::ComparedLog{home.log_folder, home.device, witnesses.notes()});
+  if (receipt) {
+    input.attachments = report::receipt_files(input, log_proof);
+  } else {
     input.attachments =
         report::read_proof_files(folder, input, archive::evidence_file(folder, input.verification.case_id));
+    if (log_proof) input.attachments.push_back(*log_proof);
   }
   const report::Document document = receipt ? report::make_receipt(input) : report::make_report(input);
   const std::string& case_id = request.parameter("case");

@@ -8,6 +8,7 @@
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/reading/log_proving.h"
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/found_files.h"
@@ -127,6 +128,34 @@ std::vector<Attachment> read_proof_files(const std::filesystem::path& folder, co
   if (input.facts.last_checkpoint && !input.facts.excerpt)
     files.add("receipt.pdf", kPdf, "attached.receipt", write_pdf(make_receipt(input)));
   return files.take();
+}
+
+std::optional<Attachment> log_proof_file(const std::filesystem::path& folder, const ReportInput& input,
+                                         const std::optional<archive::OutsideNote>& given,
+                                         const std::optional<ComparedLog>& log) {
+  const auto carry = [&](std::string_view text) {
+    return Attachment{std::string(kLogProofFile), std::string(kNote),
+                      say(input.language, "attached.log-proof"), to_bytes(text)};
+  };
+  const archive::VerificationReport& found = input.verification;
+  if (given) return found.proved_entries > 0 ? std::optional(carry(given->text)) : std::nullopt;
+  if (!log || input.facts.excerpt || !found.in_log || !found.in_log->end) return std::nullopt;
+  try {
+    const archive::MadeLogProof made = archive::prove_case_in_log(
+        folder, log->folder, log->device, log->kept, [&](const std::string& /*case_id*/) { return folder; });
+    return carry(made.proof.to_text());
+  } catch (const Error&) {
+    return std::nullopt;  // the document says what the log was found to know
+  }
+}
+
+std::vector<Attachment> receipt_files(const ReportInput& input, const std::optional<Attachment>& log_proof) {
+  if (!input.facts.last_checkpoint || input.facts.excerpt) return {};
+  const StoredNote& note = *input.facts.last_checkpoint;
+  std::vector<Attachment> files{{std::filesystem::path(note.file).filename().string(), std::string(kNote),
+                                 say(input.language, "attached.checkpoint"), to_bytes(note.text)}};
+  if (log_proof) files.push_back(*log_proof);
+  return files;
 }
 
 }  // namespace kiroku::report

@@ -7,6 +7,7 @@
 #include "crypto/signed_note.h"
 #include "viewer/report/document_parts.h"
 #include "viewer/report/figures_in_words.h"
+#include "viewer/report/proof_files.h"
 #include "viewer/report/qr_figure.h"
 #include "viewer/report/report_document.h"
 #include "viewer/report/texts.h"
@@ -32,7 +33,7 @@ std::string note_for_code(const std::string& note, const std::string& verifier_k
 }  // namespace
 
 Document make_receipt(const ReportInput& input) {
-  constexpr double kCodeSide = 118;
+  constexpr double kCodeSide = 106;
   const CaseFacts& facts = input.facts;
   if (facts.excerpt) {
     throw UsageError(
@@ -96,7 +97,17 @@ Document make_receipt(const ReportInput& input) {
   add(Paragraph{words("receipt.check.verify")});
   add(Listing{
       {"kiroku verify " + document.identifier + " --device " + shell_word(input.verification.device)}});
-  add(Paragraph{words("receipt.keep"), ParagraphStyle::kSmall});
+  // One page has no room for more than a line or two about them.
+  std::string last = words("receipt.keep");
+  if (!input.attachments.empty()) {
+    std::string names;
+    for (const Attachment& file : input.attachments) names += (names.empty() ? "" : ", ") + file.name;
+    last += " " + words("receipt.attached", {names});
+    if (std::ranges::find(input.attachments, kLogProofFile, &Attachment::name) != input.attachments.end())
+      last += " " + words("receipt.attached.log-proof", {std::string(kLogProofFile)});
+    document.attachments = input.attachments;
+  }
+  add(Paragraph{std::move(last), ParagraphStyle::kSmall});
   return document;
 }
 

@@ -22,7 +22,7 @@ struct ReportInput {
   std::string program;  // "kiroku 0.1.0"
   UtcTime made;
   Language language = Language::kEnglish;
-  std::vector<Attachment> attachments = {};     // that the report carries along (proof_files.h)
+  std::vector<Attachment> attachments = {};     // that the document carries along (proof_files.h)
   std::optional<StatedConsents> consents = {};  // of the log that was given; nothing: none was
 };
 

@@ -1,7 +1,10 @@
 // Keys and hashes, how to check again, and what words mean.
+#include <algorithm>
+
 #include "archive/format/case_layout.h"
 #include "archive/verify/folder_names.h"
 #include "crypto/encoding.h"
+#include "viewer/report/proof_files.h"
 #include "viewer/report/report_maker.h"
 
 namespace kiroku::report {
@@ -83,13 +86,17 @@ void ReportMaker::add_repeating() {
   const std::string name = document_.identifier.empty() ? "CASE" : document_.identifier;
   std::string against;
   for (std::size_t i = 0; i < in_.given.against.size(); ++i) against += " --against NOTE";
+  const bool carries_log_proof =
+      std::ranges::find(in_.attachments, kLogProofFile, &Attachment::name) != in_.attachments.end();
   const Listing verify{{"kiroku verify " + (facts.excerpt ? "EXCERPT" : name) + " --device DEVICE.pub " +
                         (found_.time == archive::TimeProof::kSelfIssued ? "--own-authority OWN-AUTHORITY.pem"
                                                                         : "--trust ROOTS.pem") +
                         (in_.given.log.empty() ? "" : " --log LOG") + against +
                         (in_.given.evidence.empty() ? "" : " --evidence RECORD.ers") +
                         (in_.given.policy.empty() ? "" : " --policy POLICY.toml") +
-                        (in_.given.proof.empty() ? "" : " --proof CASE.tlog-proof") +
+                        (carries_log_proof         ? " --proof " + std::string(kLogProofFile)
+                         : in_.given.proof.empty() ? ""
+                                                   : " --proof CASE.tlog-proof") +
                         (in_.given.witnesses.empty() ? "" : " --witnesses WITNESSES.txt")}};
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));

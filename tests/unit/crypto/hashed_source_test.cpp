@@ -1,6 +1,7 @@
 #include "crypto/hashed_source.h"
 
 #include <algorithm>
+#include <array>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -53,6 +54,19 @@ TEST(HashedSource, GivesTheBytesAndTheirHashAtEverySize) {
     const HashedSource hashed(source, trail, "film");
     EXPECT_EQ(read_whole(hashed), source.bytes) << size;
     EXPECT_EQ(source.read, 2 * size) << "and once more";
+  }
+}
+
+TEST(HashedSource, FurtherHashesAreOfTheSameBytesReadOnce) {
+  constexpr std::array kFurther{HashAlgorithm::kSha512, HashAlgorithm::kSha3_512};
+  for (const std::size_t size : {std::size_t{0}, std::size_t{1}, kBlock, 2 * kBlock + 7}) {
+    const ChangingSource source(test::patterned_bytes(size));
+    std::vector<Hasher> further(kFurther.begin(), kFurther.end());
+    const HashTrail trail = HashTrail::of(source, {}, {}, further);
+    EXPECT_EQ(source.read, size);
+    EXPECT_EQ(trail.digest(), sha256(source.bytes)) << size;
+    for (std::size_t i = 0; i < further.size(); ++i)
+      EXPECT_EQ(further[i].so_far(), digest(kFurther[i], source.bytes)) << size;
   }
 }
 

@@ -73,6 +73,16 @@ class Room {
       }
     }
   }
+  /// A frame with cells like a code's, which is none: its lower half is the mirror of its upper one.
+  void show_no_code(std::uint64_t cells) {
+    show(cells);
+    const GreyPicture picture = light_picture(cells, 3);
+    for (int y = 0; y < picture.height / 2; ++y) {
+      const auto row = samples_.begin() + (kTop + y) * kWidth + kLeft;
+      std::copy(row, row + picture.width,
+                samples_.begin() + (kTop + picture.height - 1 - y) * kWidth + kLeft);
+    }
+  }
   [[nodiscard]] GreyView view() const { return {samples_.data(), kWidth, kHeight, kWidth}; }
 
  private:
@@ -151,6 +161,23 @@ TEST(PictureFinderTest, FindsNothingInAnEmptyRoomAndInPicturesOfNoSize) {
   const std::uint8_t one = 0;
   finder.search({&one, 1, 1, 1});
   EXPECT_TRUE(finder.places().empty());
+}
+
+// What was refused is not looked at again as long as it stays the same: a display that begins to show codes
+// there is another sight.
+TEST(PictureFinderTest, FindsACodeWhereSomethingElseWasRefused) {
+  Room room;
+  PictureFinder finder;
+  const std::uint64_t code = light_code(1, crypto::Sha256Digest{}, kBegin);
+  for (int i = 0; i < 3; ++i) {
+    room.show_no_code(code);
+    finder.search(room.view());
+    EXPECT_TRUE(finder.places().empty());
+  }
+  room.show(code);
+  finder.search(room.view());
+  ASSERT_EQ(finder.places().size(), 1U);
+  EXPECT_EQ(finder.read(room.view())[0].words[0], code);
 }
 
 TEST(PictureFinderTest, LooksAtNoPlaceThatIsNotInThePicture) {

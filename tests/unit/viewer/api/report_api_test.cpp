@@ -64,6 +64,8 @@ TEST_F(ReportApi, AnswersDocumentsAsPdfAndEntersThem) {
   const Response receipt = get("receipt.pdf");
   EXPECT_EQ(receipt.type, "application/pdf");
   EXPECT_THAT(text_of(*std::get<BytesBody>(receipt.body).bytes), testing::StartsWith("%PDF-1."));
+  for (const Bytes& document : {report, *std::get<BytesBody>(receipt.body).bytes})
+    EXPECT_THAT(text_of(document), HasSubstr("(case.tlog-proof)")) << "the log's proof travels with it";
   EXPECT_THAT(log(), HasSubstr("made a receipt"));
   EXPECT_NE(*std::get<BytesBody>(get("report.pdf", "ja").body).bytes, report);
 }

@@ -5,8 +5,10 @@
 
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "crypto/signing_key.h"
 #include "tests/unit/viewer/report/report_case.h"
 #include "viewer/report/pdf_writer.h"
+#include "viewer/report/proof_files.h"
 
 namespace kiroku::report {
 namespace {
@@ -32,6 +34,78 @@ TEST_F(ReportDocument, ReceiptHoldsTheLastCheckpointInItsCode) {
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->root, asked.facts.root);
     EXPECT_EQ(crypto::Checkpoint::parse(note.text)->size, asked.facts.entries);
   }
+}
+
+/// What the log says of the case's end, as a receipt carries it along, without that log.
+archive::VerificationReport judged_without_log(const fs::path& folder, archive::VerifyOptions options,
+                                               const std::string& proof) {
+  options.log.reset();
+  options.log_proof = archive::OutsideNote{"case.tlog-proof", proof};
+  return archive::verify_case(folder, options);
+}
+
+TEST_F(ReportDocument, ReceiptCarriesItsCheckpointAndTheLogsProofAlong) {
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    ReportInput in = input(archive_.options(), language);
+    const ComparedLog log{archive_.log_folder(), archive_.device(), {}};
+    const std::optional<Attachment> proof = log_proof_file(folder_, in, std::nullopt, log);
+    ASSERT_TRUE(proof);
+    EXPECT_EQ(proof->name, "case.tlog-proof");
+    EXPECT_GT(
+        judged_without_log(folder_, archive_.options(), std::string(text_of(proof->bytes))).proved_entries,
+        0U);
+
+    in.attachments = receipt_files(in, proof);
+    ASSERT_EQ(in.attachments.size(), 2U);
+    EXPECT_EQ(in.attachments[0].bytes, to_bytes(in.facts.last_checkpoint->text));
+    const Document receipt = make_receipt(in);
+    EXPECT_EQ(receipt.attachments.size(), 2U);
+    EXPECT_THAT(test::text_of(receipt),
+                AllOf(HasSubstr("--proof case.tlog-proof"), HasSubstr("pdfdetach -saveall")));
+    if (!has_tools()) continue;
+    write("receipt.pdf", write_pdf(receipt));
+    EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+    tool({"pdfdetach", "-saveall", "receipt.pdf"});
+    std::ifstream saved(temporary_ / "case.tlog-proof", std::ios::binary);
+    EXPECT_EQ(std::string(std::istreambuf_iterator<char>(saved), {}), text_of(proof->bytes));
+  }
+  // Nobody is sent to a file that is not there.
+  EXPECT_THAT(test::text_of(make_receipt(input())),
+              AllOf(Not(HasSubstr("--proof")), Not(HasSubstr("pdfdetach"))));
+}
+
+TEST_F(ReportDocument, CarriesNoProofAlongThatDoesNotHold) {
+  const ComparedLog log{archive_.log_folder(), archive_.device(), {}};
+  const archive::OutsideNote sound{
+      "sound", std::string(text_of(log_proof_file(folder_, input(), std::nullopt, log)->bytes))};
+  archive::VerifyOptions options = archive_.options();
+  options.log_proof = sound;
+  const std::optional<Attachment> given = log_proof_file(folder_, input(options), sound, log);
+  ASSERT_TRUE(given);
+  EXPECT_EQ(text_of(given->bytes), sound.text) << "as it was given, and judged";
+
+  // One that was changed, or is another case's, stays behind; no other one takes its place.
+  archive::OutsideNote changed = sound;
+  changed.text[changed.text.find("index ") + 6] = '9';
+  options.log_proof = changed;
+  EXPECT_FALSE(log_proof_file(folder_, input(options), changed, log));
+  const fs::path second = test::SampleCase::write(archive_);
+  options.log_proof = sound;
+  ReportInput of_second = input(options);
+  of_second.verification = archive::verify_case(second, options);
+  EXPECT_FALSE(log_proof_file(second, of_second, sound, log));
+
+  // None is made of a log that was not compared, does not know the case's end, or is not there.
+  archive::VerifyOptions without = archive_.options();
+  without.log.reset();
+  EXPECT_FALSE(log_proof_file(folder_, input(without), std::nullopt, log));
+  EXPECT_FALSE(log_proof_file(folder_, input(), std::nullopt, std::nullopt));
+  EXPECT_FALSE(log_proof_file(folder_, input(), std::nullopt,
+                              ComparedLog{temporary_ / "nowhere", archive_.device(), {}}));
+  const crypto::SigningKey stranger = crypto::SigningKey::generate();
+  EXPECT_FALSE(log_proof_file(
+      folder_, input(), std::nullopt,
+      ComparedLog{archive_.log_folder(), crypto::VerifierKey{"or3", stranger.public_key()}, {}}));
 }
 
 // Anybody who writes to the folder can: no token is over the newest checkpoint of a case.
