@@ -25,6 +25,8 @@
 
 #include "base/error.h"
 #include "sim/align/deformed_fit.h"
+#include "sim/align/deformed_track.h"
+#include "sim/align/organ_track.h"
 #include "sim/align/surface_points.h"
 #include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
@@ -160,6 +162,16 @@ struct Record {
   double beyond = 0, told_beyond = 0;  // shares of the nodes, and of the told ones, off by over three stated
   double beyond_direction = 0;         // share off by over three standard deviations of its own direction
   double seconds = 0;
+  // Beside it what `kiroku compare --align auto --organ deformed` makes of the same pictures.
+  std::string command;           // why it lays the rigid organ, or "deformed"
+  double held = 0, placed = 0;   // whether the rigid organ is held; whether any is laid
+  double rigid_off_mm = 0;       // where the rigid organ is laid before the camera, mean over all nodes
+  double off_mm = 0;             // the same of what is laid
+  double command_error_mm = 0;   // of its displacements
+  double apart_mm = 0;           // from those of the fit above, mean over all nodes
+  double command_stated_mm = 0;  // root of the mean squared standard error of the told nodes
+  double command_beyond = 0;     // share of the told nodes off by over three stated
+  double rigid_seconds = 0, command_seconds = 0;  // of the rigid fit, and what the deformed one takes more
 };
 
 template <typename Record, typename Visit>
@@ -167,7 +179,10 @@ void visit(Record& record, const Visit& each) {
   each(record.fitted), each(record.farthest_mm), each(record.mean_mm), each(record.seen_error_mm),
       each(record.error_mm), each(record.told_error_mm), each(record.error_95_mm), each(record.told),
       each(record.stated_mm), each(record.told_stated_mm), each(record.beyond), each(record.told_beyond),
-      each(record.beyond_direction), each(record.seconds);
+      each(record.beyond_direction), each(record.seconds), each(record.held), each(record.placed),
+      each(record.rigid_off_mm), each(record.off_mm), each(record.command_error_mm), each(record.apart_mm),
+      each(record.command_stated_mm), each(record.command_beyond), each(record.rigid_seconds),
+      each(record.command_seconds);
 }
 
 double mean_of(const std::vector<double>& values) {
@@ -325,8 +340,78 @@ Expected found_at_rest(const Picture& picture, const OrganSurface& surface, cons
   return found ? Expected{found->camera, found->covariance_m2} : expected;
 }
 
-void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const std::string& condition,
-                  std::uint32_t seed, const Settings& settings,
+/// What the command does: the organ is found by itself, followed, and deformed where that says more.
+class AsTheCommand {
+ public:
+  AsTheCommand(const TetMesh& mesh, const DeformableOrgan& organ)
+      : organ_(organ), track_(mesh, EndoscopeScene::kFieldDeg), deformed_(organ, EndoscopeScene::kFieldDeg) {}
+
+  void take(const Picture& picture) {
+    time_ns_ += 100'000'000;
+    const double started = processor_seconds();
+    rigid_ = track_.take(time_ns_, picture);
+    const double between = processor_seconds();
+    moment_ = deformed_.take(track_.taken(), rigid_);
+    rigid_seconds_ = between - started;
+    seconds_ = processor_seconds() - between;
+  }
+
+  /// `fit`: of the same picture by itself.
+  void judge(const Camera& camera, const std::vector<Vector3>& truth_m, const DeformedFit& fit,
+             Record& record) const {
+    const std::vector<Vector3>& nodes = organ_.surface().nodes;
+    record.command = name_of(moment_.why);
+    record.held = rigid_.held() ? 1 : 0;
+    record.placed = rigid_.held() || moment_.deformed() ? 1 : 0;
+    record.rigid_seconds = rigid_seconds_;
+    record.command_seconds = seconds_;
+    const double count = double(nodes.size());
+    double told = 0, square = 0;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const Vector3 truth = camera.view_m(nodes[i] + truth_m[i]);
+      const double rigid_mm = 1000 * (rigid_.camera.view_m(nodes[i]) - truth).norm();
+      record.rigid_off_mm += rigid_.held() ? rigid_mm / count : 0;
+      if (!moment_.deformed()) {
+        record.off_mm += rigid_.held() ? rigid_mm / count : 0;
+        continue;
+      }
+      const Vector3& displacement = moment_.displacement_m[i];
+      const double error_mm = 1000 * (displacement - truth_m[i]).norm();
+      record.off_mm += 1000 * (moment_.camera.view_m(nodes[i] + displacement) - truth).norm() / count;
+      record.command_error_mm += error_mm / count;
+      if (fit.fitted()) record.apart_mm += 1000 * (displacement - fit.shape.displacement_m[i]).norm() / count;
+      if (!moment_.told[i]) continue;
+      told += 1;
+      square += std::pow(1000 * double(moment_.error_m[i]), 2);
+      record.command_beyond += error_mm > 3000 * double(moment_.error_m[i]) ? 1 : 0;
+    }
+    record.command_beyond /= std::max(1.0, told);
+    record.command_stated_mm = std::sqrt(square / std::max(1.0, told));
+  }
+
+  void show() const {
+    std::printf(
+        "   command %-20s %-18s rigid %-13s %4.2f px %4.2f  fit %4.2f px %4.2f  agree %4.2f rigid %4.2f  "
+        "beyond "
+        "%4.2f largest %5.2f stated %5.2f  ",
+        name_of(moment_.why), name_of(moment_.unfitted), name_of(rigid_.why), rigid_.misfit_px,
+        rigid_.supported, moment_.misfit_px, moment_.supported, moment_.points_agree,
+        moment_.rigid_points_agree, moment_.beyond, 1000 * moment_.largest_m,
+        1000 * moment_.standard_error_m);
+  }
+
+ private:
+  const DeformableOrgan& organ_;
+  OrganTrack track_;
+  DeformedTrack deformed_;
+  std::int64_t time_ns_ = 0;
+  AlignedMoment rigid_;
+  DeformedMoment moment_;
+  double rigid_seconds_ = 0, seconds_ = 0;
+};
+
+void fit_sequence(const DeformableOrgan& organ, const TetMesh& mesh, const Sequence& sequence,
+                  const std::string& condition, std::uint32_t seed, const Settings& settings,
                   const std::function<void(const Record&)>& keep) {
   const Pinhole pinhole =
       pinhole_of(EndoscopeScene::kFieldDeg, EndoscopeScene::kWidth, EndoscopeScene::kHeight);
@@ -342,6 +427,8 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
   SurfacePoints points;
   points.follow(first, cover_of(first));
   points.fix(surface, pinhole, pose);
+  AsTheCommand command(mesh, organ);
+  command.take(first);
   // What a camera may do between two pictures; one that is held by an arm does nothing.
   constexpr double kSwayM = 0.004;
   Eigen::VectorXd begin;
@@ -367,6 +454,8 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
     record.fitted = fit.fitted() ? 1 : 0;
     record.seconds = processor_seconds() - started;
     judge(fit, sequence.displacement_m[i], record);
+    command.take(picture);
+    command.judge(sequence.cameras[i], sequence.displacement_m[i], fit, record);
     keep(record);
     if (settings.show.empty()) continue;
     std::printf("%2zu %-20s far %5.1f mean %5.2f  error %5.2f seen %5.2f told %5.2f of %4.2f  stated %5.2f  ",
@@ -379,6 +468,9 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
     std::printf("a %4.2f of %4.1f pose off %4.2f mm %4.2f s\n",
                 fit.expected.size() > 0 ? fit.expected.maxCoeff() : 0, fit.determined,
                 1000 * way_between_m(surface, fit.camera, sequence.cameras[i]), record.seconds);
+    command.show();
+    std::printf("off %5.2f rigid %5.2f  apart %5.2f  %4.2f s, rigid %4.2f s\n", record.off_mm,
+                record.rigid_off_mm, record.apart_mm, record.command_seconds, record.rigid_seconds);
     if (settings.show != "-")
       write_png(settings.show + "/" + std::to_string(seed) + "-" + std::to_string(i) + ".png", picture);
   }
@@ -410,19 +502,21 @@ void run(const Settings& settings) {
   for (int n = 0; n < settings.sequences; ++n) {
     const std::uint32_t seed = settings.first + static_cast<std::uint32_t>(n);
     const std::string condition = condition_of(seed);
-    const DeformableOrgan& sought = condition == "another organ" ? kidney : organ;
+    const bool is_other = condition == "another organ";
+    const DeformableOrgan& sought = is_other ? kidney : organ;
     const Sequence sequence = rendered(seed, condition, settings.pictures, sought.surface());
     std::vector<Record> of_this;
-    fit_sequence(sought, sequence, condition, seed, settings, [&](const Record& record) {
-      of_this.push_back(record);
-      records.push_back(record);
-      std::string written = condition;
-      std::ranges::replace(written, ' ', '_');
-      if (!file.is_open()) return;
-      file << written << ' ' << record.why;
-      visit(record, [&](double value) { file << ' ' << value; });
-      file << '\n';
-    });
+    fit_sequence(sought, is_other ? other : plan, sequence, condition, seed, settings,
+                 [&](const Record& record) {
+                   of_this.push_back(record);
+                   records.push_back(record);
+                   std::string written = condition;
+                   std::ranges::replace(written, ' ', '_');
+                   if (!file.is_open()) return;
+                   file << written << ' ' << record.why << ' ' << record.command;
+                   visit(record, [&](double value) { file << ' ' << value; });
+                   file << '\n';
+                 });
     file.flush();
     Figures unused;
     std::printf("%u ", seed);
@@ -439,7 +533,7 @@ std::vector<Record> records_of(const std::vector<std::string>& files) {
     std::ifstream file(name);
     if (!file) throw kiroku::Error("cannot read " + name);
     Record record;
-    while (file >> record.condition >> record.why) {
+    while (file >> record.condition >> record.why >> record.command) {
       visit(record, [&](double& value) { file >> value; });
       std::ranges::replace(record.condition, '_', ' ');
       records.push_back(record);
