@@ -9,7 +9,9 @@
 // Sequence after sequence is of another condition. In the first picture the organ is at rest, and its place
 // is found by its outline from a place some millimetres off; from then on a force at one spot of it grows
 // until a node of it has gone about 30 mm. Ten pictures a second, 640x480. --records keeps a line for each
-// picture, from which --tell makes the tables of several runs together; time is that of a processor.
+// picture, from which --tell makes the tables of several runs together; time is that of a processor. Beside
+// the fit by itself the pictures go through what `kiroku compare --align auto --organ deformed` does with
+// them.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -299,8 +301,72 @@ void tell_some(const std::string& name, const std::vector<Record>& records,
   figures.add(id + "_direction", mean_of(direction));
 }
 
+/// Of what the command lays on the pictures, beside the rigid organ and the fit by itself in the same ones.
+void tell_command(const std::string& name, const std::vector<Record>& records,
+                  const std::function<bool(const Record&)>& counts, Figures& figures) {
+  std::vector<double> off, rigid, error, library, apart, stated, beyond;
+  double pictures = 0, deformed = 0, lost = 0;
+  for (const Record& record : records) {
+    if (!counts(record)) continue;
+    pictures += 1;
+    lost += record.placed == 0 ? 1 : 0;
+    if (record.command != "deformed") continue;
+    deformed += 1;
+    error.push_back(record.command_error_mm);
+    stated.push_back(record.command_stated_mm);
+    beyond.push_back(100 * record.command_beyond);
+    if (record.fitted != 0) {
+      library.push_back(record.error_mm);
+      apart.push_back(record.apart_mm);
+    }
+    if (record.held == 0) continue;
+    off.push_back(record.off_mm);
+    rigid.push_back(record.rigid_off_mm);
+  }
+  if (pictures == 0) return;
+  std::printf(
+      "%-10s command: %3.0f pictures, %5.1f %% deformed, %4.1f %% nothing laid  laid %5.2f where rigid is "
+      "%5.2f  error %5.2f, library %5.2f, apart %5.2f  stated %5.2f  beyond %4.2f %%\n",
+      name.c_str(), pictures, 100 * deformed / pictures, 100 * lost / pictures, mean_of(off), mean_of(rigid),
+      mean_of(error), mean_of(library), mean_of(apart), mean_of(stated), mean_of(beyond));
+  std::string id = name;
+  std::ranges::replace(id, ' ', '_');
+  figures.add(id + "_pictures", pictures);
+  figures.add(id + "_deformed", 100 * deformed / pictures);
+  figures.add(id + "_nothing", 100 * lost / pictures);
+  if (deformed == 0) return;
+  if (!off.empty()) {
+    figures.add(id + "_rigid", mean_of(rigid));
+    figures.add(id + "_laid", mean_of(off));
+  }
+  figures.add(id + "_error", mean_of(error));
+  if (!library.empty()) {
+    figures.add(id + "_library", mean_of(library));
+    figures.add(id + "_apart", mean_of(apart));
+  }
+  figures.add(id + "_stated", mean_of(stated));
+  figures.add(id + "_beyond", mean_of(beyond));
+}
+
+void tell_speed(const std::vector<Record>& records) {
+  std::vector<double> rigid, fitted, kept;
+  for (const Record& record : records) {
+    const bool is_fitted = record.command == "deformed" || record.command == "unfitted" ||
+                           record.command == "within-error" || record.command == "not-better";
+    (is_fitted ? fitted : kept).push_back(record.command_seconds);
+    // A picture in which the organ is sought all over is another matter.
+    if (record.held != 0) rigid.push_back(record.rigid_seconds);
+  }
+  Figures figures;
+  const double of_rigid = std::max(1e-6, share_of(rigid, 0.5));
+  figures.add("fitted", (share_of(fitted, 0.5) + of_rigid) / of_rigid);
+  figures.add("kept", (share_of(kept, 0.5) + of_rigid) / of_rigid);
+  figures.add("rigid", 1000 * of_rigid);
+  std::printf("docs/results/record.py deform-speed --machine NAME%s\n", figures.line().c_str());
+}
+
 void tell(const std::vector<Record>& records) {
-  Figures figures, sizes, nothing;
+  Figures figures, sizes, nothing, command;
   const auto is_fair = [](const Record& record) {
     return has_truth(record.condition) && record.condition != "barrel" && record.condition != "rest";
   };
@@ -319,6 +385,15 @@ void tell(const std::vector<Record>& records) {
   for (const char* const condition : kWithout)
     tell_some(
         condition, records, [&](const Record& record) { return record.condition == condition; }, nothing);
+  for (const char* const condition : kWithTruth)
+    tell_command(
+        condition, records, [&](const Record& record) { return record.condition == condition; }, command);
+  tell_command("all", records, is_fair, command);
+  for (const char* const condition : kWithout)
+    tell_command(
+        condition, records, [&](const Record& record) { return record.condition == condition; }, nothing);
+  std::printf("docs/results/record.py deform-command --machine NAME%s\n", command.line().c_str());
+  tell_speed(records);
   std::printf("docs/results/record.py deform --machine NAME%s\n", figures.line().c_str());
   std::printf("docs/results/record.py deform-sizes --machine NAME%s\n", sizes.line().c_str());
   std::printf("docs/results/record.py deform-nothing --machine NAME%s\n", nothing.line().c_str());

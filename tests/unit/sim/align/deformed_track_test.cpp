@@ -75,8 +75,8 @@ TEST_F(DeformedTrackTest, LaysAPulledOrganNearerThanTheRigidOne) {
   EXPECT_EQ(take(look(0, 1)).why, WhyRigid::kAtRest);
   const std::int64_t rest_ns = rigid_.time_ns;
   EXPECT_EQ(take(look(0, 2)).why, WhyRigid::kWithinError) << "nothing pulls";
-  (void)take(look(0.5, 3));
-  const EndoscopeScene::Look pulled = look(1, 4);
+  (void)take(look(0.25, 3));
+  const EndoscopeScene::Look pulled = look(0.5, 4);
   const DeformedMoment moment = take(pulled);
   ASSERT_EQ(moment.why, WhyRigid::kDeformed) << name_of(moment.why) << ", " << name_of(moment.unfitted);
   EXPECT_EQ(moment.rest_ns, rest_ns);
@@ -86,7 +86,7 @@ TEST_F(DeformedTrackTest, LaysAPulledOrganNearerThanTheRigidOne) {
   if (rigid_.held()) {
     EXPECT_LT(off, off_m(pulled, rigid_.camera, {}));
   }
-  EXPECT_GT(moment.largest_m, 0.01);
+  EXPECT_GT(moment.largest_m, 0.005);
   EXPECT_GT(moment.beyond, DeformedTrack::kLeastBeyond);
 }
 

@@ -11,7 +11,7 @@ export const kLongestDeformed_ns = 10 * kMinute;
 /** How many seconds a second of recording took in the records of docs/results, from the kind ones to those in which the organ is lost again and again. */
 export const kTimesAsLong = [1, 4] as const;
 /** The same where it is deformed to fit as well. */
-export const kDeformedTimesAsLong = [2, 6] as const;
+export const kDeformedTimesAsLong = [3, 6] as const;
 
 export const kOrganViews = ['front', 'back', 'left', 'right', 'head', 'feet'] as const;
 export type OrganView = (typeof kOrganViews)[number];
