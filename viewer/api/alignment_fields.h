@@ -18,9 +18,9 @@ inline constexpr double kLeastAlignedFieldDeg = 10, kGreatestAlignedFieldDeg = 1
 inline constexpr std::int64_t kLongestAlignedStretchNs = 3'600'000'000'000,
                               kLongestDeformedStretchNs = 600'000'000'000;
 
-/// "alignment" of a body: {"field_deg", "view"?, "from_ns"?, "to_ns"?, "organ"?}, as arguments of `kiroku compare`;
-/// none where it is absent or null. Refusal 400 for what is wrong in it, and beside a registration in
-/// "by_hand": both say where the organ is.
+/// "alignment" of a body: {"field_deg", "view"?, "from_ns"?, "to_ns"?, "organ"?}, as arguments of `kiroku
+/// compare`; none where it is absent or null. Refusal 400 for what is wrong in it, and beside a registration
+/// in "by_hand": both say where the organ is.
 std::vector<std::string> take_alignment(const nlohmann::json& body, const archive::OpenEntry& opening);
 
 }  // namespace kiroku::viewer

@@ -20,7 +20,7 @@ bool same(const std::optional<sim::Camera>& a, const std::optional<sim::Camera>&
 
 std::string words_of(const ShownDeformation& shown) {
   constexpr double kMmPerM = 1000;
-  return "organ deformed, up to " + number_text(kMmPerM * shown.largest_m, 2) + " mm, standard error " +
+  return "organ deformed up to " + number_text(kMmPerM * shown.largest_m, 2) + " mm, error " +
          number_text(kMmPerM * shown.standard_error_m, 2) + " mm";
 }
 
@@ -31,9 +31,10 @@ std::string words_of(const std::optional<sim::AlignedMoment>& place,
   if (place->why == sim::WhyLost::kNotLooked) return "organ lost before, not searched for here";
   if (!place->held()) return "organ not found here";
   constexpr double kMmPerM = 1000;
-  return std::string(rigid ? "rigid " : "") + "organ placed, standard error " +
-         number_text(kMmPerM * place->standard_error_m, 2) + " mm" +
-         (rigid ? "; " + sentence_of(*rigid) : "");
+  const std::string error = number_text(kMmPerM * place->standard_error_m, 2) + " mm";
+  // What is new comes first: a caption has one line.
+  return rigid ? "rigid organ, error " + error + ": " + sentence_of(*rigid)
+               : "organ placed, standard error " + error;
 }
 
 int even(double side) { return std::max(16, 2 * static_cast<int>(std::lround(side / 2))); }

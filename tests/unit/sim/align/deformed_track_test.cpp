@@ -75,8 +75,9 @@ TEST_F(DeformedTrackTest, LaysAPulledOrganNearerThanTheRigidOne) {
   EXPECT_EQ(take(look(0, 1)).why, WhyRigid::kAtRest);
   const std::int64_t rest_ns = rigid_.time_ns;
   EXPECT_EQ(take(look(0, 2)).why, WhyRigid::kWithinError) << "nothing pulls";
-  (void)take(look(0.25, 3));
-  const EndoscopeScene::Look pulled = look(0.5, 4);
+  (void)take(look(0.2, 3));
+  (void)take(look(0.4, 4));
+  const EndoscopeScene::Look pulled = look(0.6, 5);
   const DeformedMoment moment = take(pulled);
   ASSERT_EQ(moment.why, WhyRigid::kDeformed) << name_of(moment.why) << ", " << name_of(moment.unfitted);
   EXPECT_EQ(moment.rest_ns, rest_ns);

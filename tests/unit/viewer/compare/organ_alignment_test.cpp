@@ -193,7 +193,7 @@ class PulledOrganAlignment : public OrganAlignment {
       EndoscopeScene::Look look;
       look.camera = this->truth(0);
       look.seed = static_cast<std::uint32_t>(i + 1);
-      const Eigen::VectorXd gone = truth.displacement_m(std::clamp((i - kRests + 1) / 3.0, 0.0, 1.0) * force);
+      const Eigen::VectorXd gone = truth.displacement_m(std::clamp((i - kRests + 1) / 6.0, 0.0, 0.5) * force);
       look.displacement_m.assign(gone.data(), gone.data() + gone.size());
       const sim::Picture picture = scene.picture(look);
       writer.add({picture.width, picture.height, 3, picture.rgb});
@@ -228,7 +228,7 @@ TEST_F(PulledOrganAlignment, IsDeformedInDocumentAndFilm) {
   EXPECT_FALSE(found.deformed->moments[1].deformed());
   const Deformation& last = found.deformed->moments.back();
   ASSERT_TRUE(last.deformed()) << sim::name_of(last.why) << ", " << sim::name_of(last.unfitted);
-  EXPECT_GT(last.largest_m, 0.008);
+  EXPECT_GT(last.largest_m, 0.005);
   EXPECT_LT(last.standard_error_m, sim::DeformedFit::kLargestErrorM);
   ASSERT_TRUE(found.deformed->moments[kCount - 2].deformed());
   const auto between = found.deformed_at((kCount - 2) * kTenthNs + kTenthNs / 2);
@@ -281,11 +281,11 @@ TEST_F(PulledOrganAlignment, IsDeformedInDocumentAndFilm) {
   form.share = 1;
   PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, kSecond);
   (void)paired.at(kTenthNs);
-  EXPECT_THAT(paired.caption_at(kTenthNs).step, HasSubstr("rigid organ placed, standard error "));
+  EXPECT_THAT(paired.caption_at(kTenthNs).step, HasSubstr("rigid organ, error "));
   EXPECT_EQ(paired.caption_at(kTenthNs).displacement_mm, 0);
   const sim::Picture film = paired.at((kCount - 1) * kTenthNs);
   const Caption caption = paired.caption_at((kCount - 1) * kTenthNs);
-  EXPECT_THAT(caption.step, HasSubstr("organ deformed, up to "));
+  EXPECT_THAT(caption.step, HasSubstr("organ deformed up to "));
   EXPECT_EQ(caption.displacement_mm, found.deformed->scale_mm());
   // Viridis is nowhere as red as tissue: what is held is violet, what is pulled green or yellow.
   int violet = 0, green = 0;
@@ -298,9 +298,6 @@ TEST_F(PulledOrganAlignment, IsDeformedInDocumentAndFilm) {
   }
   EXPECT_GT(violet, 1000);
   EXPECT_GT(green, 100);
-  const Bytes png = media::png_of({film.width, film.height, 3, film.rgb});  // LOOK
-  std::ofstream("/tmp/organ-deformed.png", std::ios::binary)
-      .write(reinterpret_cast<const char*>(png.data()), std::streamsize(png.size()));  // LOOK
 }
 
 TEST(Alignment, OfAnHourMakesADocumentThatIsStillShown) {
