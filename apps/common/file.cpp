@@ -20,7 +20,7 @@ Descriptor open_to_read(const std::filesystem::path& file, const std::string& wh
 
 }  // namespace
 
-Bytes read_small_file(const std::filesystem::path& file, const std::string& what) {
+Bytes read_small_file(const std::filesystem::path& file, const std::string& what, std::size_t most_bytes) {
   const Descriptor descriptor = open_to_read(file, what);
   Bytes bytes;
   Bytes block(64U << 10);
@@ -30,8 +30,9 @@ Bytes read_small_file(const std::filesystem::path& file, const std::string& what
     if (got < 0) throw IoError("read " + what, file, errno);
     if (got == 0) return bytes;
     append(bytes, ByteView(block).first(std::size_t(got)));
-    if (bytes.size() > kLargestSmallFile) {
-      throw UsageError(what + " " + file.string() + " is larger than 16 MiB: is it the right file?");
+    if (bytes.size() > most_bytes) {
+      throw UsageError(what + " " + file.string() + " is larger than " + std::to_string(most_bytes >> 20U) +
+                       " MiB: is it the right file?");
     }
   }
 }

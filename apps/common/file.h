@@ -12,8 +12,9 @@ namespace kiroku::apps {
 
 inline constexpr std::size_t kLargestSmallFile = 16U << 20;
 
-/// The whole file; refuses more than kLargestSmallFile. `what` for errors: "the subject".
-Bytes read_small_file(const std::filesystem::path& file, const std::string& what);
+/// The whole file; refuses more than `most_bytes`, whole MiB. `what` for errors: "the subject".
+Bytes read_small_file(const std::filesystem::path& file, const std::string& what,
+                      std::size_t most_bytes = kLargestSmallFile);
 
 /// Whether others than its owner may do anything with it: then it is no place for a secret. Throws
 /// kiroku::IoError.

@@ -73,6 +73,11 @@ void add_compare_command(Command& program) {
       "texture: where it is in each, with a standard error, or that it is lost; needs --field, and "
       "looks from --view or up to 75 degrees aside",
       "off");
+  command.choice(
+      "--organ", {"rigid", "deformed"}, request->organ,
+      "with --align: deformed also deforms the organ until it falls onto what a picture shows, while the "
+      "endoscope stands still; a picture that this explains no better keeps the rigid organ, with the reason",
+      "rigid");
   command.option("--field", "DEGREES", request->field,
                  "with --align: the angle that the lesser side of the recorded pictures covers");
   command.option(
@@ -113,6 +118,10 @@ void add_compare_command(Command& program) {
       "kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --align auto --field 60 --show overlay -o "
       "laid.mp4",
       "the plan over the organ, wherever the endoscope goes");
+  command.example(
+      "kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --align auto --field 60 --organ deformed "
+      "--show overlay -o pulled.mp4",
+      "the organ as it is pulled, its displacement as colour");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --verify liver.comparison.json",
                   "does the comparison still fit?");
   command.on_run(

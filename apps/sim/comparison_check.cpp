@@ -14,6 +14,7 @@
 #include "archive/reading/case_reader.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
+#include "viewer/kept/kept_comparison.h"
 #include "viewer/kept/log_of_case.h"
 #include "viewer/kept/provenance.h"
 
@@ -83,7 +84,7 @@ std::vector<Check> check_outputs(const compare::Provenance& made, const fs::path
 
 int verify_comparison(const ComparisonRequest& request) {
   const fs::path file = *request.verified;
-  const Bytes bytes = read_small_file(file, "the comparison");
+  const Bytes bytes = read_small_file(file, "the comparison", compare::kLargestDocument);
   const compare::Provenance made = compare::read_provenance(text_of(bytes), file.string());
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
   const std::optional<Home> home = Home::find(request.home);

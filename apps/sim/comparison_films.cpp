@@ -205,11 +205,14 @@ double alignment_field_deg(const ComparisonRequest& request) {
                       sim::OrganTrack::kGreatestFieldDeg);
 }
 
+bool is_deformed(const ComparisonRequest& request) { return request.organ == "deformed"; }
+
 compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
                                             const archive::CaseReader& recording,
                                             const compare::Comparison& comparison) {
   compare::AlignmentRequest asked;
   asked.field_deg = alignment_field_deg(request);
+  asked.deformed = is_deformed(request);
   const sim::Camera from =
       sim::camera_looking_at({}, sim::view_direction(request.view.value_or("front")), 1, 1);
   asked.range.from = from.to_view.row(2).transpose();

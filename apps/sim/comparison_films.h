@@ -94,6 +94,8 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
                                                 const compare::Comparison& comparison);
 /// Degrees; --field must be there. kiroku::UsageError for what is none of an endoscope.
 double alignment_field_deg(const ComparisonRequest& request);
+/// Whether it asks for the organ deformed to fit.
+bool is_deformed(const ComparisonRequest& request);
 /// What the request says of aligning the plan's organ with the recorded pictures: --field, --view, and --from
 /// and --to, else what a film would show; all of the recording where no step was found. --field must be
 /// there.

@@ -102,8 +102,8 @@ void add_alignment(const ComparisonRequest& request, const Sources& from, compar
   const compare::AlignmentRequest asked = alignment_request(request, from.recording, comparison);
   told.begin("looking for the organ in the pictures");
   comparison.alignment =
-      compare::align_organ(from.recording, from.identities, comparison.stream, from.at_hand.plan.body.mesh,
-                           asked, [&](double share) { told.update(share); });
+      compare::align_organ(from.recording, from.identities, comparison.stream, from.at_hand.plan.body, asked,
+                           [&](double share) { told.update(share); });
   told.clear();
 }
 
@@ -226,6 +226,8 @@ crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std:
 void require_alignment_options(const ComparisonRequest& request) {
   if (request.field && request.align != "auto")
     throw UsageError("--field is for --align auto: it says what the endoscope's pictures cover");
+  if (request.organ && request.align != "auto")
+    throw UsageError("--organ is for --align auto: it says how the plan's organ is laid on the pictures");
   if (request.align != "auto") return;
   if (!request.field) {
     throw UsageError(
@@ -244,7 +246,7 @@ void require_alignment_sense(const ComparisonRequest& request, const archive::Ca
         "--align auto and the registration in --by-hand both say where the organ is: leave one of them out");
   }
   if (request.from && request.to)
-    compare::require_alignable(recording.parse_stretch(request.from, request.to));
+    compare::require_alignable(recording.parse_stretch(request.from, request.to), is_deformed(request));
 }
 
 void require_fluoroscopy_options(const ComparisonRequest& request) {

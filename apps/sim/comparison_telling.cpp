@@ -72,6 +72,14 @@ void print_fluoroscopy(const compare::Fluoroscopy& found) {
 void print_alignment(const compare::Alignment& found, std::int64_t begins_ns) {
   std::cout << "  the plan's organ was placed in " << found.held() << " of " << found.moments.size()
             << " pictures\n";
+  if (found.deformed) {
+    constexpr double kMmPerM = 1000;
+    std::cout << "  it was deformed to fit in " << found.deformed->deformed()
+              << " pictures, and displaced by up to " << number_text(kMmPerM * found.deformed->largest_m(), 3)
+              << " mm\n";
+    for (const auto& [why, pictures] : found.deformed->rigid())
+      std::cout << "    not in " << pictures << ": " << compare::sentence_of(why) << "\n";
+  }
   for (const compare::Alignment::Lost& lost : found.lost()) {
     std::cout << "    not from " << archive::case_time_text(lost.span.start_ns, begins_ns) << " to "
               << archive::case_time_text(lost.span.end_ns, begins_ns) << ": "
@@ -106,6 +114,8 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
     if (comparison.alignment) {
       object["aligned"] = {{"pictures", comparison.alignment->moments.size()},
                            {"held", comparison.alignment->held()}};
+      if (comparison.alignment->deformed)
+        object["aligned"]["deformed"] = comparison.alignment->deformed->deformed();
     }
     if (keeping != nullptr) object["name"] = keeping->place().name;
     print_json(object);

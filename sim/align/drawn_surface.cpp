@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <utility>
 
 namespace kiroku::sim {
 namespace {
@@ -46,6 +48,7 @@ DrawnSurface joined(const OrganSurface& surface, const Clusters& clusters) {
     // What lies within a cell, or along a border of two, has no area left.
     if (nodes[0] != nodes[1] && nodes[1] != nodes[2] && nodes[2] != nodes[0]) drawn.faces.push_back(nodes);
   }
+  drawn.of_node = clusters.of_node;
   return drawn;
 }
 
@@ -54,7 +57,11 @@ DrawnSurface joined(const OrganSurface& surface, const Clusters& clusters) {
 DrawnSurface drawn_surface(const OrganSurface& surface, std::size_t most_nodes) {
   constexpr std::size_t kLeast = 8;
   const std::size_t most = std::max(most_nodes, kLeast);
-  if (surface.nodes.size() <= most) return {surface.nodes, surface.faces, 0};
+  if (surface.nodes.size() <= most) {
+    std::vector<std::uint32_t> same(surface.nodes.size());
+    std::iota(same.begin(), same.end(), 0U);
+    return {surface.nodes, surface.faces, 0, std::move(same)};
+  }
   // Begins where a ball of that size would have twice as many. Four times its reach is one cell for all.
   constexpr double kGrowth = 1.2, kTwiceAsMany = 2.5;
   double side_m = kTwiceAsMany * surface.reach_m / std::sqrt(double(most));

@@ -14,7 +14,8 @@ namespace kiroku::sim {
 struct DrawnSurface {
   std::vector<Vector3> nodes;                       // (|V|), m
   std::vector<std::array<std::uint32_t, 3>> faces;  // anticlockwise from outside
-  double moved_m = 0;  // how far a node of the organ is off its own place at most
+  double moved_m = 0;                  // how far a node of the organ is off its own place at most
+  std::vector<std::uint32_t> of_node;  // (|S|), the node that stands for each of the organ's
 };
 
 /// As it is where it has at most that many nodes (at least 8). Else the nodes within each cell of a grid

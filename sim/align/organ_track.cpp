@@ -75,7 +75,8 @@ class OrganTrack::Following {
       width_ = given.width;
       height_ = given.height;
     }
-    const Picture picture = scaled_down(given, kLesserSidePx);
+    picture_ = scaled_down(given, kLesserSidePx);
+    const Picture& picture = picture_;
     pinhole_ = pinhole_of(field_deg_, picture.width, picture.height);
     cover_ = cover_of(picture);
     cells_ = colour_cells(picture, cover_);
@@ -83,12 +84,16 @@ class OrganTrack::Following {
     AlignedMoment moment = place_ && !lost_ ? follow(picture) : find(picture);
     moment.time_ns = time_ns;
     moment.camera.half_extent = half_extent_of(field_deg_, width_, height_);
-    const double scale = double(std::min(width_, height_)) / std::min(picture.width, picture.height);
-    moment.misfit_px *= scale;
-    moment.rival_px *= scale;
+    scale_ = double(std::min(width_, height_)) / std::min(picture.width, picture.height);
+    moment.misfit_px *= scale_;
+    moment.rival_px *= scale_;
     lost_ = !moment.held();
     if (lost_) points_.drop();
     return moment;
+  }
+
+  [[nodiscard]] Taken taken() const {
+    return {picture_, scale_, cover_, cells_, pinhole_, place_ && !lost_ ? &*place_ : nullptr};
   }
 
  private:
@@ -213,7 +218,9 @@ class OrganTrack::Following {
   PoseSearch search_;
   int width_ = 0, height_ = 0;
   Pinhole pinhole_;
-  Cover cover_;                    // of the picture that was taken last
+  Picture picture_;                // that was taken last, scaled down
+  double scale_ = 1;               // how many pixels of the given picture are one of it
+  Cover cover_;                    // of it
   ColourCells cells_;              // likewise
   std::optional<Expected> place_;  // the last that was held
   bool lost_ = true;
@@ -234,5 +241,7 @@ OrganTrack::~OrganTrack() = default;
 AlignedMoment OrganTrack::take(std::int64_t time_ns, const Picture& picture) {
   return following_->take(time_ns, picture);
 }
+
+OrganTrack::Taken OrganTrack::taken() const { return following_->taken(); }
 
 }  // namespace kiroku::sim

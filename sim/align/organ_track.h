@@ -54,6 +54,18 @@ class OrganTrack {
   /// two. In a picture of another size than the one before the organ is sought anew.
   AlignedMoment take(std::int64_t time_ns, const Picture& picture);
 
+  /// What take() made of the picture that it took last, for whoever goes on with it. Valid until the next
+  /// one.
+  struct Taken {
+    const Picture& picture;  // scaled down as below
+    double scale = 1;        // so many pixels of the given picture are one of it
+    const Cover& cover;
+    const ColourCells& cells;
+    Pinhole pinhole;
+    const Expected* place;  // with what it leaves open; nullptr where the organ was not held
+  };
+  [[nodiscard]] Taken taken() const;
+
   /// Larger pictures are scaled down to that many pixels of their lesser side.
   static constexpr int kLesserSidePx = 480;
   static constexpr double kLargestErrorM = 0.006;

@@ -126,6 +126,35 @@ void draw_caption(Lettering& lettering, Picture& picture, const std::string& abo
   lettering.draw(picture, below, margin, picture.height - margin, height, colour);
 }
 
+void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm) {
+  const std::string title = "mm";
+  const int margin = height / 2, bar = height, long_side = picture.height * 2 / 5;
+  const int wide = 3 * margin + bar + lettering.width_of(number_text(largest_mm, 4), height);
+  const int left = std::max(0, picture.width - wide - margin), top = margin;
+  const int below = std::min(picture.height, top + long_side + 3 * height);
+  for (int y = top; y < below; ++y) {
+    for (int x = left; x < picture.width - margin; ++x) {
+      // A quarter of what is there shines through.
+      for (int c = 0; c < 3; ++c)
+        picture.pixel(x, y)[c] = static_cast<std::uint8_t>(picture.pixel(x, y)[c] / 4);
+    }
+  }
+  const Rgb colour{235, 235, 235};
+  const int right = picture.width - 2 * margin, first = top + 2 * height;
+  lettering.draw(picture, title, right - lettering.width_of(title, height), top + height, height, colour);
+  for (int y = 0; y < long_side && first + y < picture.height; ++y) {
+    const Rgb shade = viridis(1 - double(y) / (long_side - 1));
+    for (int x = std::max(0, right - bar); x < right; ++x)
+      std::ranges::copy(shade, picture.pixel(x, first + y));
+  }
+  for (const double share : {0.0, 0.5, 1.0}) {
+    const std::string number = number_text(largest_mm * share, 4);
+    const int y = first + static_cast<int>((1 - share) * (long_side - 1));
+    lettering.draw(picture, number, right - bar - margin - lettering.width_of(number, height), y + height / 3,
+                   height, colour);
+  }
+}
+
 void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa) {
   const int height = letter_height(picture), bar = height, long_side = picture.height / 2;
   const Rgb colour = readable_on(picture);

@@ -39,4 +39,8 @@ void draw_caption(Lettering& lettering, Picture& picture, const std::string& abo
 /// Viridis from 0 to `largest_pa` at the right border, with numbers beside it: in Pa, from 10 kPa on in kPa.
 void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa);
 
+/// Viridis from 0 to `largest_mm` at the right border of a picture of any colours, with numbers of that
+/// height beside it, all before a dark ground.
+void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm);
+
 }  // namespace kiroku::sim

@@ -9,7 +9,9 @@
 // Sequence after sequence is of another condition. In the first picture the organ is at rest, and its place
 // is found by its outline from a place some millimetres off; from then on a force at one spot of it grows
 // until a node of it has gone about 30 mm. Ten pictures a second, 640x480. --records keeps a line for each
-// picture, from which --tell makes the tables of several runs together; time is that of a processor.
+// picture, from which --tell makes the tables of several runs together; time is that of a processor. Beside
+// the fit by itself the pictures go through what `kiroku compare --align auto --organ deformed` does with
+// them.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,6 +27,8 @@
 
 #include "base/error.h"
 #include "sim/align/deformed_fit.h"
+#include "sim/align/deformed_track.h"
+#include "sim/align/organ_track.h"
 #include "sim/align/surface_points.h"
 #include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
@@ -160,6 +164,16 @@ struct Record {
   double beyond = 0, told_beyond = 0;  // shares of the nodes, and of the told ones, off by over three stated
   double beyond_direction = 0;         // share off by over three standard deviations of its own direction
   double seconds = 0;
+  // Beside it what `kiroku compare --align auto --organ deformed` makes of the same pictures.
+  std::string command;           // why it lays the rigid organ, or "deformed"
+  double held = 0, placed = 0;   // whether the rigid organ is held; whether any is laid
+  double rigid_off_mm = 0;       // where the rigid organ is laid before the camera, mean over all nodes
+  double off_mm = 0;             // the same of what is laid
+  double command_error_mm = 0;   // of its displacements
+  double apart_mm = 0;           // from those of the fit above, mean over all nodes
+  double command_stated_mm = 0;  // root of the mean squared standard error of the told nodes
+  double command_beyond = 0;     // share of the told nodes off by over three stated
+  double rigid_seconds = 0, command_seconds = 0;  // of the rigid fit, and what the deformed one takes more
 };
 
 template <typename Record, typename Visit>
@@ -167,7 +181,10 @@ void visit(Record& record, const Visit& each) {
   each(record.fitted), each(record.farthest_mm), each(record.mean_mm), each(record.seen_error_mm),
       each(record.error_mm), each(record.told_error_mm), each(record.error_95_mm), each(record.told),
       each(record.stated_mm), each(record.told_stated_mm), each(record.beyond), each(record.told_beyond),
-      each(record.beyond_direction), each(record.seconds);
+      each(record.beyond_direction), each(record.seconds), each(record.held), each(record.placed),
+      each(record.rigid_off_mm), each(record.off_mm), each(record.command_error_mm), each(record.apart_mm),
+      each(record.command_stated_mm), each(record.command_beyond), each(record.rigid_seconds),
+      each(record.command_seconds);
 }
 
 double mean_of(const std::vector<double>& values) {
@@ -284,8 +301,72 @@ void tell_some(const std::string& name, const std::vector<Record>& records,
   figures.add(id + "_direction", mean_of(direction));
 }
 
+/// Of what the command lays on the pictures, beside the rigid organ and the fit by itself in the same ones.
+void tell_command(const std::string& name, const std::vector<Record>& records,
+                  const std::function<bool(const Record&)>& counts, Figures& figures) {
+  std::vector<double> off, rigid, error, library, apart, stated, beyond;
+  double pictures = 0, deformed = 0, lost = 0;
+  for (const Record& record : records) {
+    if (!counts(record)) continue;
+    pictures += 1;
+    lost += record.placed == 0 ? 1 : 0;
+    if (record.command != "deformed") continue;
+    deformed += 1;
+    error.push_back(record.command_error_mm);
+    stated.push_back(record.command_stated_mm);
+    beyond.push_back(100 * record.command_beyond);
+    if (record.fitted != 0) {
+      library.push_back(record.error_mm);
+      apart.push_back(record.apart_mm);
+    }
+    if (record.held == 0) continue;
+    off.push_back(record.off_mm);
+    rigid.push_back(record.rigid_off_mm);
+  }
+  if (pictures == 0) return;
+  std::printf(
+      "%-10s command: %3.0f pictures, %5.1f %% deformed, %4.1f %% nothing laid  laid %5.2f where rigid is "
+      "%5.2f  error %5.2f, library %5.2f, apart %5.2f  stated %5.2f  beyond %4.2f %%\n",
+      name.c_str(), pictures, 100 * deformed / pictures, 100 * lost / pictures, mean_of(off), mean_of(rigid),
+      mean_of(error), mean_of(library), mean_of(apart), mean_of(stated), mean_of(beyond));
+  std::string id = name;
+  std::ranges::replace(id, ' ', '_');
+  figures.add(id + "_pictures", pictures);
+  figures.add(id + "_deformed", 100 * deformed / pictures);
+  figures.add(id + "_nothing", 100 * lost / pictures);
+  if (deformed == 0) return;
+  if (!off.empty()) {
+    figures.add(id + "_rigid", mean_of(rigid));
+    figures.add(id + "_laid", mean_of(off));
+  }
+  figures.add(id + "_error", mean_of(error));
+  if (!library.empty()) {
+    figures.add(id + "_library", mean_of(library));
+    figures.add(id + "_apart", mean_of(apart));
+  }
+  figures.add(id + "_stated", mean_of(stated));
+  figures.add(id + "_beyond", mean_of(beyond));
+}
+
+void tell_speed(const std::vector<Record>& records) {
+  std::vector<double> rigid, fitted, kept;
+  for (const Record& record : records) {
+    const bool is_fitted = record.command == "deformed" || record.command == "unfitted" ||
+                           record.command == "within-error" || record.command == "not-better";
+    (is_fitted ? fitted : kept).push_back(record.command_seconds);
+    // A picture in which the organ is sought all over is another matter.
+    if (record.held != 0) rigid.push_back(record.rigid_seconds);
+  }
+  Figures figures;
+  const double of_rigid = std::max(1e-6, share_of(rigid, 0.5));
+  figures.add("fitted", (share_of(fitted, 0.5) + of_rigid) / of_rigid);
+  figures.add("kept", (share_of(kept, 0.5) + of_rigid) / of_rigid);
+  figures.add("rigid", 1000 * of_rigid);
+  std::printf("docs/results/record.py deform-speed --machine NAME%s\n", figures.line().c_str());
+}
+
 void tell(const std::vector<Record>& records) {
-  Figures figures, sizes, nothing;
+  Figures figures, sizes, nothing, command;
   const auto is_fair = [](const Record& record) {
     return has_truth(record.condition) && record.condition != "barrel" && record.condition != "rest";
   };
@@ -304,6 +385,15 @@ void tell(const std::vector<Record>& records) {
   for (const char* const condition : kWithout)
     tell_some(
         condition, records, [&](const Record& record) { return record.condition == condition; }, nothing);
+  for (const char* const condition : kWithTruth)
+    tell_command(
+        condition, records, [&](const Record& record) { return record.condition == condition; }, command);
+  tell_command("all", records, is_fair, command);
+  for (const char* const condition : kWithout)
+    tell_command(
+        condition, records, [&](const Record& record) { return record.condition == condition; }, nothing);
+  std::printf("docs/results/record.py deform-command --machine NAME%s\n", command.line().c_str());
+  tell_speed(records);
   std::printf("docs/results/record.py deform --machine NAME%s\n", figures.line().c_str());
   std::printf("docs/results/record.py deform-sizes --machine NAME%s\n", sizes.line().c_str());
   std::printf("docs/results/record.py deform-nothing --machine NAME%s\n", nothing.line().c_str());
@@ -325,8 +415,78 @@ Expected found_at_rest(const Picture& picture, const OrganSurface& surface, cons
   return found ? Expected{found->camera, found->covariance_m2} : expected;
 }
 
-void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const std::string& condition,
-                  std::uint32_t seed, const Settings& settings,
+/// What the command does: the organ is found by itself, followed, and deformed where that says more.
+class AsTheCommand {
+ public:
+  AsTheCommand(const TetMesh& mesh, const DeformableOrgan& organ)
+      : organ_(organ), track_(mesh, EndoscopeScene::kFieldDeg), deformed_(organ, EndoscopeScene::kFieldDeg) {}
+
+  void take(const Picture& picture) {
+    time_ns_ += 100'000'000;
+    const double started = processor_seconds();
+    rigid_ = track_.take(time_ns_, picture);
+    const double between = processor_seconds();
+    moment_ = deformed_.take(track_.taken(), rigid_);
+    rigid_seconds_ = between - started;
+    seconds_ = processor_seconds() - between;
+  }
+
+  /// `fit`: of the same picture by itself.
+  void judge(const Camera& camera, const std::vector<Vector3>& truth_m, const DeformedFit& fit,
+             Record& record) const {
+    const std::vector<Vector3>& nodes = organ_.surface().nodes;
+    record.command = name_of(moment_.why);
+    record.held = rigid_.held() ? 1 : 0;
+    record.placed = rigid_.held() || moment_.deformed() ? 1 : 0;
+    record.rigid_seconds = rigid_seconds_;
+    record.command_seconds = seconds_;
+    const double count = double(nodes.size());
+    double told = 0, square = 0;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const Vector3 truth = camera.view_m(nodes[i] + truth_m[i]);
+      const double rigid_mm = 1000 * (rigid_.camera.view_m(nodes[i]) - truth).norm();
+      record.rigid_off_mm += rigid_.held() ? rigid_mm / count : 0;
+      if (!moment_.deformed()) {
+        record.off_mm += rigid_.held() ? rigid_mm / count : 0;
+        continue;
+      }
+      const Vector3& displacement = moment_.displacement_m[i];
+      const double error_mm = 1000 * (displacement - truth_m[i]).norm();
+      record.off_mm += 1000 * (moment_.camera.view_m(nodes[i] + displacement) - truth).norm() / count;
+      record.command_error_mm += error_mm / count;
+      if (fit.fitted()) record.apart_mm += 1000 * (displacement - fit.shape.displacement_m[i]).norm() / count;
+      if (!moment_.told[i]) continue;
+      told += 1;
+      square += std::pow(1000 * double(moment_.error_m[i]), 2);
+      record.command_beyond += error_mm > 3000 * double(moment_.error_m[i]) ? 1 : 0;
+    }
+    record.command_beyond /= std::max(1.0, told);
+    record.command_stated_mm = std::sqrt(square / std::max(1.0, told));
+  }
+
+  void show() const {
+    std::printf(
+        "   command %-20s %-18s rigid %-13s %4.2f px %4.2f  fit %4.2f px %4.2f  agree %4.2f rigid %4.2f  "
+        "beyond "
+        "%4.2f largest %5.2f stated %5.2f  ",
+        name_of(moment_.why), name_of(moment_.unfitted), name_of(rigid_.why), rigid_.misfit_px,
+        rigid_.supported, moment_.misfit_px, moment_.supported, moment_.points_agree,
+        moment_.rigid_points_agree, moment_.beyond, 1000 * moment_.largest_m,
+        1000 * moment_.standard_error_m);
+  }
+
+ private:
+  const DeformableOrgan& organ_;
+  OrganTrack track_;
+  DeformedTrack deformed_;
+  std::int64_t time_ns_ = 0;
+  AlignedMoment rigid_;
+  DeformedMoment moment_;
+  double rigid_seconds_ = 0, seconds_ = 0;
+};
+
+void fit_sequence(const DeformableOrgan& organ, const TetMesh& mesh, const Sequence& sequence,
+                  const std::string& condition, std::uint32_t seed, const Settings& settings,
                   const std::function<void(const Record&)>& keep) {
   const Pinhole pinhole =
       pinhole_of(EndoscopeScene::kFieldDeg, EndoscopeScene::kWidth, EndoscopeScene::kHeight);
@@ -342,6 +502,8 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
   SurfacePoints points;
   points.follow(first, cover_of(first));
   points.fix(surface, pinhole, pose);
+  AsTheCommand command(mesh, organ);
+  command.take(first);
   // What a camera may do between two pictures; one that is held by an arm does nothing.
   constexpr double kSwayM = 0.004;
   Eigen::VectorXd begin;
@@ -367,6 +529,8 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
     record.fitted = fit.fitted() ? 1 : 0;
     record.seconds = processor_seconds() - started;
     judge(fit, sequence.displacement_m[i], record);
+    command.take(picture);
+    command.judge(sequence.cameras[i], sequence.displacement_m[i], fit, record);
     keep(record);
     if (settings.show.empty()) continue;
     std::printf("%2zu %-20s far %5.1f mean %5.2f  error %5.2f seen %5.2f told %5.2f of %4.2f  stated %5.2f  ",
@@ -379,6 +543,9 @@ void fit_sequence(const DeformableOrgan& organ, const Sequence& sequence, const 
     std::printf("a %4.2f of %4.1f pose off %4.2f mm %4.2f s\n",
                 fit.expected.size() > 0 ? fit.expected.maxCoeff() : 0, fit.determined,
                 1000 * way_between_m(surface, fit.camera, sequence.cameras[i]), record.seconds);
+    command.show();
+    std::printf("off %5.2f rigid %5.2f  apart %5.2f  %4.2f s, rigid %4.2f s\n", record.off_mm,
+                record.rigid_off_mm, record.apart_mm, record.command_seconds, record.rigid_seconds);
     if (settings.show != "-")
       write_png(settings.show + "/" + std::to_string(seed) + "-" + std::to_string(i) + ".png", picture);
   }
@@ -410,19 +577,21 @@ void run(const Settings& settings) {
   for (int n = 0; n < settings.sequences; ++n) {
     const std::uint32_t seed = settings.first + static_cast<std::uint32_t>(n);
     const std::string condition = condition_of(seed);
-    const DeformableOrgan& sought = condition == "another organ" ? kidney : organ;
+    const bool is_other = condition == "another organ";
+    const DeformableOrgan& sought = is_other ? kidney : organ;
     const Sequence sequence = rendered(seed, condition, settings.pictures, sought.surface());
     std::vector<Record> of_this;
-    fit_sequence(sought, sequence, condition, seed, settings, [&](const Record& record) {
-      of_this.push_back(record);
-      records.push_back(record);
-      std::string written = condition;
-      std::ranges::replace(written, ' ', '_');
-      if (!file.is_open()) return;
-      file << written << ' ' << record.why;
-      visit(record, [&](double value) { file << ' ' << value; });
-      file << '\n';
-    });
+    fit_sequence(sought, is_other ? other : plan, sequence, condition, seed, settings,
+                 [&](const Record& record) {
+                   of_this.push_back(record);
+                   records.push_back(record);
+                   std::string written = condition;
+                   std::ranges::replace(written, ' ', '_');
+                   if (!file.is_open()) return;
+                   file << written << ' ' << record.why << ' ' << record.command;
+                   visit(record, [&](double value) { file << ' ' << value; });
+                   file << '\n';
+                 });
     file.flush();
     Figures unused;
     std::printf("%u ", seed);
@@ -439,7 +608,7 @@ std::vector<Record> records_of(const std::vector<std::string>& files) {
     std::ifstream file(name);
     if (!file) throw kiroku::Error("cannot read " + name);
     Record record;
-    while (file >> record.condition >> record.why) {
+    while (file >> record.condition >> record.why >> record.command) {
       visit(record, [&](double& value) { file >> value; });
       std::ranges::replace(record.condition, '_', ' ');
       records.push_back(record);

@@ -33,7 +33,7 @@ std::vector<std::string> take_alignment(const json& body, const archive::OpenEnt
   if (said == body.end() || said->is_null()) return {};
   if (!said->is_object()) throw Refusal(400, "'alignment' must be an object with 'field_deg'");
   for (const auto& [key, value] : said->items()) {
-    constexpr std::array<std::string_view, 4> kKnown{"field_deg", "view", "from_ns", "to_ns"};
+    constexpr std::array<std::string_view, 5> kKnown{"field_deg", "view", "from_ns", "to_ns", "organ"};
     if (std::ranges::find(kKnown, key) == kKnown.end())
       throw Refusal(400, "'" + key + "' is nothing that can be said of an alignment");
   }
@@ -55,9 +55,18 @@ std::vector<std::string> take_alignment(const json& body, const archive::OpenEnt
       throw Refusal(400, "'view' must be front, back, left, right, head or feet");
     arguments.insert(arguments.end(), {"--view", view->get<std::string>()});
   }
+  bool deformed = false;
+  if (const auto organ = said->find("organ"); organ != said->end()) {
+    if (!organ->is_string() || (*organ != "rigid" && *organ != "deformed"))
+      throw Refusal(400, "'organ' must be rigid or deformed");
+    deformed = *organ == "deformed";
+    arguments.insert(arguments.end(), {"--organ", organ->get<std::string>()});
+  }
   const auto from_ns = take_time(*said, "from_ns", opening), to_ns = take_time(*said, "to_ns", opening);
   if (from_ns && to_ns && (*to_ns <= *from_ns || *to_ns - *from_ns > kLongestAlignedStretchNs))
     throw Refusal(400, "'to_ns' must be after 'from_ns', and by an hour at most");
+  if (deformed && from_ns && to_ns && *to_ns - *from_ns > kLongestDeformedStretchNs)
+    throw Refusal(400, "'to_ns' must be within ten minutes of 'from_ns' where the organ is deformed to fit");
   if (from_ns)
     arguments.insert(arguments.end(), {"--from", archive::case_time_text(*from_ns, opening.begins_ns)});
   if (to_ns) arguments.insert(arguments.end(), {"--to", archive::case_time_text(*to_ns, opening.begins_ns)});

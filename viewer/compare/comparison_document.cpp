@@ -1,6 +1,8 @@
 #include "viewer/compare/comparison_document.h"
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include <nlohmann/json.hpp>
@@ -127,8 +129,48 @@ ordered_json fluoroscopy_json(const Fluoroscopy& found) {
 /// with 0.01 would have them again.
 double rounded(double value, double per_one) { return std::round(value * per_one) / per_one; }
 
+void add_camera(const sim::Camera& camera, ordered_json& into) {
+  constexpr double kMicrometre = 1e6, kTurn = 1e7;
+  for (const double value : camera.eye_m) into["eye_m"].push_back(rounded(value, kMicrometre));
+  for (const double value : camera.to_view.transpose().reshaped())
+    into["view_axes"].push_back(rounded(value, kTurn));
+}
+
+/// Four nodes a digit, the first the most significant.
+std::string hex_of(const std::vector<bool>& nodes) {
+  std::string text;
+  for (std::size_t from = 0; from < nodes.size(); from += 4) {
+    unsigned digit = 0;
+    for (std::size_t i = from; i < from + 4; ++i) digit = 2 * digit + (i < nodes.size() && nodes[i] ? 1 : 0);
+    text += "0123456789abcdef"[digit];
+  }
+  return text;
+}
+
+ordered_json deformation_json(const Deformation& deformation) {
+  constexpr double kMmPerM = 1000, kHundredth = 100;
+  ordered_json one{{"since_ns", deformation.rest_ns},
+                   {"misfit_px", rounded(deformation.misfit_px, kHundredth)},
+                   {"outline_seen", rounded(deformation.supported, kHundredth)},
+                   {"standard_error_mm", rounded(kMmPerM * deformation.standard_error_m, kHundredth)},
+                   {"largest_mm", rounded(kMmPerM * deformation.largest_m, kHundredth)}};
+  add_camera(deformation.camera, one);
+  one["weights_mm"] = deformation.weights_mm;
+  if (!std::ranges::all_of(deformation.told, std::identity())) one["told"] = hex_of(deformation.told);
+  return one;
+}
+
+void add_shape(const Deformation& deformation, ordered_json& moment) {
+  if (deformation.deformed()) {
+    moment["deformed"] = deformation_json(deformation);
+    return;
+  }
+  moment["rigid"] = sim::name_of(deformation.why);
+  if (deformation.why == sim::WhyRigid::kUnfitted) moment["unfitted"] = sim::name_of(deformation.unfitted);
+}
+
 ordered_json moment_json(const sim::AlignedMoment& moment) {
-  constexpr double kMmPerM = 1000, kHundredth = 100, kMicrometre = 1e6, kTurn = 1e7;
+  constexpr double kMmPerM = 1000, kHundredth = 100;
   ordered_json one{{"time_ns", moment.time_ns},
                    {"misfit_px", rounded(moment.misfit_px, kHundredth)},
                    {"outline_seen", rounded(moment.supported, kHundredth)}};
@@ -138,10 +180,23 @@ ordered_json moment_json(const sim::AlignedMoment& moment) {
     return one;
   }
   one["standard_error_mm"] = rounded(kMmPerM * moment.standard_error_m, kHundredth);
-  for (const double value : moment.camera.eye_m) one["eye_m"].push_back(rounded(value, kMicrometre));
-  for (const double value : moment.camera.to_view.transpose().reshaped())
-    one["view_axes"].push_back(rounded(value, kTurn));
+  add_camera(moment.camera, one);
   return one;
+}
+
+ordered_json deformed_alignment_json(const DeformedAlignment& deformed) {
+  constexpr double kMmPerM = 1000, kHundredth = 100;
+  ordered_json fields = ordered_json::array();
+  for (const Eigen::VectorXd& field : deformed.fields.fields()) {
+    ordered_json one = ordered_json::array();
+    for (const double value : field) one.push_back(value);
+    fields.push_back(std::move(one));
+  }
+  return {{"pictures", deformed.deformed()},
+          {"largest_mm", rounded(kMmPerM * deformed.largest_m(), kHundredth)},
+          {"scale_mm", deformed.scale_mm()},
+          {"field_error_mm", DisplacementFields::kMostErrorMm},
+          {"fields", std::move(fields)}};
 }
 
 ordered_json surface_json(const sim::DrawnSurface& surface) {
@@ -167,7 +222,10 @@ ordered_json organ_alignment_json(const Alignment& alignment) {
   }
   for (const Alignment::PictureSize& size : alignment.sizes)
     sizes.push_back({{"from_ns", size.from_ns}, {"width", size.width}, {"height", size.height}});
-  for (const sim::AlignedMoment& moment : alignment.moments) moments.push_back(moment_json(moment));
+  for (std::size_t i = 0; i < alignment.moments.size(); ++i) {
+    moments.push_back(moment_json(alignment.moments[i]));
+    if (alignment.deformed) add_shape(alignment.deformed->moments[i], moments.back());
+  }
   ordered_json all = span_json(alignment.span);
   all["field_deg"] = alignment.field_deg;
   all["pictures"] = alignment.moments.size();
@@ -175,6 +233,7 @@ ordered_json organ_alignment_json(const Alignment& alignment) {
   all["lost"] = std::move(lost);
   all["picture_sizes"] = std::move(sizes);
   all["surface"] = surface_json(alignment.surface);
+  all["deformed"] = alignment.deformed ? deformed_alignment_json(*alignment.deformed) : ordered_json(nullptr);
   all["moments"] = std::move(moments);
   return all;
 }

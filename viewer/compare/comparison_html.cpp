@@ -310,6 +310,17 @@ class Page {
     add("<p>Its organ was looked for in " + std::to_string(found.moments.size()) +
         " pictures without a click, as a rigid body, and placed in " + std::to_string(found.held()) +
         " of them.</p>\n");
+    if (found.deformed) {
+      constexpr double kMmPerM = 1000;
+      add("<p>It was deformed to fit in " + std::to_string(found.deformed->deformed()) +
+          " pictures, and displaced by up to " + number(kMmPerM * found.deformed->largest_m(), 1) +
+          " mm there. Where the endoscope moves, or a deformation explains a picture no better, it stays "
+          "rigid:</p>\n<table>\n");
+      row({"pictures", "because"}, "th", "r");
+      for (const auto& [why, pictures] : found.deformed->rigid())
+        row({std::to_string(pictures), sentence_of(why)}, "td", "r");
+      add("</table>\n");
+    }
     if (found.lost().empty()) return;
     add("<table>\n");
     row({"not placed from", "to", "because"}, "th");

@@ -25,6 +25,8 @@ struct CompositionForm {
 struct Caption {
   std::string plan, recording;  // above them: the times
   std::string step, vitals;     // below
+  double displacement_mm = 0;   // beside the pictures' right border: what the last colour of a displacement
+                                // stands for; 0 for no scale
 };
 
 class Composer {

@@ -13,6 +13,18 @@ std::size_t Alignment::held() const {
   return static_cast<std::size_t>(std::ranges::count_if(moments, &sim::AlignedMoment::held));
 }
 
+namespace {
+
+void move_evenly(sim::Camera& from, const sim::Camera& to, double share) {
+  from.eye_m += share * (to.eye_m - from.eye_m);
+  from.to_view = Eigen::Quaterniond(from.to_view)
+                     .slerp(share, Eigen::Quaterniond(to.to_view))
+                     .normalized()
+                     .toRotationMatrix();
+}
+
+}  // namespace
+
 std::optional<sim::AlignedMoment> Alignment::at(std::int64_t case_ns) const {
   const auto after = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
   if (after == moments.begin()) return std::nullopt;
@@ -26,13 +38,44 @@ std::optional<sim::AlignedMoment> Alignment::at(std::int64_t case_ns) const {
   const double share = double(case_ns - before.time_ns) / double(after->time_ns - before.time_ns);
   sim::AlignedMoment between = before;
   between.time_ns = case_ns;
-  between.camera.eye_m += share * (after->camera.eye_m - before.camera.eye_m);
-  between.camera.to_view = Eigen::Quaterniond(before.camera.to_view)
-                               .slerp(share, Eigen::Quaterniond(after->camera.to_view))
-                               .normalized()
-                               .toRotationMatrix();
+  move_evenly(between.camera, after->camera, share);
   between.standard_error_m = std::max(before.standard_error_m, after->standard_error_m);
   return between;
+}
+
+std::optional<ShownDeformation> Alignment::deformed_at(std::int64_t case_ns) const {
+  if (!deformed) return {};
+  const auto next = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
+  if (next == moments.begin()) return {};
+  const auto number = static_cast<std::size_t>(next - moments.begin()) - 1;
+  const Deformation& before = deformed->moments[number];
+  if (!before.deformed()) return {};
+  const std::int64_t before_ns = moments[number].time_ns;
+  if (before_ns == case_ns) return deformed->shown(before);
+  if (next == moments.end() || next->time_ns - before_ns > kAlignedMostNs) return {};
+  const Deformation& after = deformed->moments[number + 1];
+  if (!after.deformed() || after.rest_ns != before.rest_ns) return {};
+  const double share = double(case_ns - before_ns) / double(next->time_ns - before_ns);
+  ShownDeformation between = deformed->shown(before);
+  const ShownDeformation to = deformed->shown(after);
+  move_evenly(between.camera, to.camera, share);
+  for (std::size_t i = 0; i < between.displacement_m.size(); ++i) {
+    between.displacement_m[i] += share * (to.displacement_m[i] - between.displacement_m[i]);
+    between.told[i] = between.told[i] && to.told[i];
+  }
+  between.standard_error_m = std::max(between.standard_error_m, to.standard_error_m);
+  between.largest_m = std::max(between.largest_m, to.largest_m);
+  return between;
+}
+
+std::optional<sim::WhyRigid> Alignment::rigid_at(std::int64_t case_ns) const {
+  if (!deformed || !at(case_ns) || deformed_at(case_ns)) return {};
+  const auto next = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
+  const auto number = static_cast<std::size_t>(next - moments.begin()) - 1;
+  const Deformation& before = deformed->moments[number];
+  if (!before.deformed() || next == moments.end()) return before.why;
+  const Deformation& after = deformed->moments[number + 1];
+  return after.deformed() ? sim::WhyRigid::kNoRest : after.why;
 }
 
 std::vector<Alignment::Lost> Alignment::lost() const {
@@ -70,7 +113,11 @@ std::string sentence_of(sim::WhyLost why) {
   return "nothing is known";
 }
 
-void require_alignable(const archive::Span& span) {
+void require_alignable(const archive::Span& span, bool deformed) {
+  if (deformed && span.end_ns - span.start_ns > kLongestDeformedNs) {
+    throw UsageError(
+        "the organ is deformed to fit ten minutes of a recording at most: say which with --from and --to");
+  }
   if (span.end_ns - span.start_ns > kLongestAlignedNs) {
     throw UsageError(
         "the plan is aligned with an hour of a recording at most: say which with --from and --to");
@@ -78,13 +125,22 @@ void require_alignable(const archive::Span& span) {
 }
 
 Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
-                      const std::string& stream, const sim::TetMesh& mesh, const AlignmentRequest& request,
+                      const std::string& stream, const sim::BodyModel& body, const AlignmentRequest& request,
                       const std::function<void(double share)>& share) {
-  require_alignable(request.span);
+  require_alignable(request.span, request.deformed);
+  const sim::TetMesh& mesh = body.mesh;
+  std::optional<sim::DeformableOrgan> organ;
+  std::optional<sim::DeformedTrack> deformed;
+  if (request.deformed) {
+    organ.emplace(sim::ElasticBody(mesh, body.materials, body.constraints));
+    deformed.emplace(*organ, request.field_deg);
+  }
   sim::OrganTrack track(mesh, request.field_deg, request.range);
   playback::PictureSpan frames(recording, identities, stream, request.span.start_ns, request.span.end_ns);
-  Alignment alignment{request.span, request.field_deg, {}, {}, {}};
-  alignment.surface = sim::drawn_surface(sim::organ_surface(mesh), kMostDrawnNodes);
+  Alignment alignment{request.span, request.field_deg, {}, {}, {}, {}};
+  alignment.surface =
+      sim::drawn_surface(sim::organ_surface(mesh), deformed ? kMostDeformedNodes : kMostDrawnNodes);
+  if (deformed) alignment.deformed.emplace(alignment.surface.nodes.size());
   const double all_ns = double(std::max<std::int64_t>(1, request.span.end_ns - request.span.start_ns));
   while (frames.next() && frames.time_ns() < request.span.end_ns) {
     const std::int64_t time_ns = frames.time_ns();
@@ -102,6 +158,9 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
     if (sizes.empty() || sizes.back().width != picture.width || sizes.back().height != picture.height)
       sizes.push_back({time_ns, picture.width, picture.height});
     alignment.moments.push_back(track.take(time_ns, picture));
+    if (deformed) {
+      alignment.deformed->take(deformed->take(track.taken(), alignment.moments.back()), alignment.surface);
+    }
     if (share) share(double(time_ns - request.span.start_ns) / all_ns);
   }
   if (alignment.moments.empty())

@@ -12,6 +12,8 @@
 #include "crypto/age_recipient.h"
 #include "sim/align/drawn_surface.h"
 #include "sim/align/organ_track.h"
+#include "sim/model/body_model.h"
+#include "viewer/compare/organ_deformation.h"
 
 namespace kiroku::compare {
 
@@ -19,6 +21,7 @@ struct AlignmentRequest {
   archive::Span span;      // of the recording
   double field_deg = 0;    // what the picture's lesser side covers
   sim::SearchRange range;  // from where the organ may be seen
+  bool deformed = false;   // whether it is also deformed to fit
 };
 
 struct Alignment {
@@ -31,7 +34,8 @@ struct Alignment {
     int width = 0, height = 0;
   };
   std::vector<PictureSize> sizes;
-  sim::DrawnSurface surface;  // the organ's, by which its outline can be drawn
+  sim::DrawnSurface surface;                  // the organ's, by which its outline can be drawn
+  std::optional<DeformedAlignment> deformed;  // where that was asked for
 
   [[nodiscard]] std::size_t held() const;
   /// Where the organ was in the picture of that time. Between two moments in which it was held, evenly
@@ -39,6 +43,12 @@ struct Alignment {
   /// moment, after the last, between two that are more than kAlignedMostNs apart, and between pictures of two
   /// shapes: there nobody looked.
   [[nodiscard]] std::optional<sim::AlignedMoment> at(std::int64_t case_ns) const;
+  /// The organ's shape in the picture of that time, evenly between two moments in which it was deformed since
+  /// the same one. Nothing elsewhere: there at() says where the rigid organ is.
+  [[nodiscard]] std::optional<ShownDeformation> deformed_at(std::int64_t case_ns) const;
+  /// Why it is not deformed in the picture of that time; nothing where it is, where nobody looked, and where
+  /// that was not asked for.
+  [[nodiscard]] std::optional<sim::WhyRigid> rigid_at(std::int64_t case_ns) const;
   /// Successive moments that were lost for the same reason.
   struct Lost {
     archive::Span span;
@@ -54,17 +64,21 @@ inline constexpr std::int64_t kAlignedEveryNs = 100'000'000, kAlignedMostNs = 30
 /// An hour: a longer stretch would take a day, and its document hundreds of megabytes.
 inline constexpr std::int64_t kLongestAlignedNs = 3'600'000'000'000;
 
+/// Of an organ that is deformed to fit: its pictures take some eight times as long, and say more each.
+inline constexpr std::int64_t kLongestDeformedNs = 600'000'000'000;
+
 /// More would make the document large and a browser slow, and its outline no better.
-inline constexpr std::size_t kMostDrawnNodes = 10'000;
+inline constexpr std::size_t kMostDrawnNodes = 10'000, kMostDeformedNodes = 2'000;
 
-/// kiroku::UsageError for a stretch that is longer than kLongestAlignedNs.
-void require_alignable(const archive::Span& span);
+/// kiroku::UsageError for a stretch that is longer than kLongestAlignedNs, or kLongestDeformedNs.
+void require_alignable(const archive::Span& span, bool deformed);
 
-/// Aligns the mesh, at rest and rigid, with the pictures of the stretch. kiroku::UsageError for a stretch
-/// that is longer than kLongestAlignedNs or holds no picture, and as sim::OrganTrack; kiroku::Error as
-/// playback::PictureSpan. `share` is told after each picture; what it throws ends the alignment.
+/// Aligns the organ with the pictures of the stretch, rigid, and deformed to fit where that is asked for.
+/// kiroku::UsageError for a stretch that is too long or holds no picture, and as sim::OrganTrack;
+/// kiroku::Error as playback::PictureSpan, and as sim::DeformableOrgan where nothing holds the organ.
+/// `share` is told after each picture; what it throws ends the alignment.
 Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
-                      const std::string& stream, const sim::TetMesh& mesh, const AlignmentRequest& request,
+                      const std::string& stream, const sim::BodyModel& body, const AlignmentRequest& request,
                       const std::function<void(double share)>& share = {});
 
 }  // namespace kiroku::compare

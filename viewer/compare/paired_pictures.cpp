@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "viewer/compare/captions.h"
+#include "viewer/compare/deformed_drawing.h"
 #include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
@@ -17,13 +18,23 @@ bool same(const std::optional<sim::Camera>& a, const std::optional<sim::Camera>&
          a->centre == b->centre;
 }
 
+std::string words_of(const ShownDeformation& shown) {
+  constexpr double kMmPerM = 1000;
+  return "organ deformed up to " + number_text(kMmPerM * shown.largest_m, 2) + " mm, error " +
+         number_text(kMmPerM * shown.standard_error_m, 2) + " mm";
+}
+
 /// How well the organ is placed, for the caption.
-std::string words_of(const std::optional<sim::AlignedMoment>& place) {
+std::string words_of(const std::optional<sim::AlignedMoment>& place,
+                     const std::optional<sim::WhyRigid>& rigid) {
   if (!place) return "organ not looked for here";
   if (place->why == sim::WhyLost::kNotLooked) return "organ lost before, not searched for here";
   if (!place->held()) return "organ not found here";
   constexpr double kMmPerM = 1000;
-  return "organ placed, standard error " + number_text(kMmPerM * place->standard_error_m, 2) + " mm";
+  const std::string error = number_text(kMmPerM * place->standard_error_m, 2) + " mm";
+  // What is new comes first: a caption has one line.
+  return rigid ? "rigid organ, error " + error + ": " + sentence_of(*rigid)
+               : "organ placed, standard error " + error;
 }
 
 int even(double side) { return std::max(16, 2 * static_cast<int>(std::lround(side / 2))); }
@@ -60,15 +71,30 @@ std::optional<sim::AlignedMoment> PairedPictures::aligned() const {
   return taken_ns ? comparison_.alignment->at(*taken_ns) : std::nullopt;
 }
 
+std::optional<ShownDeformation> PairedPictures::deformed() const {
+  const std::optional<std::int64_t> taken_ns = recorded_.taken_ns();
+  return taken_ns ? comparison_.alignment->deformed_at(*taken_ns) : std::nullopt;
+}
+
+void PairedPictures::clear_rendered() {
+  for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
+  rendered_frame_ = nullptr;
+}
+
 void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
   const sim::PlanFrames::Kept& kept = frames_.at(moment.step, moment.plan_s);
   std::optional<sim::Camera> camera;
   if (is_aligned()) {
+    if (const auto shown = deformed()) {
+      clear_rendered();
+      draw_deformed(rendered_, comparison_.alignment->surface, *shown,
+                    comparison_.alignment->deformed->scale_mm());
+      return;
+    }
     const std::optional<sim::AlignedMoment> place = aligned();
     if (!place || !place->held()) {
       // Nothing of the plan is laid where it would be a guess.
-      for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
-      rendered_frame_ = nullptr;
+      clear_rendered();
       return;
     }
     camera = place->camera;
@@ -85,7 +111,15 @@ void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
 Caption PairedPictures::caption_at(std::int64_t case_ns) const {
   Caption caption = compare::caption_at(comparison_, case_ns);
   if (is_aligned()) {
-    caption.step += "    (" + words_of(aligned()) + ")";
+    if (const auto shown = deformed()) {
+      caption.step += "    (" + words_of(*shown) + ")";
+      caption.displacement_mm = comparison_.alignment->deformed->scale_mm();
+    } else {
+      const std::optional<std::int64_t> taken_ns = recorded_.taken_ns();
+      caption.step +=
+          "    (" +
+          words_of(aligned(), taken_ns ? comparison_.alignment->rigid_at(*taken_ns) : std::nullopt) + ")";
+    }
   } else if (form_.arrangement != Arrangement::kSideBySide && comparison_.camera &&
              comparison_.camera->lost_ns() && case_ns >= *comparison_.camera->lost_ns()) {
     caption.step += "    (camera lost)";

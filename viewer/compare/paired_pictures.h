@@ -47,6 +47,9 @@ class PairedPictures {
   [[nodiscard]] bool is_aligned() const;
   /// Where that has the organ in the recorded picture that is shown.
   [[nodiscard]] std::optional<sim::AlignedMoment> aligned() const;
+  /// The organ's shape in that picture, where it was deformed to fit it.
+  [[nodiscard]] std::optional<ShownDeformation> deformed() const;
+  void clear_rendered();
   void render(const PlanMoment& moment, std::int64_t case_ns);
 
   const Comparison& comparison_;

@@ -90,7 +90,12 @@ Provenance read_provenance(std::string_view text, const std::string& name) {
     return UsageError(name + " is no comparison: " + why + "; make one with kiroku compare");
   };
   try {
-    return provenance_of(nlohmann::json::parse(text));
+    // An hour of alignment is half a million numbers, of which nothing is asked here: they are read over, and
+    // take no memory.
+    const auto kept = [](int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+      return !(depth == 1 && event == nlohmann::json::parse_event_t::key && parsed == "organ_alignment");
+    };
+    return provenance_of(nlohmann::json::parse(text, kept));
   } catch (const nlohmann::json::exception&) {
     throw refuse("it is no JSON of that kind");
   } catch (const Error& error) {

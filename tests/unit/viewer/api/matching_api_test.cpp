@@ -284,6 +284,8 @@ TEST_F(MatchingApiTest, AnAlignmentIsAskedForInWordsOfTheProgram) {
           {{"field_deg", 57.5}, {"view", "head"}, {"from_ns", 1'500'000'000}, {"to_ns", 3'601'500'000'000}}),
       HasSubstr(" --align auto --field 57.5 --view head --from 00:00:01.5 --to 01:00:01.5\n"));
 
+  EXPECT_THAT(asked({{"field_deg", 60}, {"organ", "deformed"}}), HasSubstr(" --field 60 --organ deformed\n"));
+
   const auto refused = [&](const json& alignment, const json& by_hand = json::object()) {
     const Response answer =
         ask("POST", "comparisons", {{"name", "laid"}, {"by_hand", by_hand}, {"alignment", alignment}});
@@ -302,6 +304,13 @@ TEST_F(MatchingApiTest, AnAlignmentIsAskedForInWordsOfTheProgram) {
   EXPECT_THAT(refused({{"field_deg", 60}, {"from_ns", 5}, {"to_ns", 5}}), HasSubstr("after 'from_ns'"));
   EXPECT_THAT(refused({{"field_deg", 60}, {"from_ns", 0}, {"to_ns", kLongestAlignedStretchNs + 1}}),
               HasSubstr("an hour at most"));
+  EXPECT_THAT(refused({{"field_deg", 60},
+                       {"organ", "deformed"},
+                       {"from_ns", 0},
+                       {"to_ns", kLongestDeformedStretchNs + 1}}),
+              HasSubstr("ten minutes"));
+  for (const json& organ : {json(), json(7), json("--force")})
+    EXPECT_THAT(refused({{"field_deg", 60}, {"organ", organ}}), HasSubstr("'organ'")) << organ;
   EXPECT_THAT(refused({{"field_deg", 60}, {"force", true}}), HasSubstr("'force' is nothing"));
   EXPECT_THAT(refused({{"field_deg", 60}}, {{"registration", json::object()}}), HasSubstr("leave one of"));
 }

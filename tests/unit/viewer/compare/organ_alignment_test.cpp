@@ -3,19 +3,20 @@
 #include "viewer/compare/organ_alignment.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <iterator>
 
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
-#include "apps/common/file.h"
 #include "base/error.h"
 #include "media/film_writer.h"
 #include "sim/mesh/mesh_writer.h"
 #include "tests/support/ball_mesh.h"
 #include "tests/support/endoscope_scene.h"
 #include "tests/support/nanoseconds.h"
+#include "tests/support/pulled_organ.h"
 #include "tests/support/recorded_case.h"
 #include "tests/support/temporary_folder.h"
 #include "viewer/api/alignment_fields.h"
@@ -69,8 +70,8 @@ class OrganAlignment : public testing::Test {
     return archive::CaseReader::open(test::record_case(folder_ / "archive", {film}, reader_.recipients));
   }
 
-  /// The organ is held still for two seconds.
-  [[nodiscard]] sim::Plan plan() const {
+  /// The organ is held still for two seconds, above or where those say.
+  [[nodiscard]] sim::Plan plan(const std::vector<std::size_t>& held = {}) const {
     std::ofstream(folder_ / "liver.msh") << sim::msh_text(mesh_, sim::LengthUnit::kMillimetre);
     const auto at = [](double x, double y, double z) { return nlohmann::json{x, y, z}; };
     nlohmann::json document{
@@ -81,6 +82,7 @@ class OrganAlignment : public testing::Test {
         {"materials", {{{"region", "all"}, {"young_modulus_pa", 8000}, {"poisson_ratio", 0.4}}}},
         {"fixed", {{{"box", {at(-100, -100, 20), at(100, 100, 100)}}}}},
         {"tools", {{"first", {{"kind", "finger"}, {"radius", 7}}}}}};
+    if (!held.empty()) document["fixed"] = {{{"nodes", held}}};
     document["steps"] = {{{"do", "hold"}, {"name", "hold"}, {"duration_s", 2}}};
     std::ofstream(folder_ / "plan.json") << document;
     sim::PlanReading reading = sim::read_plan(folder_ / "plan.json");
@@ -97,8 +99,9 @@ class OrganAlignment : public testing::Test {
 
 TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   const archive::CaseReader recording = record();
+  const sim::Plan plan = this->plan();
   const AlignmentRequest request{{0, 2 * kSecond}, EndoscopeScene::kFieldDeg, {}};
-  const Alignment found = align_organ(recording, reader_.identities, "endoscope", mesh_, request);
+  const Alignment found = align_organ(recording, reader_.identities, "endoscope", plan.body, request);
   ASSERT_EQ(found.moments.size(), 2U * kPictures);
   for (int i = 0; i < 2 * kPictures; ++i) {
     const sim::AlignedMoment& moment = found.moments[static_cast<std::size_t>(i)];
@@ -122,7 +125,6 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   EXPECT_FALSE(found.at(2 * kSecond));
   EXPECT_FALSE(found.at(-1));
 
-  const sim::Plan plan = this->plan();
   const sim::PlanFrames frames(plan);
   ByHand by_hand;
   by_hand.steps.emplace().emplace_back().span = {0, 2 * kSecond};
@@ -139,6 +141,8 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   // By which the page draws the outline.
   EXPECT_EQ(told["picture_sizes"], nlohmann::json::parse(R"([{"from_ns": 0, "width": 640, "height": 480},
                                       {"from_ns": 1000000000, "width": 320, "height": 240}])"));
+  EXPECT_TRUE(told["deformed"].is_null());
+  EXPECT_FALSE(told["moments"][0].contains("rigid"));
   EXPECT_EQ(told["surface"]["moved_mm"], 0);
   ASSERT_EQ(told["surface"]["nodes_mm"].size(), 3 * surface_.nodes.size());
   EXPECT_NEAR(told["surface"]["nodes_mm"][5].get<double>(), 1000 * surface_.nodes[1].z(), 0.005);
@@ -174,6 +178,128 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   EXPECT_THAT(caption(2 * kSecond - kTenthNs), HasSubstr("organ not looked for here"));
 }
 
+/// The organ is at rest, then a spot of it is pulled, and stays pulled.
+class PulledOrganAlignment : public OrganAlignment {
+ protected:
+  static constexpr int kCount = 8, kRests = 3;
+
+  [[nodiscard]] archive::CaseReader record_pulled() {
+    const test::PulledOrgan truth({22, 7, 16});
+    EndoscopeScene scene(truth.mesh());
+    const Eigen::VectorXd force = truth.force_n({0.05, -0.01, -0.01}, {0.3, -0.2, -1}, 0.02);
+    media::FilmWriter writer(folder_ / "pulled.mkv",
+                             {EndoscopeScene::kWidth, EndoscopeScene::kHeight, 3, kPictures, 1}, true);
+    for (int i = 0; i < kCount; ++i) {
+      EndoscopeScene::Look look;
+      look.camera = this->truth(0);
+      look.seed = static_cast<std::uint32_t>(i + 1);
+      const Eigen::VectorXd gone = truth.displacement_m(std::clamp((i - kRests + 1) / 6.0, 0.0, 0.5) * force);
+      look.displacement_m.assign(gone.data(), gone.data() + gone.size());
+      const sim::Picture picture = scene.picture(look);
+      writer.add({picture.width, picture.height, 3, picture.rgb});
+    }
+    writer.finish();
+    std::ifstream in(folder_ / "pulled.mkv", std::ios::binary);
+    const test::RecordedStream film{"endoscope",
+                                    "video",
+                                    "video/x-matroska",
+                                    {to_bytes(std::string{std::istreambuf_iterator<char>(in), {}})},
+                                    {kCount}};
+    return archive::CaseReader::open(test::record_case(folder_ / "archive", {film}, reader_.recipients));
+  }
+};
+
+TEST_F(PulledOrganAlignment, IsDeformedInDocumentAndFilm) {
+  const archive::CaseReader recording = record_pulled();
+  std::vector<std::size_t> held;
+  for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
+    if ((mesh_.nodes[node] - test::Held{}.middle_m).norm() < test::Held{}.radius_m) held.push_back(node);
+  }
+  const sim::Plan plan = this->plan(held);
+  AlignmentRequest request{{0, kSecond}, EndoscopeScene::kFieldDeg, {}};
+  request.deformed = true;
+  std::vector<double> shares;
+  const Alignment found = align_organ(recording, reader_.identities, "endoscope", plan.body, request,
+                                      [&](double share) { shares.push_back(share); });
+  EXPECT_EQ(shares.size(), std::size_t{kCount});
+  ASSERT_TRUE(found.deformed);
+  ASSERT_EQ(found.deformed->moments.size(), std::size_t{kCount});
+  EXPECT_EQ(found.deformed->moments[0].why, sim::WhyRigid::kAtRest);
+  EXPECT_FALSE(found.deformed->moments[1].deformed());
+  const Deformation& last = found.deformed->moments.back();
+  ASSERT_TRUE(last.deformed()) << sim::name_of(last.why) << ", " << sim::name_of(last.unfitted);
+  EXPECT_GT(last.largest_m, 0.005);
+  EXPECT_LT(last.standard_error_m, sim::DeformedFit::kLargestErrorM);
+  ASSERT_TRUE(found.deformed->moments[kCount - 2].deformed());
+  const auto between = found.deformed_at((kCount - 2) * kTenthNs + kTenthNs / 2);
+  ASSERT_TRUE(between);
+  EXPECT_GE(between->standard_error_m, last.standard_error_m);
+  EXPECT_FALSE(found.deformed_at(kTenthNs));
+  EXPECT_EQ(found.rigid_at(kTenthNs), found.deformed->moments[1].why);
+  EXPECT_FALSE(found.rigid_at((kCount - 1) * kTenthNs));
+
+  const sim::PlanFrames frames(plan);
+  ByHand by_hand;
+  by_hand.steps.emplace().emplace_back().span = {0, kSecond};
+  Comparison comparison = compare(recording, reader_.identities, "endoscope", plan, by_hand, {});
+  comparison.alignment = found;
+  const auto told = nlohmann::json::parse(comparison_json(comparison, plan, {}))["organ_alignment"];
+  EXPECT_EQ(told["deformed"]["pictures"], found.deformed->deformed());
+  EXPECT_EQ(told["moments"][0]["rigid"], "at-rest");
+  // Whoever reads the document comes to the same displacements.
+  const auto& written = told["moments"].back()["deformed"];
+  EXPECT_EQ(written["since_ns"], 0);
+  const auto shown = found.deformed_at((kCount - 1) * kTenthNs);
+  ASSERT_TRUE(shown);
+  for (std::size_t node = 0; node < shown->displacement_m.size(); node += 17) {
+    sim::Vector3 sum_mm = sim::Vector3::Zero();
+    for (std::size_t i = 0; i < written["weights_mm"].size(); ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        sum_mm[axis] +=
+            written["weights_mm"][i].get<double>() *
+            told["deformed"]["fields"][i][3 * node + static_cast<std::size_t>(axis)].get<double>();
+      }
+    }
+    ASSERT_LT((sum_mm - 1000 * shown->displacement_m[node]).norm(), 1e-6) << node;
+  }
+
+  constexpr int kFilmWidth = 320, kFilmHeight = 240;
+  sim::Scene scene;
+  scene.width = kFilmWidth;
+  scene.height = kFilmHeight;
+  scene.background = {0, 0, 0};
+  const sim::Volume ct = test::volume_of({90, 40, 60}, 2e-3, sim::Vector3(-0.09, -0.04, -0.06),
+                                         [](const sim::Vector3&) { return 100.0; });
+  sim::PlanPictures pictures(plan,
+                             std::make_shared<const sim::ShadedVolume>(sim::shade(
+                                 ct, {sim::Vector3(-0.09, -0.04, -0.06), sim::Vector3(0.09, 0.04, 0.06)})),
+                             sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
+  CompositionForm form;
+  form.width = kFilmWidth;
+  form.height = kFilmHeight;
+  form.arrangement = Arrangement::kOverlay;
+  form.share = 1;
+  PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, kSecond);
+  (void)paired.at(kTenthNs);
+  EXPECT_THAT(paired.caption_at(kTenthNs).step, HasSubstr("rigid organ, error "));
+  EXPECT_EQ(paired.caption_at(kTenthNs).displacement_mm, 0);
+  const sim::Picture film = paired.at((kCount - 1) * kTenthNs);
+  const Caption caption = paired.caption_at((kCount - 1) * kTenthNs);
+  EXPECT_THAT(caption.step, HasSubstr("organ deformed up to "));
+  EXPECT_EQ(caption.displacement_mm, found.deformed->scale_mm());
+  // Viridis is nowhere as red as tissue: what is held is violet, what is pulled green or yellow.
+  int violet = 0, green = 0;
+  for (int y = 0; y < film.height; ++y) {
+    for (int x = 0; x < film.width; ++x) {
+      const std::uint8_t* const pixel = film.pixel(x, y);
+      violet += pixel[2] > pixel[0] && pixel[2] > pixel[1] + 40 ? 1 : 0;
+      green += pixel[1] > pixel[0] + 40 && pixel[1] > pixel[2] ? 1 : 0;
+    }
+  }
+  EXPECT_GT(violet, 1000);
+  EXPECT_GT(green, 100);
+}
+
 TEST(Alignment, OfAnHourMakesADocumentThatIsStillShown) {
   Comparison comparison;
   Alignment& alignment = comparison.alignment.emplace();
@@ -190,9 +316,81 @@ TEST(Alignment, OfAnHourMakesADocumentThatIsStillShown) {
   alignment.surface.nodes.assign(kMostDrawnNodes, {-0.12345, -0.12345, -0.12345});
   alignment.surface.faces.assign(2 * kMostDrawnNodes, {9999, 9998, 9997});
   const std::string text = comparison_json(comparison, {}, {});
-  EXPECT_LT(text.size(), kLargestDocument);
-  EXPECT_LT(text.size(), apps::kLargestSmallFile) << "kiroku compare --verify reads no more";
+  EXPECT_LT(text.size(), kLargestDocument) << "kiroku compare --verify and the viewer read no more";
   EXPECT_NO_THROW((void)read_provenance(text, "an hour"));
+}
+
+TEST(Alignment, OfTenMinutesOfTheMostVariousDeformationsMakesADocumentThatIsStillShown) {
+  Comparison comparison;
+  Alignment& alignment = comparison.alignment.emplace();
+  DeformedAlignment& deformed = alignment.deformed.emplace(kMostDeformedNodes);
+  // Fields that no other ones make up: a node more goes aside in each.
+  std::vector<sim::Vector3> displacement_m(kMostDeformedNodes, sim::Vector3(-0.0123, -0.0234, -0.0345));
+  for (std::size_t i = 0; i < DisplacementFields::kMostFields; ++i) {
+    displacement_m[i].x() = 0.0123;
+    ASSERT_TRUE(deformed.fields.take(displacement_m)) << i;
+  }
+  ASSERT_EQ(deformed.fields.fields().size(), DisplacementFields::kMostFields);
+  sim::AlignedMoment moment;
+  moment.why = sim::WhyLost::kNotLost;
+  moment.camera.eye_m = {-0.123456, -0.234567, 0.345678};
+  moment.camera.to_view.setConstant(-0.1234567);
+  moment.standard_error_m = 1.23e-3;
+  moment.misfit_px = moment.rival_px = 12.34;
+  Deformation shape;
+  shape.why = sim::WhyRigid::kDeformed;
+  shape.rest_ns = 1'000'000'000'000'000;
+  shape.camera = moment.camera;
+  shape.weights_mm.assign(DisplacementFields::kMostFields, -12.34);
+  shape.told.assign(kMostDeformedNodes, false);
+  shape.standard_error_m = shape.largest_m = 0.01234;
+  shape.misfit_px = 12.34;
+  for (; moment.time_ns <= kLongestDeformedNs; moment.time_ns += kAlignedEveryNs) {
+    alignment.moments.push_back(moment);
+    alignment.moments.back().time_ns += 1'000'000'000'000'000;
+    deformed.moments.push_back(shape);
+  }
+  alignment.surface.nodes.assign(kMostDeformedNodes, {-0.12345, -0.12345, -0.12345});
+  alignment.surface.faces.assign(2 * kMostDeformedNodes, {1999, 1998, 1997});
+  const std::string text = comparison_json(comparison, {}, {});
+  EXPECT_LT(text.size(), kLargestDocument);
+  EXPECT_NO_THROW((void)read_provenance(text, "ten minutes"));
+}
+
+TEST(DisplacementFields, GiveBackWhatTheyTookWithinTheirStatedError) {
+  constexpr std::size_t kNodes = 50;
+  DisplacementFields fields(kNodes);
+  for (int i = 0; i < 40; ++i) {
+    std::vector<sim::Vector3> wanted_m;
+    for (std::size_t node = 0; node < kNodes; ++node) {
+      const double at = double(node) / kNodes, grows = 0.001 * i;
+      wanted_m.emplace_back(grows * at, grows * at * at * std::cos(0.1 * i), grows * std::sin(3 * at));
+    }
+    const auto weights = fields.take(wanted_m);
+    ASSERT_TRUE(weights) << i;
+    const std::vector<sim::Vector3> sum_m = fields.sum(*weights);
+    for (std::size_t node = 0; node < kNodes; ++node)
+      ASSERT_LE(1000 * (sum_m[node] - wanted_m[node]).norm(), DisplacementFields::kMostErrorMm) << node;
+  }
+  // The three kinds of displacement that there are, and what rounding asks for.
+  EXPECT_LE(fields.fields().size(), 6U);
+}
+
+TEST(DisplacementFields, TakeNoMoreThanADocumentHasRoomFor) {
+  constexpr std::size_t kNodes = 2 * DisplacementFields::kMostFields;
+  DisplacementFields fields(kNodes);
+  std::vector<sim::Vector3> wanted_m(kNodes, sim::Vector3::Zero());
+  for (std::size_t i = 0; i < DisplacementFields::kMostFields; ++i) {
+    wanted_m.assign(kNodes, sim::Vector3::Zero());
+    wanted_m[i].x() = 0.01;
+    ASSERT_TRUE(fields.take(wanted_m)) << i;
+  }
+  wanted_m.assign(kNodes, sim::Vector3::Zero());
+  wanted_m.back().x() = 0.01;
+  EXPECT_FALSE(fields.take(wanted_m));
+  wanted_m.assign(kNodes, sim::Vector3::Zero());
+  wanted_m[3].x() = 0.02;
+  EXPECT_TRUE(fields.take(wanted_m)) << "those that are there still serve";
 }
 
 TEST(Alignment, HasTheLimitsThatTheServerKnows) {
@@ -200,11 +398,14 @@ TEST(Alignment, HasTheLimitsThatTheServerKnows) {
   EXPECT_EQ(viewer::kLeastAlignedFieldDeg, sim::OrganTrack::kLeastFieldDeg);
   EXPECT_EQ(viewer::kGreatestAlignedFieldDeg, sim::OrganTrack::kGreatestFieldDeg);
   EXPECT_EQ(viewer::kLongestAlignedStretchNs, kLongestAlignedNs);
+  EXPECT_EQ(viewer::kLongestDeformedStretchNs, kLongestDeformedNs);
 }
 
 TEST(Alignment, OfMoreThanAnHourIsRefused) {
-  EXPECT_NO_THROW(require_alignable({5, 5 + kLongestAlignedNs}));
-  EXPECT_THROW(require_alignable({5, 6 + kLongestAlignedNs}), UsageError);
+  EXPECT_NO_THROW(require_alignable({5, 5 + kLongestAlignedNs}, false));
+  EXPECT_THROW(require_alignable({5, 6 + kLongestAlignedNs}, false), UsageError);
+  EXPECT_NO_THROW(require_alignable({5, 5 + kLongestDeformedNs}, true));
+  EXPECT_THROW(require_alignable({5, 6 + kLongestDeformedNs}, true), UsageError);
 }
 
 }  // namespace

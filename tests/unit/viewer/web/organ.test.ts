@@ -1,8 +1,10 @@
 import { describe, expect, it } from 'vitest';
 import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { kOrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
+import { colouredFaces, displaced, viridis } from '@/compare/organ_colours';
 import { coverFaces, facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
 import { organAt, organStretches, organSummary } from '@/compare/organ_place';
+import { organShapeAt, rigidCounts, whyRigid } from '@/compare/organ_shape';
 
 type Moment = OrganAlignment['moments'][number];
 const kTenth = 100_000_000;
@@ -223,5 +225,93 @@ describe('Asking for the organ to be found', () => {
       from_ns: 1,
       to_ns: 2,
     });
+  });
+});
+
+describe('The shape of the organ in the pictures', () => {
+  const kCentimetre = 10;
+  /** A tetrahedron about the origin, whose last node goes up. */
+  const shaped = (moments: Moment[]): OrganAlignment => ({
+    ...alignment(moments),
+    surface: { moved_mm: 0, nodes_mm: [-20, 0, -20, 20, 0, -20, 0, 20, 0, 0, 0, 20], faces: [0, 1, 3, 1, 2, 3, 2, 0, 3, 1, 0, 2] },
+    deformed: {
+      pictures: 2,
+      largest_mm: 20,
+      scale_mm: 20,
+      fields: [
+        [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1],
+        [0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0],
+      ],
+    },
+  });
+  const pulled = (at: number, weights_mm: number[], more: Partial<NonNullable<Moment['deformed']>> = {}): Moment => ({
+    ...placed(at),
+    deformed: { since_ns: 0, standard_error_mm: 2, largest_mm: kCentimetre, eye_m: [0, -0.2, 0], view_axes: turned(0), weights_mm, ...more },
+  });
+  const rigid = (at: number, why: string): Moment => ({ ...placed(at), rigid: why });
+
+  it('is the sum of the document’s fields, with its stated error', () => {
+    const shape = organShapeAt(shaped([pulled(0, [10, 5])]), 0);
+    expect([...(shape?.displacement ?? [])].slice(9)).toEqual([0.005, 0, 0.01]);
+    expect([...(shape?.displacement ?? [])].slice(0, 9).every((one) => one === 0)).toBe(true);
+    expect(shape?.error_mm).toBe(2);
+    // Zeros at the end are left out.
+    expect([...(organShapeAt(shaped([pulled(0, [10])]), 0)?.displacement ?? [])].slice(9)).toEqual([0, 0, 0.01]);
+  });
+
+  it('goes evenly between two pictures that count from the same one, and is nowhere guessed', () => {
+    const one = shaped([
+      pulled(0, [10]),
+      pulled(1, [20], { standard_error_mm: 3 }),
+      rigid(2, 'endoscope-moved'),
+      pulled(3, [10], { since_ns: 5 }),
+      pulled(4, [10]),
+    ]);
+    const between = organShapeAt(one, kTenth / 2);
+    expect(between?.displacement[11]).toBeCloseTo(0.015, 12);
+    expect(between?.error_mm).toBe(3);
+    expect(organShapeAt(one, 1.5 * kTenth)).toBeUndefined();
+    expect(organShapeAt(one, 3.5 * kTenth)).toBeUndefined();
+    expect(whyRigid(one, 2 * kTenth)).toBe('endoscope-moved');
+    expect(whyRigid(one, 1.5 * kTenth)).toBe('endoscope-moved');
+    expect(whyRigid(one, 0)).toBeUndefined();
+    expect(whyRigid(alignment([placed(0)]), 0)).toBeUndefined();
+  });
+
+  it('is not drawn from a document that contradicts itself', () => {
+    const one = shaped([pulled(0, [1, 2, 3])]);
+    expect(organShapeAt(one, 0)).toBeUndefined();
+    expect(organShapeAt({ ...one, deformed: { pictures: 1, largest_mm: 1, scale_mm: 5, fields: [[1], [2], [3]] } }, 0)).toBeUndefined();
+  });
+
+  it('says of each node whether its displacement is told', () => {
+    expect([...(organShapeAt(shaped([pulled(0, [10], { told: 'a' })]), 0)?.told ?? [])]).toEqual([1, 0, 1, 0]);
+    expect([...(organShapeAt(shaped([pulled(0, [10])]), 0)?.told ?? [])]).toEqual([1, 1, 1, 1]);
+  });
+
+  it('counts why pictures stayed rigid, the most frequent reason first', () => {
+    const one = shaped([rigid(0, 'at-rest'), rigid(1, 'endoscope-moved'), rigid(2, 'endoscope-moved'), pulled(3, [1])]);
+    expect(rigidCounts(one)).toEqual([
+      { why: 'endoscope-moved', pictures: 2 },
+      { why: 'at-rest', pictures: 1 },
+    ]);
+  });
+
+  it('has the colours of its displacement, grey where that is not told', () => {
+    expect(viridis(-1)).toEqual([68, 1, 84]);
+    expect(viridis(0.5)).toEqual([33, 144, 141]);
+    expect(viridis(2)).toEqual([253, 231, 37]);
+    const lightness = Array.from({ length: 33 }, (_, at) => viridis(at / 32)).map(([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b);
+    lightness.slice(1).forEach((one, at) => expect(one).toBeGreaterThan(lightness[at] as number));
+    const one = shaped([pulled(0, [12], { told: 'd' })]);
+    const shape = organShapeAt(one, 0);
+    const rest = outlineMesh(one.surface);
+    if (!shape || !rest) throw new Error('it is deformed');
+    const mesh = displaced(rest, shape);
+    expect(mesh.nodes[11]).toBeCloseTo(0.032, 12);
+    const faces = colouredFaces(mesh, shape, seenNodes(mesh, shape.camera, 60, 640, 480), 20);
+    expect(faces.find(({ face }) => face === 0)?.share).toBeCloseTo(12 / 3 / 20, 12);
+    // The third node is not told; it belongs to all faces but the first.
+    for (const { face, share } of faces) expect(share === undefined).toBe(face !== 0);
   });
 });

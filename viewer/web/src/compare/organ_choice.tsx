@@ -1,7 +1,16 @@
 // Beside a comparison's start: whether the plan's organ shall be found in the recorded pictures by itself, where, and what that costs.
 import { formatDuration, formatTime } from '@/base/time';
 import type { MatchingModel } from '@/compare/matching_model';
-import { kGreatestField_deg, kLeastField_deg, kOrganAsked, kOrganViews, kTimesAsLong, type OrganAsked, type OrganView } from '@/compare/organ_asked';
+import {
+  kDeformedTimesAsLong,
+  kGreatestField_deg,
+  kLeastField_deg,
+  kOrganAsked,
+  kOrganViews,
+  kTimesAsLong,
+  type OrganAsked,
+  type OrganView,
+} from '@/compare/organ_asked';
 import { t } from '@/i18n/i18n';
 import type { CaseModel } from '@/views/case_model';
 
@@ -11,6 +20,7 @@ export function OrganChoice({ matching, model }: { matching: MatchingModel; mode
   const lacks = matching.organLacks.value;
   const say = (more: Partial<OrganAsked>) => (matching.organ.value = { ...(matching.organ.peek() ?? kOrganAsked), ...more });
   const time = (at_ns: number) => formatTime(at_ns - model.whole.start_ns);
+  const [least, most] = asked?.deformed ? kDeformedTimesAsLong : kTimesAsLong;
   const length_ns = stretch ? stretch.end_ns - stretch.start_ns : 0;
   return (
     <fieldset class="matching-part organ-choice">
@@ -54,13 +64,18 @@ export function OrganChoice({ matching, model }: { matching: MatchingModel; mode
               <option value="selection">{t('organ.where.selection')}</option>
             </select>
           </label>
-          {stretch && lacks !== 'long' && (
+          <label class="organ-switch">
+            <input type="checkbox" checked={asked.deformed} onChange={(event) => say({ deformed: event.currentTarget.checked })} />
+            <span>{t('organ.deform')}</span>
+          </label>
+          <p class="muted plan-note">{t('organ.deformWhat')}</p>
+          {stretch && lacks !== 'long' && lacks !== 'longDeformed' && (
             <p class="plan-note">
               {t('organ.takes', {
                 from: time(stretch.start_ns),
                 to: time(stretch.end_ns),
-                least: formatDuration(kTimesAsLong[0] * length_ns),
-                most: formatDuration(kTimesAsLong[1] * length_ns),
+                least: formatDuration(least * length_ns),
+                most: formatDuration(most * length_ns),
               })}
             </p>
           )}

@@ -2,12 +2,15 @@
 import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { OrganAlignment } from '@/api/types';
+import { displaced, drawColours } from '@/compare/organ_colours';
 import { OutlineDrawing, outlineMesh } from '@/compare/organ_outline';
 import { organAt, type OrganPlace, pictureSizeAt } from '@/compare/organ_place';
+import { organShapeAt, type OrganShape, whyRigid } from '@/compare/organ_shape';
 import { t, word } from '@/i18n/i18n';
 import type { PanePlayer } from '@/media/pane_player';
 import type { Follower, Playback } from '@/media/playback';
 import { pictureBox } from '@/pointing/geometry';
+import { StressScale } from '@/shell/stress_scale';
 import { prepared } from '@/timeline/colors';
 
 const kLook = { line: '#4df0ff', halo: 'rgb(0 0 0 / 75%)', wide: 2.5 };
@@ -25,12 +28,18 @@ export function organText(place: OrganPlace | undefined): string {
   return place.is === 'placed' ? t('organ.placed', { mm: place.error_mm.toFixed(1) }) : t('organ.lost', { why: word('organ.why', place.why) });
 }
 
+export function shapeText(shape: OrganShape): string {
+  return t('organ.deformed', { most: shape.largest_mm.toFixed(0), mm: shape.error_mm.toFixed(1) });
+}
+
 export function OrganOver({ alignment, player, playback, original_ns }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const place = useSignal<OrganPlace | undefined>(undefined);
+  const words = useSignal('');
+  const scale_mm = useSignal<number | undefined>(undefined);
   const drawing = useMemo(() => {
     const mesh = outlineMesh(alignment.surface);
-    return mesh && new OutlineDrawing(mesh);
+    return mesh && { mesh, outline: new OutlineDrawing(mesh) };
   }, [alignment]);
   useEffect(() => {
     let drawn = '';
@@ -46,11 +55,15 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         if (now === drawn) return;
         drawn = now;
         const found = at_ns === undefined ? undefined : organAt(alignment, at_ns);
+        const shape = at_ns === undefined ? undefined : organShapeAt(alignment, at_ns);
+        const why = at_ns === undefined || found?.is !== 'placed' ? undefined : whyRigid(alignment, at_ns);
         place.value = found;
-        one.dataset['organ'] = found?.is ?? 'unknown';
+        words.value = shape ? shapeText(shape) : organText(found) + (why === undefined ? '' : ` · ${t('organ.stays', { why: word('organ.rigid', why) })}`);
+        scale_mm.value = shape && drawing ? alignment.deformed?.scale_mm : undefined;
+        one.dataset['organ'] = shape ? 'deformed' : (found?.is ?? 'unknown');
         const context = prepared(one, wide, high);
         const size = at_ns === undefined ? undefined : pictureSizeAt(alignment, at_ns);
-        if (found?.is !== 'placed' || !drawing || !size) return;
+        if ((!shape && found?.is !== 'placed') || !drawing || !size) return;
         // A smaller picture stands in the middle of the viewing copy, which is as large as the stream's largest; an archived frame has the pane to itself.
         const outer = original_ns === undefined ? pictureBox(wide, high, videoWidth, videoHeight) : { left: 0, top: 0, width: wide, height: high };
         const inner = pictureBox(outer.width, outer.height, size.width, size.height);
@@ -59,7 +72,14 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         context.beginPath();
         context.rect(0, 0, inner.width, inner.height);
         context.clip();
-        drawing.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
+        if (shape) {
+          const mesh = displaced(drawing.mesh, shape);
+          const top_mm = alignment.deformed?.scale_mm ?? shape.largest_mm;
+          new OutlineDrawing(mesh).draw(context, shape.camera, alignment.field_deg, inner.width, inner.height, kLook);
+          drawColours(context, mesh, shape, alignment.field_deg, inner.width, inner.height, top_mm);
+        } else if (found?.is === 'placed') {
+          drawing.outline.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
+        }
         context.restore();
       },
     };
@@ -69,10 +89,12 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
     };
   }, [alignment, drawing, player, playback, original_ns]);
   const found = place.value;
+  const is = scale_mm.value === undefined ? (found?.is ?? 'unknown') : 'placed';
   return (
     <div class="organ-over">
       <canvas ref={canvas} aria-hidden="true" />
-      <p class={`organ-state organ-state-${found?.is ?? 'unknown'}`}>{organText(found)}</p>
+      {scale_mm.value !== undefined && <StressScale most={scale_mm.value} label={t('organ.scale')} />}
+      <p class={`organ-state organ-state-${is}`}>{words.value === '' ? organText(found) : words.value}</p>
     </div>
   );
 }

@@ -4,9 +4,9 @@ import type { OrganAlignment } from '@/api/types';
 import { lastAtOrBefore, type Span } from '@/base/spans';
 
 /** Between two moments that are further apart nobody looked (kAlignedMostNs). */
-const kMostApart_ns = 300_000_000;
+export const kMostApart_ns = 300_000_000;
 /** A picture's own time, as a browser tells it, may fall that much beside it. */
-const kSame_ns = 1_000_000;
+export const kSame_ns = 1_000_000;
 /** Lost before, and not searched for: that takes a second. */
 const kNotLooked = 'not-looked';
 
@@ -63,8 +63,8 @@ function axesOf([w, x, y, z]: Quaternion): number[] {
 }
 
 /** Evenly from one to the other, the shorter way round. */
-function between(a: Placed, b: Placed, share: number): OrganPlace {
-  const [p, q] = [quaternionOf(a.view_axes), quaternionOf(b.view_axes)];
+export function mixedCamera(a: OrganCamera, b: OrganCamera, share: number): OrganCamera {
+  const [p, q] = [quaternionOf(a.axes), quaternionOf(b.axes)];
   const dot = p.reduce((sum, one, at) => sum + one * (q[at] as number), 0);
   const angle = Math.acos(Math.min(1, Math.abs(dot)));
   const sine = Math.sin(angle);
@@ -73,13 +73,14 @@ function between(a: Placed, b: Placed, share: number): OrganPlace {
   const mixed = p.map((one, at) => of_p * one + sign * of_q * (q[at] as number));
   const length = Math.hypot(...mixed);
   return {
-    is: 'placed',
-    camera: {
-      eye: a.eye_m.map((one, at) => one + share * ((b.eye_m[at] as number) - one)),
-      axes: axesOf(mixed.map((one) => one / length) as unknown as Quaternion),
-    },
-    error_mm: Math.max(a.standard_error_mm, b.standard_error_mm),
+    eye: a.eye.map((one, at) => one + share * ((b.eye[at] as number) - one)),
+    axes: axesOf(mixed.map((one) => one / length) as unknown as Quaternion),
   };
+}
+
+function between(a: Placed, b: Placed, share: number): OrganPlace {
+  const camera = mixedCamera({ eye: a.eye_m, axes: a.view_axes }, { eye: b.eye_m, axes: b.view_axes }, share);
+  return { is: 'placed', camera, error_mm: Math.max(a.standard_error_mm, b.standard_error_mm) };
 }
 
 /** The size of the recorded pictures at a moment; nothing where a document does not say it. */

@@ -1,6 +1,7 @@
 // What a surgeon reads in a minute of an organ that was found in the pictures by itself: in how many, how well, where not and why, and what the outline leaves out.
 import type { OrganAlignment } from '@/api/types';
 import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
+import { rigidCounts } from '@/compare/organ_shape';
 import type { OrganSummary as Summary } from '@/compare/organ_place';
 import type { PlanModel } from '@/compare/plan_model';
 import { t, word } from '@/i18n/i18n';
@@ -37,6 +38,16 @@ export function OrganSummary({ plan, alignment, summary, model, playback }: Prop
       {summary.half_mm !== undefined && summary.most_mm !== undefined && (
         <p>{t('organ.errors', { half: summary.half_mm.toFixed(1), most: summary.most_mm.toFixed(1) })}</p>
       )}
+      {alignment.deformed && (
+        <>
+          <p>{t('organ.deformedIn', { n: alignment.deformed.pictures, all: summary.looked, most: alignment.deformed.largest_mm.toFixed(0) })}</p>
+          <ul class="organ-lost">
+            {rigidCounts(alignment).map(({ why, pictures }) => (
+              <li key={why}>{t('organ.rigidIn', { n: pictures, why: word('organ.rigid', why) })}</li>
+            ))}
+          </ul>
+        </>
+      )}
       {summary.lost.length > 0 && (
         <>
           <p>{t('organ.lostAll', { n: summary.lost.length, time: lasted(summary.lost_ns) })}</p>
@@ -63,7 +74,7 @@ export function OrganSummary({ plan, alignment, summary, model, playback }: Prop
           <p class="plan-note">{t('organ.noSurface')}</p>
         ))}
       <p class="muted plan-note">
-        {t('organ.rigid')}
+        {t(alignment.deformed ? 'organ.deformedNote' : 'organ.rigid')}
         {alignment.surface && alignment.surface.moved_mm > 0 && ` ${t('organ.coarse', { mm: alignment.surface.moved_mm.toFixed(1) })}`}
       </p>
     </section>

@@ -1,0 +1,65 @@
+#include "viewer/compare/deformed_drawing.h"
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "sim/render/colour_map.h"
+#include "sim/render/picture_triangles.h"
+
+namespace kiroku::compare {
+namespace {
+
+constexpr sim::Rgb kUntold{150, 150, 150}, kUntoldStripe{90, 90, 90};
+
+/// Of a pixel that shows a face whose displacement is not told at each corner.
+const sim::Rgb& stripe_at(int x, int y) {
+  constexpr int kWide = 4;
+  return (x + y) / kWide % 2 == 0 ? kUntold : kUntoldStripe;
+}
+
+}  // namespace
+
+void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
+                   double scale_mm) {
+  constexpr double kMmPerM = 1000;
+  sim::Scene scene;
+  scene.width = picture.width;
+  scene.height = picture.height;
+  scene.camera = shown.camera;
+  const sim::PixelRays rays = sim::pixel_rays(scene);
+  std::vector<sim::Vector3> at_mm;
+  std::vector<double> size_mm;
+  for (std::size_t node = 0; node < surface.nodes.size(); ++node) {
+    at_mm.push_back(kMmPerM * shown.camera.view_m(surface.nodes[node] + shown.displacement_m[node]));
+    size_mm.push_back(kMmPerM * shown.displacement_m[node].norm());
+  }
+  std::vector<double> nearest_mm(
+      static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height),
+      std::numeric_limits<double>::infinity());
+  for (const auto& face : surface.faces) {
+    constexpr double kNearestMm = 1;
+    const std::array<sim::Vector3, 3> corners{at_mm[face[0]], at_mm[face[1]], at_mm[face[2]]};
+    if (std::ranges::any_of(corners, [](const sim::Vector3& at) { return -at.z() < kNearestMm; })) continue;
+    const auto triangle = sim::picture_triangle(corners, face, rays);
+    if (!triangle) continue;
+    const bool told = shown.told[face[0]] && shown.told[face[1]] && shown.told[face[2]];
+    for (int y = triangle->y0; y < triangle->y1; ++y) {
+      for (int x = triangle->x0; x < triangle->x1; ++x) {
+        const auto hit =
+            triangle->hit(rays.u[static_cast<std::size_t>(x)], rays.v[static_cast<std::size_t>(y)]);
+        double& nearest = nearest_mm[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture.width) +
+                                     static_cast<std::size_t>(x)];
+        if (!hit || hit->depth_mm >= nearest) continue;
+        nearest = hit->depth_mm;
+        double size = 0;
+        for (std::size_t corner = 0; corner < 3; ++corner)
+          size += hit->shares[corner] * size_mm[face[corner]];
+        const sim::Rgb colour = told ? sim::viridis(size / scale_mm) : stripe_at(x, y);
+        std::ranges::copy(colour, picture.pixel(x, y));
+      }
+    }
+  }
+}
+
+}  // namespace kiroku::compare
