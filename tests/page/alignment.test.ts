@@ -1,5 +1,5 @@
 // The plan's organ found in a recording without a click, asked for and looked at on the page. The recording was drawn by organ_scene.ts, so that where the organ
-// is in each picture is known: it is seen for two seconds, hidden by smoke for one, and seen again.
+// is in each picture is known: in one case it is seen for two seconds, hidden by smoke for one, and seen again; in another its left lobe is pulled.
 import { mkdirSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import type { Browser } from 'playwright-core';
@@ -8,7 +8,7 @@ import type { ComparisonDocument } from '@/api/types';
 import { pictureBox } from '@/pointing/geometry';
 import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, story, type Visitor, visitPlan } from './kit';
 import { expectFits } from './layout';
-import { cameraAt, film, kField_deg, kHigh, kWide, liver, meshText, OrganScene, type SceneCamera } from './organ_scene';
+import { cameraAt, film, inView, kField_deg, kHigh, kWide, liver, meshText, OrganScene, pulled, type SceneCamera, type Vector } from './organ_scene';
 
 const kRate = 10;
 const kPictures = 40;
@@ -16,6 +16,12 @@ const kSmokeFrom = 20;
 const kSmokeTo = 30;
 const hasSmoke = (picture: number) => picture >= kSmokeFrom && picture < kSmokeTo;
 const truth = (picture: number): SceneCamera => cameraAt(8 + 0.6 * picture, 18, 0.17);
+
+// Of the case in which the endoscope stands still.
+const kPulledPictures = 30;
+const kRestPictures = 10;
+const kStill = cameraAt(8, 18, 0.17);
+const pull_m = (picture: number) => 0.012 * Math.max(0, Math.min(1, (picture - kRestPictures) / 12));
 
 const kPlan = {
   name: 'The liver is held',
@@ -43,8 +49,15 @@ let appliance: Appliance;
 let browser: Browser;
 let visitor: Visitor;
 let id = '';
+let pulledId = '';
 
 const matching = () => visitor.page.getByRole('region', { name: 'Match steps by hand' });
+const documentOf = (one: string) =>
+  visitor.page.evaluate(async (of) => (await (await fetch(`/api/cases/${of}/comparisons/by-hand`)).json()) as ComparisonDocument, one);
+const cameraOf = ({ eye_m, view_axes }: { eye_m: number[]; view_axes: number[] }): SceneCamera => {
+  const [right, up, back] = [0, 3, 6].map((from) => view_axes.slice(from, from + 3));
+  return { eye: eye_m, right, up, back } as unknown as SceneCamera;
+};
 const summary = () => visitor.page.getByRole('region', { name: 'The organ in the pictures' });
 const state = () => visitor.page.locator('[data-stream=endoscope] .organ-state');
 const goTo = async (seconds: number) => {
@@ -92,8 +105,8 @@ async function outline(): Promise<[number, number][]> {
 }
 
 /** The border of the organ as it was drawn. */
-function border(camera: SceneCamera): [number, number][] {
-  const mask = scene.mask(camera);
+function border(camera: SceneCamera, pull_m = 0): [number, number][] {
+  const mask = scene.mask(camera, pull_m);
   const is = (x: number, y: number) => x >= 0 && x < kWide && y >= 0 && y < kHigh && mask[y * kWide + x] === 1;
   const places: [number, number][] = [];
   for (let y = 0; y < kHigh; ++y) {
@@ -119,10 +132,19 @@ beforeAll(async () => {
   writeFileSync(join(folder, 'plan.json'), JSON.stringify(kPlan));
   writeFileSync(join(folder, 'liver.msh'), meshText(liver([16, 5, 12])));
   await appliance.kiroku('plan', 'seal', join(folder, 'plan.json'));
-  const recorded = join(folder, 'endoscope.y4m');
-  const pictures = Array.from({ length: kPictures }, (_, at) => scene.picture(truth(at), hasSmoke(at), at + 1));
-  writeFileSync(recorded, film(pictures, kRate));
-  id = await appliance.recordPlanned(join(folder, 'plan.seal.json'), 'endoscope', `${recorded}?speed=max`, (1000 * kPictures) / kRate);
+  const record = (name: string, pictures: Float64Array[]) => {
+    const recorded = join(folder, name);
+    writeFileSync(recorded, film(pictures, kRate));
+    return appliance.recordPlanned(join(folder, 'plan.seal.json'), 'endoscope', `${recorded}?speed=max`, (1000 * pictures.length) / kRate);
+  };
+  id = await record(
+    'endoscope.y4m',
+    Array.from({ length: kPictures }, (_, at) => scene.picture(truth(at), hasSmoke(at), at + 1)),
+  );
+  pulledId = await record(
+    'pulled.y4m',
+    Array.from({ length: kPulledPictures }, (_, at) => scene.picture(kStill, false, at + 1, pull_m(at))),
+  );
   browser = await startBrowser();
   visitor = await visitPlan(browser, appliance, id);
 });
@@ -183,7 +205,7 @@ story('The plan’s organ in the recording', (step) => {
   });
 
   step('is placed where it was, and nowhere in the smoke', async () => {
-    const made = await visitor.page.evaluate(async (one) => (await (await fetch(`/api/cases/${one}/comparisons/by-hand`)).json()) as ComparisonDocument, id);
+    const made = await documentOf(id);
     const moments = made.organ_alignment?.moments ?? [];
     expect(moments.length).toBe(kPictures);
     const ways_mm: number[] = [];
@@ -191,8 +213,7 @@ story('The plan’s organ in the recording', (step) => {
       expect(moment.lost === undefined || hasSmoke(at) || at >= kSmokeTo, `picture ${at}: ${moment.lost}`).toBe(true);
       expect(moment.lost === undefined && hasSmoke(at), `picture ${at} is smoke`).toBe(false);
       if (!moment.eye_m || !moment.view_axes) return;
-      const [right, up, back] = [0, 3, 6].map((from) => (moment.view_axes as number[]).slice(from, from + 3));
-      ways_mm.push(scene.way_mm({ eye: moment.eye_m, right, up, back } as unknown as SceneCamera, truth(at)));
+      ways_mm.push(scene.way_mm(cameraOf({ eye_m: moment.eye_m, view_axes: moment.view_axes }), truth(at)));
     });
     ways_mm.sort((a, b) => a - b);
     console.info(
@@ -272,6 +293,71 @@ story('The plan’s organ in the recording', (step) => {
     await page.getByText(/臓器は見つからず：/).waitFor();
     await page.getByRole('region', { name: '映像中の臓器' }).waitFor();
     await keepPicture(page, 'organ-japanese');
+    expect(await seriousBarriers(page)).toEqual([]);
+    expect(visitor.problems).toEqual([]);
+  });
+});
+
+story('The plan’s organ where it is pulled', (step) => {
+  step('is deformed to fit, if one asks for that', async () => {
+    await visitor.page.context().close();
+    visitor = await visitPlan(browser, appliance, pulledId);
+    await matchSteps();
+    await ask();
+    await matching().getByLabel('Also deform it to fit the pictures').check();
+    await expectFits(visitor, 'organ-deform-choice');
+    expect(await seriousBarriers(visitor.page)).toEqual([]);
+    await matching().getByRole('button', { name: 'Keep as a comparison' }).click();
+    await summary().waitFor({ timeout: kMaking_ms });
+    await summary()
+      .getByText(/Deformed to fit in \d+ of \d+ pictures, by up to 1\d mm/)
+      .waitFor();
+    await summary()
+      .getByText(/Rigid in \d+: its displacement is within its standard error/)
+      .waitFor();
+  });
+
+  step('lies nearer to where it was than the rigid one', async () => {
+    const { organ_alignment: made } = await documentOf(pulledId);
+    const rest = made?.surface?.nodes_mm ?? [];
+    const nodes = Array.from({ length: rest.length / 3 }, (_, node) => rest.slice(3 * node, 3 * node + 3).map((one) => one / 1000) as unknown as Vector);
+    const apart_mm = (a: Vector, b: Vector) => 1000 * Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    const mean = (all: readonly number[]) => all.reduce((sum, one) => sum + one, 0) / all.length;
+    let deformed = 0;
+    made?.moments.forEach((moment, at) => {
+      // Nothing is said to be pulled before it is.
+      if (at < kRestPictures) expect(moment.deformed, `picture ${at}`).toBeUndefined();
+      if (!moment.deformed || !moment.eye_m || !moment.view_axes) return;
+      ++deformed;
+      const { weights_mm, largest_mm, standard_error_mm } = moment.deformed;
+      const goal = nodes.map((node) => inView(kStill, pulled(node, pull_m(at))));
+      const rigid = cameraOf({ eye_m: moment.eye_m, view_axes: moment.view_axes });
+      const found = cameraOf(moment.deformed);
+      const by_mm = (node: number, axis: number) =>
+        weights_mm.reduce((sum, weight, field) => sum + weight * (made.deformed?.fields[field]?.[3 * node + axis] ?? NaN), 0);
+      const laid = nodes.map((one, node) => inView(found, [0, 1, 2].map((axis) => (one[axis] as number) + by_mm(node, axis) / 1000) as unknown as Vector));
+      const of_deformed = mean(laid.map((one, node) => apart_mm(one, goal[node] as Vector)));
+      const of_rigid = mean(nodes.map((one, node) => apart_mm(inView(rigid, one), goal[node] as Vector)));
+      console.info(
+        `picture ${at}: ${of_deformed.toFixed(1)} mm off on average, rigid ${of_rigid.toFixed(1)} mm; up to ${largest_mm.toFixed(1)} mm of ${(1000 * pull_m(at)).toFixed(1)} mm`,
+      );
+      expect(of_deformed).toBeLessThan(of_rigid);
+      expect(Math.abs(largest_mm - 1000 * pull_m(at))).toBeLessThan(3 * standard_error_mm);
+    });
+    expect(deformed).toBeGreaterThan(5);
+  });
+
+  step('is drawn as it is pulled, in colours that a scale explains', async () => {
+    const { page } = visitor;
+    const last = kPulledPictures - 2;
+    await goTo(0.52);
+    await expect.poll(() => state().textContent()).toMatch(/rigid: its displacement is within its standard error$/);
+    await goTo(last / kRate + 0.02);
+    await expect.poll(() => state().textContent()).toMatch(/^Organ deformed, up to 1\d mm, standard error \d\.\d mm$/);
+    await page.getByText('Displacement, mm').waitFor();
+    await expect.poll(async () => apart(border(kStill, pull_m(last)), await outline()).at(-1) ?? NaN).toBeLessThan(7);
+    await keepPicture(page, 'organ-deformed');
+    await expectFits(visitor, 'organ-deformed');
     expect(await seriousBarriers(page)).toEqual([]);
     expect(visitor.problems).toEqual([]);
   });

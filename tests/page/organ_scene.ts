@@ -1,7 +1,7 @@
 // An organ as an endoscope sees it, drawn here by itself: its place is known in every picture, and nothing of the page's or the recorder's own geometry is in
 // it. The shape is that of tests/support/endoscope_scene.h; pictures become a film without compression (YUV4MPEG2).
 
-type Vector = readonly [number, number, number];
+export type Vector = readonly [number, number, number];
 const plus = (a: Vector, b: Vector, share = 1): Vector => [a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]];
 const dot = (a: Vector, b: Vector) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a: Vector, b: Vector): Vector => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -122,16 +122,24 @@ const spots = ([x, y, z]: Vector, size: number) => {
   );
 };
 
+/** Where a node at rest is when the border of the left lobe is drawn down and towards the viewer by so much. What lies above 2 cm is held. */
+export function pulled(node: Vector, pull_m: number): Vector {
+  const from = Math.hypot(...plus(node, [0.045, 0, -0.02], -1));
+  const free = Math.max(0, Math.min(1, (0.02 - node[2]) / 0.03));
+  return plus(node, [0.2, -0.6, -0.77], pull_m * Math.exp(-((from / 0.045) ** 2)) * free * free * (3 - 2 * free));
+}
+
 export class OrganScene {
   private readonly body = liver([24, 8, 18]);
   private readonly faces = surfaceOf(this.body);
 
-  /** 1 where the organ is, rows from the top; with the depth and the light of its surface. */
-  private seen(camera: SceneCamera) {
-    const nodes = this.body.nodes.map((node) => inView(camera, node));
+  /** Rows from the top: the depth and the light of the organ's surface, and the place at rest of the tissue that is seen. */
+  private seen(camera: SceneCamera, pull_m: number) {
+    const nodes = this.body.nodes.map((node) => inView(camera, pulled(node, pull_m)));
     const pixels = nodes.map(([x, y, z]) => [kWide / 2 + (kFocal * x) / -z, kHigh / 2 - (kFocal * y) / -z] as const);
     const depth = new Float64Array(kWide * kHigh).fill(Infinity);
     const light = new Float64Array(kWide * kHigh);
+    const rest: Vector[] = [];
     for (const face of this.faces) {
       const [a, b, c] = face.map((node) => pixels[node] as readonly [number, number]) as [
         readonly [number, number],
@@ -141,6 +149,7 @@ export class OrganScene {
       const area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
       if (area === 0) continue;
       const [p, q, r] = face.map((node) => nodes[node] as Vector) as [Vector, Vector, Vector];
+      const corners = face.map((node) => this.body.nodes[node] as Vector) as [Vector, Vector, Vector];
       const facing = Math.abs(unit(cross(plus(q, p, -1), plus(r, p, -1)))[2]);
       const left = Math.max(0, Math.floor(Math.min(a[0], b[0], c[0])));
       const right = Math.min(kWide - 1, Math.ceil(Math.max(a[0], b[0], c[0])));
@@ -156,14 +165,16 @@ export class OrganScene {
           if (far >= (depth[y * kWide + x] as number)) continue;
           depth[y * kWide + x] = far;
           light[y * kWide + x] = facing;
+          const shares = [-of_a / p[2], -of_b / q[2], -of_c / r[2]] as const;
+          rest[y * kWide + x] = corners.reduce((sum, corner, at) => plus(sum, corner, far * (shares[at] as number)), [0, 0, 0] as Vector);
         }
       }
     }
-    return { depth, light };
+    return { depth, light, rest };
   }
 
-  mask(camera: SceneCamera): Uint8Array {
-    return Uint8Array.from(this.seen(camera).depth, (far) => (Number.isFinite(far) ? 1 : 0));
+  mask(camera: SceneCamera, pull_m = 0): Uint8Array {
+    return Uint8Array.from(this.seen(camera, pull_m).depth, (far) => (Number.isFinite(far) ? 1 : 0));
   }
 
   /** Root of the mean squared way between where two cameras have the organ, millimetres. */
@@ -174,9 +185,9 @@ export class OrganScene {
   }
 
   /** Before fat and muscle, lit from the lens; `smoke`: nothing else is seen. Red, green, blue. */
-  picture(camera: SceneCamera, smoke: boolean, seed: number): Float64Array {
+  picture(camera: SceneCamera, smoke: boolean, seed: number, pull_m = 0): Float64Array {
     const rgb = new Float64Array(3 * kWide * kHigh);
-    const { depth, light } = this.seen(camera);
+    const { depth, light, rest } = this.seen(camera, pull_m);
     let state = seed;
     const noise = () => {
       state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
@@ -190,7 +201,7 @@ export class OrganScene {
         const isOrgan = Number.isFinite(depth[at] as number);
         // The wall lies 6 cm behind.
         const far = isOrgan ? (depth[at] as number) : Math.min(1, (0.06 - camera.eye[1]) / ray[1]);
-        const place = plus(camera.eye, ray, far);
+        const place = rest[at] ?? plus(camera.eye, ray, far);
         let colour: Vector;
         if (smoke) {
           colour = [186, 188, 190];

@@ -22,6 +22,7 @@ using testing::HasSubstr;
 
 constexpr const char* kPassword = "correct horse battery";
 constexpr int kRate = 25;
+constexpr double kWhite = 200;  // a flash is brighter
 
 class Live : public ProgramTest {
  protected:
@@ -134,17 +135,25 @@ TEST_F(Live, ShowsWhatIsRecordedAndCostsNoFrame) {
 
   Bytes film = init->bytes;
   std::vector<std::chrono::system_clock::time_point> arrivals;
-  while (arrivals.size() < 4 * kRate) {
-    const auto fragment = client.receive();
-    ASSERT_TRUE(fragment && !fragment->is_text);
-    append(film, fragment->bytes);
-    arrivals.push_back(fragment->arrived);
+  const auto flashes_of = [](const DecodedVideo& seen) {
+    return std::ranges::count_if(seen.frames, [](const auto& frame) { return frame.brightness > kWhite; });
+  };
+  // Whoever watches on a busy machine is not shown every picture, so not every flash either.
+  DecodedVideo video;
+  while (flashes_of(video) < 3) {
+    for (int i = 0; i < 2 * kRate; ++i) {
+      const auto fragment = client.receive();
+      ASSERT_TRUE(fragment && !fragment->is_text);
+      append(film, fragment->bytes);
+      arrivals.push_back(fragment->arrived);
+    }
+    video = decode_video(film);
+    ASSERT_LT(arrivals.size(), std::size_t{60} * kRate) << "no flashes in a minute of pictures";
   }
   const auto room = kiroku_json({"status", "--json"})["rooms"][0];
   EXPECT_EQ(room["streams"][0]["dropped"], 0);
   EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
 
-  const DecodedVideo video = decode_video(film);
   EXPECT_THAT(video.complaints, testing::IsEmpty());
   ASSERT_EQ(video.frames.size(), arrivals.size());
   // Case-clock zero, by the same machine's clock as the arrivals.
@@ -152,19 +161,16 @@ TEST_F(Live, ShowsWhatIsRecordedAndCostsNoFrame) {
   const auto zero = recording.opened_at().utc - std::chrono::duration_cast<std::chrono::microseconds>(
                                                     std::chrono::nanoseconds(recording.opened_at().mono_ns));
   std::vector<double> ages;
-  int flashes = 0;
   for (std::size_t i = 0; i < arrivals.size(); ++i) {
     const std::chrono::duration<double> seen(static_cast<double>(video.frames[i].pts) / 90'000);
     ages.push_back(std::chrono::duration<double>(arrivals[i] - zero).count() - seen.count());
     EXPECT_GE(ages.back(), 0) << "picture " << i << " came before it was made";
-    const bool is_white = video.frames[i].brightness > 200;
-    flashes += is_white ? 1 : 0;
+    const bool is_white = video.frames[i].brightness > kWhite;
     // The picture shows its own time: white at whole seconds.
     const double part = seen.count() - std::floor(seen.count() + 0.01);
     EXPECT_EQ(is_white, part < 0.9 / kRate)
         << "picture " << i << " at " << seen.count() << ", brightness " << video.frames[i].brightness;
   }
-  EXPECT_GE(flashes, 3);
   std::ranges::sort(ages);
   RecordProperty("age_median_ms", static_cast<int>(ages[ages.size() / 2] * 1'000));
   RecordProperty("age_p95_ms", static_cast<int>(ages[ages.size() * 95 / 100] * 1'000));
