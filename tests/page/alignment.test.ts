@@ -6,7 +6,7 @@ import type { Browser } from 'playwright-core';
 import { afterAll, beforeAll, expect } from 'vitest';
 import type { ComparisonDocument } from '@/api/types';
 import { pictureBox } from '@/pointing/geometry';
-import { Appliance, keepPicture, kMaking_ms, near, seriousBarriers, settled, startBrowser, story, type Visitor, visitPlan } from './kit';
+import { Appliance, keepPicture, kMaking_ms, near, newTab, seriousBarriers, settled, startBrowser, story, type Visitor, visitPlan } from './kit';
 import { expectFits } from './layout';
 import { cameraAt, film, inView, kField_deg, kHigh, kWide, liver, meshText, OrganScene, pulled, type SceneCamera, type Vector } from './organ_scene';
 
@@ -300,8 +300,11 @@ story('The plan’s organ in the recording', (step) => {
 
 story('The plan’s organ where it is pulled', (step) => {
   step('is deformed to fit, if one asks for that', async () => {
-    await visitor.page.context().close();
-    visitor = await visitPlan(browser, appliance, pulledId);
+    await visitor.page.evaluate(() => localStorage.clear()); // the language that was chosen
+    await newTab(visitor);
+    await visitor.page.goto(appliance.url);
+    await visitor.page.locator('.case-link', { hasText: pulledId }).click();
+    await visitor.page.getByRole('tab', { name: 'Plan' }).click();
     await matchSteps();
     await ask();
     await matching().getByLabel('Also deform it to fit the pictures').check();

@@ -36,6 +36,29 @@ constexpr std::int64_t kTenthNs = kSecond / kPictures;
 /// the size.
 constexpr int kSmokeFrom = 6;
 
+constexpr int kFilmWidth = 320, kFilmHeight = 240;
+
+/// Over a CT that is the same everywhere.
+sim::PlanPictures pictures_of(const sim::Plan& plan) {
+  sim::Scene scene;
+  scene.width = kFilmWidth;
+  scene.height = kFilmHeight;
+  scene.background = {0, 0, 0};
+  const sim::Vector3 corner(0.09, 0.04, 0.06);
+  const sim::Volume ct =
+      test::volume_of({90, 40, 60}, 2e-3, -corner, [](const sim::Vector3&) { return 100.0; });
+  return {plan, std::make_shared<const sim::ShadedVolume>(sim::shade(ct, {-corner, corner})),
+          sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene};
+}
+
+CompositionForm overlay() {
+  CompositionForm form;
+  form.width = kFilmWidth;
+  form.height = kFilmHeight;
+  form.arrangement = Arrangement::kOverlay;
+  return form;
+}
+
 class OrganAlignment : public testing::Test {
  protected:
   [[nodiscard]] sim::Camera truth(double picture) const {
@@ -151,21 +174,8 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
 
   // On the film's pictures. Nobody looked at what is outside of the stretch that was aligned.
   comparison.alignment->moments.resize(kPictures + 2);
-  constexpr int kFilmWidth = 320, kFilmHeight = 240;
-  sim::Scene scene;
-  scene.width = kFilmWidth;
-  scene.height = kFilmHeight;
-  scene.background = {0, 0, 0};
-  const sim::Volume ct = test::volume_of({90, 40, 60}, 2e-3, sim::Vector3(-0.09, -0.04, -0.06),
-                                         [](const sim::Vector3&) { return 100.0; });
-  sim::PlanPictures pictures(plan,
-                             std::make_shared<const sim::ShadedVolume>(sim::shade(
-                                 ct, {sim::Vector3(-0.09, -0.04, -0.06), sim::Vector3(0.09, 0.04, 0.06)})),
-                             sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
-  CompositionForm form;
-  form.width = kFilmWidth;
-  form.height = kFilmHeight;
-  form.arrangement = Arrangement::kOverlay;
+  sim::PlanPictures pictures = pictures_of(plan);
+  CompositionForm form = overlay();
   PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, 2 * kSecond);
   const auto caption = [&](std::int64_t at_ns) {
     (void)paired.at(at_ns);
@@ -263,21 +273,8 @@ TEST_F(PulledOrganAlignment, IsDeformedInDocumentAndFilm) {
     ASSERT_LT((sum_mm - 1000 * shown->displacement_m[node]).norm(), 1e-6) << node;
   }
 
-  constexpr int kFilmWidth = 320, kFilmHeight = 240;
-  sim::Scene scene;
-  scene.width = kFilmWidth;
-  scene.height = kFilmHeight;
-  scene.background = {0, 0, 0};
-  const sim::Volume ct = test::volume_of({90, 40, 60}, 2e-3, sim::Vector3(-0.09, -0.04, -0.06),
-                                         [](const sim::Vector3&) { return 100.0; });
-  sim::PlanPictures pictures(plan,
-                             std::make_shared<const sim::ShadedVolume>(sim::shade(
-                                 ct, {sim::Vector3(-0.09, -0.04, -0.06), sim::Vector3(0.09, 0.04, 0.06)})),
-                             sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
-  CompositionForm form;
-  form.width = kFilmWidth;
-  form.height = kFilmHeight;
-  form.arrangement = Arrangement::kOverlay;
+  sim::PlanPictures pictures = pictures_of(plan);
+  CompositionForm form = overlay();
   form.share = 1;
   PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, kSecond);
   (void)paired.at(kTenthNs);

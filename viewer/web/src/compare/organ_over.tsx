@@ -35,8 +35,8 @@ export function shapeText(shape: OrganShape): string {
 export function OrganOver({ alignment, player, playback, original_ns }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const place = useSignal<OrganPlace | undefined>(undefined);
-  const words = useSignal('');
-  const scale_mm = useSignal<number | undefined>(undefined);
+  const shape = useSignal<OrganShape | undefined>(undefined);
+  const why = useSignal<string | undefined>(undefined);
   const drawing = useMemo(() => {
     const mesh = outlineMesh(alignment.surface);
     return mesh && { mesh, outline: new OutlineDrawing(mesh) };
@@ -55,15 +55,14 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         if (now === drawn) return;
         drawn = now;
         const found = at_ns === undefined ? undefined : organAt(alignment, at_ns);
-        const shape = at_ns === undefined ? undefined : organShapeAt(alignment, at_ns);
-        const why = at_ns === undefined || found?.is !== 'placed' ? undefined : whyRigid(alignment, at_ns);
+        const laid = at_ns === undefined ? undefined : organShapeAt(alignment, at_ns);
         place.value = found;
-        words.value = shape ? shapeText(shape) : organText(found) + (why === undefined ? '' : ` · ${t('organ.stays', { why: word('organ.rigid', why) })}`);
-        scale_mm.value = shape && drawing ? alignment.deformed?.scale_mm : undefined;
-        one.dataset['organ'] = shape ? 'deformed' : (found?.is ?? 'unknown');
+        shape.value = laid;
+        why.value = at_ns === undefined || found?.is !== 'placed' ? undefined : whyRigid(alignment, at_ns);
+        one.dataset['organ'] = laid ? 'deformed' : (found?.is ?? 'unknown');
         const context = prepared(one, wide, high);
         const size = at_ns === undefined ? undefined : pictureSizeAt(alignment, at_ns);
-        if ((!shape && found?.is !== 'placed') || !drawing || !size) return;
+        if ((!laid && found?.is !== 'placed') || !drawing || !size) return;
         // A smaller picture stands in the middle of the viewing copy, which is as large as the stream's largest; an archived frame has the pane to itself.
         const outer = original_ns === undefined ? pictureBox(wide, high, videoWidth, videoHeight) : { left: 0, top: 0, width: wide, height: high };
         const inner = pictureBox(outer.width, outer.height, size.width, size.height);
@@ -72,11 +71,11 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         context.beginPath();
         context.rect(0, 0, inner.width, inner.height);
         context.clip();
-        if (shape) {
-          const mesh = displaced(drawing.mesh, shape);
-          const top_mm = alignment.deformed?.scale_mm ?? shape.largest_mm;
-          new OutlineDrawing(mesh).draw(context, shape.camera, alignment.field_deg, inner.width, inner.height, kLook);
-          drawColours(context, mesh, shape, alignment.field_deg, inner.width, inner.height, top_mm);
+        if (laid) {
+          const mesh = displaced(drawing.mesh, laid);
+          const top_mm = alignment.deformed?.scale_mm ?? laid.largest_mm;
+          new OutlineDrawing(mesh).draw(context, laid.camera, alignment.field_deg, inner.width, inner.height, kLook);
+          drawColours(context, mesh, laid, alignment.field_deg, inner.width, inner.height, top_mm);
         } else if (found?.is === 'placed') {
           drawing.outline.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
         }
@@ -89,12 +88,17 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
     };
   }, [alignment, drawing, player, playback, original_ns]);
   const found = place.value;
-  const is = scale_mm.value === undefined ? (found?.is ?? 'unknown') : 'placed';
+  const is = shape.value ? 'placed' : (found?.is ?? 'unknown');
+  const scale_mm = shape.value && drawing && alignment.deformed?.scale_mm;
+  // Here, so that they follow the language.
+  const words = shape.value
+    ? shapeText(shape.value)
+    : organText(found) + (why.value === undefined ? '' : ` · ${t('organ.stays', { why: word('organ.rigid', why.value) })}`);
   return (
     <div class="organ-over">
       <canvas ref={canvas} aria-hidden="true" />
-      {scale_mm.value !== undefined && <StressScale most={scale_mm.value} label={t('organ.scale')} />}
-      <p class={`organ-state organ-state-${is}`}>{words.value === '' ? organText(found) : words.value}</p>
+      {scale_mm !== undefined && <StressScale most={scale_mm} label={t('organ.scale')} />}
+      <p class={`organ-state organ-state-${is}`}>{words}</p>
     </div>
   );
 }
