@@ -357,7 +357,9 @@ story('The plan’s organ where it is pulled', (step) => {
     await expect.poll(() => state().textContent()).toMatch(/rigid: its displacement is within its standard error$/);
     await goTo(last / kRate + 0.02);
     await expect.poll(() => state().textContent()).toMatch(/^Organ deformed, up to 1\d mm, standard error \d\.\d mm$/);
-    await page.getByText('Displacement, mm').waitFor();
+    const scale = await page.getByRole('figure', { name: 'Displacement, mm' }).boundingBox();
+    const badge = await page.locator('[data-stream=endoscope]').getByText('Viewing copy').boundingBox();
+    expect(scale?.y).toBeGreaterThan((badge?.y ?? Infinity) + (badge?.height ?? 0));
     await expect.poll(async () => apart(border(kStill, pull_m(last)), await outline()).at(-1) ?? NaN).toBeLessThan(7);
     await keepPicture(page, 'organ-deformed');
     await expectFits(visitor, 'organ-deformed');
