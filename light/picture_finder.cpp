@@ -511,6 +511,7 @@ bool PictureFinder::looks_as_refused(const Refused& now) const {
 void PictureFinder::search(const GreyView& picture) {
   if (picture.width < 4 * kLeastHeight || picture.height < 2 * kLeastHeight) return;
   constexpr int kMostRefined = 24;
+  constexpr std::size_t kMostRefused = 64;
   int refined_places = 0;
   const auto keep = [&](const Place& found) {
     std::erase_if(places_, [&](const Place& known) { return overlap(known, found); });
@@ -534,12 +535,12 @@ void PictureFinder::search(const GreyView& picture) {
     constexpr float kLeastEdge = 5;
     if (!look.is_whole() || look.frame - look.margin < kLeastEdge || look.between_pairs() < kLeastEdge)
       continue;
-    if (++refined_places > kMostRefined) break;
     Refused now{*about, look.cells, look.frame, look.margin};
     if (looks_as_refused(now)) {
-      refused.push_back(std::move(now));
+      if (refused.size() < kMostRefused) refused.push_back(std::move(now));
       continue;
     }
+    if (++refined_places > kMostRefined) break;
     int most_opposite = 0;
     const std::optional<Place> place = found_at(picture, *about, most_opposite);
     if (place) {

@@ -50,6 +50,9 @@ std::optional<FoundNote> read_note(const TileSource& source, std::string_view na
   return found;
 }
 
+constexpr const char* kLacksSome =
+    "its checkpoint has signatures for which the one that is kept has others, or no room";
+
 /// What is kept of a note that is shown once more.
 struct Joined {
   std::string text;         // the kept one, with the lines of keys that it had none of
@@ -362,6 +365,7 @@ class Follower {
   /// Of a checkpoint that is kept in `file` and was shown once more.
   void add_lines(const fs::path& file, const FoundNote& kept, const FoundNote& shown) {
     const Joined both = joined(kept, shown);
+    if (both.lacks_some) result_.not_kept = kLacksSome;
     if (both.text != kept.text) files_.write_durably(file, bytes_of(both.text));
   }
 
@@ -376,9 +380,7 @@ class Follower {
     }
     if (!kept) return;
     const Joined both = joined(*kept, shown);
-    if (both.lacks_some)
-      result_.not_kept =
-          "its checkpoint has signatures for which the one that is kept has others, or no room";
+    if (both.lacks_some) result_.not_kept = kLacksSome;
     if (both.text != kept->text) files_.write_durably(folder / kPublishedCheckpoint, bytes_of(both.text));
   }
 

@@ -112,6 +112,10 @@ int enrol(const Request& request) {
     // A renewal of what was enrolled before, which is under way, is not to come after this.
     std::optional<fleet::ReportingTurn> turn = fleet::ReportingTurn::take(file);
     while (!turn && !wait_until_told(kPollInterval)) turn = fleet::ReportingTurn::take(file);
+    if (!turn)
+      throw UsageError(
+          "another process of this appliance renews its certificate at this moment, and this one was told to "
+          "end: nothing was changed here; enrol again");
     identity.write(file);
     if (!request.json)
       std::cout << "Enrolled, says the server at " << printable(request.url)

@@ -213,10 +213,9 @@ void add_report_command(Command& program) {
       "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
       "and log give the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the "
       "checkpoints, "
-      "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Both "
-      "carry a proof from the appliance log along (case.tlog-proof): the one of --proof if it holds, else "
-      "one "
-      "that is made of the log, as by 'kiroku log prove'.");
+      "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Of "
+      "a whole case whose end the appliance log knows, both carry a proof from the log along "
+      "(case.tlog-proof), as 'kiroku log prove' makes it; with --proof that one, if it holds.");
   command.example("kiroku report 20260805T091502Z-3f9c21ab -o report.pdf", "the report as A4 pages");
   command.example("kiroku report CASE --language ja --by 'Dr. Sato' -o report.html",
                   "one page for a browser, in Japanese");

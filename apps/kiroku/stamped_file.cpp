@@ -84,7 +84,8 @@ void warn_of_missing(const std::vector<Stamp>& stamps) {
     if (!each.problem.empty())
       print_error("kiroku", "warning: no time-stamp of " + each.authority + ": " + each.problem);
   }
-  if (time_of(stamps) == archive::time_proof_name(archive::TimeProof::kSelfIssued))
+  const bool all_answered = std::ranges::all_of(stamps, &std::string::empty, &Stamp::problem);
+  if (all_answered && time_of(stamps) == archive::time_proof_name(archive::TimeProof::kSelfIssued))
     print_error(
         "kiroku",
         "warning: no outside authority time-stamped it: the recorder's own proves to nobody else when "

@@ -76,7 +76,9 @@ void add_compare_command(Command& program) {
   command.choice(
       "--organ", {"rigid", "deformed"}, request->organ,
       "with --align: deformed also deforms the organ until it falls onto what a picture shows, while the "
-      "endoscope stands still; a picture that this explains no better keeps the rigid organ, with the reason",
+      "endoscope stands still; a picture that this explains no better keeps the rigid organ, with the "
+      "reason; ten "
+      "minutes at most",
       "rigid");
   command.option("--field", "DEGREES", request->field,
                  "with --align: the angle that the lesser side of the recorded pictures covers");

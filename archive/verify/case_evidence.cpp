@@ -100,10 +100,12 @@ std::string shortfall(const CaseEvidence& out, const CaseData& data, std::size_t
   return {};
 }
 
-/// When a chain of the record begins; it counts, so each of them has a token.
+/// With which a chain of the record begins; it counts, so each of them has a token.
+const evidence::TimeStampJudgement& first_of(const evidence::RecordJudgement& judgement, std::size_t chain) {
+  return *std::ranges::find(judgement.time_stamps, chain, &evidence::TimeStampJudgement::chain);
+}
 UtcTime beginning_of(const evidence::RecordJudgement& judgement, std::size_t chain) {
-  return std::ranges::find(judgement.time_stamps, chain, &evidence::TimeStampJudgement::chain)
-      ->token.info->gen_time;
+  return first_of(judgement, chain).token.info->gen_time;
 }
 
 }  // namespace
@@ -197,17 +199,26 @@ std::optional<std::pair<std::string, UtcTime>> what_ended(
 std::string contradiction(const CaseEvidence& judged, const VerifiedCase& verified) {
   constexpr std::chrono::minutes kClocksDiffer{5};
   if (!judged.refusal.empty()) return {};
-  const auto authority = judged.judgement.time_stamps.front().token.authority;
-  const bool by_outside = authority == timestamp::TimeAuthority::kOutside;
-  const UtcTime since = *judged.judgement.since();
-  for (const StampedToken& token : by_outside ? verified.outside : verified.tokens) {
-    if (token.entry < judged.lines && since + kClocksDiffer < token.earliest()) {
-      return "its first time-stamp is of " + format_utc(since) + ", and it covers the token of entry " +
+  /// Of a chain that begins with `first` and covers entries before `lines`.
+  const auto of_chain = [&](const evidence::TimeStampJudgement& first, std::uint64_t lines) -> std::string {
+    const bool by_outside = first.token.authority == timestamp::TimeAuthority::kOutside;
+    const UtcTime since = first.token.info->gen_time;
+    for (const StampedToken& token : by_outside ? verified.outside : verified.tokens) {
+      if (token.entry >= lines || token.earliest() <= since + kClocksDiffer) continue;
+      return std::string(first.chain == 0 ? "its first time-stamp"
+                                          : "the first time-stamp of a later chain") +
+             " is of " + format_utc(since) + ", and it covers the token of entry " +
              std::to_string(token.entry) + ", which is of " + format_utc(token.gen_time) +
              ": one of the two authorities states a wrong time";
     }
+    return {};
+  };
+  std::string why = of_chain(judged.judgement.time_stamps.front(), judged.lines);
+  for (std::size_t i = 0; why.empty() && i < judged.covered_lines.size(); ++i) {
+    const std::optional<std::size_t>& chain = judged.judgement.covered_from[i];
+    if (chain) why = of_chain(first_of(judged.judgement, *chain), judged.covered_lines[i]);
   }
-  return {};
+  return why;
 }
 
 /// Times of a record that does not hold are not told: whoever made it chose them.

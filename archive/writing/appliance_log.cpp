@@ -512,7 +512,7 @@ std::string kernel_boot_id() {
   std::ifstream input("/proc/sys/kernel/random/boot_id");
   std::string id;
   std::getline(input, id);
-  return id.empty() ? "unknown" : id;
+  return id.empty() ? kUnknownBoot : id;
 }
 
 void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {

@@ -114,8 +114,9 @@ class ApplianceLog {
   std::unique_ptr<State> state_;
 };
 
-/// The kernel's identifier of this boot of the machine; "unknown" where it gives none.
+/// The kernel's identifier of this boot of the machine; kUnknownBoot where it gives none.
 std::string kernel_boot_id();
+inline constexpr const char* kUnknownBoot = "unknown";
 
 /// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
 /// out. Throws kiroku::Error naming the line that cannot be read.

@@ -4,13 +4,13 @@
 #include <cerrno>
 #include <cstdlib>
 #include <fcntl.h>
-#include <fstream>
 #include <linux/magic.h>
 #include <optional>
 #include <sys/stat.h>
 #include <sys/vfs.h>
 #include <unistd.h>
 
+#include "archive/writing/appliance_log.h"
 #include "base/bytes.h"
 #include "base/descriptor.h"
 #include "crypto/encoding.h"
@@ -77,24 +77,17 @@ std::optional<crypto::Secret> secret_of(const fs::path& home, const fs::path& me
   return read_secret(file, about.st_uid);
 }
 
-/// "" where the kernel tells none.
-std::string boot_identifier() {
-  std::ifstream file("/proc/sys/kernel/random/boot_id");
-  std::string boot;
-  std::getline(file, boot);
-  return boot;
-}
-
 }  // namespace
 
 std::string run_of_machine(const fs::path& home, const fs::path& memory) {
   std::error_code failed;
   fs::path folder = fs::canonical(home, failed);
   if (failed) folder = home;
-  const std::string boot = boot_identifier();
+  const std::string boot = archive::kernel_boot_id();
   const std::optional<crypto::Secret> secret = secret_of(folder, memory);
   // As no process here can tell that another is of the same machine.
-  if (!secret && boot.empty()) return crypto::to_hex(crypto::Secret::random(kRunBytes).bytes());
+  if (!secret && boot == archive::kUnknownBoot)
+    return crypto::to_hex(crypto::Secret::random(kRunBytes).bytes());
   std::string text = boot + " " + folder.string();
   if (secret) text += " " + crypto::to_hex(secret->bytes());
   return crypto::to_hex(crypto::sha256(bytes_of(text))).substr(0, 2 * kRunBytes);

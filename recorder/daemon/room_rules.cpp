@@ -11,7 +11,8 @@ constexpr std::int64_t kSignalPauseNs = 1'000'000'000;
 // A source that has delivered nothing of a new session may still be opening; after so long it is away.
 constexpr std::int64_t kOpeningNs = 10'000'000'000;
 
-// Not while a slow disk or a busy machine keeps pictures of a live source waiting.
+// What ends a person's rest. Not while a slow disk or a busy machine keeps pictures of a live source waiting:
+// the source must be lost, too, as one that says nothing is after some seconds (SourceGuard::Limits).
 bool is_away(const StreamStatus& stream, std::int64_t now_ns) {
   return !stream.live && now_ns - stream.last_ns >= (stream.frames > 0 ? kSignalPauseNs : kOpeningNs);
 }

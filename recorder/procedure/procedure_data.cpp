@@ -54,10 +54,9 @@ bool may_be_same_patient(const ProcedureData& one, const ProcedureData& other) {
   const auto agree = [](const std::string& a, const std::string& b) {
     return a.starts_with(b) || b.starts_with(a);  // a day of birth may be known as its year alone
   };
-  if (one.patient_id != other.patient_id) return false;
-  if (one.patient_id.empty()) return one.patient == other.patient;
-  return agree(one.birth_date, other.birth_date) &&
-         (one.patient_id_issuer == other.patient_id_issuer || one.patient_id_issuer.empty() ||
+  if (one.patient_id != other.patient_id || !agree(one.birth_date, other.birth_date)) return false;
+  if (one.patient_id.empty()) return !one.patient.empty() && one.patient == other.patient;
+  return (one.patient_id_issuer == other.patient_id_issuer || one.patient_id_issuer.empty() ||
           other.patient_id_issuer.empty());
 }
 

@@ -52,7 +52,7 @@ struct ProcedureData {
 void complete(ProcedureData& data, const ProcedureData& more);
 
 /// Whether nothing says that they are two patients: the same number, and no two issuers or days of birth that
-/// differ. Where neither has a number, the same name as it was sent.
+/// differ. Where neither has a number, the same name as it was sent; two without either may be anybody.
 bool may_be_same_patient(const ProcedureData& one, const ProcedureData& other);
 
 /// The subject file's text (docs/reference/format-streams.md): one JSON object, what is empty left out.

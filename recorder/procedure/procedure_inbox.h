@@ -31,8 +31,8 @@ class ProcedureInbox {
   /// Listens, if it does not; a port that is taken is tried again some seconds after. Call each second or so.
   void tend();
 
+  /// As those of ProcedureBook.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
-  /// As ProcedureBook::list().
   [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] ProcedureWay way() const;

@@ -23,7 +23,8 @@ NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::
 bool is_anybodys(const WorklistAnswer& answer, const NearestPlan& plan) {
   const WorklistItem& chosen = answer.items[*plan.index];
   return std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
-    return answer.items[each].is_left_out || !may_be_same_patient(answer.items[each].data, chosen.data);
+    const WorklistItem& item = answer.items[each];
+    return item.is_left_out || (each != *plan.index && !may_be_same_patient(item.data, chosen.data));
   });
 }
 
@@ -168,7 +169,9 @@ std::optional<ProcedureData> Worklist::find(UtcTime at) const {
 
 bool Worklist::is_doubtful(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return recorder::is_doubtful(state_->newest, at, state_->options.window);
+  const auto window = state_->options.window;
+  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return false;
+  return recorder::is_doubtful(state_->newest, at, window);
 }
 
 std::vector<ProcedureData> Worklist::list(UtcTime at) const {

@@ -56,16 +56,21 @@ const char* name_of(WhyRigid why) {
 
 class DeformedTrack::Following {
  public:
-  Following(const DeformableOrgan& organ, double field_deg) : organ_(organ), field_deg_(field_deg) {}
+  explicit Following(const DeformableOrgan& organ) : organ_(organ) {}
 
   DeformedMoment take(const OrganTrack::Taken& taken, const AlignedMoment& rigid) {
+    if (taken.picture.width != width_ || taken.picture.height != height_) {
+      width_ = taken.picture.width;
+      height_ = taken.picture.height;
+      rest_.reset();
+      points_.drop();
+    }
     points_.follow(taken.picture, taken.cover);
-    if (rest_ && (taken.picture.width != width_ || taken.picture.height != height_)) rest_.reset();
     if (!rest_) return begin(taken, rigid);
     const Stillness stillness = rest_->surroundings.look(taken.picture, taken.cover).stillness;
     if (stillness != Stillness::kStill) {
       ++useless_;
-      moved_ = stillness == Stillness::kMoved ? moved_ + 1 : moved_;
+      moved_ = stillness == Stillness::kMoved ? moved_ + 1 : 0;
       if (moved_ >= kMostMoved || useless_ >= kMostUseless) {
         rest_.reset();
         return begin(taken, rigid);
@@ -105,8 +110,6 @@ class DeformedTrack::Following {
                                           taken.picture.height, 2);
     if (!silhouette) return rigid_because(WhyRigid::kNoRest);
     rest_.emplace(rigid.time_ns, taken, *silhouette);
-    width_ = taken.picture.width;
-    height_ = taken.picture.height;
     const double depth_m = -taken.place->camera.view_m(surface.middle_m).z();
     rest_->colours =
         colours_of(taken.cells, *silhouette, 0.5 * taken.pinhole.focal_px * surface.radius_m / depth_m);
@@ -146,7 +149,7 @@ class DeformedTrack::Following {
     describe(fit, moment);
     moment.misfit_px *= taken.scale;
     moment.rest_ns = rest_->time_ns;
-    moment.camera.half_extent = half_extent_of(field_deg_, taken.picture.width, taken.picture.height);
+    moment.camera.half_extent = rigid.camera.half_extent;
     moment.rigid_points_agree = taken.place != nullptr ? explained(followed, *taken.place, taken.pinhole) : 0;
     moment.why = verdict(moment, rigid);
     return moment;
@@ -198,16 +201,14 @@ class DeformedTrack::Following {
   }
 
   const DeformableOrgan& organ_;
-  double field_deg_;
   SurfacePoints points_;
   std::optional<Rest> rest_;
   Eigen::VectorXd begin_;
-  int width_ = 0, height_ = 0;
+  int width_ = 0, height_ = 0;   // of the picture before
   int moved_ = 0, useless_ = 0;  // pictures in a row
 };
 
-DeformedTrack::DeformedTrack(const DeformableOrgan& organ, double field_deg)
-    : following_(std::make_unique<Following>(organ, field_deg)) {}
+DeformedTrack::DeformedTrack(const DeformableOrgan& organ) : following_(std::make_unique<Following>(organ)) {}
 
 DeformedTrack::~DeformedTrack() = default;
 

@@ -20,7 +20,7 @@ namespace kiroku::sim {
 enum class WhyRigid {
   kDeformed,     // it is not rigid
   kAtRest,       // displacements are counted from this picture
-  kNoRest,       // no picture before showed the organ at rest
+  kNoRest,       // no picture since the endoscope moved last, or the size changed, showed the organ at rest
   kMoved,        // the endoscope moved since, or all around the organ did
   kUnseen,       // whether it moved cannot be said: too little is seen around the organ
   kUnfitted,     // no deformation explains the picture; DeformedMoment::unfitted says why
@@ -54,8 +54,8 @@ struct DeformedMoment {
 
 class DeformedTrack {
  public:
-  /// What is given outlives the object. `field_deg` as OrganTrack has it.
-  DeformedTrack(const DeformableOrgan& organ, double field_deg);
+  /// `organ` must outlive the object.
+  explicit DeformedTrack(const DeformableOrgan& organ);
   ~DeformedTrack();
   DeformedTrack(const DeformedTrack&) = delete;
   DeformedTrack& operator=(const DeformedTrack&) = delete;

@@ -140,8 +140,12 @@ SurroundingsLook Surroundings::look(const Picture& picture, const Cover& cover) 
   // alone of a good picture would leave the motion open, nothing there tells one place from another.
   constexpr double kMostErrorPx = 0.5, kLeastAlike = 0.7, kLeastKept = 0.5, kNoise = 1;
   if (kShrink * kNoise * std::sqrt(variance / count) > kMostErrorPx) return found;
-  const bool stands = found.error_px <= kMostErrorPx && found.moved_px <= kStillPx &&
-                      found.alike >= kLeastAlike && weights >= kLeastKept * count;
+  // A plain wall is any place with no contrast left.
+  constexpr double kLeastGain = 0.5, kMostGain = 2;
+  const double gain = 1 + way[6] / 255;
+  const bool stands = gain >= kLeastGain && gain <= kMostGain && found.error_px <= kMostErrorPx &&
+                      found.moved_px <= kStillPx && found.alike >= kLeastAlike &&
+                      weights >= kLeastKept * count;
   found.stillness = stands ? Stillness::kStill : Stillness::kMoved;
   return found;
 }

@@ -121,14 +121,23 @@ std::optional<Element> element_at(const Content& content, std::uint64_t at, bool
 struct Meta {
   std::uint64_t end = 132;
   std::string syntax;
+  /// Whether nobody can read it otherwise: one transfer syntax, and an end where its stated length has it.
+  bool is_sound = false;
 };
 Meta meta_of(const Content& content) {
   Meta meta;
+  constexpr std::uint32_t kGroupLength = 0x00020000, kTransferSyntax = 0x00020010, kLongestUid = 64;
+  std::optional<std::uint64_t> stated_end;
+  std::size_t syntaxes = 0, lengths = 0;
   for (;;) {
     const auto element = element_at(content, meta.end, true);
-    if (!element || element->tag >> 16U != 2 || element->length == kUndefined) return meta;
-    constexpr std::uint32_t kTransferSyntax = 0x00020010, kLongestUid = 64;
-    if (element->tag == kTransferSyntax && element->length <= kLongestUid) {
+    if (!element || element->tag >> 16U != 2 || element->length == kUndefined) break;
+    if (element->tag == kGroupLength && ++lengths == 1 && element->length == 4) {
+      std::array<unsigned char, 4> length{};
+      if (content.read(element->value, length.data(), length.size()) == length.size())
+        stated_end = element->value + length.size() + number32(length.data());
+    }
+    if (element->tag == kTransferSyntax && ++syntaxes == 1 && element->length <= kLongestUid) {
       std::array<char, kLongestUid> text{};
       const std::size_t got =
           content.read(element->value, reinterpret_cast<unsigned char*>(text.data()), element->length);
@@ -137,12 +146,29 @@ Meta meta_of(const Content& content) {
     }
     meta.end = element->value + element->length;
   }
+  meta.is_sound = syntaxes == 1 && lengths == 1 && stated_end == meta.end && !meta.syntax.empty();
+  return meta;
 }
 
+// Explicit VR little endian, and JPIP's referenced pictures, deflated.
+constexpr std::array<std::string_view, 3> kDeflated{"1.2.840.10008.1.2.1.99", "1.2.840.10008.1.2.4.95",
+                                                    "1.2.840.10008.1.2.4.205"};
+
 bool is_deflated(const std::string& syntax) {
-  // Explicit VR little endian, and JPIP's referenced pictures, deflated.
-  return syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.10008.1.2.4.95" ||
-         syntax == "1.2.840.10008.1.2.4.205";
+  return std::ranges::find(kDeflated, syntax) != kDeflated.end();
+}
+
+/// Whether the name of a deflated encoding stands anywhere.
+bool names_deflated(const Content& content) {
+  constexpr std::size_t kLongest = 23;
+  std::vector<char> chunk(kChunk + kLongest);
+  for (std::uint64_t at = 0; at < content.size(); at += kChunk) {
+    const std::size_t got = content.read(at, reinterpret_cast<unsigned char*>(chunk.data()), chunk.size());
+    const std::string_view text(chunk.data(), got);
+    if (std::ranges::any_of(kDeflated, [&](auto name) { return text.find(name) != std::string_view::npos; }))
+      return true;
+  }
+  return false;
 }
 
 /// Items that begin in [begin, end), in either order of bytes: at least as many as lie within each other. In
@@ -300,6 +326,14 @@ void require_bounded_dicom(const std::filesystem::path& file) {
   const std::string what = "cannot read " + file.string();
   const FileContent content(file);
   const Meta meta = meta_of(content);
+  // DCMTK may read otherwise what is not sound. However it does, sequences lie in items, which stand in the
+  // file as they are unless it is deflated, and then its name stands there.
+  const bool is_odd = !meta.is_sound && names_deflated(content);
+  if (is_odd) {
+    throw Error(what +
+                ": its file meta information is damaged, and names a deflated encoding; save it without "
+                "compression");
+  }
   std::optional<MemoryContent> expanded;
   if (is_deflated(meta.syntax)) expanded.emplace(inflated(content, meta.end, what));
   const Content& elements = expanded ? static_cast<const Content&>(*expanded) : content;
@@ -309,7 +343,9 @@ void require_bounded_dicom(const std::filesystem::path& file) {
   const std::uint64_t begin = expanded ? 0 : meta.end;
   if (items_in(elements, begin, elements.size()) <= kMostUnaskedItems) return;
   constexpr std::string_view kImplicit = "1.2.840.10008.1.2", kBigEndian = "1.2.840.10008.1.2.2";
-  if (meta.syntax.empty() || meta.syntax == kBigEndian) {
+  // Others have encodings of their own, under names of their own.
+  const bool is_followed = meta.is_sound && meta.syntax.starts_with(kImplicit) && meta.syntax != kBigEndian;
+  if (!is_followed) {
     throw Error(what + ": it has more than " + std::to_string(kMostUnaskedItems) +
                 " items of sequences in an encoding in which they are not followed; save it as explicit VR "
                 "little endian");

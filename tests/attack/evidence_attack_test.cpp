@@ -614,6 +614,58 @@ TEST_F(EvidenceAttack, EntriesBehindTheRecordAreCountedAndTakenIn) {
                                                    " since 2028-02-01T00:00:00"));
 }
 
+TEST_F(EvidenceAttack, WhatIsTakenInIsNotProvedBeforeTheTokensInIt) {
+  const TestAuthority late = make_test_authority();
+  trust_.add_trusted(bytes_of(late.root_pem()), "late");
+  AttackedCase attacked(first_);
+  fs::create_directory(attacked.outside("evidence"));
+  const std::uint64_t size = attacked.lines().size();
+  attacked.write_note(size, attacked.origin(), size, attacked.root(size), archive_.key(),
+                      SampleArchive::kDeviceName);
+  const crypto::Sha256Digest imprint =
+      crypto::sha256(bytes_of(read_file(attacked / archive::note_path(size))));
+  TokenRecipe recipe;
+  recipe.imprint = to_bytes(ByteView(imprint));
+  recipe.gen_time = "20310601000000Z";
+  recipe.signer = &late.signer;
+  recipe.enclosed = {late.signer.certificate.get(), late.ca.certificate.get()};
+  const Bytes response = make_response(make_token(recipe));
+  archive::TokenEntry token = SampleArchive::facts_of(response);
+  token.checkpoint = size;
+  token.authority = "late";
+  token.file = archive::token_path(size, token.authority);
+  token.sha256 = crypto::sha256(response);
+  write_file(attacked / token.file, std::string(text_of(response)));
+  attacked.append(token);
+  attacked.write_note(size + 1, attacked.origin(), size + 1, attacked.root(size + 1), archive_.key(),
+                      SampleArchive::kDeviceName);
+
+  evidence::EvidenceRecord beginning = *evidence::parse_record(bytes_of(read_file(record(first_)))).record;
+  beginning.chains.front().resize(1);
+  const std::string of_the_first_entries(text_of(evidence::encode_record(beginning)));
+  const auto taken_in = [&](const std::string& today) {
+    write_file(record(attacked.folder()), of_the_first_entries);
+    archive::EvidenceRenewalOptions options;
+    options.trust = &trust_;
+    options.now = [] { return day("2033-11-01"); };
+    options.stamp = outside_.at(today);
+    options.take_in = true;
+    const archive::EvidenceRenewal taken =
+        archive::renew_evidence(archive::real_file_system(), {attacked.folder()}, options).front();
+    EXPECT_EQ(taken.what, archive::EvidenceRenewal::What::kHashTreeRenewed) << taken.text;
+    archive::VerifyOptions verify;
+    verify.devices = {archive_.device()};
+    verify.trust = &trust_;
+    verify.now = day("2033-12-01");
+    return archive::verify_case(attacked.folder(), verify);
+  };
+  EXPECT_TRUE(has(taken_in("2033-11-01"), "evidence-holds")) << details(taken_in("2033-11-01"));
+  const VerificationReport report = taken_in("2028-02-01");
+  ASSERT_TRUE(has(report, "evidence-refused")) << details(report);
+  EXPECT_THAT(details(report), testing::HasSubstr("the first time-stamp of a later chain is of 2028-02-01"));
+  EXPECT_FALSE(report.evidence->since);
+}
+
 /// An excerpt beside the case, whose record lies where it is looked for.
 class ExcerptEvidence : public EvidenceAttack {
  protected:

@@ -419,7 +419,7 @@ Expected found_at_rest(const Picture& picture, const OrganSurface& surface, cons
 class AsTheCommand {
  public:
   AsTheCommand(const TetMesh& mesh, const DeformableOrgan& organ)
-      : organ_(organ), track_(mesh, EndoscopeScene::kFieldDeg), deformed_(organ, EndoscopeScene::kFieldDeg) {}
+      : organ_(organ), track_(mesh, EndoscopeScene::kFieldDeg), deformed_(organ) {}
 
   void take(const Picture& picture) {
     time_ns_ += 100'000'000;

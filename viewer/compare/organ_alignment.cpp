@@ -133,7 +133,7 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
   std::optional<sim::DeformedTrack> deformed;
   if (request.deformed) {
     organ.emplace(sim::ElasticBody(mesh, body.materials, body.constraints));
-    deformed.emplace(*organ, request.field_deg);
+    deformed.emplace(*organ);
   }
   sim::OrganTrack track(mesh, request.field_deg, request.range);
   playback::PictureSpan frames(recording, identities, stream, request.span.start_ns, request.span.end_ns);

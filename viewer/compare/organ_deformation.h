@@ -16,7 +16,7 @@ namespace kiroku::compare {
 /// document has, so that whoever reads it comes to the same.
 class DisplacementFields {
  public:
-  /// A node is off by at most that. The least standard error that a fit states is a hundred times as large.
+  /// A node is off by at most that. The least standard error that a fit states is eight times as large.
   static constexpr double kMostErrorMm = 0.2;
   static constexpr std::size_t kMostFields = 64;
   /// Of a field's components, of which the largest is 1; and of weights.

@@ -10,6 +10,13 @@ namespace {
 /// Far more often than a tap is full.
 constexpr std::chrono::milliseconds kBetweenLooks{250};
 
+/// IHE PCD-04's priorities. One that the device does not state may be grave.
+int gravity_of(const std::string& priority) {
+  if (priority == "PH") return 3;
+  if (priority == "PL") return 1;
+  return priority == "PI" ? 0 : 2;
+}
+
 }  // namespace
 
 LiveMonitors::LiveMonitors() : thread_([this] { run(); }) {}
@@ -99,10 +106,13 @@ void LiveMonitors::take(Stream& stream, const media::DeviceAlarm& alarm) {
   } else if (found != stream.alarm_keys.end()) {
     stream.alarms[static_cast<std::size_t>(place)].priority = alarm.priority;
   } else {
-    // The oldest makes room. A device whose texts change never ends those it began.
+    // The oldest of the least grave makes room. A device whose texts change never ends those it began.
     if (stream.alarms.size() == kMostAlarms) {
-      stream.alarms.erase(stream.alarms.begin());
-      stream.alarm_keys.erase(stream.alarm_keys.begin());
+      const auto least = std::ranges::min_element(
+          stream.alarms, {}, [](const viewer::LiveAlarm& each) { return gravity_of(each.priority); });
+      if (gravity_of(alarm.priority) < gravity_of(least->priority)) return;
+      stream.alarm_keys.erase(stream.alarm_keys.begin() + (least - stream.alarms.begin()));
+      stream.alarms.erase(least);
     }
     stream.alarms.push_back({stream.name, alarm.source, alarm.text, alarm.priority, alarm.time_ns});
     stream.alarm_keys.push_back(key);

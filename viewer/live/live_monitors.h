@@ -30,7 +30,7 @@ class LiveMonitors {
 
   /// Of a wave so much is kept.
   static constexpr std::int64_t kWaveKept_ns = 10'000'000'000;
-  /// Of one stream; of a device that sends more, what it said last is shown.
+  /// Of one stream; of a device that sends more, what it said last is shown, and the graver alarms.
   static constexpr std::size_t kMostSeries = 200, kMostAlarms = 100;
 
  private:

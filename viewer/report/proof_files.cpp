@@ -143,7 +143,8 @@ std::optional<Attachment> log_proof_file(const std::filesystem::path& folder, co
   try {
     const archive::MadeLogProof made = archive::prove_case_in_log(
         folder, log->folder, log->device, log->kept, [&](const std::string& /*case_id*/) { return folder; });
-    return carry(made.proof.to_text());
+    // The folder was opened anew: another genuine case may lie there since.
+    return made.case_id == found.case_id ? std::optional(carry(made.proof.to_text())) : std::nullopt;
   } catch (const Error&) {
     return std::nullopt;  // the document says what the log was found to know
   }

@@ -138,12 +138,13 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.files", "Is every file there, and exactly as it was when it was listed?",
      "すべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.yes",
-     "The ledger names {0}, and each has the hash that it states. Beside these only the ledger, its "
+     "The ledger names {0}, and each has the hash that it states. Beside these are the ledger, its "
      "checkpoints, "
-     "the device's public key and certificates of authorities are there, {1} in all.",
+     "the device's public key and certificates of authorities, {1} in all. What else is there the findings "
+     "name.",
      "台帳に記載の{0}"
-     "は、すべて記載どおりのハッシュ値です。ほかにあるのは台帳、そのチェックポイント、装置の公開鍵、"
-     "認証局の証明書だけです（合計 {1}）。"},
+     "は、すべて記載どおりのハッシュ値です。ほかに台帳、そのチェックポイント、装置の公開鍵、"
+     "認証局の証明書があります（合計 {1}）。それ以外のものは所見に記します。"},
     {"check.files.unasked",
      "Every file that could be looked for is there. But entries cannot be read, or name files that they may "
      "not: "
@@ -156,15 +157,15 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"check.files.excerpt", "Is every file of the excerpt there, and exactly as it was when it was listed?",
      "抜粋のすべてのファイルが存在し、一覧に記載されたときのままか"},
     {"check.files.excerpt.yes",
-     "Its lines name {0} that are here, and each has the hash that they state: {2}. Beside these only the "
+     "Its lines name {0} that are here, and each has the hash that they state: {2}. Beside these are the "
      "lines, "
-     "the checkpoints, the device's public key and certificates of authorities are there, {1} in all. Files "
-     "of "
+     "the excerpt's own documents, the checkpoints, the device's public key and certificates of authorities, "
+     "{1} in all. What else is there the findings name. Files of "
      "the case outside the excerpt were not here to be checked.",
      "抜粋の行に記載されここにある{0}は、すべて記載どおりのハッシュ値です（{2}"
-     "）。ほかにあるのは行、チェックポイント、"
-     "装置の公開鍵、認証局の証明書だけです（合計 "
-     "{1}）。症例のうち抜粋に含まれないファイルは検査していません。"},
+     "）。ほかに行、抜粋自体の文書、チェックポイント、"
+     "装置の公開鍵、認証局の証明書があります（合計 "
+     "{1}）。それ以外のものは所見に記します。症例のうち抜粋に含まれないファイルは検査していません。"},
     {"check.streams", "Was it recorded without a break from beginning to end?",
      "始めから終わりまで途切れなく記録されたか"},
     {"check.streams.yes",
@@ -472,7 +473,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"evidence.covered", "It covers {0} ledger entries, from the first on, and {1} files that they name.",
      "対象は、台帳の最初から {0} 件の項目と、それらが名指す {1} 個のファイルです。"},
     {"evidence.taken-in", "{0} entries came later. A later time stamp of the record covers them, since {1}.",
-     "その後に加わった {0} 件の項目は、証拠記録の後のタイムスタンプにより {1} 以降証明されています。"},
+     "その後に加わった {0} 件の項目は、証拠記録の後のタイムスタンプにより {1} 以降対象とされています。"},
     {"evidence.later",
      "{0} entries came later. The record says nothing of them. On the recorder 'kiroku renew --take-in' "
      "brings "

@@ -167,6 +167,11 @@ TEST(ProcedureList, OnePatientIsTheSameNumberOfOneIssuer) {
   EXPECT_FALSE(may_be_same_patient(one, patient("4711", "CLINIC", "1980-01-15")));
   EXPECT_FALSE(may_be_same_patient(one, patient("4711", "", "1952-03-02")));
   EXPECT_FALSE(may_be_same_patient(one, patient("4712", "HOSPITAL", "1980-01-15")));
+  ProcedureData father = patient("", "", "1950"), son = patient("", "", "1980");
+  father.patient.as_sent = son.patient.as_sent = "SATO^TARO";
+  EXPECT_TRUE(may_be_same_patient(son, son));
+  EXPECT_FALSE(may_be_same_patient(father, son));
+  EXPECT_FALSE(may_be_same_patient(ProcedureData{}, ProcedureData{})) << "two emergencies";
   std::vector<ProcedureData> list{one};
   add_unknown(list, {patient("4711", "CLINIC", "")});
   EXPECT_EQ(list.size(), 2U) << "both can be chosen";

@@ -2,6 +2,8 @@
 // organ does, and rigid with a reason elsewhere.
 #include "sim/align/deformed_track.h"
 
+#include <array>
+
 #include <gmock/gmock.h>
 
 #include "sim/align/surroundings.h"
@@ -64,7 +66,7 @@ class DeformedTrackTest : public testing::Test {
   static const DeformableOrgan* organ_;
   EndoscopeScene scene_{truth_->mesh()};
   OrganTrack track_{tracked_mesh(), EndoscopeScene::kFieldDeg};
-  DeformedTrack deformed_{*organ_, EndoscopeScene::kFieldDeg};
+  DeformedTrack deformed_{*organ_};
   AlignedMoment rigid_;
 };
 const test::PulledOrgan* DeformedTrackTest::truth_ = nullptr;
@@ -107,9 +109,30 @@ TEST_F(DeformedTrackTest, CountsNoDisplacementsFromAPictureThatTheRigidOrganDoes
   EXPECT_EQ(take(look(1, 1)).why, WhyRigid::kNoRest) << rigid_.misfit_px;
 }
 
+TEST_F(DeformedTrackTest, BeginsAnewInPicturesOfAnotherSize) {
+  EXPECT_EQ(take(look(0, 1)).why, WhyRigid::kAtRest);
+  Picture half;
+  const Picture whole = scene_.picture(look(0, 2));
+  half.width = whole.width / 2;
+  half.height = whole.height / 2;
+  for (int y = 0; y < half.height; ++y) {
+    for (int x = 0; x < half.width; ++x) {
+      const auto* const at = whole.rgb.data() + 3 * (2 * y * whole.width + 2 * x);
+      half.rgb.insert(half.rgb.end(), at, at + 3);
+    }
+  }
+  rigid_ = track_.take(rigid_.time_ns + 1, half);
+  EXPECT_THAT(deformed_.take(track_.taken(), rigid_).why,
+              testing::AnyOf(WhyRigid::kAtRest, WhyRigid::kNoRest));
+  EXPECT_EQ(take(look(0, 3)).why, WhyRigid::kAtRest) << "and back";
+}
+
 class SurroundingsTest : public DeformedTrackTest {
  protected:
   [[nodiscard]] SurroundingsLook after(const EndoscopeScene::Look& later) {
+    return after(scene_.picture(later));
+  }
+  [[nodiscard]] SurroundingsLook after(const Picture& later) {
     const EndoscopeScene::Look before = look(0, 1);
     const Picture picture = scene_.picture(before);
     const Pinhole pinhole =
@@ -117,8 +140,7 @@ class SurroundingsTest : public DeformedTrackTest {
     const auto organ =
         silhouette_of(organ_->surface(), before.camera, pinhole, picture.width, picture.height, 2);
     const Surroundings around(picture, cover_of(picture), *organ);
-    const Picture now = scene_.picture(later);
-    return around.look(now, cover_of(now));
+    return around.look(later, cover_of(later));
   }
 };
 
@@ -134,6 +156,17 @@ TEST_F(SurroundingsTest, TellAMotionOfTwoPixels) {
   moved.camera.eye_m += kDistanceM * 2 / 416 * moved.camera.to_view.row(0).transpose();
   const SurroundingsLook found = after(moved);
   EXPECT_EQ(found.stillness, Stillness::kMoved) << found.moved_px;
+}
+
+// What has no features is explained by any place, if only its contrast may be anything.
+TEST_F(SurroundingsTest, DoNotStandBeforeAPlainWall) {
+  Picture wall = scene_.picture(look(0, 2));
+  for (std::size_t at = 0; at < wall.rgb.size(); ++at) {
+    constexpr std::array<std::uint8_t, 3> kPlain{190, 130, 104};
+    wall.rgb[at] = kPlain[at % 3];
+  }
+  const SurroundingsLook found = after(wall);
+  EXPECT_NE(found.stillness, Stillness::kStill) << found.moved_px << " px, alike " << found.alike;
 }
 
 TEST_F(SurroundingsTest, AreUnseenInSmoke) {

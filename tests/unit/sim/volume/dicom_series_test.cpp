@@ -364,6 +364,53 @@ TEST_F(DicomSeriesTest, SequencesOfStatedLengthsWithoutBottomAreRefused) {
   EXPECT_THAT(refusal(), HasSubstr("lie more than 64 deep within each other"));
 }
 
+/// A file with that meta information, whose length it states, and that data set.
+void write_dicom(const std::filesystem::path& file, const std::string& meta, const std::string& data,
+                 std::uint32_t stated_bytes) {
+  std::ofstream out(file, std::ios::binary);
+  out << std::string(128, 0) << "DICM" << element(std::string("\x02\x00\x00\x00", 4), "UL", 4)
+      << little(stated_bytes) << meta << data;
+}
+std::string syntax(const std::string& name) {
+  return element(std::string("\x02\x00\x10\x00", 4), "UI", static_cast<std::uint32_t>(name.size())) + name;
+}
+std::string deflated(const std::string& data) {
+  z_stream stream{};
+  EXPECT_EQ(::deflateInit2(&stream, 9, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY), Z_OK);
+  std::string text = data, out(::deflateBound(&stream, data.size()), 0);
+  stream.next_in = reinterpret_cast<Bytef*>(text.data());
+  stream.avail_in = static_cast<uInt>(text.size());
+  stream.next_out = reinterpret_cast<Bytef*>(out.data());
+  stream.avail_out = static_cast<uInt>(out.size());
+  EXPECT_EQ(::deflate(&stream, Z_FINISH), Z_STREAM_END);
+  out.resize(out.size() - stream.avail_out);
+  ::deflateEnd(&stream);
+  return out;
+}
+
+// What is looked at before must be what DCMTK reads then: each of these was read otherwise, and ended the
+// program.
+TEST_F(DicomSeriesTest, MetaInformationThatCanBeReadInTwoWaysIsRefused) {
+  std::string deep;
+  for (int level = 0; level < 100'000; ++level) deep += element(kPrivate, "SQ", 0xFFFFFFFF) + kItem + kOpen;
+  const std::string plain = syntax(std::string("1.2.840.10008.1.2.1\0", 20)),
+                    packed = syntax("1.2.840.10008.1.2.1.99"),
+                    padded = syntax("1.2.840.10008.1.2.1.99" + std::string(58, 0)),
+                    implicit = std::string("\x02\x00\x10\x00", 4) + little(22) + "1.2.840.10008.1.2.1.99",
+                    foreign = syntax(std::string("1.2.840.113619.5.2"));
+  const auto refused_as = [&](const std::string& meta, const std::string& data, std::size_t stated) {
+    write_dicom(folder() / "0.dcm", meta, data, static_cast<std::uint32_t>(stated));
+    return refusal();
+  };
+  const auto odd = HasSubstr("its file meta information is damaged, and names a deflated encoding");
+  EXPECT_THAT(refused_as(plain + packed, deep, plain.size() + packed.size()), odd);
+  EXPECT_THAT(refused_as(plain + packed, deep, plain.size()), odd);
+  EXPECT_THAT(refused_as(packed + plain, deflated(deep), plain.size() + packed.size()), odd);
+  EXPECT_THAT(refused_as(padded, deflated(deep), padded.size()), odd);
+  EXPECT_THAT(refused_as(implicit, deflated(deep), implicit.size()), odd);
+  EXPECT_THAT(refused_as(foreign, deep, foreign.size()), HasSubstr("in which they are not followed"));
+}
+
 // Contours of radiotherapy are thousands of items beside each other.
 TEST_F(DicomSeriesTest, ManyItemsBesideEachOtherAreRead) {
   write_stack({0, 2.5});
@@ -382,7 +429,8 @@ TEST_F(DicomSeriesTest, ManyItemsBesideEachOtherAreRead) {
 TEST_F(DicomSeriesTest, WhatInflatesToMoreThanAPictureIsRefused) {
   std::string meta = element(std::string("\x02\x00\x10\x00", 4), "UI", 22) + "1.2.840.10008.1.2.1.99";
   std::ofstream file(folder() / "0.dcm", std::ios::binary);
-  file << std::string(128, 0) << "DICM" << meta;
+  file << std::string(128, 0) << "DICM" << element(std::string("\x02\x00\x00\x00", 4), "UL", 4)
+       << little(static_cast<std::uint32_t>(meta.size())) << meta;
   z_stream stream{};
   ASSERT_EQ(::deflateInit2(&stream, 1, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY), Z_OK);
   std::vector<unsigned char> zeros(1U << 20U), out(1U << 16U);

@@ -36,12 +36,13 @@ class LiveMonitorsTest : public testing::Test {
     sample.values = {1, 2, 3, 4};
     tap_->offer(sample);
   }
-  void alarm(std::int64_t time_ns, const std::string& phase, const std::string& text = "SpO2 low") {
+  void alarm(std::int64_t time_ns, const std::string& phase, const std::string& text = "SpO2 low",
+             const std::string& priority = "PH") {
     media::DeviceAlarm alarm;
     alarm.time_ns = time_ns;
     alarm.text = text;
     alarm.phase = phase;
-    alarm.priority = "PH";
+    alarm.priority = priority;
     tap_->offer(alarm);
   }
   viewer::LiveVitalsNow now(std::int64_t after_ns = -1) { return monitors_.now("or-1", after_ns).value(); }
@@ -97,6 +98,19 @@ TEST_F(LiveMonitorsTest, ShowANewAlarmAlsoBehindManyThatNeverEnded) {
   EXPECT_EQ(alarms.front().text, "HR 2") << "the oldest made room";
   alarm(2 * kSecond, "end", "asystole");
   EXPECT_EQ(now().alarms.back().text, "HR " + std::to_string(LiveMonitors::kMostAlarms));
+}
+
+TEST_F(LiveMonitorsTest, ShowAGraveAlarmAlsoBeforeManyThatAreNot) {
+  alarm(1, "start", "asystole");
+  for (std::size_t i = 0; i < 2 * LiveMonitors::kMostAlarms; ++i)
+    alarm(static_cast<std::int64_t>(i) + 2, "start", "cable " + std::to_string(i), "PL");
+  EXPECT_EQ(now().alarms.front().text, "asystole");
+  for (std::size_t i = 0; i < LiveMonitors::kMostAlarms; ++i)
+    alarm(kSecond + static_cast<std::int64_t>(i), "start", "HR " + std::to_string(i));
+  alarm(2 * kSecond, "start", "cable", "PL");
+  const auto alarms = now().alarms;
+  ASSERT_THAT(alarms, SizeIs(LiveMonitors::kMostAlarms));
+  for (const viewer::LiveAlarm& each : alarms) EXPECT_EQ(each.priority, "PH") << each.text;
 }
 
 TEST_F(LiveMonitorsTest, ShowANumberAlsoBehindManyNamesThatCameOnce) {

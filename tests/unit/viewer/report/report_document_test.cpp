@@ -355,8 +355,8 @@ TEST_F(ReportDocument, CountsTheFilesThatTheLedgerNamesAndSaysWhatElseIsThere) {
   ReportInput whole = input();
   EXPECT_THAT(test::text_of(make_report(whole)),
               HasSubstr("The ledger names " + named_in(folder_) +
-                        " files, and each has the hash that it states. Beside these only the ledger, its "
-                        "checkpoints, the device's public key and certificates of authorities are there, "));
+                        " files, and each has the hash that it states. Beside these are the ledger, its "
+                        "checkpoints, the device's public key and certificates of authorities, "));
   EXPECT_THAT(test::text_of(make_certificate(whole)),
               HasSubstr("the SHA-256 hash (FIPS 180-4) of the " + named_in(folder_) +
                         " files of the copy that entries name, and compared each with its entry."));

@@ -282,6 +282,10 @@ describe('The shape of the organ in the pictures', () => {
     const one = shaped([pulled(0, [1, 2, 3])]);
     expect(organShapeAt(one, 0)).toBeUndefined();
     expect(organShapeAt({ ...one, deformed: { pictures: 1, largest_mm: 1, scale_mm: 5, fields: [[1], [2], [3]] } }, 0)).toBeUndefined();
+    const whole = shaped([pulled(0, [10])]);
+    if (!whole.deformed) throw new Error('it is deformed');
+    expect(organShapeAt(whole, 0)).toBeDefined();
+    expect(organShapeAt({ ...whole, deformed: { ...whole.deformed, scale_mm: 0 } }, 0)).toBeUndefined();
   });
 
   it('says of each node whether its displacement is told', () => {

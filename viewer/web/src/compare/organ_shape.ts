@@ -28,6 +28,8 @@ function toldNodes(text: string | undefined, count: number): Uint8Array {
 function shapeOf(alignment: OrganAlignment, moment: Deformed): OrganShape | undefined {
   const fields = alignment.deformed?.fields ?? [];
   const count = alignment.surface?.nodes_mm.length ?? 0;
+  // Without a scale no colour can be drawn.
+  if (!((alignment.deformed?.scale_mm ?? 0) > 0)) return undefined;
   if (count === 0 || moment.weights_mm.length > fields.length || fields.some((one) => one.length !== count)) return undefined;
   const displacement = new Float64Array(count);
   moment.weights_mm.forEach((weight, at) => {

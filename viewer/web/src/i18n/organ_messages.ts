@@ -52,9 +52,9 @@ export const organEn = {
   'organ.deformedIn': 'Deformed to fit in {n} of {all} pictures, by up to {most} mm.',
   'organ.rigidIn': 'Rigid in {n}: {why}',
   'organ.deformedNote':
-    'Displacements count from the last picture before that the rigid organ explains. Grey: not known to 6 mm. The organ is taken to be held where the plan holds it. Lens distortion is not known.',
+    'Displacements count from the picture in which the organ was taken to be at rest. Grey: not known to 6 mm. The organ is taken to be held where the plan holds it. Lens distortion is not known.',
   'organ.rigid.at-rest': 'displacements count from here',
-  'organ.rigid.not-seen-at-rest': 'not seen at rest before',
+  'organ.rigid.not-seen-at-rest': 'not seen at rest since the endoscope last moved',
   'organ.rigid.endoscope-moved': 'the endoscope moved',
   'organ.rigid.surroundings-unseen': 'too little around it is seen to know whether the endoscope moved',
   'organ.rigid.unfitted': 'no deformation explains the picture',
@@ -116,9 +116,9 @@ export const organJa: Record<keyof typeof organEn, string> = {
   'organ.deformedIn': '{all} 枚中 {n} 枚で変形を適用、変位は最大 {most} mm。',
   'organ.rigidIn': '剛体のまま {n} 枚：{why}',
   'organ.deformedNote':
-    '変位は、剛体の臓器で説明できた直前の画像からのものです。灰色：6 mm の精度では不明。臓器は計画と同じ場所で固定されているとみなします。レンズのゆがみは考慮していません。',
+    '変位は、臓器が静止しているとみなした画像からのものです。灰色：6 mm の精度では不明。臓器は計画と同じ場所で固定されているとみなします。レンズのゆがみは考慮していません。',
   'organ.rigid.at-rest': 'ここを変位の起点とする',
-  'organ.rigid.not-seen-at-rest': 'それまでに静止した臓器が見えていない',
+  'organ.rigid.not-seen-at-rest': '内視鏡が最後に動いてから、静止した臓器が見えていない',
   'organ.rigid.endoscope-moved': '内視鏡が動いた',
   'organ.rigid.surroundings-unseen': '周囲がほとんど見えず、内視鏡が動いたか分からない',
   'organ.rigid.unfitted': '画像を説明できる変形がない',
