@@ -91,10 +91,11 @@ function(kiroku_asio_coroutines target)
   endif()
 endfunction()
 
-# kiroku_test_in_shards(NAME PROGRAM COUNT [LABEL label] [TIMEOUT seconds] [FILTER filter]): a GoogleTest program in COUNT processes, each with its share of
-# the cases, named NAME_0 and on. What takes minutes (COST) begins first, so that no core stands idle at the end.
+# kiroku_test_in_shards(NAME PROGRAM COUNT [LABEL label] [TIMEOUT seconds] [FILTER filter] [COST cost]): a GoogleTest program in COUNT processes, each with its
+# share of the cases, named NAME_0 and on. What takes minutes (COST) begins first, so that no core stands idle at the end. What fails is told at once, and
+# nothing of what passes: in the report of a shard it would be hard to find.
 function(kiroku_test_in_shards name program count)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT;FILTER" "" ${ARGN})
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT;FILTER;COST" "" ${ARGN})
   if(NOT ARG_LABEL)
     set(ARG_LABEL ${name})
   endif()
@@ -104,10 +105,13 @@ function(kiroku_test_in_shards name program count)
   if(NOT ARG_FILTER)
     set(ARG_FILTER "*")
   endif()
+  if(NOT ARG_COST)
+    set(ARG_COST 100)
+  endif()
   math(EXPR last "${count} - 1")
   foreach(shard RANGE ${last})
-    add_test(NAME ${name}_${shard} COMMAND ${program} --gtest_filter=${ARG_FILTER})
-    set_tests_properties(${name}_${shard} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} COST 100
+    add_test(NAME ${name}_${shard} COMMAND ${program} --gtest_filter=${ARG_FILTER} --gtest_brief=1)
+    set_tests_properties(${name}_${shard} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} COST ${ARG_COST}
                          ENVIRONMENT "GTEST_TOTAL_SHARDS=${count};GTEST_SHARD_INDEX=${shard}")
   endforeach()
 endfunction()
@@ -160,8 +164,12 @@ function(kiroku_test_program target)
   endif()
 endfunction()
 
+# Thousands of processes that each run one case of some milliseconds take minutes to begin.
+set(KIROKU_TEST_PROCESSES "" CACHE STRING "Processes in which a test program runs its cases; empty: one for each case, by whose name CTest then knows it")
+
 # kiroku_test(NAME LABEL label SOURCES... [SUPPORT names...] LIBRARIES... [TIMEOUT seconds] [OPTIMISED] [SHARDS count]): a GoogleTest program whose cases
-# are found by CTest, or run in SHARDS processes where they share what is dear to make. The rest is as of kiroku_test_program(). Labels:
+# are found by CTest, or run in SHARDS processes where they share what is dear to make. KIROKU_TEST_PROCESSES does the same with all programs but those that
+# start whole programs. The rest is as of kiroku_test_program(). Labels:
 # - hostile: continuous integration runs it under the address sanitizer, too: it parses what strangers send;
 # - threads: continuous integration runs it under the thread sanitizer, too: it records or serves;
 # - unit, heavy: under the address sanitizer in the nightly run; unit-threads, heavy-threads: under the thread sanitizer there, too; heavy stands on
@@ -185,10 +193,13 @@ function(kiroku_test target)
   set_property(GLOBAL APPEND PROPERTY KIROKU_TESTS_${ARG_LABEL} ${target})
   # What measures real time runs alone, and what takes long in the nightly run (tests/README.md). A list as a property does not survive the discovery, so
   # the label holds both words.
-  set(usual "-*RealTime*:*Nightly*:${KIROKU_LONG_TESTS}")
+  set(usual "-*RealTime*:*Nightly*:${KIROKU_LONG_TESTS}:${KIROKU_TESTS_LEFT_OUT}")
+  string(REGEX REPLACE "_test$" "" name ${target})
   if(ARG_SHARDS)
-    string(REGEX REPLACE "_test$" "" name ${target})
     kiroku_test_in_shards(${name} ${target} ${ARG_SHARDS} LABEL ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} FILTER ${usual})
+  elseif(KIROKU_TEST_PROCESSES AND NOT ARG_LABEL STREQUAL "system")
+    math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
+    kiroku_test_in_shards(${name} ${target} ${KIROKU_TEST_PROCESSES} LABEL ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} FILTER ${usual} COST 20)
   else()
     # A fresh clone knows no test's time. What takes seconds begins before what takes none, so that no core stands idle at the end. CTest learns the times of
     # tests that have no cost.

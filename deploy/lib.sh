@@ -140,6 +140,26 @@ failures_of() {
     }' "$2" "$1"
 }
 
+# counts_of REPORT: how many tests of a JUnit report passed, failed and were skipped. A program of GoogleTest says how many cases it ran; what says nothing, as
+# it is none or was killed, is one test.
+counts_of() {
+  awk '
+    /<testcase / { status = $0; sub(/.*status="/, "", status); sub(/".*/, "", status); said = ran = passed = skipped = 0 }
+    /^\[==========\] [0-9]+ tests? from .* ran\./ { said = 1; ran = $2 }
+    /^\[  PASSED  \] [0-9]+ test/ { passed = $4 }
+    /^\[  SKIPPED \] [0-9]+ test/ { skipped = $4 }
+    /<\/testcase>/ {
+      failed = ran - passed - skipped
+      if (!said) { passed = status == "run"; skipped = status == "notrun" }
+      if (status == "fail" && failed < 1) failed = 1
+      all_passed += passed; all_failed += failed; all_skipped += skipped
+    }
+    END { print all_passed + 0, all_failed + 0, all_skipped + 0 }' "$1"
+}
+
+# skips_of REPORT: why GoogleTest's cases of a JUnit report were skipped, each reason once.
+skips_of() { awk '/: Skipped$/ { getline; sub(/<\/system-out>.*/, ""); if (!told[$0]++) print "   skipped: " $0 }' "$1"; }
+
 # slowest_of REPORT: of a JUnit report how long all tests took together, and the ten that took longest.
 slowest_of() {
   awk '
@@ -164,12 +184,11 @@ run_tests() {
   : "${test_results:=$(mktemp -d)}"
   report=$(mktemp) said=$(mktemp)
   (cd "$root" && ctest --preset "$preset" --output-junit "$report" "$@" 2>&1) | tee "$said" | alive "tests go on" || true
-  local tests failures skips
-  tests=$(sed -n 's/.*[ \t]tests="\([0-9]*\)".*/\1/p' "$report" | head -1)
-  failures=$(sed -n 's/.*[ \t]failures="\([0-9]*\)".*/\1/p' "$report" | head -1)
-  skips=$(sed -n 's/.*[ \t]skipped="\([0-9]*\)".*/\1/p' "$report" | head -1)
-  [[ -n $tests && $tests -gt 0 ]] || die "CTest ran no test of preset '$preset'"
-  echo "$((tests - failures - skips)) $failures $skips" >>"$test_results/counts"
+  local passed failures skips
+  read -r passed failures skips < <(counts_of "$report")
+  ((passed + failures + skips > 0)) || die "CTest ran no test of preset '$preset'"
+  echo "$passed $failures $skips" >>"$test_results/counts"
+  skips_of "$report"
   ((failures == 0)) || { echo "   preset $preset:"; failures_of "$report" "$said"; } >>"$test_results/failed"
   { echo "   preset $preset:"; slowest_of "$report"; } >>"$test_results/slowest"
   rm -f "$report" "$said"
