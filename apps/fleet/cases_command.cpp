@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "base/joined.h"
 #include "base/json_or_null.h"
+#include "base/near_miss.h"
 #include "base/number_text.h"
 #include "fleet/catalogue/room_board.h"
 
@@ -97,10 +98,22 @@ void print_table(const std::vector<fleet::FleetCase>& cases) {
   std::cout << format_table(rows, "lllrrll", 0);
 }
 
+/// "No case is so" of a name that was mistyped would read as if nothing were wrong with what was meant.
+void require_known(const std::string& appliance, fleet::FleetCatalogue& catalogue) {
+  const std::vector<std::string> known = catalogue.appliances();
+  if (std::ranges::find(known, appliance) == known.end())
+    throw UsageError("the catalogue has no case of an appliance '" + printable(appliance) +
+                     "'; it has those of " + (known.empty() ? "none" : printable(joined(known))) +
+                     did_you_mean(appliance, known));
+}
+
 int history(const Request& request, fleet::FleetCatalogue& catalogue) {
   if (!request.appliance) throw UsageError("say whose case it is: --appliance NAME");
   const std::vector<fleet::EnteredVerification> all =
       catalogue.verifications(*request.appliance, *request.history);
+  if (all.empty() && catalogue.find({.appliance = request.appliance, .case_id = request.history}).empty())
+    throw UsageError("the catalogue has no case '" + printable(*request.history) + "' of " +
+                     printable(*request.appliance));
   if (request.json) {
     ordered_json told = ordered_json::array();
     for (const fleet::EnteredVerification& each : all) {
@@ -122,6 +135,7 @@ int history(const Request& request, fleet::FleetCatalogue& catalogue) {
 
 int cases(const Request& request) {
   fleet::FleetCatalogue catalogue = FleetConfiguration::read(request.configuration).open_catalogue();
+  if (request.appliance) require_known(*request.appliance, catalogue);
   if (request.history) return history(request, catalogue);
   const fleet::CaseQuery query = query_of(request);
   const std::vector<fleet::FleetCase> found = catalogue.find(query);
@@ -240,7 +254,9 @@ void add_fleet_cases_command(Command& program) {
   command.option("--from", "TIME", request->from, "only what began then or later");
   command.option("--to", "TIME", request->to, "only what began before");
   command.choice("--state", {"closed", "open", "unreadable", "missing"}, request->state, "only these", "any");
-  command.option("--verdict", "VERDICT", request->verdict, "only these, such as tampered");
+  command.choice(
+      "--verdict", {"intact", "intact-with-gaps", "intact-excerpt", "incomplete", "unproven", "tampered"},
+      request->verdict, "only those whose newest verdict, of the case as it is now, is this", "any");
   command.flag("--unverified", request->unverified,
                "only what is not verified as it is now: never, or it changed since");
   command.flag(

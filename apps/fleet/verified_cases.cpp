@@ -48,9 +48,20 @@ void VerifiedCases::add(const fleet::Verification& entered) {
   if (entered.verdict == archive::verdict_name(Verdict::kUnproven)) ++unproven_;
 }
 
+void VerifiedCases::compare(const fleet::FleetTotals& catalogue) {
+  const auto beyond = [](std::uint64_t all, std::uint64_t own) { return all > own ? all - own : 0; };
+  elsewhere_not_intact_ = beyond(catalogue.alarms, not_intact_);
+  elsewhere_unproven_ = beyond(catalogue.incomplete + catalogue.unproven + catalogue.unchecked,
+                               incomplete_ + unproven_ + unchecked_);
+  missing_ = catalogue.missing;
+  unreadable_ = catalogue.unverified_unreadable;
+  unsettled_ = catalogue.unverified_closed;
+}
+
 int VerifiedCases::status() const {
-  if (not_intact_ > 0) return kAnswerIsNo;
-  return incomplete_ + unproven_ + unchecked_ > 0 ? kNoAnswer : kDone;
+  if (not_intact_ + elsewhere_not_intact_ + missing_ + unreadable_ > 0) return kAnswerIsNo;
+  const bool is_known = incomplete_ + unproven_ + unchecked_ + elsewhere_unproven_ + unsettled_ == 0;
+  return is_known && !ended_early_ ? kDone : kNoAnswer;
 }
 
 std::string VerifiedCases::summary() const {
@@ -62,7 +73,19 @@ std::string VerifiedCases::summary() const {
   add(incomplete_, "incomplete");
   add(unproven_, "unproven");
   add(unchecked_, "could not be checked");
-  return words;
+  std::string beside;
+  const auto add_beside = [&](std::uint64_t count, const char* what) {
+    if (count > 0) beside += (beside.empty() ? "" : ", ") + std::to_string(count) + " " + what;
+  };
+  add_beside(elsewhere_not_intact_, "NOT INTACT that this run did not verify");
+  add_beside(elsewhere_unproven_, "not proven or not checked that this run did not verify");
+  if (!beside.empty()) words += "; in the catalogue " + beside;
+  beside.clear();
+  add_beside(missing_, "missing from the store");
+  add_beside(unreadable_, "whose ledger cannot be read");
+  add_beside(unsettled_, "that changed just now");
+  if (!beside.empty()) words += "; not looked at: " + beside;
+  return ended_early_ ? words + "; ended before every case was looked at" : words;
 }
 
 }  // namespace kiroku::apps

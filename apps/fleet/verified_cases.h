@@ -20,14 +20,30 @@ class VerifiedCases {
   void add(const fleet::Verification& entered);
   /// A case that got no verdict.
   void add_unchecked() { ++unchecked_; }
+  /// The run was told to end before it had looked at all that it was asked for.
+  void end_early() { ended_early_ = true; }
+  /// What the catalogue says once a run that was asked for every case is over: whatever this run did not look
+  /// at itself, and what other workers found of it meanwhile, counts as well.
+  void compare(const fleet::FleetTotals& catalogue);
 
-  /// 1 where a case is not intact, else 3 where one is incomplete or unproven or got no verdict, else 0.
+  /// 1 where a case is not intact, missing from the store or unreadable, else 3 where one is incomplete or
+  /// unproven, got no verdict or was not looked at, else 0.
   [[nodiscard]] int status() const;
-  /// "12 cases verified, 1 NOT INTACT, 2 incomplete, 1 could not be checked".
+  /// "12 cases verified, 1 NOT INTACT, 2 incomplete, 1 could not be checked; not looked at: 1 missing from
+  /// the store".
   [[nodiscard]] std::string summary() const;
+
+  /// As compare() was told of; 0 before.
+  [[nodiscard]] std::uint64_t missing() const { return missing_; }
+  [[nodiscard]] std::uint64_t unreadable() const { return unreadable_; }  // and never judged as they are now
+  [[nodiscard]] std::uint64_t unsettled() const { return unsettled_; }    // closed, and changed just now
+  [[nodiscard]] bool ended_early() const { return ended_early_; }
 
  private:
   std::uint64_t done_ = 0, not_intact_ = 0, incomplete_ = 0, unproven_ = 0, unchecked_ = 0;
+  std::uint64_t elsewhere_not_intact_ = 0, elsewhere_unproven_ = 0;  // by other workers, or from before
+  std::uint64_t missing_ = 0, unreadable_ = 0, unsettled_ = 0;
+  bool ended_early_ = false;
 };
 
 }  // namespace kiroku::apps

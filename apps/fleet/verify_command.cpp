@@ -39,7 +39,8 @@ class Worker {
         judge_(configuration, request.scratch),
         catalogue_(open_()) {}
 
-  /// All that is due, one after the other, until it is told to end.
+  /// All that is due, one after the other, until it is told to end. With --all the catalogue is asked at last
+  /// what was not due, or another worker's.
   void run() {
     const UtcTime began = catalogue_.now();
     // What could not be checked before may be checked by now: whoever asks for all is not told of a pause.
@@ -51,7 +52,10 @@ class Worker {
       const auto lease = catalogue_.lease(due, fleet::kLease);
       if (lease) {
         take(*lease);
-      } else if (!request_.all || catalogue_.held_elsewhere(due) == 0) {
+      } else if (!request_.all) {
+        return;
+      } else if (catalogue_.held_elsewhere(due) == 0) {
+        verified_.compare(catalogue_.totals());
         return;
       } else {
         // Another worker may have been killed over it.
@@ -60,15 +64,10 @@ class Worker {
         wait_until_told(kLookForOthers);
       }
     }
+    verified_.end_early();
+    if (request_.all) verified_.compare(catalogue_.totals());
   }
 
-  /// Exit status of this run's verdicts, and where it waited for other workers of all that is known by now.
-  [[nodiscard]] int status() {
-    if (!waited_) return verified_.status();
-    const fleet::FleetTotals totals = catalogue_.totals();
-    if (totals.alarms > 0 || verified_.status() == kAnswerIsNo) return kAnswerIsNo;
-    return totals.incomplete + totals.unproven + totals.unchecked > 0 ? kNoAnswer : verified_.status();
-  }
   /// All so far.
   [[nodiscard]] const VerifiedCases& verified() const { return verified_; }
   [[nodiscard]] const nlohmann::ordered_json& told() const { return told_; }
@@ -135,7 +134,7 @@ class Worker {
   const std::function<fleet::FleetCatalogue()> open_ = [this] { return configuration_.open_catalogue(); };
   fleet::FleetCatalogue catalogue_;
   VerifiedCases verified_;
-  bool waited_ = false;  // for other workers
+  bool waited_ = false;  // for other workers, which is told once
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 
@@ -172,12 +171,18 @@ int run(const Request& request) {
   if (request.follow) return follow(configuration, request);
   Worker worker(configuration, request);
   worker.run();
+  const VerifiedCases& verified = worker.verified();
   if (request.json) {
-    print_json({{"cases", worker.told()}});
+    nlohmann::ordered_json told{{"cases", worker.told()}, {"ended_early", verified.ended_early()}};
+    if (request.all)
+      told["not_looked_at"] = {{"missing", verified.missing()},
+                               {"unreadable", verified.unreadable()},
+                               {"changed_just_now", verified.unsettled()}};
+    print_json(told);
   } else {
-    std::cout << worker.verified().summary() << "\n";
+    std::cout << verified.summary() << "\n";
   }
-  return worker.status();
+  return verified.status();
 }
 
 }  // namespace
@@ -192,9 +197,16 @@ void add_fleet_verify_command(Command& program) {
       "roots of "
       "[verification] and the appliance's log in the store. Any number of these may run, on one machine or "
       "many: each "
-      "takes cases that no other has. Exit status 1 says that one is not intact, 3 that one is incomplete or "
-      "unproven, or could not be checked. Where --all waited for other workers, what they found counts, "
-      "too.");
+      "takes cases that no other has. Exit status 1 says that one of those is not intact, 3 that one is "
+      "incomplete or unproven, or could not be checked, or that Ctrl-C came before all were looked at; 0 "
+      "says "
+      "nothing of cases that were not due, of which 'kiroku-fleet status' tells.");
+  command.explain(
+      "With --all the exit status is of the whole catalogue as it is then: what other workers found counts, "
+      "too. It is also 1 where a case is missing from the store or its ledger cannot be read, and 3 where a "
+      "closed case changed so shortly ago that it was not looked at ('settle_minutes'). A case without an "
+      "end "
+      "is looked at once it has had no verdict for two days.");
   const auto request = std::make_shared<Request>();
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");

@@ -96,7 +96,14 @@ void add_case_command(Command& program) {
     one.flag("--no-wait", request->no_wait, "returns before the case is closed and time-stamped");
     add_room(one, request);
     one.example("kiroku case stop --room or-1", "ends it, and waits until it is closed");
-    one.on_run([request] { return ask(*request, {{"do", "stop"}, {"wait", !request->no_wait}}, "closed"); });
+    one.explain(
+        "Exit status 0 says that the case is closed; with --no-wait that it is ending, and no more. Where it "
+        "could not be closed, as on a disk that fails, the status is 2, and the recorder's next start closes "
+        "it.");
+    one.on_run([request] {
+      return ask(*request, {{"do", "stop"}, {"wait", !request->no_wait}},
+                 request->no_wait ? "ending" : "closed");
+    });
   }
   {
     Command& one = command.add_command("mark", "marks a moment of the case that runs");

@@ -13,6 +13,7 @@
 #include "apps/sim/sealed_files.h"
 #include "archive/reading/case_reader.h"
 #include "base/error.h"
+#include "base/json_or_null.h"
 #include "crypto/encoding.h"
 #include "viewer/kept/kept_comparison.h"
 #include "viewer/kept/log_of_case.h"
@@ -23,29 +24,44 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether the case still begins as it did when it was compared.
-Check check_case(const ComparisonRequest& request, const std::optional<Home>& home,
-                 const compare::CaseState& stated) {
+/// Whether the case still begins as it did when it was compared, and was recorded by the plan that was
+/// compared: a comparison with another patient's plan is as it was made, too.
+std::vector<Check> check_case(const ComparisonRequest& request, const std::optional<Home>& home,
+                              const compare::Provenance& made) {
   using Answer = Check::Answer;
+  const compare::CaseState& stated = made.case_state;
   fs::path folder;
   try {
     folder = find_case(home, request.named.value_or(stated.case_id));
   } catch (const Error&) {
-    return {"case", Answer::kUnknown, "the case " + stated.case_id + " is not here: name its folder"};
+    return {{"case", Answer::kUnknown, "the case " + stated.case_id + " is not here: name its folder"}};
   }
   try {
-    if (archive::CaseReader::open(folder).opening().case_id != stated.case_id)
-      return {"case", Answer::kDiffers,
-              folder.filename().string() + " is another case than " + stated.case_id};
+    const archive::OpenEntry open = archive::CaseReader::open(folder).opening();
+    if (open.case_id != stated.case_id)
+      return {
+          {"case", Answer::kDiffers, folder.filename().string() + " is another case than " + stated.case_id}};
     const auto root = compare::root_of_first(folder, stated.ledger_size);
-    if (!root) return {"case", Answer::kDiffers, "its ledger has lost entries since"};
-    if (*root != stated.ledger_root) return {"case", Answer::kDiffers, "its ledger was changed since"};
+    if (!root) return {{"case", Answer::kDiffers, "its ledger has lost entries since"}};
+    if (*root != stated.ledger_root) return {{"case", Answer::kDiffers, "its ledger was changed since"}};
+    std::vector<Check> checks{{"case", Answer::kHolds,
+                               "the first " + std::to_string(stated.ledger_size) + " ledger entries of " +
+                                   stated.case_id + " are as they were compared"}};
+    if (open.plan && *open.plan == made.plan_seal)
+      checks.push_back({"case", Answer::kHolds, stated.case_id + " was recorded by this plan"});
+    else if (open.plan)
+      checks.push_back({"case", Answer::kDiffers, stated.case_id + " was recorded by another plan"});
+    return checks;
   } catch (const Error& error) {
-    return {"case", Answer::kUnknown, error.what()};
+    return {{"case", Answer::kUnknown, error.what()}};
   }
-  return {"case", Answer::kHolds,
-          "the first " + std::to_string(stated.ledger_size) + " ledger entries of " + stated.case_id +
-              " are as they were compared"};
+}
+
+/// By what the document states; where the case is here, its first entry is asked.
+std::string about_the_plan(const compare::Provenance& made) {
+  if (!made.case_names_plan)
+    return "  The case names no plan: nothing shows that the operation was to follow this one.\n";
+  return "  Whether the plan was sealed before the case tells kiroku plan verify --case.\n";
 }
 
 std::vector<Check> check_plan(const ComparisonRequest& request, const compare::Provenance& made) {
@@ -55,7 +71,8 @@ std::vector<Check> check_plan(const ComparisonRequest& request, const compare::P
   std::vector<SealedFile> files;
   for (const compare::NamedFile& file : made.plan_files)
     files.push_back({file.role, file.name, file.bytes, file.sha256});
-  std::vector<Check> checks = check_sealed_files(files, fs::path(*request.plan).parent_path());
+  std::vector<Check> checks = check_sealed_files(files, fs::path(*request.plan).parent_path(),
+                                                 made.plan_sealed ? "sealed" : "compared");
   for (Check& check : checks) check.what = "plan";
   if (crypto::sha256(bytes_of(plan_seal_text({made.plan, files}))) != made.plan_seal)
     checks.push_back(
@@ -88,7 +105,7 @@ int verify_comparison(const ComparisonRequest& request) {
   const compare::Provenance made = compare::read_provenance(text_of(bytes), file.string());
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
   const std::optional<Home> home = Home::find(request.home);
-  std::vector<Check> checks{check_case(request, home, made.case_state)};
+  std::vector<Check> checks = check_case(request, home, made);
   std::ranges::move(check_plan(request, made), std::back_inserter(checks));
   std::ranges::move(check_outputs(made, file.parent_path()), std::back_inserter(checks));
   std::ranges::move(check_tokens(request.roots, home, file, digest), std::back_inserter(checks));
@@ -101,11 +118,13 @@ int verify_comparison(const ComparisonRequest& request) {
                                  {{"comparison", file.string()},
                                   {"case", made.case_state.case_id},
                                   {"plan", made.plan},
+                                  {"case_names_plan", or_null(made.case_names_plan)},
                                   {"made_by", made.made_by},
                                   {"made_at", format_utc(made.made_at)},
                                   {"sha256", crypto::to_hex(digest)}},
                                  request.json);
-  if (!request.json) std::cout << "  Whether the case itself is whole tells kiroku verify.\n";
+  if (!request.json)
+    std::cout << about_the_plan(made) << "  Whether the case itself is whole tells kiroku verify.\n";
   return status;
 }
 

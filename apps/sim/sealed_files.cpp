@@ -20,7 +20,8 @@ PlanSeal seal_of_plan(const fs::path& plan_file, const std::string& plan_name) {
   return seal;
 }
 
-std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files, const fs::path& folder) {
+std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files, const fs::path& folder,
+                                      const std::string& as_they_were) {
   using Answer = Check::Answer;
   std::vector<Check> checks;
   std::size_t same = 0;
@@ -30,21 +31,23 @@ std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files, cons
       if (now.sha256 == file.sha256) {
         ++same;
       } else {
-        checks.push_back({"files", Answer::kDiffers, file.name + " is not what was sealed"});
+        checks.push_back({"files", Answer::kDiffers, file.name + " is not what was " + as_they_were});
       }
     } catch (const Error& error) {
       checks.push_back({"files", Answer::kUnknown, error.what()});
     }
   }
   if (checks.empty())
-    checks.push_back({"files", Answer::kHolds, "all " + std::to_string(same) + " are as they were sealed"});
+    checks.push_back(
+        {"files", Answer::kHolds, "all " + std::to_string(same) + " are as they were " + as_they_were});
   // A picture added to a volume changes what is planned on, too. What is no file was told above.
   std::error_code unknown;
   if (!fs::is_regular_file(folder / files.front().name, unknown)) return checks;
   try {
     for (const sim::PlanFile& file : sim::files_of_plan(folder / files.front().name)) {
       if (std::ranges::find(files, file.name, &SealedFile::name) == files.end())
-        checks.push_back({"files", Answer::kDiffers, file.name + " was not there when the plan was sealed"});
+        checks.push_back(
+            {"files", Answer::kDiffers, file.name + " was not there when the plan was " + as_they_were});
     }
   } catch (const Error& error) {
     // Where something above is not as it was, that says why. Elsewhere these files are no plan.

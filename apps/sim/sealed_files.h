@@ -15,7 +15,10 @@ namespace kiroku::apps {
 PlanSeal seal_of_plan(const std::filesystem::path& plan_file, const std::string& plan_name);
 
 /// Whether the files below `folder` are those listed, the plan's own first, and no others belong to it now.
+/// `as_they_were` says what was done with them when they were listed: "sealed", or "compared" of those that
+/// nobody sealed.
 std::vector<Check> check_sealed_files(const std::vector<SealedFile>& files,
-                                      const std::filesystem::path& folder);
+                                      const std::filesystem::path& folder,
+                                      const std::string& as_they_were = "sealed");
 
 }  // namespace kiroku::apps

@@ -61,9 +61,10 @@ std::string time_words(const VerificationReport& report) {
     case TimeProof::kNone:
       break;
   }
-  return has(report, "algorithm-ended")
-             ? "not proved: by the policy, an algorithm of its time-stamps counts no more"
-             : "not proved: no time-stamp that could be checked";
+  if (has(report, "algorithm-ended"))
+    return "not proved: by the policy, an algorithm of its time-stamps counts no more";
+  return has(report, "ledger-changed") ? "not proved: no time-stamp is over the entries that are here"
+                                       : "not proved: no time-stamp that could be checked";
 }
 
 /// UTC, and this machine's zone beside it where that is another.

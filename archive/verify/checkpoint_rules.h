@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,8 @@ class CheckpointRules {
 
   /// Largest size whose note fits the tree; 0 if none.
   [[nodiscard]] std::uint64_t covered() const { return covered_; }
+  /// Whether the note of this size was reached, is signed as it must be, and is of the entries that are here.
+  [[nodiscard]] bool fits(std::uint64_t size) const { return fitting_.contains(size); }
   /// The same of notes whose signature was checked: without a device's key none is.
   [[nodiscard]] std::uint64_t signed_entries() const {
     return signatures_checked() == SignaturesChecked::kNone ? 0 : covered_;
@@ -107,6 +110,7 @@ class CheckpointRules {
   SignaturesChecked signatures_checked_ = SignaturesChecked::kNone;
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
+  std::set<std::uint64_t> fitting_;                       // sizes
   std::uint64_t covered_ = 0;
   EntriesBy covered_by_;
   std::uint64_t count_ = 0;

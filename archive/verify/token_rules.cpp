@@ -82,18 +82,26 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
     authorities_.try_emplace(judged.root, StampingAuthority{judged.subject, judged.external, 0, {}});
     valid_.push_back(stamped);
     valid_checkpoints_.insert(token.checkpoint);
-    if (judged.external && token.checkpoint > 0) {
+    const bool is_outside = judged.external && token.checkpoint > 0;
+    if (is_outside) {
       outside_.push_back(stamped);
-      outside_entries_ = std::max(outside_entries_, token.checkpoint);
+    }
+    // Of other entries than are here it says when those existed: of these it proves nothing.
+    if (checkpoints_->fits(token.checkpoint)) {
+      proving_.push_back(stamped);
+      if (is_outside) {
+        proving_outside_.push_back(stamped);
+        outside_entries_ = std::max(outside_entries_, token.checkpoint);
+      }
     }
   }
 }
 
 TimeProof TokenRules::time(std::uint64_t last_claim) const {
-  if (!outside_.empty()) {
+  if (!proving_outside_.empty()) {
     return outside_entries_ > last_claim ? TimeProof::kExternal : TimeProof::kExternalInPart;
   }
-  return valid_.empty() ? TimeProof::kNone : TimeProof::kSelfIssued;
+  return proving_.empty() ? TimeProof::kNone : TimeProof::kSelfIssued;
 }
 
 std::optional<std::string> TokenRules::read_token(const TokenEntry& token, std::uint64_t entry) {
@@ -226,10 +234,11 @@ bool TokenRules::restate_tokens(std::uint64_t first, std::uint64_t end) const {
 
 void TokenRules::leave_out(const std::set<std::string>& roots) {
   const auto is_left_out = [&](const StampedToken& token) { return roots.contains(token.root); };
-  std::erase_if(outside_, is_left_out);
-  std::erase_if(valid_, is_left_out);
+  for (std::vector<StampedToken>* tokens : {&valid_, &outside_, &proving_, &proving_outside_}) {
+    std::erase_if(*tokens, is_left_out);
+  }
   outside_entries_ = 0;
-  for (const StampedToken& token : outside_) {
+  for (const StampedToken& token : proving_outside_) {
     outside_entries_ = std::max(outside_entries_, token.checkpoint);
   }
 }
@@ -291,7 +300,7 @@ std::vector<StampingAuthority> TokenRules::authorities() const {
   std::vector<StampingAuthority> all;
   std::map<std::string, std::size_t> place_of;  // by root
   std::set<std::pair<std::string, std::string>> named;
-  for (const StampedToken& token : valid_) {
+  for (const StampedToken& token : proving_) {
     const auto [place, first] = place_of.emplace(token.root, all.size());
     if (first) {
       all.push_back(authorities_.at(token.root));
@@ -307,9 +316,9 @@ std::vector<StampingAuthority> TokenRules::authorities() const {
 
 std::vector<ProvingToken> TokenRules::proving() const {
   std::vector<ProvingToken> all;
-  auto outside = outside_.begin();  // both in the ledger's order
-  for (const StampedToken& token : valid_) {
-    const bool is_outside = outside != outside_.end() && outside->entry == token.entry;
+  auto outside = proving_outside_.begin();  // both in the ledger's order
+  for (const StampedToken& token : proving_) {
+    const bool is_outside = outside != proving_outside_.end() && outside->entry == token.entry;
     all.push_back({token.entry, is_outside});
     outside += is_outside ? 1 : 0;
   }
@@ -351,7 +360,7 @@ void TokenRules::finish(bool whole_case) {
 
 std::vector<Bracket> TokenRules::brackets(std::uint64_t first, std::uint64_t entries) const {
   // Beside an outside clock the recorder's own would only seem to make the brackets narrower.
-  return brackets_of(outside_.empty() ? valid_ : outside_, first, entries);
+  return brackets_of(proving_outside_.empty() ? proving_ : proving_outside_, first, entries);
 }
 
 }  // namespace kiroku::archive

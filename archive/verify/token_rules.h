@@ -46,13 +46,15 @@ class TokenRules {
 
   /// What proves the time of a case whose last claim is in this entry.
   [[nodiscard]] TimeProof time(std::uint64_t last_claim) const;
-  /// Entries, from 0 on, that a valid token of an outside authority covers.
+  /// Entries, from 0 on, that a valid token of an outside authority covers, over the entries that are here.
   [[nodiscard]] std::uint64_t outside_entries() const { return outside_entries_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }
-  /// Valid ones under trusted roots: of outside authorities, and of the recorder's own.
-  [[nodiscard]] std::uint64_t outside_count() const { return outside_.size(); }
-  [[nodiscard]] std::uint64_t own_count() const { return valid_.size() - outside_.size(); }
+  /// Valid ones under trusted roots over the entries that are here: of outside authorities, and of the
+  /// recorder's own.
+  [[nodiscard]] std::uint64_t outside_count() const { return proving_outside_.size(); }
+  [[nodiscard]] std::uint64_t own_count() const { return proving_.size() - proving_outside_.size(); }
   [[nodiscard]] std::vector<ProvingToken> proving() const;
+  /// Valid ones, also over other entries than are here.
   [[nodiscard]] const std::vector<StampedToken>& valid() const { return valid_; }
   [[nodiscard]] const std::vector<StampedToken>& outside() const { return outside_; }
   [[nodiscard]] std::vector<Bracket> brackets(std::uint64_t first, std::uint64_t entries) const;
@@ -104,7 +106,9 @@ class TokenRules {
   timestamp::CertificatePool pool_;
 
   std::vector<StampedToken> valid_;
-  std::vector<StampedToken> outside_;  // those of valid_ that are of outside authorities
+  std::vector<StampedToken> outside_;          // those of valid_ that are of outside authorities
+  std::vector<StampedToken> proving_;          // those of valid_ that are over entries that are here,
+  std::vector<StampedToken> proving_outside_;  // and of these those that are of outside authorities
   std::set<std::pair<std::uint64_t, std::string>> entered_;
   std::vector<Untrusted> untrusted_;
   std::set<std::uint64_t> valid_checkpoints_;

@@ -197,20 +197,22 @@ CatalogueRow row_of(const Postgres::Rows& rows, int at) {
   return row;
 }
 
-constexpr int kTotalsColumns = 12;
+constexpr int kTotalsColumns = 14;
 constexpr std::string_view kTotals = R"(
     count(*), least(coalesce(sum(segments), 0), 9223372036854775807)::bigint,
     least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
     count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
     count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
+    count(*) FILTER (WHERE state = 'closed' AND verified IS NULL),
+    count(*) FILTER (WHERE state = 'unreadable' AND verified IS NULL),
     count(*) FILTER (WHERE alarm), count(*) FILTER (WHERE verdict = 'incomplete'),
     count(*) FILTER (WHERE verdict = 'unproven'), count(unchecked),
     count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now()))";
 
 FleetTotals totals_of(const Postgres::Rows& rows, int row) {
   const auto count = [&](int column) { return static_cast<std::uint64_t>(rows.integer(row, column)); };
-  return {count(0), count(1), count(2), count(3), count(4),  count(5),
-          count(6), count(7), count(8), count(9), count(10), count(11)};
+  return {count(0), count(1), count(2), count(3),  count(4),  count(5),  count(6),
+          count(7), count(8), count(9), count(10), count(11), count(12), count(13)};
 }
 
 /// The condition under which a case is due; its $1 to $3 are values_of(). Only the database's clock counts:

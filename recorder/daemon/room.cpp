@@ -552,6 +552,7 @@ struct Room::State {
       status.state = RoomState::kIdle;
       if (!ended.empty()) {
         status.reason = "error: " + why;
+        left_open = {ended, sentence};
         ++status.cases;
       }
     }
@@ -603,6 +604,10 @@ struct Room::State {
   };
   std::optional<Again> again;  // until that case has begun
   Clock::Time again_before{};
+  struct LeftOpen {
+    std::string case_id, why;
+  };
+  LeftOpen left_open;  // the last case that could not be closed
   // Of the case that runs: why its operation was begun, its plan, whether an error ended the one before it,
   // whether somebody or a rule ends it.
   std::string begun_for;
@@ -655,7 +660,11 @@ std::string Room::stop(const std::string& reason, bool wait) {
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;
   state_->start_rules.stopped_by_person();
-  if (wait) state_->changed.wait(lock, [&] { return state_->status.cases > before; });
+  if (wait) {
+    state_->changed.wait(lock, [&] { return state_->status.cases > before; });
+    // Whoever waits for the end goes on to what needs a closed case.
+    if (state_->left_open.case_id == id) throw Error(state_->left_open.why);
+  }
   return id;
 }
 

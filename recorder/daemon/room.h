@@ -94,7 +94,8 @@ class Room {
   /// What could be done here now, to choose from; none where nothing is configured. Returns at once.
   [[nodiscard]] std::vector<ProcedureData> procedures() const;
   /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
-  /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs.
+  /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs, and
+  /// kiroku::Error if it was waited for and could not be closed.
   std::string stop(const std::string& reason, bool wait);
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
   void mark(const std::string& text);

@@ -21,37 +21,95 @@ bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
 }  // namespace
 
 void ProcedureBook::take(ProcedureMessage message, UtcTime received) {
+  std::vector<ProcedureMessage> one;
+  one.push_back(std::move(message));
+  take_all(std::move(one), received);
+}
+
+void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, UtcTime received) {
   using Kind = ProcedureMessage::Kind;
-  switch (message.kind) {
-    case Kind::kPlaces: {
-      // Whoever only sends other facts (A08 without PV1, A31) does not say that the patient has moved.
-      const auto known = placed_.find(message.patient);
-      if (message.places.empty() && known != placed_.end()) {
-        message.places = known->second.message.places;
-        message.data.location = known->second.message.data.location;
-        known->second.message = std::move(message);
-      } else {
-        const std::string patient = message.patient;
-        placed_.insert_or_assign(patient, Kept{received, std::move(message)});
-      }
-      forget_old(placed_, received);
-      break;
-    }
-    case Kind::kLeaves:
-      placed_.erase(message.patient);
-      break;
-    case Kind::kAppointment: {
-      const std::string appointment = message.appointment;
-      appointments_.insert_or_assign(appointment, Kept{received, std::move(message)});
-      forget_old(appointments_, received);
-      break;
-    }
-    case Kind::kCancels:
-      appointments_.erase(message.appointment);
-      break;
-    case Kind::kNothing:
-      break;
+  // An appointment that was another patient's before is theirs no more.
+  for (const ProcedureMessage& each : messages) {
+    if (each.kind == Kind::kAppointment || each.kind == Kind::kCancels) cancel(each.appointment);
   }
+  for (ProcedureMessage& message : messages) {
+    if (!message.replaces.empty()) rename(message);
+    switch (message.kind) {
+      case Kind::kPlaces:
+      case Kind::kFacts:
+        place(std::move(message), received);
+        break;
+      case Kind::kLeaves:
+        placed_.erase(message.patient);
+        break;
+      case Kind::kAppointment: {
+        const std::string key = message.appointment + "\n" + message.patient;
+        appointments_.insert_or_assign(key, Kept{received, std::move(message)});
+        break;
+      }
+      case Kind::kCancels:
+      case Kind::kNothing:
+        break;
+    }
+  }
+  forget_old(placed_, received);
+  forget_old(appointments_, received);
+}
+
+void ProcedureBook::place(ProcedureMessage message, UtcTime received) {
+  const auto known = placed_.find(message.patient);
+  const bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
+  if (known == placed_.end()) {
+    // A change of somebody's address, or a record that is begun, brings nobody into the room. Where every
+    // message is about one room, an event of arriving does without a place.
+    if (!says_where && !message.moves) return;
+    const std::string patient = message.patient;
+    placed_.emplace(patient, Kept{received, std::move(message)});
+    return;
+  }
+  Kept& kept = known->second;
+  const bool is_elsewhere = says_where && message.places != kept.message.places;
+  const bool arrives = message.moves && (says_where || kept.message.places.empty());
+  // Whoever only sends other facts (A08, A31) of somebody who is there already does not say that they came
+  // anew, after whoever came since.
+  if (is_elsewhere || arrives) kept.received = received;
+  if (!is_elsewhere) {
+    message.places = kept.message.places;
+    message.data.location = kept.message.data.location;
+  }
+  kept.message = std::move(message);
+}
+
+/// What is known of a patient by an earlier number is of the new one from then on.
+void ProcedureBook::rename(const ProcedureMessage& message) {
+  const auto give = [&message](ProcedureMessage& to) {
+    to.patient = message.patient;
+    to.data.patient_id = message.data.patient_id;
+    to.data.patient_id_issuer = message.data.patient_id_issuer;
+  };
+  if (auto node = placed_.extract(message.replaces)) {
+    const auto known = placed_.find(message.patient);
+    if (known == placed_.end() || known->second.received < node.mapped().received) {
+      give(node.mapped().message);
+      placed_.insert_or_assign(message.patient, std::move(node.mapped()));
+    }
+  }
+  std::vector<Kept> moved;
+  std::erase_if(appointments_, [&](auto& each) {
+    if (each.second.message.patient != message.replaces) return false;
+    moved.push_back(std::move(each.second));
+    return true;
+  });
+  for (Kept& each : moved) {
+    give(each.message);
+    const std::string key = each.message.appointment + "\n" + each.message.patient;
+    appointments_.insert_or_assign(key, std::move(each));
+  }
+}
+
+void ProcedureBook::cancel(const std::string& appointment) {
+  std::erase_if(appointments_,
+                [&](const auto& each) { return each.second.message.appointment == appointment; });
 }
 
 void ProcedureBook::forget_old(Messages& messages, UtcTime now) {

@@ -27,6 +27,8 @@ class ProcedureBook {
   static constexpr std::chrono::hours kLongestWindow{72};  // and what is older than that
 
   void take(ProcedureMessage message, UtcTime received);
+  /// All that one message says, of each of its patients: an appointment is of these from then on.
+  void take_all(std::vector<ProcedureMessage> messages, UtcTime received);
 
   /// For a case that begins at `at`. If a message within the window placed a patient in the room, it is that
   /// patient (the last one placed), completed by their appointment; else the appointment planned nearest to
@@ -57,9 +59,12 @@ class ProcedureBook {
   [[nodiscard]] Choice choose(const ProcedureRule& rule, UtcTime at) const;
   using Messages = std::map<std::string, Kept>;
   static void forget_old(Messages& messages, UtcTime now);
+  void rename(const ProcedureMessage& message);
+  void place(ProcedureMessage message, UtcTime received);
+  void cancel(const std::string& appointment);
 
   Messages placed_;        // by patient
-  Messages appointments_;  // by appointment
+  Messages appointments_;  // by appointment and patient
 };
 
 }  // namespace kiroku::recorder

@@ -1,5 +1,6 @@
 #include "recorder/procedure/procedure_inbox.h"
 
+#include <algorithm>
 #include <chrono>
 #include <mutex>
 
@@ -56,7 +57,7 @@ struct ProcedureInbox::State {
     const UtcTime now = time.utc();
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
-    std::optional<ProcedureMessage> message;
+    std::optional<std::vector<ProcedureMessage>> messages;
     if (!parsed.message) {
       answer = "AE";
       why = parsed.problem;
@@ -67,17 +68,17 @@ struct ProcedureInbox::State {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
     } else {
-      message = read_procedure_message(*parsed.message, listening.zone());
-      if (kept_bytes(*message) > kLongestKept) {
+      messages = read_procedure_messages(*parsed.message, listening.zone());
+      if (std::ranges::any_of(*messages, [](const auto& each) { return kept_bytes(each) > kLongestKept; })) {
         answer = "AE";
         why = "the message says more of a patient and a procedure than is kept";
-        message.reset();
+        messages.reset();
       }
     }
     {
       const std::lock_guard guard(mutex);
-      ++(message ? taken : refused);
-      if (message) book.take(std::move(*message), now);
+      ++(messages ? taken : refused);
+      if (messages) book.take_all(std::move(*messages), now);
     }
     const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
     return {make_acknowledgement(parsed.message.get(), answer, why, now), is_to_sender};

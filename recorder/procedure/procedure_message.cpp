@@ -2,15 +2,40 @@
 
 #include <algorithm>
 #include <array>
+#include <span>
 #include <string_view>
 
+#include "base/ascii.h"
 #include "recorder/vitals/hl7_time.h"
 
 namespace kiroku::recorder {
 namespace {
 
+// Events of HL7 v2.5, chapter 3. Of the pending ones (A05, A14 to A16, and their cancelling) PV1 says where
+// the patient is to be, or was to be.
 constexpr std::array<std::string_view, 4> kLeaving{"A03", "A11", "A23", "A29"};
+constexpr std::array<std::string_view, 16> kMoving{"A01", "A02", "A04", "A06", "A07", "A09", "A10", "A12",
+                                                   "A13", "A17", "A21", "A22", "A32", "A33", "A52", "A53"};
+constexpr std::array<std::string_view, 8> kPending{"A05", "A14", "A15", "A16", "A25", "A26", "A27", "A38"};
+constexpr std::array<std::string_view, 22> kOfPersons{"A18", "A24", "A28", "A30", "A31", "A34", "A35", "A36",
+                                                      "A37", "A39", "A40", "A41", "A42", "A43", "A44", "A45",
+                                                      "A46", "A47", "A48", "A49", "A50", "A51"};
+/// Of these MRG-1 is what the patient was called before; of others it is the number of an account or a visit.
+constexpr std::array<std::string_view, 8> kRenaming{"A18", "A30", "A34", "A36", "A39", "A40", "A46", "A47"};
 constexpr std::array<std::string_view, 4> kCancelling{"S15", "S16", "S17", "S26"};
+
+bool is_one_of(std::string_view event, std::span<const std::string_view> events) {
+  return std::ranges::find(events, event) != events.end();
+}
+
+/// Whether the system that keeps the appointment calls it off (SCH-25, table 0278): many send S14 with that.
+bool is_called_off(const std::string& status) {
+  const std::string word = lower_case(status);
+  return word.starts_with("cancel") || word == "dc" || word == "deleted" || word == "noshow";
+}
+
+/// Belongs to the whole appointment, though it stands behind a patient.
+bool is_of_resources(std::string_view name) { return name == "RGS" || name.starts_with("AI"); }
 
 /// "2026-08-05T09:15:00+02:00", as precise as it was stated, the zone only where one was.
 std::string iso_time(const Hl7Time& time) {
@@ -31,26 +56,36 @@ class Reader {
   Reader(const Hl7Message& message, std::chrono::minutes assumed_zone)
       : message_(message), assumed_zone_(assumed_zone) {}
 
-  ProcedureMessage read() {
-    for (const Hl7Segment& segment : message_.segments()) read(segment);
+  /// What concerns the patient of the `which`th PID, and what concerns all of them.
+  ProcedureMessage read(std::size_t which) {
     const std::string type = message_.type();
+    const bool is_appointment = type.starts_with("SIU");
+    std::size_t patient = 0;
+    for (const Hl7Segment& segment : message_.segments()) {
+      if (segment.name() == "PID") ++patient;
+      const bool is_common = patient == 0 || (is_appointment && is_of_resources(segment.name()));
+      if (is_common || patient == which) read(segment);
+    }
     const std::string_view event = std::string_view(type).substr(std::min(type.size(), type.find('^') + 1));
-    const auto is_one_of = [&event](const auto& events) {
-      return std::find(events.begin(), events.end(), event) != events.end();
-    };
     using Kind = ProcedureMessage::Kind;
-    if (type.starts_with("SIU")) {
+    if (is_appointment) {
       if (out_.appointment.empty() && out_.planned) {
         out_.appointment = out_.patient + "\n" + format_utc(*out_.planned);
       }
-      if (is_one_of(kCancelling)) {
+      if (is_one_of(event, kCancelling) || called_off_) {
         out_.kind = out_.appointment.empty() ? Kind::kNothing : Kind::kCancels;
       } else if (!out_.patient.empty() && !out_.appointment.empty()) {
         out_.kind = Kind::kAppointment;
       }
     } else if (!out_.patient.empty()) {
-      out_.kind = is_one_of(kLeaving) ? Kind::kLeaves : Kind::kPlaces;
+      const bool says_nothing_of_now = is_one_of(event, kPending) || is_one_of(event, kOfPersons);
+      out_.kind = is_one_of(event, kLeaving) ? Kind::kLeaves
+                  : says_nothing_of_now      ? Kind::kFacts
+                                             : Kind::kPlaces;
+      out_.moves = is_one_of(event, kMoving);
     }
+    const bool is_renamed = is_one_of(event, kRenaming) && !out_.patient.empty();
+    if (!is_renamed || out_.replaces == out_.patient) out_.replaces.clear();
     out_.data.origin = "hl7";
     return std::move(out_);
   }
@@ -110,22 +145,28 @@ class Reader {
     data.coding_system = coded.component(3).text();
   }
 
-  void read_patient(const Hl7Segment& pid) {
-    ProcedureData& data = out_.data;
-    // The medical record number where one is said to be that, else the first identifier; PID-2 before v2.3.
-    const std::vector<Hl7Field> identifiers = pid.field(3).repetitions();
+  /// The medical record number where one of the list is said to be that, else the first identifier; `older`
+  /// (PID-2, MRG-4, before v2.3) where the list is empty.
+  static Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older) {
+    const std::vector<Hl7Field> identifiers = list.repetitions();
     const auto record_number = std::find_if(identifiers.begin(), identifiers.end(), [](const Hl7Field& one) {
       return one.component(5).text() == "MR" && !one.component(1).empty();
     });
-    Hl7Field chosen = pid.field(2);
-    if (record_number != identifiers.end()) {
-      chosen = *record_number;
-    } else if (!pid.field(3).component(1).empty()) {
-      chosen = identifiers.front();
-    }
+    if (record_number != identifiers.end()) return *record_number;
+    return list.component(1).empty() ? older : identifiers.front();
+  }
+  /// "" where it is empty.
+  [[nodiscard]] std::string key_of(const Hl7Field& identifier) const {
+    const std::string number = identifier.component(1).text();
+    return number.empty() ? "" : number + "\n" + first_subcomponent(identifier.component(4));
+  }
+
+  void read_patient(const Hl7Segment& pid) {
+    ProcedureData& data = out_.data;
+    const Hl7Field chosen = chosen_identifier(pid.field(3), pid.field(2));
     data.patient_id = chosen.component(1).text();
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
-    if (!data.patient_id.empty()) out_.patient = data.patient_id + "\n" + data.patient_id_issuer;
+    out_.patient = key_of(chosen);
     data.patient = name(pid.field(5), 1);
     if (const auto born = parse_hl7_time(pid.field(7).component(1).raw())) {
       constexpr std::size_t kYear = 4, kMonth = 7, kDay = 10;
@@ -140,8 +181,14 @@ class Reader {
 
   void read(const Hl7Segment& segment) {
     const std::string_view name = segment.name();
+    // A change of an appointment names what is taken out of it, too (segment action code, table 0206).
+    const bool is_taken_out = is_of_resources(name) && segment.field(2).text() == "D";
+    if (name == "RGS") group_taken_out_ = is_taken_out;
+    if (is_taken_out || (group_taken_out_ && is_of_resources(name))) return;
     if (name == "PID") {
       read_patient(segment);
+    } else if (name == "MRG") {
+      out_.replaces = key_of(chosen_identifier(segment.field(1), segment.field(4)));
     } else if (name == "PV1") {
       add_place(segment.field(11), 3);  // temporary location first: the operating room of an in-patient
       add_place(segment.field(3), 3);
@@ -155,6 +202,7 @@ class Reader {
       const std::string filler = segment.field(2).component(1).text();
       out_.appointment = filler.empty() ? segment.field(1).component(1).text() : filler;
       plan(segment.field(11).component(4));
+      called_off_ = is_called_off(segment.field(25).component(1).text());
     } else if (name == "TQ1") {
       plan(segment.field(7));
     } else if (name == "AIS") {
@@ -173,6 +221,7 @@ class Reader {
 
   const Hl7Message& message_;
   std::chrono::minutes assumed_zone_;
+  bool called_off_ = false, group_taken_out_ = false;
   ProcedureMessage out_;
 };
 
@@ -182,8 +231,18 @@ bool is_of_procedures(const std::string& type) {
   return type.starts_with("ADT^") || type.starts_with("SIU^");
 }
 
-ProcedureMessage read_procedure_message(const Hl7Message& message, std::chrono::minutes assumed_zone) {
-  return Reader(message, assumed_zone).read();
+std::vector<ProcedureMessage> read_procedure_messages(const Hl7Message& message,
+                                                      std::chrono::minutes assumed_zone) {
+  const auto named =
+      static_cast<std::size_t>(std::ranges::count(message.segments(), "PID", &Hl7Segment::name));
+  const std::size_t patients = std::clamp<std::size_t>(named, 1, kMostPatients);
+  std::vector<ProcedureMessage> all;
+  for (std::size_t which = 1; which <= patients; ++which) {
+    ProcedureMessage one = Reader(message, assumed_zone).read(which);
+    if (std::ranges::find(all, one.patient, &ProcedureMessage::patient) == all.end())
+      all.push_back(std::move(one));
+  }
+  return all;
 }
 
 }  // namespace kiroku::recorder

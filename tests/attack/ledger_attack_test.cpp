@@ -365,6 +365,25 @@ INSTANTIATE_TEST_SUITE_P(
                "device-invalid", kLedger, 0}),
     name_of);
 
+// Whoever changes a line leaves the tokens beside it: they say when other lines existed.
+TEST(ChangedLedger, HasNoTimeByTokensOverOtherEntries) {
+  AttackedCase victim;
+  const archive::VerificationReport sound = victim.verify();
+  ASSERT_EQ(sound.time, archive::TimeProof::kExternal);
+  ASSERT_GT(sound.outside_tokens, 1U);
+  victim.edit(3, [](CaseEntry& e) { segment(e).dropped = 1; });
+  const archive::VerificationReport changed = victim.verify();
+  EXPECT_EQ(changed.verdict, Verdict::kTampered);
+  EXPECT_NE(changed.time, archive::TimeProof::kExternal);
+  EXPECT_LE(changed.outside_entries, 3U);
+  EXPECT_LT(changed.outside_tokens, sound.outside_tokens);
+  EXPECT_EQ(changed.proving_tokens.size(), changed.outside_tokens + changed.own_tokens);
+  for (const archive::Bracket& bracket : changed.brackets) {
+    EXPECT_TRUE(!bracket.not_after || bracket.last_entry < 3) << "up to entry " << bracket.last_entry;
+  }
+  EXPECT_EQ(changed.tokens, sound.tokens) << "they are there and were checked";
+}
+
 class LongLine : public ::testing::TestWithParam<std::uintmax_t> {};
 
 TEST_P(LongLine, IsRefusedInBoundedMemoryAndTime) {

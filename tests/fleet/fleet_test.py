@@ -155,7 +155,27 @@ def try_the_page(programs, folder, store, fleet, appliances, recorded):
     return case
 
 
+def try_what_a_run_does_not_look_at(fleet, database):
+    """"kiroku-fleet verify --all && …": what the run did not look at itself counts, too."""
+    def left_with(change, status, words):
+        subprocess.run([*database, "-c", f"UPDATE kiroku.cases SET {change} WHERE appliance = 'or-2'"], check=True)
+        done = fleet.ask("verify", "--all")
+        require(done.returncode == status and words in done.stdout, f"{change}: left with {done.returncode}: {done.stdout}{done.stderr}")
+
+    left_with("verified = verified", 0, "3 cases verified")
+    # Another worker verified it meanwhile.
+    left_with("verdict = 'tampered', alarm = true, verified = now() + interval '1 hour'", 1, "1 NOT INTACT that this run did not verify")
+    left_with("verdict = 'intact', alarm = false, verified = NULL, state = 'missing'", 1, "1 missing from the store")
+    left_with("state = 'unreadable', pending = now()", 1, "1 whose ledger cannot be read")
+    whole = fleet.configuration.read_text()
+    fleet.configuration.write_text(whole.replace("settle_minutes = 0", "settle_minutes = 60"))
+    left_with("state = 'closed', pending = now(), changed_at = now()", 3, "1 that changed just now")
+    fleet.configuration.write_text(whole)
+    left_with("verified = verified", 0, "3 cases verified")
+
+
 def try_everything(programs, folder, store, connection):
+    database = [*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection]
     appliances = {}
     for name in ("or-1", "or-2"):
         appliances[name] = Appliance(programs, folder / name, store.endpoint, "recordings")
@@ -200,6 +220,13 @@ def try_everything(programs, folder, store, connection):
     require("consent" not in json.dumps(judged), f"the log out of the store lacks a consent: {judged}")
     require(fleet.tell("verify")["cases"] == [], "what is not due was verified again")
     require(fleet.tell("status")["unverified"] == 0, "something is not verified")
+    mistyped = fleet.ask("cases", "--verdict", "tampred")
+    require(mistyped.returncode == 2 and "tampered" in mistyped.stderr, f"a verdict that is none: {mistyped.stdout}{mistyped.stderr}")
+    stranger = fleet.ask("cases", "--appliance", "or-9")
+    require(stranger.returncode == 2 and "or-1, or-2" in stranger.stderr, f"an appliance that is none: {stranger.stdout}{stranger.stderr}")
+    nobody = fleet.ask("cases", "--appliance", "or-1", "--history", "20200101T000000Z-00000000")
+    require(nobody.returncode == 2, f"a case that is none: {nobody.stdout}{nobody.stderr}")
+    try_what_a_run_does_not_look_at(fleet, database)
 
     try_the_page(programs, folder, store, fleet, appliances, recorded)
     fleet.tell("index")
@@ -235,10 +262,9 @@ def try_everything(programs, folder, store, connection):
     require([each["case"] for each in fleet.tell("cases", "--attention")["cases"]] == [one], "it is not among what needs a person")
     require(verdicts(fleet.tell("verify", status=1)) == {("or-2", one): "tampered"}, "it was not verified anew")
     history = fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]
-    require(len(history) == 4 and history[-1]["verdict"] == "tampered" and history[-1]["detail"], f"history: {history}")
+    require(len(history) == 6 and history[-1]["verdict"] == "tampered" and history[-1]["detail"], f"history: {history}")
 
     # A case that the catalogue knows and the store does not: it is named at every look.
-    database = [*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection]
     subprocess.run([*database, "-c", "INSERT INTO kiroku.cases (appliance, case_id, opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)"
                     " SELECT appliance, '20200101T000000Z-00000000', opened, duration_ns,"
                     " state, streams, segments, bytes, tokens, ledger_bytes, changed FROM kiroku.cases LIMIT 1"], check=True)
@@ -252,7 +278,7 @@ def try_everything(programs, folder, store, connection):
     fleet.configuration.write_text(whole.replace(store.endpoint, "http://127.0.0.2:1"))
     done = fleet.ask("verify", "--all")
     require(done.returncode == 2 and "does not answer" in done.stderr, f"a store that is away: {done.returncode}, {done.stderr}")
-    require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 4, "something was entered")
+    require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 6, "something was entered")
     fleet.configuration.write_text(whole)
 
     # Without an appliance's key nothing is judged, and nothing is guessed.

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/bytes.h"
-#include "recorder/procedure/procedure_message.h"
+#include "recorder/procedure/procedure_book.h"
 
 namespace {
 
@@ -24,21 +24,28 @@ void require(bool holds) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   ProcedureData known;
+  ProcedureBook book;
   for (const std::string_view bytes : split_hl7_messages(text_of(std::as_bytes(std::span(data, size))))) {
     const Hl7Parse parsed = parse_hl7_message(bytes);
     if (!parsed.message) continue;
     // Whatever type it says it is: the reader must not depend on whom it trusts.
-    const ProcedureMessage message = read_procedure_message(*parsed.message, std::chrono::minutes(120));
-    using Kind = ProcedureMessage::Kind;
-    require(message.kind == Kind::kNothing || !message.patient.empty() || !message.appointment.empty());
-    const auto subject = nlohmann::json::parse(text_of(subject_json(message.data)));
-    require(subject.is_object());
-    const ProcedureData before = known;
-    complete(known, message.data);
-    require(before.patient_id.empty() || known.patient_id == before.patient_id);
-    require(known.staff.size() >= before.staff.size() &&
-            std::ranges::equal(before.staff, std::span(known.staff).first(before.staff.size())));
-    require(nlohmann::json::parse(text_of(subject_json(known))).is_object());
+    const std::vector<ProcedureMessage> messages =
+        read_procedure_messages(*parsed.message, std::chrono::minutes(120));
+    require(!messages.empty() && messages.size() <= kMostPatients);
+    for (const ProcedureMessage& message : messages) {
+      using Kind = ProcedureMessage::Kind;
+      require(message.kind == Kind::kNothing || !message.patient.empty() || !message.appointment.empty());
+      require(message.replaces.empty() || (!message.patient.empty() && message.replaces != message.patient));
+      const auto subject = nlohmann::json::parse(text_of(subject_json(message.data)));
+      require(subject.is_object());
+      const ProcedureData before = known;
+      complete(known, message.data);
+      require(before.patient_id.empty() || known.patient_id == before.patient_id);
+      require(known.staff.size() >= before.staff.size() &&
+              std::ranges::equal(before.staff, std::span(known.staff).first(before.staff.size())));
+      require(nlohmann::json::parse(text_of(subject_json(known))).is_object());
+    }
+    book.take_all(messages, UtcTime{});
   }
   return 0;
 }

@@ -181,6 +181,34 @@ TEST_F(CompareProgram, TellsWhetherAComparisonStillFits) {
   EXPECT_THAT(forged.out, HasSubstr("does not know this comparison"));
 }
 
+// A plan of another patient, compared with the case and sealed to it, is as it was made.
+TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsChecked) {
+  std::string another = read_text(folder() / "plan.json");
+  another.replace(another.find("Lift"), 4, "Push");
+  write_text(folder() / "another.json", another);
+  ASSERT_EQ(kiroku({"compare", case_.string(), "another.json", "-o", "other.json", "--by-hand", "hand.json",
+                    "--gpu", "off"})
+                .status,
+            0);
+  const Arguments verify{"compare", case_.string(), "another.json", "--verify", "other.json"};
+  const ProcessResult told = kiroku(verify);
+  EXPECT_EQ(told.status, 1) << told.out;
+  EXPECT_THAT(told.out, HasSubstr("other.json: DIFFERS"));
+  EXPECT_THAT(told.out, HasSubstr("was recorded by another plan"));
+  // Nobody sealed it.
+  EXPECT_THAT(told.out, HasSubstr("are as they were compared"));
+  EXPECT_THAT(told.out, Not(HasSubstr("as they were sealed")));
+  Arguments as_json = verify;
+  as_json.emplace_back("--json");
+  EXPECT_EQ(nlohmann::json::parse(kiroku(as_json).out)["case_names_plan"], false);
+  // Of the case's own plan the same command says so.
+  compare("out.json");
+  const ProcessResult own = kiroku({"compare", case_.string(), "plan.json", "--verify", "out.json"});
+  EXPECT_EQ(own.status, 0) << own.out;
+  EXPECT_THAT(own.out, HasSubstr("was recorded by this plan"));
+  EXPECT_THAT(own.out, HasSubstr("are as they were sealed"));
+}
+
 TEST_F(CompareProgram, SaysWhatItCannotDo) {
   EXPECT_REFUSED(kiroku({"compare", case_.string()}), "name the case and the plan");
   fs::copy(case_, folder() / "copy", fs::copy_options::recursive);

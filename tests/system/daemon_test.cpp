@@ -214,7 +214,9 @@ source = "synthetic:endoscope?size=64x48&rate=10"
   server.start();
   EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("lists 1 steps of these days"));
   EXPECT_TRUE(until_subject("late"));
-  EXPECT_EQ(kiroku({"case", "stop", "--room", "or-2"}).status, 0);
+  EXPECT_THAT(kiroku({"case", "stop", "--room", "or-2", "--no-wait"}).out,
+              HasSubstr("room or-2: ending " + late));
+  ASSERT_TRUE(eventually([&] { return room()["state"] == "idle"; }));
   EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / late).string()})["verdict"], "intact");
   EXPECT_THAT(kiroku({"export", late, "--stream", "events", "-o", path("events.jsonl")}).err, testing::_);
   EXPECT_THAT(read_text(path("events.jsonl")), HasSubstr("Listed^Lisa"));

@@ -86,9 +86,13 @@ Tone tone_of(Verdict verdict) {
 
 std::string time_sentence(const ReportInput& input) {
   if (input.verification.time == TimeProof::kNone) {
-    const bool ended = std::ranges::find(input.verification.findings, kAlgorithmEnded,
-                                         &archive::Finding::code) != input.verification.findings.end();
-    return ended ? say(input.language, "time.ended") : say(input.language, "time.none");
+    const auto found = [&](std::string_view code) {
+      return std::ranges::find(input.verification.findings, code, &archive::Finding::code) !=
+             input.verification.findings.end();
+    };
+    return found(kAlgorithmEnded)    ? say(input.language, "time.ended")
+           : found("ledger-changed") ? say(input.language, "time.other-entries")
+                                     : say(input.language, "time.none");
   }
   if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
   if (input.verification.time == TimeProof::kExternalInPart) {

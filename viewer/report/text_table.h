@@ -83,6 +83,10 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は記録装置に内蔵された時刻認証局のみによるもので、外部の時計による裏付けはありません。"},
     {"time.none", "No time stamp could be checked: when it existed is not proved.",
      "検査できたタイムスタンプがなく、存在した時刻は証明されていません。"},
+    {"time.other-entries",
+     "No time stamp that could be checked is over the entries that are here: when these existed is not "
+     "proved.",
+     "検査できたタイムスタンプに、ここにある項目を対象とするものはなく、存在した時刻は証明されていません。"},
     {"time.ended",
      "By the policy that was given, an algorithm of its time stamps counts no more: when it existed is not "
      "proved.",

@@ -79,5 +79,40 @@ TEST(VerifiedCases, WhatCouldNotBeProvenIsAnAnswerOfItsOwn) {
             "3 cases verified, 1 NOT INTACT, 1 incomplete, 1 unproven, 1 could not be checked");
 }
 
+// "kiroku-fleet verify --all && …" goes on only where every case of the catalogue was looked at and holds.
+TEST(VerifiedCases, WhoAsksForAllIsToldWhatThisRunDidNotLookAt) {
+  const auto compared = [](const fleet::FleetTotals& totals) {
+    VerifiedCases cases = cases_of({Verdict::kIntact, Verdict::kIntact});
+    cases.compare(totals);
+    return cases;
+  };
+  EXPECT_EQ(compared({.cases = 2}).status(), 0);
+  EXPECT_EQ(compared({.cases = 2}).summary(), "2 cases verified");
+  // Another worker took it while this one verified the others.
+  const VerifiedCases other = compared({.cases = 3, .alarms = 1});
+  EXPECT_EQ(other.status(), 1);
+  EXPECT_EQ(other.summary(), "2 cases verified; in the catalogue 1 NOT INTACT that this run did not verify");
+  EXPECT_EQ(compared({.cases = 3, .unproven = 1}).status(), 3);
+  const VerifiedCases gone = compared({.cases = 3, .missing = 1});
+  EXPECT_EQ(gone.status(), 1);
+  EXPECT_EQ(gone.summary(), "2 cases verified; not looked at: 1 missing from the store");
+  EXPECT_EQ(compared({.cases = 3, .unverified_unreadable = 1}).status(), 1);
+  const VerifiedCases changed = compared({.cases = 3, .unverified_closed = 1});
+  EXPECT_EQ(changed.status(), 3);
+  EXPECT_EQ(changed.summary(), "2 cases verified; not looked at: 1 that changed just now");
+  // What this run found itself is told once.
+  VerifiedCases own = cases_of({Verdict::kTampered, Verdict::kUnproven});
+  own.compare({.cases = 2, .alarms = 1, .unproven = 1});
+  EXPECT_EQ(own.status(), 1);
+  EXPECT_EQ(own.summary(), "2 cases verified, 1 NOT INTACT, 1 unproven");
+}
+
+TEST(VerifiedCases, ARunThatWasToldToEndDidNotLookAtAll) {
+  VerifiedCases cases = cases_of({Verdict::kIntact});
+  cases.end_early();
+  EXPECT_EQ(cases.status(), 3);
+  EXPECT_EQ(cases.summary(), "1 case verified; ended before every case was looked at");
+}
+
 }  // namespace
 }  // namespace kiroku::apps

@@ -148,6 +148,8 @@ TEST_F(FleetCatalogueTest, IsAskedByApplianceTimeStateAndVerdict) {
   EXPECT_EQ(totals.open, 1U);
   EXPECT_EQ(totals.unreadable, 1U);
   EXPECT_EQ(totals.unverified, 3U);
+  EXPECT_EQ(totals.unverified_closed, 1U);
+  EXPECT_EQ(totals.unverified_unreadable, 1U);
   EXPECT_EQ(totals.alarms, 1U);
   const std::vector<ApplianceTotals> each = catalogue_.totals_by_appliance();
   ASSERT_EQ(each.size(), 2U);

@@ -513,6 +513,29 @@ TEST_F(RoomTest, ACaseThatADiskKeepsFromBeingClosedIsToldAsLeftOpen) {
   EXPECT_THAT(results, IsEmpty());
 }
 
+// "kiroku case stop && kiroku export …" goes on only with a case that is closed.
+TEST_F(RoomTest, WhoWaitsForTheEndIsToldThatItCouldNotBeClosed) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan failing = plan({kCamera});
+  failing.session.files = &faults;
+  Room room(std::move(failing), listener());
+  const std::string id = room.start("operator");
+  faults.fail("write " + id + "/ledger.jsonl", EIO);
+  std::string refused = "nothing";
+  try {
+    room.stop("operator", true);
+  } catch (const Error& error) {
+    refused = error.what();
+  }
+  // A line may come before the end and fail, too: then there is nothing to end.
+  EXPECT_THAT(refused, testing::AnyOf(HasSubstr(id + " could not be closed"), HasSubstr("is not recording")));
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
+  faults.heal();
+  // Of the next one it says nothing.
+  const std::string next = room.start("operator");
+  EXPECT_EQ(room.stop("operator", true), next);
+}
+
 TEST_F(RoomTest, SaysThatNothingIsRecordedSinceADiskErrorEndedACase) {
   test::FaultFileSystem faults(bench.options().archive);
   RoomPlan failing = plan({kCamera});

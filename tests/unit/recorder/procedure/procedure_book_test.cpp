@@ -72,6 +72,77 @@ TEST(ProcedureBook, OtherFactsOfAPatientDoNotMoveThem) {
   EXPECT_EQ(data->sex, "F");
 }
 
+/// As somebody else's record would be changed while another patient is in the room.
+ProcedureMessage facts(const std::string& patient, Kind kind = Kind::kFacts) {
+  ProcedureMessage message = placed(patient, {});
+  message.kind = kind;
+  return message;
+}
+
+TEST(ProcedureBook, NobodyComesIntoARoomByWhatIsSaidOfTheirRecord) {
+  ProcedureBook book;
+  ProcedureMessage arrived = placed("1", {});
+  arrived.moves = true;
+  book.take(arrived, kMorning);
+  EXPECT_EQ(found(book, kMorning + 1h, {}), "1 ") << "every message is about this room, and says no place";
+  book.take(facts("2"), kMorning + 1h);
+  book.take(facts("3", Kind::kPlaces), kMorning + 1h);
+  EXPECT_EQ(found(book, kMorning + 2h, {}), "1 ");
+  EXPECT_EQ(book.list({{}, 12h}, kMorning + 2h).size(), 1U);
+  // Who is to come to the room tomorrow is not there.
+  ProcedureMessage pending = placed("4", {"OR1"});
+  pending.kind = Kind::kFacts;
+  book.take(pending, kMorning + 1h);
+  EXPECT_EQ(found(book, kMorning + 2h), "nobody");
+}
+
+TEST(ProcedureBook, WhoeverIsThereAlreadyIsNotPlacedAnewByTheSamePlace) {
+  ProcedureBook book;
+  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(placed("2", {"OR1"}), kMorning + 1h);
+  ProcedureMessage corrected = placed("1", {"OR1"});
+  corrected.data.sex = "F";
+  book.take(corrected, kMorning + 2h);
+  EXPECT_EQ(found(book, kMorning + 3h), "2 ") << "a correction of the record of who was there before";
+  EXPECT_THAT(book.list({{"OR1"}, 12h}, kMorning + 3h).front().sex, "F");
+  ProcedureMessage back = placed("1", {"OR1"});
+  back.moves = true;
+  book.take(back, kMorning + 4h);
+  EXPECT_EQ(found(book, kMorning + 5h), "1 ");
+}
+
+TEST(ProcedureBook, APatientWhoseNumberIsMergedIsOnePatient) {
+  ProcedureBook book;
+  book.take(placed("old", {"OR1"}), kMorning);
+  book.take(planned("old", "first", kMorning + 1h), kMorning);
+  ProcedureMessage merged = facts("new");
+  merged.replaces = "old";
+  book.take(merged, kMorning + 1h);
+  EXPECT_EQ(found(book, kMorning + 2h), "new first");
+  EXPECT_EQ(book.size(), 2U);
+  ProcedureMessage gone = placed("new", {});
+  gone.kind = Kind::kLeaves;
+  book.take(gone, kMorning + 3h);
+  EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning + 4h)->chosen, HasSubstr("appointment"))
+      << "whoever left is not in the room by an earlier number";
+}
+
+TEST(ProcedureBook, OfAnAppointmentOfTwoPatientsNeitherIsTaken) {
+  ProcedureBook book;
+  const ProcedureRule rule{{"OR1"}, 12h};
+  book.take_all({planned("1", "A", kMorning), planned("2", "A", kMorning)}, kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning), "nobody");
+  EXPECT_TRUE(book.is_doubtful(rule, kMorning));
+  EXPECT_EQ(book.list(rule, kMorning).size(), 2U) << "a person chooses";
+  // Changed, it is one patient's.
+  book.take(planned("2", "A", kMorning), kMorning);
+  EXPECT_EQ(found(book, kMorning), "2 A");
+  ProcedureMessage cancelled = planned("2", "A", {});
+  cancelled.kind = Kind::kCancels;
+  book.take(cancelled, kMorning);
+  EXPECT_EQ(book.size(), 0U);
+}
+
 std::vector<std::string> listed(const ProcedureBook& book, UtcTime at) {
   std::vector<std::string> out;
   for (const ProcedureData& data : book.list({{"OR1"}, 12h}, at))

@@ -17,10 +17,15 @@ using testing::SizeIs;
 
 constexpr std::chrono::minutes kZone{120};
 
-ProcedureMessage read(const std::string& text) {
+std::vector<ProcedureMessage> read_all(const std::string& text) {
   const Hl7Parse parsed = parse_hl7_message(text);
   EXPECT_TRUE(parsed.message) << parsed.problem;
-  return read_procedure_message(*parsed.message, kZone);
+  return read_procedure_messages(*parsed.message, kZone);
+}
+ProcedureMessage read(const std::string& text) {
+  const std::vector<ProcedureMessage> all = read_all(text);
+  EXPECT_THAT(all, SizeIs(1));
+  return all.front();
 }
 
 std::string adt(const std::string& event, const std::string& more = "PV1|1|I|WARD^3^2|||||||OR1\r",
@@ -74,8 +79,10 @@ TEST(ProcedureMessage, ReadsAnAppointment) {
 TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
   for (const char* event : {"A03", "A11", "A23", "A29"})
     EXPECT_EQ(read(adt(event)).kind, Kind::kLeaves) << event;
-  for (const char* event : {"A01", "A04", "A08", "A10"})
+  for (const char* event : {"A01", "A04", "A08", "A10"}) {
     EXPECT_EQ(read(adt(event)).kind, Kind::kPlaces) << event;
+    EXPECT_EQ(read(adt(event)).moves, std::string(event) != "A08") << event;
+  }
   for (const char* event : {"S15", "S16", "S17", "S26"}) {
     std::string text = kAppointment;
     text.replace(text.find("S12"), 3, event);
@@ -84,6 +91,74 @@ TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
   EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT^A01|1|P|2.5\rPV1|1|I|OR1\r").kind, Kind::kNothing) << "nobody";
   EXPECT_EQ(read("MSH|^~\\&|A||||2026||SIU^S23|1|P|2.5\rSCH|1\rAIL|1||OR1\r").kind, Kind::kNothing)
       << "a blocked slot";
+}
+
+// What is to be, or was to be, and what is said of a person, tells nothing of who lies in the room now.
+TEST(ProcedureMessage, WhatIsPendingOrOfAPersonPlacesNobody) {
+  for (const char* event : {"A05", "A14", "A15", "A27", "A38", "A28", "A31", "A40", "A47"})
+    EXPECT_EQ(read(adt(event)).kind, Kind::kFacts) << event;
+}
+
+TEST(ProcedureMessage, KnowsWhatAPatientWasCalledBefore) {
+  EXPECT_EQ(read(adt("A40", "MRG|99^^^^PI~0815^^^HOSP^MR\r")).replaces, "0815\nHOSP");
+  EXPECT_EQ(read(adt("A47", "MRG|0815\r")).replaces, "0815\n");
+  EXPECT_EQ(read(adt("A18", "MRG||||0815\r")).replaces, "0815\n") << "MRG-4 before v2.3";
+  EXPECT_EQ(read(adt("A40", "MRG|4711^^^HOSP^MR\r")).replaces, "") << "its own";
+  EXPECT_EQ(read(adt("A35", "MRG|||77\r")).replaces, "") << "an account";
+  EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT^A40|1|P|2.5\rPID|1\rMRG|0815\r").replaces, "") << "into nobody";
+}
+
+TEST(ProcedureMessage, TwoPatientsWhoSwapTheirPlacesAreTwo) {
+  const auto all = read_all(adt("A17", "PV1|1|I|OR1\rPID|2||12^^^HOSP^MR||Roe^Jane\rPV1|2|I|OR2\r"));
+  ASSERT_THAT(all, SizeIs(2));
+  EXPECT_EQ(all[0].patient + " " + all[0].data.location, "4711\nHOSP OR1");
+  EXPECT_EQ(all[1].patient + " " + all[1].data.location, "12\nHOSP OR2");
+  EXPECT_EQ(all[1].data.patient.family, "Roe");
+  EXPECT_TRUE(all[0].moves && all[1].moves);
+  EXPECT_THAT(all[1].places, testing::Not(Contains("OR1")));
+}
+
+TEST(ProcedureMessage, AnAppointmentOfTwoPatientsIsOfEach) {
+  std::string text = kAppointment;
+  text.insert(text.find("RGS|"), "PID|2||12^^^HOSP^MR||Roe^Jane\r");
+  const auto all = read_all(text);
+  ASSERT_THAT(all, SizeIs(2));
+  for (const ProcedureMessage& each : all) {
+    EXPECT_EQ(each.kind, Kind::kAppointment);
+    EXPECT_EQ(each.appointment, "F77");
+    EXPECT_EQ(each.planned, parse_utc("2026-08-05T07:15:00Z"));
+    EXPECT_THAT(each.places, Contains("SURGERY^OR1"));
+  }
+  EXPECT_EQ(all[1].data.patient.family, "Roe");
+  std::string many = kAppointment;
+  for (std::size_t i = 0; i < kMostPatients + 3; ++i)
+    many.insert(many.find("RGS|"), "PID|2||5" + std::to_string(i) + "^^^HOSP^MR\r");
+  EXPECT_THAT(read_all(many), SizeIs(kMostPatients));
+}
+
+TEST(ProcedureMessage, WhatAChangeTakesOutOfAnAppointmentIsNoneOfIt) {
+  std::string moved = kAppointment;
+  moved.replace(moved.find("S12"), 3, "S13");
+  moved.replace(moved.find("AIL|1||"), 7, "AIL|1|D|");
+  moved += "AIL|2|A|SURGERY^OR2^^HOSP\r";
+  EXPECT_THAT(read(moved).places, testing::AllOf(Contains("OR2"), testing::Not(Contains("OR1"))));
+  std::string group = kAppointment;
+  group.replace(group.find("RGS|1"), 5, "RGS|1|D");
+  group += "RGS|2|A\rAIL|1||SURGERY^OR3\r";
+  EXPECT_THAT(read(group).places, testing::AllOf(Contains("OR3"), testing::Not(Contains("OR1"))));
+}
+
+TEST(ProcedureMessage, AnAppointmentThatItsStatusCallsOffIsCancelled) {
+  const auto with_status = [](const std::string& event, const std::string& status) {
+    std::string text = kAppointment;
+    text.replace(text.find("S12"), 3, event);
+    const std::size_t end = text.find('\r', text.find("SCH|"));
+    text.insert(end, std::string(14, '|') + status);
+    return read(text).kind;
+  };
+  EXPECT_EQ(with_status("S14", "Cancelled^^HL70278"), Kind::kCancels);
+  EXPECT_EQ(with_status("S14", "NOSHOW"), Kind::kCancels);
+  EXPECT_EQ(with_status("S14", "Booked"), Kind::kAppointment);
 }
 
 TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
@@ -121,9 +196,10 @@ TEST(ProcedureMessage, EveryRealMessageIsReadOrNamed) {
     for (const std::string_view one : split_hl7_messages(text_of(bytes))) {
       const Hl7Parse parsed = parse_hl7_message(one);
       if (!parsed.message || !is_of_procedures(parsed.message->type())) continue;
-      const ProcedureMessage message = read_procedure_message(*parsed.message, kZone);
-      patients += message.patient.empty() ? 0U : 1U;
-      EXPECT_NO_THROW(subject_json(message.data));
+      for (const ProcedureMessage& message : read_procedure_messages(*parsed.message, kZone)) {
+        patients += message.patient.empty() ? 0U : 1U;
+        EXPECT_NO_THROW(subject_json(message.data));
+      }
     }
   }
   EXPECT_GE(patients, 10U);

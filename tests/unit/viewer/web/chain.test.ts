@@ -80,15 +80,35 @@ describe('The chain of proof', () => {
       tokens: 'holds',
       authority: 'holds',
     });
-    expect(states(report([finding('ledger-changed', 'tampered')]))).toMatchObject({ ledger: 'broken', segments: 'holds' });
+    expect(states(report([finding('log-end-differs', 'tampered')]))).toMatchObject({ ledger: 'broken', segments: 'holds' });
     expect(states(report([finding('checkpoint-signature-invalid', 'tampered')]))).toMatchObject({ checkpoints: 'broken' });
   });
   it('says what cannot be shown', () => {
     expect(states(report([], { tokens: 0, time: 'none' }))).toMatchObject({ tokens: 'open', authority: 'open' });
     expect(states(report([], { time: 'external-in-part' }))).toMatchObject({ tokens: 'holds', authority: 'open' });
-    expect(states(report([], { time: 'self-issued' }))).toMatchObject({ tokens: 'holds', authority: 'holds' });
-    expect(states(report([finding('no-trusted-authority', 'unproven')]))).toMatchObject({ authority: 'open', tokens: 'holds' });
+    expect(states(report([], { time: 'self-issued' }))).toMatchObject({ tokens: 'holds', authority: 'open' });
+    expect(states(report([finding('no-trusted-authority', 'unproven')], { time: 'none' }))).toMatchObject({ authority: 'open', tokens: 'open' });
+    expect(states(report([], { signed_entries: 7 }))).toMatchObject({ ledger: 'open', segments: 'holds' });
     expect(states(report([finding('gap', 'gap'), finding('clock-stepped', 'note')]))).toMatchObject({ segments: 'partly', ledger: 'holds' });
+  });
+  it('says of nothing that it holds by lines that were changed, or that nobody could read', () => {
+    const open = { segments: 'open', tokens: 'open', authority: 'open' };
+    expect(states(report([finding('ledger-changed', 'tampered')]))).toMatchObject({ ...open, ledger: 'broken' });
+    expect(states(report([finding('checkpoint-signature-invalid', 'tampered')]))).toMatchObject({ ...open, ledger: 'open', checkpoints: 'broken' });
+    expect(states(report([finding('excerpt-malformed', 'tampered'), finding('gap', 'gap')]))).toMatchObject({ ...open, ledger: 'broken' });
+    expect(states(report([finding('token-repeated', 'tampered')]))).toMatchObject({ segments: 'open', tokens: 'broken', ledger: 'holds', authority: 'open' });
+    expect(states(report([finding('stream-unknown', 'tampered')]))).toMatchObject({ ...open, ledger: 'broken' });
+    expect(states(report([finding('outside-note-invalid', 'unproven')]))).toMatchObject({ ledger: 'open', checkpoints: 'holds' });
+    expect(states(report([finding('folder-of-another-case', 'unproven')]))).toMatchObject({ segments: 'open', ledger: 'holds' });
+    expect(states(report([finding('excerpt-no-later-token', 'unproven')]))).toMatchObject({ tokens: 'open', authority: 'open' });
+    expect(states(report([finding('token-refused', 'tampered')]))).toMatchObject({ tokens: 'broken', authority: 'open' });
+    // What is broken stays so.
+    expect(
+      states(report([finding('ledger-changed', 'tampered'), finding('file-missing', 'tampered', { file: 'segments/room/00000001.ts.age' })])),
+    ).toMatchObject({ ledger: 'broken', segments: 'broken' });
+  });
+  it('says of nothing that it holds where an algorithm ended', () => {
+    expect(new Set(Object.values(states(report([finding('algorithm-ended', 'unproven')]))))).toEqual(new Set(['open']));
   });
   it('takes the gravest of a link', () => {
     expect(states(report([finding('gap', 'gap'), finding('segment-hole', 'tampered')]))).toMatchObject({ segments: 'broken' });
@@ -110,7 +130,7 @@ describe('The chain of proof', () => {
     expect(
       ofLedger.filter(
         (code) =>
-          !/^(entry|open|close-utc|ledger|log|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|consent|boots?-|measured-boot|access-without-consent|folder|more)/.test(
+          !/^(entry|open|close-utc|ledger|log|outside|stream-unknown|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|consent|boots?-|measured-boot|access-without-consent|folder|more)/.test(
             code,
           ),
       ),

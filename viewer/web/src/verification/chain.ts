@@ -33,6 +33,7 @@ const kByCode: Record<string, LinkName> = {
   'token-untrusted': 'authority',
   'second-token-untrusted': 'authority',
   'no-token': 'tokens',
+  'excerpt-no-later-token': 'tokens',
   'end-not-stamped': 'tokens',
   'end-stamped-late': 'tokens',
   'stamped-after-close': 'tokens',
@@ -41,12 +42,15 @@ const kByCode: Record<string, LinkName> = {
   'authority-clock-set': 'tokens',
   'clock-disagreement': 'tokens',
   'authorities-disagree': 'tokens',
+  'stream-unknown': 'ledger',
   gap: 'segments',
   'sound-gap': 'segments',
   'gap-beyond-end': 'segments',
   'monitor-silent': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
+  'folder-of-another-case': 'segments',
+  'folder-name-differs': 'segments',
   'name-clash': 'segments',
   'totals-differ': 'segments',
 };
@@ -57,7 +61,6 @@ const kByPrefix: readonly [string, LinkName][] = [
   ['erased-', 'segments'],
   ['rekeyed-', 'segments'],
   ['checkpoint-', 'checkpoints'],
-  ['outside-', 'checkpoints'],
   ['log-proof-', 'checkpoints'],
   ['authority-', 'authority'],
   ['token-', 'tokens'],
@@ -79,14 +82,50 @@ const kStates: Record<Severity, LinkState> = { tampered: 'broken', incomplete: '
 const kGrave: readonly LinkState[] = ['holds', 'partly', 'open', 'broken'];
 
 export function chainOf(report: VerificationReport): ChainLink[] {
-  return kLinks.map((name) => {
+  const chain = kLinks.map((name) => {
     const findings = report.findings.filter((finding) => linkOf(finding) === name);
     const state = findings.reduce<LinkState>((worst, finding) => {
       const its = kStates[finding.severity];
       return kGrave.indexOf(its) > kGrave.indexOf(worst) ? its : worst;
     }, 'holds');
-    return { name, state: nothingBehind(name, report) && state === 'holds' ? 'open' : state, findings };
+    return { name, state: holds(state) && (nothingBehind(name, report) || restsOnWhatFails(name, report)) ? ('open' as const) : state, findings };
   });
+  // An authority stands behind its time-stamps alone.
+  const stamped = chain.some((link) => link.name === 'tokens' && holds(link.state));
+  return chain.map((link) => (link.name === 'authority' && holds(link.state) && !stamped ? { ...link, state: 'open' } : link));
+}
+
+const holds = (state: LinkState): boolean => state === 'holds' || state === 'partly';
+
+// Here as in a report (viewer/report/checks.cpp): of one case both must not answer otherwise.
+
+/** Where these were found, files were not looked for: their entries cannot be read, or may not name them. */
+const kLeavesFilesUnasked: ReadonlySet<string> = new Set([
+  'entry-malformed',
+  'entry-too-long',
+  'ledger-unreadable',
+  'stream-unknown',
+  'segment-name-differs',
+  'token-name-differs',
+  'token-repeated',
+  'token-covers-later',
+]);
+
+/** What others say about the ledger, which the page puts to it: it does not change its lines. */
+const kOfOthers = /^(log|consent|access|boot|measured-boot|case-missing|erased-while)/;
+
+/** Whether the ledger's lines are not what was signed: then nobody signed which files there were, and what was stamped were other lines. */
+const isLedgerChanged = (report: VerificationReport): boolean =>
+  report.findings.some(
+    (one) => one.severity === 'tampered' && !kOfOthers.test(one.code) && (linkOf(one) === 'ledger' || /^(checkpoint|outside)-/.test(one.code)),
+  );
+
+/** Whether what the link says is true only if something holds that does not. */
+function restsOnWhatFails(name: LinkName, report: VerificationReport): boolean {
+  if (name !== 'checkpoints' && isLedgerChanged(report)) return true;
+  if (name === 'segments' && report.findings.some((one) => kLeavesFilesUnasked.has(one.code))) return true;
+  // Whoever can find another text with the same hash, or sign in the device's name, can write all of it anew.
+  return report.findings.some((one) => one.code === 'algorithm-ended');
 }
 
 /** What anybody can have made where the device signed nothing. */
@@ -94,8 +133,9 @@ const kOfTheDevice: readonly LinkName[] = ['segments', 'ledger', 'checkpoints'];
 
 const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (kOfTheDevice.includes(name) && report.signed_entries === 0) ||
-  (name === 'tokens' && report.tokens === 0) ||
-  (name === 'authority' && (report.time === 'none' || report.time === 'external-in-part'));
+  (name === 'ledger' && report.excerpt === null && report.signed_entries < report.entries) ||
+  (name === 'tokens' && (report.tokens === 0 || report.time === 'none')) ||
+  (name === 'authority' && report.time !== 'external');
 
 /** What the chain is made of, in sentences: who signed it, and whose clock stands behind its time. */
 export const wordsOfChain = (report: VerificationReport): MessageKey[] => [
