@@ -48,8 +48,10 @@ afterAll(async () => {
 describe('the display', () => {
   it('shows no control until the pointer moves, and asks for no sound', async () => {
     await open('en-GB');
-    await until('a code is shown', () => page.evaluate(() => fetch('light.json').then(async (answer) => ((await answer.json()).rows ? true : undefined))));
-    expect(await page.getByRole('button').isVisible()).toBe(false);
+    await until('a code is shown', () =>
+      page.evaluate(() => fetch('light.json').then(async (answer) => (((await answer.json()) as { rows: unknown }).rows ? true : undefined))),
+    );
+    await expect.poll(() => page.getByRole('button').isVisible()).toBe(false);
     await page.mouse.move(100, 100);
     await page.getByRole('button', { name: 'Sound' }).waitFor();
     await page.getByRole('button').waitFor({ state: 'hidden' });
@@ -61,7 +63,7 @@ describe('the display', () => {
     await page.mouse.move(100, 100);
     const button = page.getByRole('button', { name: '音を出す' });
     await button.click();
-    expect(await page.getByRole('button', { name: '音を止める' }).getAttribute('aria-pressed')).toBe('true');
+    await expect.poll(() => page.getByRole('button', { name: '音を止める' }).getAttribute('aria-pressed')).toBe('true');
     await until('two codes were fetched', () => (sounds.length >= 2 ? true : undefined));
     for (const sound of sounds) expect(sound).toEqual({ status: 200, bytes: kCodeBytes });
     await page.mouse.move(120, 120);
