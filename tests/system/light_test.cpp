@@ -95,9 +95,6 @@ class LoudspeakerRealTime : public Light {
     shell.command = {"sh", "-c", command};
     return Process(shell);
   }
-  [[nodiscard]] static std::string display() {
-    return "exec '" + built_file("kiroku") + "' display --listen 127.0.0.1:0 --pcm";
-  }
   /// A case with a microphone in the room; its folder.
   [[nodiscard]] std::string record_sound(const std::string& duration) const {
     Process::Options recorder = options({"record", "--json", "--duration", duration, "--room",
@@ -119,9 +116,13 @@ class LoudspeakerRealTime : public Light {
 TEST_F(LoudspeakerRealTime, SoundOfTheRoomAgreesWithTheLedgerAndOfAnotherCaseDoesNot) {
   std::string first;
   {
-    // What the loudspeaker plays is also kept, as somebody may.
-    const Process display =
-        played(LoudspeakerRealTime::display() + " | tee '" + path("kept.pcm") + "' > '" + path("air") + "'");
+    // What the loudspeaker plays is also kept, as somebody may. Each shell becomes its program, so that it
+    // ends here.
+    ASSERT_EQ(::mkfifo(path("wire").c_str(), 0600), 0);
+    const Process keeping =
+        played("exec tee '" + path("kept.pcm") + "' < '" + path("wire") + "' > '" + path("air") + "'");
+    const Process display = played("exec '" + built_file("kiroku") +
+                                   "' display --listen 127.0.0.1:0 --pcm > '" + path("wire") + "'");
     first = record_sound("23s");
   }
   const auto live = sound_of(first);
