@@ -81,10 +81,11 @@ std::string_view second_light_name(SecondLight light) {
   return "unread";
 }
 
-LightJudge::Match LightJudge::nearest(const Sighting& sighting, std::span<const LedgerCode> around) {
+LightJudge::Match LightJudge::nearest(const Sighting& sighting, std::span<const LedgerCode> around) const {
   Match best;
   int least = kCodeBits;
   for (const LedgerCode& code : around) {
+    if (!is_shown(code)) continue;
     for (std::size_t view = 0; view < sighting.words.size(); ++view) {
       const int differ = distance(sighting.words[view], code.code);
       if (differ > (view == 0 ? kMostOfAll : kMostOfHalf) || differ >= least) continue;
@@ -97,7 +98,7 @@ LightJudge::Match LightJudge::nearest(const Sighting& sighting, std::span<const 
 
 const LedgerCode* LightJudge::anywhere(std::uint64_t word) const {
   for (const LedgerCode& code : ledger_.codes()) {
-    if (distance(word, code.code) <= kMostOfOld) return &code;
+    if (is_shown(code) && distance(word, code.code) <= kMostOfOld) return &code;
   }
   return nullptr;
 }
@@ -116,28 +117,47 @@ void LightJudge::add(std::int64_t case_ns, std::span<const Sighting> sightings) 
   Second& now = *second_;
   now.last_ns = case_ns;
   ++now.pictures;
-  const auto around = ledger_.codes_of(utc - kLateSeconds, utc + kEarlySeconds);
-  now.is_crowded = around.size() > kMostNearby;
-  if (now.is_crowded) return;
-  for (const Sighting& sighting : sightings) {
-    const Match match = nearest(sighting, around);
-    if (const LedgerCode* code = match.code) {
-      ++now.near[code->second];
-      if (match.is_exact) ++now.exact[code->entries];
-      if (!latest_shown_ || code->second > *latest_shown_) {
-        latest_shown_ = code->second;
-        report_.delays_ns.push_back(*utc_ns - code->second * 1'000'000'000);
-      }
-      continue;
-    }
-    if (sighting.opposite < kOppositeOfOld) continue;
-    count(now.strange, sighting.words[0]);
-    if (sighting.opposite >= kOppositeOfForeign && sighting.clarity >= kClarityOfForeign &&
-        std::none_of(around.begin(), around.end(), [&](const LedgerCode& code) {
-          return distance(sighting.words[0], code.code) < kLeastOfForeign;
-        }))
-      count(now.clear, sighting.words[0]);
+  now.is_crowded = around(utc).size() > kMostNearby;
+  for (const Sighting& sighting : sightings) consider(sighting, *utc_ns, now);
+}
+
+void LightJudge::hear(std::int64_t begin_ns, std::int64_t end_ns, std::span<const TimedSighting> heard) {
+  ++report_.pictures;
+  second_ = Second();
+  Second& now = *second_;
+  now.first_ns = begin_ns;
+  now.last_ns = end_ns;
+  now.pictures = 1;
+  for (const TimedSighting& one : heard) {
+    const std::optional<std::int64_t> utc_ns = ledger_.utc_ns_at(one.case_ns);
+    if (!utc_ns) continue;
+    if (consider(one.sighting, *utc_ns, now)) now.exact_ns = one.case_ns;
   }
+  close();
+}
+
+bool LightJudge::consider(const Sighting& sighting, std::int64_t utc_ns, Second& now) {
+  const auto nearby = around(floor_second(utc_ns));
+  now.is_crowded = now.is_crowded || nearby.size() > kMostNearby;
+  if (now.is_crowded) return false;
+  const Match match = nearest(sighting, nearby);
+  if (const LedgerCode* code = match.code) {
+    ++now.near[code->second];
+    if (match.is_exact) ++now.exact[code->entries];
+    if (!latest_shown_ || code->second > *latest_shown_) {
+      latest_shown_ = code->second;
+      report_.delays_ns.push_back(utc_ns - code->second * 1'000'000'000);
+    }
+    return match.is_exact;
+  }
+  if (sighting.opposite < kOppositeOfOld) return false;
+  count(now.strange, sighting.words[0]);
+  if (sighting.opposite >= kOppositeOfForeign && sighting.clarity >= kClarityOfForeign &&
+      std::none_of(nearby.begin(), nearby.end(), [&](const LedgerCode& code) {
+        return is_shown(code) && distance(sighting.words[0], code.code) < kLeastOfForeign;
+      }))
+    count(now.clear, sighting.words[0]);
+  return false;
 }
 
 void LightJudge::note(SecondLight light, const Second& second, std::optional<std::int64_t> shown) {
@@ -175,7 +195,7 @@ void LightJudge::close() {
     if (entries > 0) {
       ++report_.exact;
       report_.exact_entries = entries;
-      report_.exact_shown_ns = second.first_ns;
+      report_.exact_shown_ns = second.exact_ns.value_or(second.first_ns);
     }
     return;
   }

@@ -1,4 +1,5 @@
-// Compares what pictures of a stream show with what the ledger says a display showed. Not thread-safe.
+// Compares what pictures of a stream show, or its sound carries, with what the ledger says a display showed.
+// Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -33,6 +34,7 @@ struct LightStretch {
   std::optional<std::int64_t> shown_second;  // kOld: Unix time of the code that its first second shows
 };
 
+/// Of sound, a stretch of kSoundPeriodSeconds stands where a second of pictures does.
 struct LightReport {
   LightAnswer answer = LightAnswer::kNoPictures;
   std::uint64_t pictures = 0;
@@ -54,6 +56,12 @@ struct LightReport {
   std::int64_t exact_shown_ns = 0;
 };
 
+/// What may be a code in sound, and when it began on the case clock.
+struct TimedSighting {
+  std::int64_t case_ns = 0;
+  Sighting sighting;
+};
+
 class LightJudge {
  public:
   static constexpr std::size_t kMostStretches = 1'000;
@@ -64,11 +72,16 @@ class LightJudge {
   /// A second with more codes to compare with is not compared. A recorder with eight streams makes some 300.
   static constexpr std::size_t kMostNearby = 1'000;
 
-  /// `ledger` must outlive the object.
-  explicit LightJudge(const LedgerLights& ledger) : ledger_(ledger) {}
+  /// `ledger` must outlive the object. Only codes of seconds that `each_seconds` divides are shown: 1 of
+  /// pictures, kSoundPeriodSeconds of sound.
+  explicit LightJudge(const LedgerLights& ledger, std::int64_t each_seconds = 1)
+      : ledger_(ledger), each_seconds_(each_seconds) {}
   /// One picture, in the order of their times on the case clock.
   void add(std::int64_t case_ns, std::span<const Sighting> sightings);
-  /// After the last picture.
+  /// One stretch of sound of kSoundPeriodSeconds, in their order, with what may be a code among those that
+  /// begin in it. The caller of this does not call add().
+  void hear(std::int64_t begin_ns, std::int64_t end_ns, std::span<const TimedSighting> heard);
+  /// After the last picture, or stretch.
   [[nodiscard]] LightReport finish();
 
  private:
@@ -76,6 +89,7 @@ class LightJudge {
   struct Second {
     std::int64_t utc = 0;
     std::int64_t first_ns = 0, last_ns = 0;
+    std::optional<std::int64_t> exact_ns;  // of sound: when the code began that was read to the bit
     std::uint64_t pictures = 0;
     std::map<std::int64_t, std::uint64_t> near;    // pictures by the second whose code they show
     std::map<std::uint64_t, std::uint64_t> exact;  // pictures by the entries of what they show to the bit
@@ -83,16 +97,23 @@ class LightJudge {
     std::map<std::uint64_t, std::uint64_t> strange;  // pictures by a word that is none of those
     std::map<std::uint64_t, std::uint64_t> clear;    // of them: so clear that they can be called foreign
   };
+  /// Whether it is a code that fits, nearly to the bit.
+  bool consider(const Sighting& sighting, std::int64_t utc_ns, Second& now);
+  [[nodiscard]] std::span<const LedgerCode> around(std::int64_t utc) const {
+    return ledger_.codes_of(utc - kLateSeconds, utc + kEarlySeconds);
+  }
   void close();
   void note(SecondLight light, const Second& second, std::optional<std::int64_t> shown);
   struct Match {
     const LedgerCode* code = nullptr;
     bool is_exact = false;
   };
-  [[nodiscard]] static Match nearest(const Sighting& sighting, std::span<const LedgerCode> around);
+  [[nodiscard]] bool is_shown(const LedgerCode& code) const { return code.second % each_seconds_ == 0; }
+  [[nodiscard]] Match nearest(const Sighting& sighting, std::span<const LedgerCode> around) const;
   [[nodiscard]] const LedgerCode* anywhere(std::uint64_t word) const;
 
   const LedgerLights& ledger_;
+  const std::int64_t each_seconds_;
   std::optional<Second> second_;
   LightReport report_;
   std::optional<std::int64_t> latest_shown_;  // of whose code the delay is known

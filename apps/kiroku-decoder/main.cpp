@@ -11,6 +11,7 @@
 #include "media/inspection/frame_count_job.h"
 #include "media/libav_handles.h"
 #include "media/light/light_job.h"
+#include "media/light/sound_job.h"
 #include "recorder/procedure/worklist_box.h"
 #include "recorder/source/source_box.h"
 #include "viewer/playback/viewing_boxes.h"
@@ -24,6 +25,7 @@ int main(int argc, char** argv) {
     kiroku::media::Jobs jobs = kiroku::playback::viewing_jobs();
     jobs[kiroku::media::kCountFrames] = kiroku::media::count_frames;
     jobs[kiroku::media::kReadLight] = kiroku::media::read_light_in_box;
+    jobs[kiroku::media::kReadSound] = kiroku::media::read_sound_in_box;
     kiroku::media::run_job_box(jobs);
   }
   // Of a case of days: as long as it takes, while it says something.

@@ -1,13 +1,16 @@
 #include <algorithm>
+#include <csignal>
 #include <iostream>
 #include <memory>
 #include <mutex>
+#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/sound_player.h"
 #include "apps/kiroku/told_to_end.h"
 #include "archive/format/file_reading.h"
 #include "base/error.h"
@@ -16,6 +19,7 @@
 #include "light/ledger_follower.h"
 #include "light/light_code.h"
 #include "light/light_picture.h"
+#include "light/sound_code.h"
 #include "media/output_file.h"
 #include "media/png.h"
 
@@ -29,7 +33,7 @@ constexpr std::uint16_t kUsualPort = 8479;
 struct Request {
   std::optional<std::string> named, output, listen, home;
   std::string cell = "24";
-  bool once = false, json = false;
+  bool once = false, json = false, pcm = false;
 };
 
 /// What is to be shown now, for whichever thread asks.
@@ -51,6 +55,13 @@ class Shown {
     // One second has one code, whoever asks how often.
     if (second != now_.second) now_ = made(second);
     return now_;
+  }
+  /// The code that begins to sound now. One is made in the first second of its period alone: later the ledger
+  /// may have lines that no code of that second is made of.
+  std::optional<std::uint64_t> sound() {
+    const Now light = now();
+    if (!light.light || light.second % light::kSoundPeriodSeconds != 0) return std::nullopt;
+    return light.light->code;
   }
 
  private:
@@ -78,12 +89,81 @@ constexpr const char* kPage =
 )";
 
 // The whole screen is the code, with its dark margin; nothing where no case is recorded, or none answers.
+// A browser plays no sound before somebody asked for it: the button is there while the pointer moves, and
+// loudness, in dB of full scale, is kept for the next time.
 constexpr const char* kScript = R"('use strict';
+const japanese = navigator.language.startsWith('ja');
 const canvas = document.createElement('canvas');
 document.body.style.cssText = 'margin:0;background:#000;overflow:hidden;cursor:none';
-document.body.append(canvas);
+const panel = document.createElement('form');
+panel.style.cssText = 'position:fixed;left:16px;bottom:16px;display:none;gap:12px;align-items:center;padding:8px 12px;' +
+  'background:#14181c;color:#c8d0d8;border:1px solid #333c46;border-radius:6px;font:16px sans-serif';
+const button = document.createElement('button');
+button.type = 'button';
+button.style.cssText = 'min-width:96px;min-height:44px;background:#222a32;color:inherit;border:1px solid #4a5764;border-radius:4px;font:inherit';
+const label = document.createElement('label');
+const loudness = document.createElement('input');
+loudness.type = 'range';
+loudness.min = '-40';
+loudness.max = '0';
+loudness.value = localStorage.getItem('loudness') || '-20';
+label.append(japanese ? '音量 ' : 'Loudness ', loudness);
+panel.append(button, label);
+document.body.append(canvas, panel);
 let drawn = null;
 let since = Date.now();
+let audio = null;
+let volume = null;
+let sounded = null;
+function tell() {
+  const on = audio !== null;
+  button.textContent = japanese ? (on ? '音を止める' : '音を出す') : (on ? 'Sound off' : 'Sound');
+  button.setAttribute('aria-pressed', String(on));
+}
+function set_loudness() {
+  localStorage.setItem('loudness', loudness.value);
+  if (volume) volume.gain.value = 10 ** (Number(loudness.value) / 20);
+}
+button.addEventListener('click', () => {
+  if (audio) {
+    audio.close();
+    audio = volume = null;
+  } else {
+    audio = new AudioContext();
+    volume = audio.createGain();
+    volume.connect(audio.destination);
+    set_loudness();
+  }
+  tell();
+});
+loudness.addEventListener('input', set_loudness);
+tell();
+let hiding = 0;
+function show_panel() {
+  panel.style.display = 'flex';
+  document.body.style.cursor = 'default';
+  clearTimeout(hiding);
+  hiding = setTimeout(() => {
+    panel.style.display = 'none';
+    document.body.style.cursor = 'none';
+  }, 4000);
+}
+addEventListener('pointermove', show_panel);
+addEventListener('pointerdown', show_panel);
+addEventListener('keydown', show_panel);
+async function sound(second) {
+  if (!audio || second === null || second === sounded) return;
+  sounded = second;
+  const context = audio;
+  const answer = await fetch('sound.wav', {cache: 'no-store', signal: AbortSignal.timeout(2000)});
+  if (answer.status !== 200) return;
+  const samples = await context.decodeAudioData(await answer.arrayBuffer());
+  if (context !== audio) return;
+  const player = context.createBufferSource();
+  player.buffer = samples;
+  player.connect(volume);
+  player.start();
+}
 function draw(rows) {
   const text = JSON.stringify([rows, innerWidth, innerHeight]);
   if (text === drawn) return;
@@ -105,8 +185,10 @@ function draw(rows) {
 async function look() {
   try {
     const answer = await fetch('light.json', {cache: 'no-store', signal: AbortSignal.timeout(2000)});
-    draw((await answer.json()).rows);
+    const now = await answer.json();
+    draw(now.rows);
     since = Date.now();
+    sound(now.sounds ? now.second : null).catch(() => {});
   } catch {
     if (Date.now() - since > 3000) draw(null);
   }
@@ -128,8 +210,10 @@ http::Response respond(int status, const char* type, std::string body) {
 }
 
 ordered_json json_of(const Shown::Now& now) {
-  ordered_json json{{"second", now.second}, {"case", nullptr}, {"entries", nullptr}, {"rows", nullptr}};
+  ordered_json json{
+      {"second", now.second}, {"case", nullptr}, {"entries", nullptr}, {"rows", nullptr}, {"sounds", false}};
   if (!now.light) return json;
+  json["sounds"] = now.second % light::kSoundPeriodSeconds == 0;
   json["case"] = now.light->case_id;
   json["entries"] = now.light->entries;
   const light::GreyPicture picture = light::light_picture(now.light->code, 1);
@@ -143,7 +227,32 @@ ordered_json json_of(const Shown::Now& now) {
   return json;
 }
 
-http::Response answer(Shown& shown, const http::Request& request) {
+/// RIFF/WAVE with samples of 16 bits, one channel (Microsoft and IBM, "Multimedia Programming Interface and
+/// Data Specifications 1.0", 1991).
+std::string wav_of(const std::vector<std::int16_t>& samples) {
+  std::string wav;
+  const auto number = [&wav](std::uint32_t value, int bytes) {
+    for (int i = 0; i < bytes; ++i) wav += static_cast<char>(value >> (8 * i) & 0xffU);
+  };
+  constexpr std::uint32_t kRate = light::SoundCoder::kRate, kHead = 36, kSampleBytes = 2;
+  const auto bytes = static_cast<std::uint32_t>(samples.size()) * kSampleBytes;
+  wav += "RIFF";
+  number(kHead + bytes, 4);
+  wav += "WAVEfmt ";
+  number(16, 4);  // bytes of what follows
+  number(1, 2);   // PCM
+  number(1, 2);   // channels
+  number(kRate, 4);
+  number(kRate * kSampleBytes, 4);
+  number(kSampleBytes, 2);
+  number(8 * kSampleBytes, 2);
+  wav += "data";
+  number(bytes, 4);
+  for (const std::int16_t sample : samples) number(static_cast<std::uint16_t>(sample), kSampleBytes);
+  return wav;
+}
+
+http::Response answer(Shown& shown, const light::SoundCoder& coder, const http::Request& request) {
   if (request.method != "GET" && request.method != "HEAD") {
     http::Response refused = respond(405, "text/plain; charset=utf-8", "Only GET is answered here.\n");
     refused.fields.emplace_back("Allow", "GET, HEAD");
@@ -153,7 +262,13 @@ http::Response answer(Shown& shown, const http::Request& request) {
   if (request.target == "/display.js") return respond(200, "text/javascript; charset=utf-8", kScript);
   if (request.target == "/light.json")
     return respond(200, "application/json", json_of(shown.now()).dump() + "\n");
-  return respond(404, "text/plain; charset=utf-8", "There is /, display.js and light.json here.\n");
+  if (request.target == "/sound.wav") {
+    const std::optional<std::uint64_t> code = shown.sound();
+    if (!code) return respond(404, "text/plain; charset=utf-8", "No code begins to sound in this second.\n");
+    return respond(200, "audio/wav", wav_of(coder.sound_of(*code)));
+  }
+  return respond(404, "text/plain; charset=utf-8",
+                 "There is /, display.js, light.json and sound.wav here.\n");
 }
 
 /// "P5 …" of Netpbm, or PNG, by the name.
@@ -196,6 +311,12 @@ int run(const Request& request) {
   } else if (request.once) {
     throw UsageError("--once writes one picture: say where to with --output FILE");
   }
+  if (request.pcm && request.once) throw UsageError("--once writes one picture: it takes no --pcm");
+  if (request.pcm && request.json)
+    throw UsageError("--pcm and --json both write to standard output: give one of them");
+  if (request.pcm && ::isatty(STDOUT_FILENO) != 0)
+    throw UsageError(
+        "--pcm writes samples of sound: send them to a player, such as | aplay -t raw -f S16_LE -r 48000");
   const std::optional<Home> home = Home::find(request.home);
   std::optional<std::filesystem::path> one_case;
   if (request.named) one_case = find_case(home, *request.named);
@@ -213,13 +334,24 @@ int run(const Request& request) {
     return kDone;
   }
   end_when_told();
+  const light::SoundCoder coder;
+  std::unique_ptr<SoundPlayer> player;
+  if (request.pcm) {
+    ::signal(SIGPIPE, SIG_IGN);
+    player = std::make_unique<SoundPlayer>(
+        STDOUT_FILENO, coder, [&shown] { return shown.sound(); },
+        [] {
+          print_error("kiroku",
+                      "warning: nobody takes the sound any more: the player ended; codes are shown on");
+        });
+  }
   std::unique_ptr<http::Server> server;
   if (!request.output) {
     const ListenAddress listen =
         parse_listen_address(request.listen.value_or("127.0.0.1:" + std::to_string(kUsualPort)), kUsualPort);
     http::ServerOptions options;
     options.listen = listen;
-    options.answer = [&shown](const http::Request& asked) { return answer(shown, asked); };
+    options.answer = [&shown, &coder](const http::Request& asked) { return answer(shown, coder, asked); };
     options.refuse = [](const http::Refusal& refusal) {
       return respond(refusal.status, "text/plain; charset=utf-8", refusal.why + "\n");
     };
@@ -229,10 +361,11 @@ int run(const Request& request) {
     if (request.json) {
       print_json({{"url", url}});
     } else {
-      std::cout << "Shows the codes of the case that is being recorded on " << url << "\n"
-                << "Open it full screen on a display that the room's camera sees. Ctrl-C ends it.\n";
+      (request.pcm ? std::cerr : std::cout)
+          << "Shows the codes of the case that is being recorded on " << url << "\n"
+          << "Open it full screen on a display that the room's camera sees. Ctrl-C ends it." << std::endl;
     }
-    std::cout.flush();
+    if (!request.pcm) std::cout.flush();
     wait_until_told();
     return kDone;
   }
@@ -265,6 +398,9 @@ void add_display_command(Command& program) {
                  "serves the page there; port 0 takes a free one", "127.0.0.1:8479");
   command.option("-o,--output", "FILE", request->output,
                  "writes the picture of each second instead, as .png or .pgm, in one step");
+  command.flag("--pcm", request->pcm,
+               "also writes the codes as sound to standard output, for a player: raw PCM, 16 bits, little "
+               "endian, one channel, 48,000 samples a second");
   command.flag("--once", request->once, "writes one picture, and ends");
   command.option("--cell", "PIXELS", request->cell, "of a cell in such a picture, which has 18 x 11 cells");
   add_home_option(command, request->home);
@@ -278,10 +414,15 @@ void add_display_command(Command& program) {
       "The room's camera should see the bright frame at least 30 pixels high, not only from the side. Where "
       "no "
       "case is being recorded the screen is dark.");
+  command.explain(
+      "The same codes are there as faint sound, one in each five seconds, for a room's microphone: by the "
+      "button 'Sound' of the page, which shows while the pointer moves, or by --pcm.");
   command.example("kiroku display", "serves the page for a browser on this machine");
   command.example("chromium --kiosk http://127.0.0.1:8479/", "shows it on the whole screen");
   command.example("kiroku display -o /run/kiroku/light.png",
                   "keeps a picture new each second, for a frame buffer");
+  command.example("kiroku display --pcm | aplay -q -t raw -f S16_LE -r 48000",
+                  "also plays the codes on this machine's loudspeaker");
   command.on_run([request] { return run(*request); });
 }
 

@@ -14,7 +14,9 @@
 #include "base/error.h"
 #include "light/ledger_lights.h"
 #include "light/light_judge.h"
+#include "light/sound_code.h"
 #include "media/light/light_reading.h"
+#include "media/light/sound_reading.h"
 
 namespace kiroku::apps {
 namespace {
@@ -44,9 +46,17 @@ std::int64_t delay_at(const light::LightReport& report, double share) {
   return report.delays_ns[static_cast<std::size_t>(share * last)];
 }
 
+/// What is compared: how people are told of it.
+enum class Medium { kPictures, kSound };
+
+std::string count_text(std::uint64_t count, Medium medium) {
+  if (medium == Medium::kPictures) return std::to_string(count) + (count == 1 ? " second" : " seconds");
+  return std::to_string(count) + (count == 1 ? " stretch" : " stretches") + " of " +
+         std::to_string(light::kSoundPeriodSeconds) + " s";
+}
+
 /// One sentence that answers.
-std::string answer_text(const media::StreamLight& stream) {
-  const light::LightReport& report = stream.report;
+std::string answer_text(const light::LightReport& report) {
   switch (report.answer) {
     case LightAnswer::kAgrees:
       return "light and ledger agree: the pictures show the codes that this ledger had in their seconds, so "
@@ -65,22 +75,53 @@ std::string answer_text(const media::StreamLight& stream) {
   return {};
 }
 
-std::string stretch_text(const light::LightStretch& stretch, std::int64_t begins_ns) {
-  const std::string when =
-      format_duration(stretch.start_ns - begins_ns) + " to " + format_duration(stretch.end_ns - begins_ns) +
-      " (" + std::to_string(stretch.seconds) + (stretch.seconds == 1 ? " second): " : " seconds): ");
+std::string answer_text(const media::StreamSound& sound) {
+  switch (sound.light.report.answer) {
+    case LightAnswer::kAgrees:
+      return "sound and ledger agree: the sound carries the codes that this ledger had then, so it was "
+             "finished after its lines of then were written";
+    case LightAnswer::kInPart:
+      return "sound and ledger agree as far as codes could be heard; of the other stretches sound says "
+             "nothing";
+    case LightAnswer::kDisagrees:
+      return "SOUND AND LEDGER DISAGREE: some sound carries a code that the ledger did not have then";
+    case LightAnswer::kNotSeen:
+      return "could not check: no code could be heard; no loudspeaker played it, it was too faint beside the "
+             "room's own sound, or the sound was made without it";
+    case LightAnswer::kNoPictures:
+      return sound.too_slow > 0 ? "could not check: the sound has fewer than 16,000 samples a second, which "
+                                  "carry no code"
+                                : "could not check: there is no stretch of sound as long as a code";
+  }
+  return {};
+}
+
+std::string stretch_text(const light::LightStretch& stretch, Medium medium, std::int64_t begins_ns) {
+  const bool is_sound = medium == Medium::kSound;
+  const std::string when = format_duration(stretch.start_ns - begins_ns) + " to " +
+                           format_duration(stretch.end_ns - begins_ns) + " (" +
+                           count_text(stretch.seconds, medium) + "): ";
   switch (stretch.light) {
-    case SecondLight::kOld:
-      return when + "pictures repeat the code of another second of this case, first that of " +
-             format_utc_for_people(utc_of_second(*stretch.shown_second)) +
-             ": they were taken then, repeated, or the display stood still";
+    case SecondLight::kOld: {
+      const std::string shown = format_utc_for_people(utc_of_second(*stretch.shown_second));
+      return is_sound ? when + "sound repeats the code of another time of this case, first that of " + shown +
+                            ": it was recorded then, or repeated"
+                      : when + "pictures repeat the code of another second of this case, first that of " +
+                            shown + ": they were taken then, repeated, or the display stood still";
+    }
     case SecondLight::kForeign:
-      return when +
-             "pictures show a code that this ledger never had: the display followed another case, or they "
-             "are of another day or recorder";
+      return is_sound ? when +
+                            "sound carries a code that this ledger never had: the display followed another "
+                            "case, or it is of another day or recorder"
+                      : when +
+                            "pictures show a code that this ledger never had: the display followed another "
+                            "case, or they are of another day or recorder";
     default:
-      return when +
-             "no code could be read: covered, out of the picture, or pictures that were made without it";
+      return is_sound
+                 ? when + "no code could be heard: drowned, switched off, or sound that was made without it"
+                 : when +
+                       "no code could be read: covered, out of the picture, or pictures that were made "
+                       "without it";
   }
 }
 
@@ -94,7 +135,7 @@ const archive::Bracket* bracket_of(const LightQuestion& question, std::uint64_t 
 }
 
 /// Since when the pictures cannot have been finished, and who says so.
-std::string since_text(const LightQuestion& question, const light::LightReport& report,
+std::string since_text(const LightQuestion& question, const light::LightReport& report, Medium medium,
                        std::int64_t begins_ns) {
   if (report.agreeing == 0 || question.is_tampered) return {};
   if (report.exact == 0)
@@ -104,8 +145,10 @@ std::string since_text(const LightQuestion& question, const light::LightReport& 
   if (bracket == nullptr)
     return "  no time-stamp that holds is among the lines whose codes were read: nobody but the recorder "
            "says when that was\n";
-  const std::string when = "  the pictures at " + format_duration(report.exact_shown_ns - begins_ns) +
-                           " were finished after " + format_utc_for_people(*bracket->not_before);
+  const std::string when = (medium == Medium::kSound ? "  the sound at " : "  the pictures at ") +
+                           format_duration(report.exact_shown_ns - begins_ns) +
+                           (medium == Medium::kSound ? " was" : " were") + " finished after " +
+                           format_utc_for_people(*bracket->not_before);
   return question.by_outside_clocks
              ? when + ": by the time-stamp of an outside authority (" + bracket->authority_before +
                    ") that their code is made of\n"
@@ -113,36 +156,41 @@ std::string since_text(const LightQuestion& question, const light::LightReport& 
                    "): its clock is the recorder's, and nobody outside says when that was\n";
 }
 
-std::string text_of_stream(const LightQuestion& question, const std::string& name,
-                           const media::StreamLight& stream, std::int64_t begins_ns) {
+std::string text_of(const LightQuestion& question, const media::StreamLight& stream, Medium medium,
+                    const std::string& answer, std::int64_t begins_ns) {
   const light::LightReport& report = stream.report;
-  std::string text = "Light in stream " + name + ": " + answer_text(stream) + ".\n";
+  const bool is_sound = medium == Medium::kSound;
+  std::string text = answer + ".\n";
   if (question.is_tampered)
     text += "  THE CASE READS AS TAMPERED: what agrees with its ledger proves nothing\n";
   if (report.seconds > 0) {
-    text += "  agrees in " + std::to_string(report.agreeing) + " of " + std::to_string(report.seconds) +
-            " seconds (" + share_text(report.agreeing, report.seconds) + "), nearly to the bit in " +
-            std::to_string(report.exact) + "; another second's code in " + std::to_string(report.old) +
-            ", another ledger's in " + std::to_string(report.foreign) + ", none read in " +
-            std::to_string(report.unread) + "\n";
+    text += "  agrees in " + std::to_string(report.agreeing) + " of " + count_text(report.seconds, medium) +
+            " (" + share_text(report.agreeing, report.seconds) + "), nearly to the bit in " +
+            std::to_string(report.exact) + "; another " + (is_sound ? "time" : "second") + "'s code in " +
+            std::to_string(report.old) + ", another ledger's in " + std::to_string(report.foreign) +
+            ", none " + (is_sound ? "heard" : "read") + " in " + std::to_string(report.unread) + "\n";
   }
   if (report.crowded > 0)
-    text += "  " + std::to_string(report.crowded) +
-            " seconds were not compared: the ledger has so many lines then that any picture would fit; no "
-            "recorder writes so many\n";
+    text += "  " + count_text(report.crowded, medium) +
+            " were not compared: the ledger has so many lines then that any " +
+            (is_sound ? "sound" : "picture") + " would fit; no recorder writes so many\n";
   if (!report.delays_ns.empty()) {
-    text += "  a code is seen " + delay_text(delay_at(report, 0.5)) +
-            " after its second began (half of them), " + delay_text(delay_at(report, 0.95)) +
-            " (95 % of them), " + delay_text(report.delays_ns.back()) + " at most\n";
+    text += std::string("  a code is ") + (is_sound ? "heard " : "seen ") +
+            delay_text(delay_at(report, 0.5)) + " after its second began (half of them), " +
+            delay_text(delay_at(report, 0.95)) + " (95 % of them), " + delay_text(report.delays_ns.back()) +
+            " at most\n";
   }
-  text += since_text(question, report, begins_ns);
+  text += since_text(question, report, medium, begins_ns);
   if (report.beside_foreign > 0) {
-    text += "  " + std::to_string(report.beside_foreign) +
-            " seconds that agree show another ledger's code beside it, of a second display perhaps\n";
+    text += "  " + count_text(report.beside_foreign, medium) +
+            (is_sound ? " that agree carry another code beside it, of a second display, or of sound that was "
+                        "played into the room\n"
+                      : " that agree show another ledger's code beside it, of a second display perhaps\n");
   }
   if (stream.unread_segments > 0) {
-    text += "  could not look at " + std::to_string(stream.unread_segments) + " of " +
-            std::to_string(stream.segments) + " segments: " + stream.why_unread + "\n";
+    text += std::string("  could not ") + (is_sound ? "listen to " : "look at ") +
+            std::to_string(stream.unread_segments) + " of " + std::to_string(stream.segments) +
+            " segments: " + stream.why_unread + "\n";
   }
   if (stream.erased > 0) text += "  " + std::to_string(stream.erased) + " segments were erased by policy\n";
   // What disagrees comes first where not all is printed.
@@ -153,35 +201,39 @@ std::string text_of_stream(const LightQuestion& question, const std::string& nam
     });
   }
   for (std::size_t i = 0; i < std::min(stretches.size(), kMostPrinted); ++i)
-    text += "  " + stretch_text(stretches[i], begins_ns) + "\n";
+    text += "  " + stretch_text(stretches[i], medium, begins_ns) + "\n";
   const std::uint64_t more =
       report.more_stretches + (stretches.size() > kMostPrinted ? stretches.size() - kMostPrinted : 0);
   if (more > 0) text += "  and " + std::to_string(more) + " more such stretches (--json)\n";
   return text;
 }
 
-ordered_json json_of_stream(const LightQuestion& question, const std::string& name,
-                            const media::StreamLight& stream) {
+/// Of sound, a stretch stands where pictures have a second.
+ordered_json json_of(const LightQuestion& question, const std::string& name, const media::StreamLight& stream,
+                     Medium medium, const std::string& answer) {
   const light::LightReport& report = stream.report;
-  ordered_json json{{"stream", name},
-                    {"answer", light::answer_name(report.answer)},
-                    {"text", answer_text(stream)},
-                    {"pictures", report.pictures},
-                    {"seconds", report.seconds},
-                    {"agreeing", report.agreeing},
-                    {"old", report.old},
-                    {"foreign", report.foreign},
-                    {"unread", report.unread},
-                    {"exact", report.exact},
-                    {"crowded", report.crowded},
-                    {"beside_foreign", report.beside_foreign},
-                    {"segments", stream.segments},
-                    {"unread_segments", stream.unread_segments},
-                    {"erased_segments", stream.erased},
-                    {"delay_ns", nullptr},
-                    {"finished_after", nullptr},
-                    {"stretches", ordered_json::array()},
-                    {"more_stretches", report.more_stretches}};
+  const char* const counted = medium == Medium::kSound ? "periods" : "seconds";
+  ordered_json json{
+      {"stream", name},
+      {"answer", light::answer_name(report.answer)},
+      {"text", answer},
+      {medium == Medium::kSound ? "period_s" : "pictures",
+       medium == Medium::kSound ? static_cast<std::uint64_t>(light::kSoundPeriodSeconds) : report.pictures},
+      {counted, report.seconds},
+      {"agreeing", report.agreeing},
+      {"old", report.old},
+      {"foreign", report.foreign},
+      {"unread", report.unread},
+      {"exact", report.exact},
+      {"crowded", report.crowded},
+      {"beside_foreign", report.beside_foreign},
+      {"segments", stream.segments},
+      {"unread_segments", stream.unread_segments},
+      {"erased_segments", stream.erased},
+      {"delay_ns", nullptr},
+      {"finished_after", nullptr},
+      {"stretches", ordered_json::array()},
+      {"more_stretches", report.more_stretches}};
   if (stream.unread_segments > 0) json["why_unread"] = stream.why_unread;
   if (!report.delays_ns.empty()) {
     json["delay_ns"] = {{"least", report.delays_ns.front()},
@@ -201,11 +253,15 @@ ordered_json json_of_stream(const LightQuestion& question, const std::string& na
     ordered_json one{{"light", light::second_light_name(stretch.light)},
                      {"start_ns", stretch.start_ns},
                      {"end_ns", stretch.end_ns},
-                     {"seconds", stretch.seconds}};
+                     {counted, stretch.seconds}};
     if (stretch.shown_second) one["shown"] = format_utc(utc_of_second(*stretch.shown_second));
     json["stretches"].push_back(std::move(one));
   }
   return json;
+}
+
+bool shows_codes(const light::LightReport& report) {
+  return report.agreeing + report.old + report.foreign > 0;
 }
 
 int status_of(const media::StreamLight& stream) {
@@ -218,7 +274,9 @@ LightOutcome of_excerpt() {
   const std::string why =
       "could not check: codes are made of a whole ledger, and an excerpt has a part of it";
   return {kNoAnswer, "Light: " + why + "; compare the whole case.\n",
-          ordered_json{{"streams", ordered_json::array()}, {"could_not_check", why}}.dump()};
+          ordered_json{
+              {"streams", ordered_json::array()}, {"sound", ordered_json::array()}, {"could_not_check", why}}
+              .dump()};
 }
 
 LightOutcome read(const std::optional<Home>& home, const LightQuestion& question) {
@@ -241,31 +299,47 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
   }
   const crypto::AgeIdentities identities = load_identities(question.identities, home);
   const light::LedgerLights ledger = light::LedgerLights::of(question.folder);
-  ordered_json streams = ordered_json::array();
+  ordered_json streams = ordered_json::array(), sounds = ordered_json::array();
   LightOutcome outcome;
   // Without a name every stream may be the room's. The ones without a code count where there is no other.
+  // Sound without a code never counts: a room needs no loudspeaker.
   bool is_seen = false;
   int seen_status = kDone;
-  for (const std::string& name : names) {
-    Progress progress("reading light");
-    const media::StreamLight stream =
-        media::read_light(recording, ledger, name, identities,
-                          [&](std::uint64_t done, std::uint64_t total) { progress.update(done, total); });
-    progress.clear();
-    outcome.text += text_of_stream(question, name, stream, recording.opening().begins_ns);
-    streams.push_back(json_of_stream(question, name, stream));
-    const bool shows = stream.report.agreeing + stream.report.old + stream.report.foreign > 0;
-    if (!shows && question.streams.empty()) continue;
+  const auto take_status = [&](int status) {
     is_seen = true;
-    const int status = status_of(stream);
     seen_status =
         seen_status == kAnswerIsNo || status == kAnswerIsNo ? kAnswerIsNo : std::max(seen_status, status);
+  };
+  const std::int64_t begins_ns = recording.opening().begins_ns;
+  for (const std::string& name : names) {
+    Progress progress("reading light");
+    const auto update = [&](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
+    const media::StreamLight stream = media::read_light(recording, ledger, name, identities, update);
+    progress.clear();
+    const std::string answer = answer_text(stream.report);
+    outcome.text +=
+        "Light in stream " + name + ": " + text_of(question, stream, Medium::kPictures, answer, begins_ns);
+    streams.push_back(json_of(question, name, stream, Medium::kPictures, answer));
+    if (shows_codes(stream.report) || !question.streams.empty()) take_status(status_of(stream));
+    Progress listening("listening for codes");
+    const media::StreamSound sound =
+        media::read_sound(recording, ledger, name, identities,
+                          [&](std::uint64_t done, std::uint64_t total) { listening.update(done, total); });
+    listening.clear();
+    if (sound.with_sound == 0) continue;  // what could not be opened was told of its pictures
+    const std::string heard = answer_text(sound);
+    outcome.text +=
+        "Sound in stream " + name + ": " + text_of(question, sound.light, Medium::kSound, heard, begins_ns);
+    sounds.push_back(json_of(question, name, sound.light, Medium::kSound, heard));
+    if (shows_codes(sound.light.report)) take_status(status_of(sound.light));
   }
   if (names.empty()) outcome.text = "Light: could not check: the case has no stream of pictures.\n";
   outcome.status = is_seen ? seen_status : kNoAnswer;
-  outcome.json = ordered_json{{"proves_nothing", question.is_tampered}, {"streams", std::move(streams)}}.dump(
-      -1, ' ', false, ordered_json::error_handler_t::replace);
-  log_access(home, question.folder, "read the light of a display in the pictures");
+  outcome.json = ordered_json{{"proves_nothing", question.is_tampered},
+                              {"streams", std::move(streams)},
+                              {"sound", std::move(sounds)}}
+                     .dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+  log_access(home, question.folder, "read the codes of a display in the pictures and the sound");
   return outcome;
 }
 

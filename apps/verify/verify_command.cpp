@@ -148,9 +148,10 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
   command.flag("--as-log", request->judging.as_log, "CASE is the folder of an appliance log");
   if (extras.read_light) {
     command.flag("--light", request->light,
-                 "also compares codes that a display in the room showed (kiroku display) with the ledger");
+                 "also compares codes that a display in the room showed, or sounded (kiroku display), with "
+                 "the ledger");
     command.option("--light-stream", "STREAM", request->light_streams,
-                   "looks for them in this stream alone; otherwise in every stream of pictures");
+                   "looks and listens for them in this stream alone; otherwise in every stream of pictures");
   }
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -166,10 +167,12 @@ void make_verify_command(Command& command, const VerifyExtras& extras) {
       "Where the policy's quorum did not cosign the case's end, exit status 0 or 4 becomes 3.");
   if (extras.read_light) {
     command.explain(
-        "--light opens the pictures, so it takes an identity. It changes no verdict. Exit status 0 or 4 "
-        "becomes "
-        "1 where pictures show a code that the ledger did not have then, and 3 where codes were not read in "
-        "nine of ten seconds, or in none. Of a case that reads as tampered it proves nothing. It cannot tell "
+        "--light opens the pictures and their sound, so it takes an identity. It changes no verdict. Exit "
+        "status 0 or 4 becomes 1 where pictures show, or sound carries, a code that the ledger did not have "
+        "then, and 3 where codes were not read in nine of ten seconds, or in none. Sound in which no code "
+        "was "
+        "heard counts for nothing beside pictures. Of a case that reads as tampered it proves nothing. It "
+        "cannot tell "
         "a film that somebody put together within seconds, with the recorder's ledger at hand.");
   }
   command.explain(

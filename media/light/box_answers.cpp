@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "light/light_code.h"
+#include "light/sound_finder.h"
 
 namespace kiroku::media {
 namespace {
@@ -53,6 +54,19 @@ std::optional<ReadPicture> picture_of(std::string_view line) {
     picture.sightings.push_back(sighting);
   }
   return picture;
+}
+
+std::vector<int> sound_phases_of(const json& answer) {
+  std::vector<int> phases;
+  const auto all = answer.find("phases");
+  if (all == answer.end() || !all->is_array()) return phases;
+  for (const json& one : *all) {
+    if (phases.size() == light::SoundFinder::kMostPhases) break;
+    if (one.is_number_integer())
+      phases.push_back(static_cast<int>(
+          std::clamp<std::int64_t>(one.get<std::int64_t>(), 0, light::SoundFinder::kPeriodSamples - 1)));
+  }
+  return phases;
 }
 
 json json_of(const std::vector<light::Place>& places) {

@@ -177,6 +177,20 @@ export class Appliance {
     this.signIn = answer.sign_in;
   }
 
+  /** `kiroku display`; the address of its page. */
+  async display(): Promise<string> {
+    const child = this.spawn(kiroku, ['display', '--home', this.home, '--listen', '127.0.0.1:0', '--json']);
+    let said = '';
+    child.stdout?.on('data', (bytes: Buffer) => (said += bytes.toString()));
+    return await until('kiroku display serves', () => {
+      try {
+        return (JSON.parse(said) as { url: string }).url;
+      } catch {
+        return undefined;
+      }
+    });
+  }
+
   /** `kiroku plan serve`, `kiroku train serve` and `kiroku respire serve` without an address of their own: `kiroku view` leads to them. */
   async servePlanning(): Promise<void> {
     await this.behind('plan', 'serve', '--gpu', 'off');

@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <ctime>
+#include <sys/ioctl.h>
 
 namespace {
 
@@ -19,7 +20,26 @@ struct Card {
   std::int64_t started = 0;  // the card's count then
   std::int64_t given = 0;    // samples since
   std::int64_t held = -1;    // the count since it fell silent
+  int heard = -1;            // a FIFO
+  bool is_buffered = false;
+  std::uint32_t noise = 1;
 };
+
+/// The next sample of the FIFO, under noise that is somewhat louder. A tenth of a second is waited for first,
+/// as a sound card's buffer is: a machine that is busy writes in fits and starts.
+std::int16_t next_heard(Card& card) {
+  std::int16_t sample = 0;
+  if (!card.is_buffered) {
+    constexpr int kBuffered = 9'600;  // bytes
+    int waiting = 0;
+    card.is_buffered = ::ioctl(card.heard, FIONREAD, &waiting) == 0 && waiting >= kBuffered;
+  }
+  if (card.is_buffered && ::read(card.heard, &sample, sizeof sample) != sizeof sample) sample = 0;
+  constexpr std::uint32_t kFactor = 1'664'525, kTerm = 1'013'904'223;  // D. Knuth's generator
+  card.noise = card.noise * kFactor + kTerm;
+  const int noise = static_cast<int>(card.noise >> 20U) - 2'048;
+  return static_cast<std::int16_t>(sample / 10 + noise);
+}
 
 Card& card_of(snd_pcm_ioplug_t* plug) { return *static_cast<Card*>(plug->private_data); }
 
@@ -70,8 +90,10 @@ snd_pcm_sframes_t transfer(snd_pcm_ioplug_t* plug, const snd_pcm_channel_area_t*
                            snd_pcm_uframes_t offset, snd_pcm_uframes_t size) {
   Card& card = card_of(plug);
   for (snd_pcm_uframes_t i = 0; i < size; ++i) {
-    const std::int16_t sample = kiroku::test::card_sample(
-        card.started + card.given + static_cast<std::int64_t>(i), static_cast<int>(plug->rate));
+    const std::int16_t sample =
+        card.heard >= 0 ? next_heard(card)
+                        : kiroku::test::card_sample(card.started + card.given + static_cast<std::int64_t>(i),
+                                                    static_cast<int>(plug->rate));
     for (unsigned channel = 0; channel < plug->channels; ++channel) {
       const snd_pcm_channel_area_t& area = areas[channel];
       auto* const place = static_cast<char*>(area.addr) + (area.first + (offset + i) * area.step) / 8;
@@ -85,6 +107,7 @@ snd_pcm_sframes_t transfer(snd_pcm_ioplug_t* plug, const snd_pcm_channel_area_t*
 int close_card(snd_pcm_ioplug_t* plug) {
   Card* const card = &card_of(plug);
   ::munmap(card->page, sizeof(SoundCardPage));
+  if (card->heard >= 0) ::close(card->heard);
   delete card;
   return 0;
 }
@@ -117,13 +140,15 @@ int offer(snd_pcm_ioplug_t& plug) {
 extern "C" {
 
 SND_PCM_PLUGIN_DEFINE_FUNC(played) {
-  const char* page_file = nullptr;
+  const char *page_file = nullptr, *heard_file = nullptr;
   snd_config_iterator_t at = nullptr, next = nullptr;
   snd_config_for_each(at, next, conf) {
     snd_config_t* const entry = snd_config_iterator_entry(at);
     const char* id = nullptr;
     if (snd_config_get_id(entry, &id) >= 0 && std::strcmp(id, "page") == 0)
       snd_config_get_string(entry, &page_file);
+    if (snd_config_get_id(entry, &id) >= 0 && std::strcmp(id, "heard") == 0)
+      snd_config_get_string(entry, &heard_file);
   }
   if (page_file == nullptr) return -EINVAL;
   const int file = ::open(page_file, O_RDWR | O_CLOEXEC);
@@ -142,6 +167,8 @@ SND_PCM_PLUGIN_DEFINE_FUNC(played) {
   page->plugged_ns.compare_exchange_strong(unset, monotonic_ns());
   auto* const card = new Card();
   card->page = page;
+  if (heard_file != nullptr && *heard_file != '\0')
+    card->heard = ::open(heard_file, O_RDWR | O_NONBLOCK | O_CLOEXEC);  // also for writing: it never ends
   card->plug.version = SND_PCM_IOPLUG_VERSION;
   card->plug.name = "a card that a test plays";
   card->plug.flags = SND_PCM_IOPLUG_FLAG_BOUNDARY_WA;

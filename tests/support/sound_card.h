@@ -53,7 +53,10 @@ inline std::int16_t card_sample(std::int64_t sample, int rate) {
 /// ALSA_CONFIG_PATH, which is the tester's to set before there are threads.
 class SoundCard {
  public:
-  explicit SoundCard(const std::filesystem::path& folder) : configuration_(folder / "asound.conf") {
+  /// `heard`: a FIFO of raw PCM, 16 bits, one channel, from which the card takes what it hears in the place
+  /// of beeps, a tenth as loud and under noise; silence of the FIFO is noise alone.
+  explicit SoundCard(const std::filesystem::path& folder, const std::filesystem::path& heard = {})
+      : configuration_(folder / "asound.conf") {
     const std::string page = (folder / "card").string();
     const int file = ::open(page.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     if (file < 0 || ::ftruncate(file, sizeof(SoundCardPage)) != 0)
@@ -64,7 +67,8 @@ class SoundCard {
     page_ = new (memory) SoundCardPage();
     std::ofstream(configuration_) << "pcm_type.played { lib \"" << built_file("sound_card") << "\" }\n"
                                   << "pcm.null { type null }\n"
-                                  << "pcm.card { type played page \"" << page << "\" }\n";
+                                  << "pcm.card { type played page \"" << page << "\" heard \""
+                                  << heard.string() << "\" }\n";
   }
   ~SoundCard() { ::munmap(page_, sizeof(SoundCardPage)); }
   SoundCard(const SoundCard&) = delete;

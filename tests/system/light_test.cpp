@@ -1,4 +1,9 @@
 // A display in a synthetic room, from the ledger to the verification.
+#include <filesystem>
+#include <optional>
+#include <sys/stat.h>
+
+#include "tests/support/sound_card.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -75,12 +80,90 @@ TEST_F(LightRealTime, PicturesOfADisplayAgreeWithTheLedger) {
   EXPECT_THAT(part.out, HasSubstr("could not check: codes are made of a whole ledger"));
 }
 
+/// A room with a loudspeaker and a microphone: what is written into the FIFO is heard.
+class LoudspeakerRealTime : public Light {
+ protected:
+  void SetUp() override {
+    Light::SetUp();
+    ASSERT_EQ(::mkfifo(path("air").c_str(), 0600), 0);
+    card_.emplace(folder(), folder() / "air");
+    (*card_)->runs = true;
+  }
+  /// What a shell runs beside the recording.
+  [[nodiscard]] Process played(const std::string& command) const {
+    Process::Options shell = options({});
+    shell.command = {"sh", "-c", command};
+    return Process(shell);
+  }
+  /// A case with a microphone in the room; its folder.
+  [[nodiscard]] std::string record_sound(const std::string& duration) const {
+    Process::Options recorder = options({"record", "--json", "--duration", duration, "--room",
+                                         "synthetic:room?size=64x48&rate=10", "--microphone", "alsa:card"});
+    recorder.environment["ALSA_CONFIG_PATH"] = card_->configuration().string();
+    const ProcessResult recorded = run_process(recorder);
+    EXPECT_EQ(recorded.status, 0) << recorded.err;
+    return (home() / "archive" / nlohmann::json::parse(recorded.out)["case"].get<std::string>()).string();
+  }
+  [[nodiscard]] nlohmann::json sound_of(const std::string& recorded) const {
+    const ProcessResult judged = kiroku({"verify", recorded, "--light", "--json"});
+    const auto light = nlohmann::json::parse(judged.out)["light"];
+    EXPECT_EQ(light["sound"].size(), 1U) << light;
+    return light["sound"][0];
+  }
+  std::optional<SoundCard> card_;
+};
+
+TEST_F(LoudspeakerRealTime, SoundOfTheRoomAgreesWithTheLedgerAndOfAnotherCaseDoesNot) {
+  std::string first;
+  {
+    // What the loudspeaker plays is also kept, as somebody may. Each shell becomes its program, so that it
+    // ends here.
+    ASSERT_EQ(::mkfifo(path("wire").c_str(), 0600), 0);
+    const Process keeping =
+        played("exec tee '" + path("kept.pcm") + "' < '" + path("wire") + "' > '" + path("air") + "'");
+    const Process display = played("exec '" + built_file("kiroku") +
+                                   "' display --listen 127.0.0.1:0 --pcm > '" + path("wire") + "'");
+    first = record_sound("23s");
+  }
+  const auto live = sound_of(first);
+  EXPECT_EQ(live["old"], 0) << live;
+  EXPECT_EQ(live["foreign"], 0) << live;
+  EXPECT_GE(live["agreeing"].get<int>(), 2) << live;
+  EXPECT_EQ(live["period_s"], 5);
+  ASSERT_TRUE(live["delay_ns"].is_object()) << live;
+  EXPECT_LT(live["delay_ns"]["most"].get<std::int64_t>(), 2'000'000'000) << live;
+  ASSERT_TRUE(live["finished_after"].is_object()) << live;
+  EXPECT_EQ(live["finished_after"]["outside"], false);
+  EXPECT_THAT(kiroku({"verify", first, "--light"}).out,
+              testing::AllOf(HasSubstr("Sound in stream room: sound and ledger agree"),
+                             HasSubstr("stretches of 5 s"), HasSubstr("a code is heard")));
+
+  // The next case hears what was kept of the first.
+  const Process replay = played("exec cat '" + path("kept.pcm") + "' > '" + path("air") + "'");
+  const std::string second = record_sound("17s");
+  const ProcessResult judged = kiroku({"verify", second, "--light"});
+  EXPECT_EQ(judged.status, 1) << judged.out;
+  EXPECT_THAT(judged.out, testing::AllOf(HasSubstr("SOUND AND LEDGER DISAGREE"),
+                                         HasSubstr("sound carries a code that this ledger never had")));
+  EXPECT_EQ(sound_of(second)["agreeing"], 0);
+}
+
+TEST_F(LoudspeakerRealTime, ARoomWithoutOneAccusesNobody) {
+  const std::string recorded = record_sound("12s");
+  const ProcessResult judged = kiroku({"verify", recorded, "--light"});
+  EXPECT_EQ(judged.status, 3) << judged.out;
+  EXPECT_THAT(judged.out,
+              testing::AllOf(HasSubstr("INTACT"), HasSubstr("could not check: no code could be heard")));
+  EXPECT_EQ(sound_of(recorded)["answer"], "not-seen");
+}
+
 TEST_F(Light, WithoutADisplayNothingCouldBeChecked) {
   const std::string recorded = record(room() + "&speed=max");
   const ProcessResult judged = kiroku({"verify", recorded, "--light"});
   EXPECT_EQ(judged.status, 3) << judged.out;
   EXPECT_THAT(judged.out, HasSubstr("could not check: no code could be read"));
   EXPECT_THAT(judged.out, HasSubstr("INTACT"));
+  EXPECT_THAT(judged.out, testing::Not(HasSubstr("Sound in stream"))) << "the case has none";
 }
 
 TEST_F(Light, RefusesInOneSentence) {
@@ -88,6 +171,8 @@ TEST_F(Light, RefusesInOneSentence) {
   EXPECT_REFUSED(kiroku({"display", "--once", "-o", path("light.jpg")}), ".png or .pgm");
   EXPECT_REFUSED(kiroku({"display", "--once", "-o", path("light.png")}), "no case is being recorded");
   EXPECT_REFUSED(kiroku({"display", "--once", "-o", path("light.png"), "--cell", "0"}), "--cell");
+  EXPECT_REFUSED(kiroku({"display", "--once", "--pcm", "-o", path("light.png")}), "--pcm");
+  EXPECT_REFUSED(kiroku({"display", "--json", "--pcm"}), "standard output");
   EXPECT_REFUSED(kiroku({"verify", "CASE", "--light-stream", "room"}), "--light");
   EXPECT_REFUSED(kiroku({"record", "--endoscope", "synthetic:endoscope?light=a.pgm", "--duration", "1s"}),
                  "synthetic:room");

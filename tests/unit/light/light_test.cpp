@@ -14,6 +14,7 @@
 #include "light/light_judge.h"
 #include "light/light_picture.h"
 #include "light/picture_finder.h"
+#include "tests/support/lit_ledger.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::light {
@@ -21,37 +22,13 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr std::int64_t kBegin = 1'790'000'000;  // Unix time
-constexpr std::int64_t kSecond = 1'000'000'000;
+using test::lights_of;
+using test::shown_in;
 
-/// Lines of a ledger with an entry each second, another one for each `salt`.
-std::vector<std::string> lines_of(int seconds, std::int64_t salt) {
-  std::vector<std::string> lines;
-  for (int i = 0; i < seconds; ++i) {
-    archive::CaseEntry entry;
-    entry.seq = static_cast<std::uint64_t>(i);
-    entry.at = {UtcTime(std::chrono::seconds(kBegin + i)), i * kSecond};
-    entry.body = archive::ClockEntry{true, salt, 0, 0, 0};
-    lines.push_back(archive::to_line(entry));
-  }
-  return lines;
-}
+constexpr std::int64_t kBegin = test::kLitBegin;
+constexpr std::int64_t kSecond = test::kLitSecond;
 
-LedgerLights lights_of(const std::vector<std::string>& lines) {
-  LedgerLights lights;
-  for (const std::string& line : lines) lights.add_line(line);
-  lights.finish();
-  return lights;
-}
-
-/// What a display shows that has seen each line as soon as it was written.
-std::uint64_t shown_in(const LedgerLights& lights, std::int64_t second) {
-  const auto entries = static_cast<std::uint64_t>(second - kBegin + 1);
-  for (const LedgerCode& code : lights.codes_of(second, second))
-    if (code.entries == entries) return code.code;
-  ADD_FAILURE() << "the ledger has no code of second " << second - kBegin;
-  return 0;
-}
+std::vector<std::string> lines_of(int seconds, std::int64_t salt) { return test::lit_lines(seconds, salt); }
 
 /// A picture of a grey room in which a display hangs.
 class Room {

@@ -1,0 +1,218 @@
+#include "media/light/sound_reading.h"
+
+#include <algorithm>
+#include <chrono>
+#include <list>
+#include <map>
+#include <optional>
+#include <set>
+#include <string_view>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "archive/format/case_folder.h"
+#include "archive/format/segment_media.h"
+#include "base/error.h"
+#include "light/sound_finder.h"
+#include "media/borrowed_source.h"
+#include "media/box/boxed_jobs.h"
+#include "media/light/box_answers.h"
+#include "media/light/sound_job.h"
+#include "media/sealed_segment.h"
+#include "media/segment_input.h"
+#include "media/stream_clock.h"
+
+namespace kiroku::media {
+namespace {
+
+using light::SoundFinder;
+using nlohmann::json;
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kPeriodNs = light::kSoundPeriodSeconds * kSecondNs;
+// A code is shorter than a period; sound may stand in the segment before that of its time, or behind it.
+constexpr std::int64_t kTailNs = kPeriodNs + kSecondNs, kAheadNs = kSecondNs;
+/// No recorder writes a longer segment. What a ledger states may be anything, and each window costs time.
+constexpr std::int64_t kLongestSegmentNs = 3'600 * kSecondNs;
+/// Of a minute: a line for each window and each thing that may be a code.
+constexpr std::size_t kMostBytes = std::size_t{1} << 20;
+constexpr std::chrono::hours kLongestReading{1};
+
+/// Listens to the segments of one stream in their order, window by window.
+class SoundReading {
+ public:
+  SoundReading(const archive::CaseReader& recording, const light::LedgerLights& ledger,
+               const archive::StreamInfo& stream, const crypto::AgeIdentities& identities)
+      : recording_(recording),
+        folder_(archive::CaseFolder::open(recording.folder())),
+        stream_(stream),
+        identities_(identities),
+        segments_(recording.segments(stream.name, INT64_MIN, INT64_MAX)),
+        offsets_(stamp_offsets(stream, segments_)),
+        judge_(ledger, light::kSoundPeriodSeconds) {}
+
+  StreamSound run(const LightProgress& progress) {
+    result_.light.segments = segments_.size();
+    for (const archive::SegmentEntry& segment : segments_)
+      if (recording_.is_erased(segment)) ++result_.light.erased;
+    std::int64_t next_ns = segments_.empty() ? 0 : segments_.front().span.start_ns;
+    const std::int64_t base_ns = next_ns;
+    for (std::size_t at = 0; at < segments_.size();) {
+      const archive::SegmentEntry& segment = segments_[at];
+      if (recording_.is_erased(segment) || end_of(segment) <= next_ns) {
+        ++at;
+        continue;
+      }
+      if (segment.span.start_ns > next_ns)  // after a gap: windows stay a whole number of periods apart
+        next_ns = base_ns + (segment.span.start_ns - base_ns) / kPeriodNs * kPeriodNs;
+      listen(next_ns, at);
+      next_ns += kMostSoundWindows * kPeriodNs;
+      if (progress) progress(at + 1, segments_.size());
+    }
+    result_.light.unread_segments = unread_.size();
+    result_.light.report = judge_.finish();
+    return std::move(result_);
+  }
+
+ private:
+  static std::int64_t end_of(const archive::SegmentEntry& segment) {
+    return std::min(segment.span.end_ns, segment.span.start_ns + kLongestSegmentNs);
+  }
+  void note_unread(const archive::SegmentEntry& segment, const std::string& why) {
+    if (unread_.insert(segment.file.file).second && unread_.size() == 1) result_.light.why_unread = why;
+  }
+
+  /// The windows of one job, the first of which begins at `begin_ns` of the case clock, in segment `first`.
+  void listen(std::int64_t begin_ns, std::size_t first) {
+    const std::int64_t end_ns = begin_ns + kMostSoundWindows * kPeriodNs;
+    std::list<SealedSegment> opened;
+    std::vector<const archive::SegmentEntry*> entries;
+    json asked_segments = json::array();
+    constexpr std::size_t kBefore = 8;  // none is shorter than an eighth of what sound stands ahead by
+    for (std::size_t at = first - std::min(first, kBefore); at < segments_.size(); ++at) {
+      const archive::SegmentEntry& segment = segments_[at];
+      if (segment.span.start_ns >= end_ns + kTailNs) break;
+      if (end_of(segment) <= begin_ns - kAheadNs || recording_.is_erased(segment) ||
+          unread_.contains(segment.file.file))
+        continue;
+      try {
+        const std::string media = archive::media_of(stream_, segment);
+        const auto offset = offsets_.find(media);
+        if (offset == offsets_.end())
+          throw Error("no entry says when the sound of " + segment.file.file + " is from");
+        opened.push_back(SealedSegment::open(folder_, segment, identities_));
+        entries.push_back(&segment);
+        asked_segments.push_back({{"media", media},
+                                  {"name", segment.file.file},
+                                  {"complete", segment.complete},
+                                  {"from", ticks_of_ns(begin_ns) + offset->second}});
+      } catch (const IoError&) {
+        throw;
+      } catch (const Error& error) {
+        note_unread(segment, error.what());
+      }
+    }
+    if (entries.empty()) return;
+    const std::string name = entries.front()->file.file;
+    try {
+      Bytes said;
+      const json asked{{"windows", kMostSoundWindows}, {"phases", phases_}, {"segments", asked_segments}};
+      const json answer = boxes_.with([&](BoxedJobs& box) {
+        return box.ask(kReadSound, asked,
+                       [&](std::uint64_t number) -> std::unique_ptr<crypto::ByteSource> {
+                         if (number >= opened.size())
+                           throw Error("the decoder asks for a segment that there is not");
+                         return std::make_unique<BorrowedSource>(
+                             *std::next(opened.begin(), static_cast<std::ptrdiff_t>(number)));
+                       },
+                       name, &said, {.whole = kLongestReading, .bytes = kMostBytes});
+      });
+      take_answer(answer, entries);
+      judge(begin_ns, said, name);
+    } catch (const IoError&) {
+      throw;
+    } catch (const Error& error) {
+      for (const archive::SegmentEntry* entry : entries) note_unread(*entry, error.what());
+    }
+  }
+
+  void take_answer(const json& answer, const std::vector<const archive::SegmentEntry*>& entries) {
+    phases_ = sound_phases_of(answer);
+    const auto whole_numbers = [&](const char* key) {
+      std::vector<std::int64_t> numbers;
+      if (const auto found = answer.find(key); found != answer.end() && found->is_array())
+        for (const json& one : *found)
+          if (one.is_number_integer()) numbers.push_back(one.get<std::int64_t>());
+      return numbers;
+    };
+    const std::vector<std::int64_t> rates = whole_numbers("rates");
+    for (std::size_t i = 0; i < std::min(rates.size(), entries.size()); ++i) {
+      if (rates[i] <= 0 || !counted_.insert(entries[i]->file.file).second) continue;
+      ++result_.with_sound;
+      if (rates[i] < SoundFinder::kRate) ++result_.too_slow;
+    }
+    for (const std::int64_t number : whole_numbers("damaged")) {
+      if (number < 0 || number >= static_cast<std::int64_t>(entries.size())) continue;
+      const archive::SegmentEntry& segment = *entries[static_cast<std::size_t>(number)];
+      note_unread(segment, "the sound of " + segment.file.file + " cannot be decoded to its end");
+    }
+  }
+
+  /// Each window's line stands before those of what may be codes in it.
+  void judge(std::int64_t begin_ns, const Bytes& said, const std::string& name) {
+    std::optional<std::int64_t> window_ns;
+    std::vector<light::TimedSighting> heard;
+    std::size_t windows = 0;
+    const auto close = [&] {
+      if (window_ns) judge_.hear(*window_ns, *window_ns + kPeriodNs, heard);
+      heard.clear();
+    };
+    std::string_view text = text_of(said);
+    for (std::size_t end = text.find('\n'); end != std::string_view::npos; end = text.find('\n')) {
+      const std::optional<ReadPicture> line = picture_of(text.substr(0, end));
+      text.remove_prefix(end + 1);
+      const bool is_window = line && line->sightings.empty();
+      constexpr Ticks kLast = kMostSoundWindows * light::kSoundPeriodSeconds * kTicksPerSecond;
+      const bool fits =
+          line && line->stamp >= -kTicksPerSecond && line->stamp <= kLast + kTicksPerSecond &&
+          (is_window ? ++windows <= kMostSoundWindows
+                     : window_ns && line->sightings.size() == 1 && heard.size() < SoundFinder::kMostHeard);
+      if (!fits)
+        throw MediaError("the sound of " + name + " cannot be decoded: the decoder says what it may not");
+      const std::int64_t case_ns = begin_ns + ns_of_ticks(line->stamp);
+      if (is_window) {
+        close();
+        window_ns = case_ns;
+      } else {
+        heard.push_back({case_ns, line->sightings.front()});
+      }
+    }
+    close();
+  }
+
+  const archive::CaseReader& recording_;
+  const archive::CaseFolder folder_;
+  const archive::StreamInfo& stream_;
+  const crypto::AgeIdentities& identities_;
+  const std::vector<archive::SegmentEntry> segments_;
+  const std::map<std::string, Ticks> offsets_;
+  light::LightJudge judge_;
+  BoxPool boxes_;
+  std::vector<int> phases_;
+  StreamSound result_;
+  std::set<std::string> unread_, counted_;  // files
+};
+
+}  // namespace
+
+StreamSound read_sound(const archive::CaseReader& recording, const light::LedgerLights& ledger,
+                       const std::string& stream, const crypto::AgeIdentities& identities,
+                       const LightProgress& progress) {
+  const archive::StreamInfo& info = recording.stream(stream);
+  if (info.kind != "video")
+    throw UsageError("stream '" + stream + "' has no pictures: sound is recorded beside pictures alone");
+  return SoundReading(recording, ledger, info, identities).run(progress);
+}
+
+}  // namespace kiroku::media
