@@ -11,6 +11,7 @@ void add_case_command(Command& program);
 void add_status_command(Command& program);
 void add_recover_command(Command& program);
 void add_doctor_command(Command& program);
+void add_boot_command(Command& program);
 void add_devices_command(Command& program);
 void add_display_command(Command& program);
 void add_cases_command(Command& program);

@@ -34,6 +34,7 @@
 #include "recorder/clock/clock_watch.h"
 #include "recorder/control/control_client.h"
 #include "recorder/daemon/disk_hours.h"
+#include "recorder/device_key/boot_approval.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/source/boxed_source.h"
 #include "recorder/source/source.h"
@@ -179,6 +180,14 @@ Check check_signatures(const Home& home) {
           ""};
 }
 
+/// To what a TPM's key that signs now is sealed.
+std::string seal_sentence(const recorder::HardwareDescription& description) {
+  if (!description.seal) return "; it is not sealed: it signs in every state of the boot";
+  return "; it is sealed to registers " + crypto::pcr_list(description.seal->pcrs) +
+         " of the boot, whose state is approved; whether that of the next boot is cannot be known before it: "
+         "after an update of firmware, boot loader or kernel it is another";
+}
+
 /// Whether the key in hardware signs now. What it does not sign is unproven.
 Check check_hardware(const Home& home) {
   const std::string subject = "key in hardware";
@@ -213,7 +222,7 @@ Check check_hardware(const Home& home) {
   }
   constexpr std::string_view kQuestion = "kiroku doctor\n";
   const auto begin = std::chrono::steady_clock::now();
-  const auto signer = recorder::hardware_signer(description);
+  const auto signer = home.hardware_signer();
   const auto answer = signer->sign(bytes_of(kQuestion));
   const auto took =
       std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() - begin);
@@ -222,12 +231,24 @@ Check check_hardware(const Home& home) {
     return {Health::kBad, subject,
             address + " does not sign, so that what is recorded now is unproven: " +
                 (answer.why.empty() ? "its signature is another key's" : answer.why),
-            "see whether this user may use it (a TPM: group tss) and whether it is the one of the ceremony"};
+            description.seal ? "'kiroku boot state' tells whether the state of the boot is approved, and "
+                               "what to do; if the TPM "
+                               "cannot be asked, see whether this user may use it (group tss)"
+                             : "see whether this user may use it (a TPM: group tss) and whether it is the "
+                               "one of the ceremony"};
   }
-  const std::string signs =
+  std::string signs =
       address + " signs checkpoints beside Ed25519; it answered in " + std::to_string(took.count()) + " ms";
+  if (description.kind == recorder::HardwareDescription::Kind::kTpm) signs += seal_sentence(description);
   if (description.kind != recorder::HardwareDescription::Kind::kTpm) {
     return {Health::kGood, subject, signs, ""};
+  }
+  if (description.seal) {
+    const auto approvals = recorder::read_approvals(home.boot_approvals_folder(), *description.seal);
+    if (!approvals.problems.empty()) {
+      return {Health::kWarning, subject, signs + "; " + approvals.problems.front(),
+              "take that approval in again with 'kiroku boot accept', or remove the file"};
+    }
   }
   if (signer->attester() == nullptr) {
     return {Health::kWarning, subject, signs + "; the log does not have it quote the measured boot",

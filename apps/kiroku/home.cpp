@@ -135,7 +135,7 @@ crypto::SigningKey Home::signing_key(const std::optional<crypto::Secret>& passph
   crypto::SigningKey key = crypto::SigningKey::from_pem(pem.text(), its);
   std::error_code ignored;
   if (fs::exists(hardware_file(), ignored)) {
-    key = std::move(key).with_hardware(recorder::hardware_signer(hardware()));
+    key = std::move(key).with_hardware(hardware_signer());
   }
   if (!fs::exists(ml_dsa_key_file(), ignored)) return key;
   const crypto::Secret ml_dsa_pem = read_secret(ml_dsa_key_file(), "the device's ML-DSA key");
@@ -148,6 +148,10 @@ crypto::SigningKey Home::signing_key(const std::optional<crypto::Secret>& passph
                 device_key_file().string() + ": put the file back that belongs to it");
   }
   return std::move(key).with_ml_dsa(std::move(*ml_dsa));
+}
+
+std::shared_ptr<const crypto::HardwareSigner> Home::hardware_signer() const {
+  return recorder::hardware_signer(hardware(), boot_approvals_folder());
 }
 
 recorder::HardwareDescription Home::hardware() const {

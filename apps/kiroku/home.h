@@ -5,6 +5,8 @@
 //   recipients.txt   who can open recordings   device.pub   its C2SP verifier key
 //   device-ml-dsa.key  ML-DSA-65 key that signs beside, PKCS#8, mode 0600 (homes from before have none)
 //   device-hardware.json  where the key in hardware is that signs beside; no secret (homes without have none)
+//   boot-approvals/  approved states of the boot, of a TPM key that is sealed to them (boot_approval.h); no
+//                    secret
 //   device.identity  all public keys, signed by all (crypto/device_identity.h)
 //   trust.pem        roots of outside time-stamping authorities
 //   own-authority.pem  roots of the embedded one, former ones too; authority/  that authority
@@ -20,6 +22,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -52,6 +55,7 @@ class Home {
   [[nodiscard]] std::filesystem::path device_file() const { return folder_ / "device.pub"; }
   [[nodiscard]] std::filesystem::path ml_dsa_key_file() const { return folder_ / "device-ml-dsa.key"; }
   [[nodiscard]] std::filesystem::path hardware_file() const { return folder_ / "device-hardware.json"; }
+  [[nodiscard]] std::filesystem::path boot_approvals_folder() const { return folder_ / "boot-approvals"; }
   [[nodiscard]] std::filesystem::path device_identity_file() const { return folder_ / "device.identity"; }
   [[nodiscard]] std::filesystem::path trust_file() const { return folder_ / "trust.pem"; }
   [[nodiscard]] std::filesystem::path own_authority_file() const { return folder_ / "own-authority.pem"; }
@@ -92,6 +96,8 @@ class Home {
   [[nodiscard]] std::optional<crypto::Secret> key_passphrase() const;
   /// What hardware_file() says; kiroku::Error where it is not there or says nothing of the kind.
   [[nodiscard]] recorder::HardwareDescription hardware() const;
+  /// What signs by it; nothing is asked of the hardware yet. Throws as hardware().
+  [[nodiscard]] std::shared_ptr<const crypto::HardwareSigner> hardware_signer() const;
   /// trust.pem, where it holds any certificate: `kiroku init` writes one without.
   [[nodiscard]] std::vector<std::filesystem::path> outside_root_files() const;
   /// own-authority.pem and the embedded authority's own certificate, as far as they are there. Homes that

@@ -12,6 +12,7 @@
 #include "apps/common/file.h"
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
+#include "apps/kiroku/approval_key_file.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
@@ -24,6 +25,7 @@
 #include "crypto/age_file.h"
 #include "crypto/device_identity.h"
 #include "crypto/pkcs8.h"
+#include "recorder/device_key/boot_approval.h"
 #include "recorder/device_key/hardware_description.h"
 #include "recorder/device_key/tpm_key.h"
 #include "timestamp/authority.h"
@@ -45,7 +47,7 @@ struct Request {
   bool demo = false, no_passphrase = false, passphrase = false;
   bool ml_dsa = false, add_ml_dsa = false, json = false;
   bool tpm = false, add_tpm = false;
-  std::optional<std::string> tcti, pkcs11, add_pkcs11;
+  std::optional<std::string> tcti, pkcs11, add_pkcs11, approval_key, pcrs;
   [[nodiscard]] bool adds() const { return add_ml_dsa || add_tpm || add_pkcs11; }
 };
 
@@ -65,6 +67,66 @@ std::optional<WantedHardware> hardware_of(const Request& request) {
   if (tpm) return WantedHardware{Kind::kTpm, request.tcti.value_or(recorder::kDefaultTcti)};
   if (token) return WantedHardware{Kind::kPkcs11, *token};
   return std::nullopt;
+}
+
+/// To what a TPM's key shall be sealed, if to anything. Kept while the home is made: it approves the state
+/// that the machine is in.
+struct WantedSeal {
+  crypto::ApprovalKey key;
+  std::vector<unsigned> pcrs;
+};
+std::optional<WantedSeal> seal_of(const Request& request) {
+  if (!request.approval_key) {
+    if (request.pcrs) throw UsageError("--pcrs is about a key that is sealed: give --seal-to-boot, too");
+    return std::nullopt;
+  }
+  if (!request.tpm && !request.add_tpm) {
+    throw UsageError(
+        "--seal-to-boot is about a key in a TPM: give --tpm, or --add-tpm for a home that is there");
+  }
+  std::vector<unsigned> pcrs = recorder::kUsualSealedPcrs;
+  if (request.pcrs) {
+    std::string problem;
+    auto given = crypto::parse_pcr_list(*request.pcrs, problem);
+    if (!given) throw UsageError("--pcrs " + *request.pcrs + ": " + problem);
+    pcrs = std::move(*given);
+  }
+  recorder::require_sealable(pcrs);
+  return WantedSeal{load_approval_key(*request.approval_key), std::move(pcrs)};
+}
+
+/// A seal over registers with nothing in them holds nothing off: whoever starts the machine can measure into
+/// them what they like.
+void require_measured(const std::vector<crypto::PcrValue>& state) {
+  constexpr unsigned kMeasuredByFirmware = 8;  // 0 to 7, each of them (archive/format/boot_quote.h)
+  std::string empty;
+  bool any = false;
+  for (const crypto::PcrValue& each : state) {
+    any = any || each.value != crypto::Sha256Digest{};
+    if (each.index < kMeasuredByFirmware && each.value == crypto::Sha256Digest{})
+      empty += (empty.empty() ? "" : ",") + std::to_string(each.index);
+  }
+  if (any && empty.empty()) return;
+  throw UsageError("nothing was measured into register " +
+                   (empty.empty() ? "8, 9 or 14, whichever --pcrs names" : empty) +
+                   " when this machine started, so that a seal to it holds nothing off: switch on the TPM's "
+                   "SHA-256 bank in the firmware's settings and start by UEFI, or name others with --pcrs");
+}
+
+/// Has the hardware make the home's key. One that is sealed has the present state approved before it is
+/// described anywhere, so that no home has a key that never signs.
+recorder::HardwareDescription make_key(const WantedHardware& wanted, const std::optional<WantedSeal>& seal,
+                                       const Home& home, const std::string& device) {
+  if (!seal) return recorder::make_hardware_key(wanted.kind, wanted.address);
+  const auto pcrs = recorder::read_registers(wanted.address, seal->pcrs);
+  require_measured(pcrs);
+  auto made = recorder::make_sealed_key(wanted.address, seal->key.public_key(), seal->pcrs);
+  const auto approval = recorder::approve({device, *made.seal, pcrs}, seal->key);
+  archive::FileSystem& files = archive::real_file_system();
+  if (!files.exists(home.boot_approvals_folder())) files.make_folder(home.boot_approvals_folder());
+  files.write_durably(home.boot_approvals_folder() / recorder::approval_file_name(approval),
+                      bytes_of(approval.to_json()));
+  return made;
 }
 
 /// Has a TPM's description name its attestation key, where the TPM quotes by one. Why it does not, one
@@ -221,8 +283,8 @@ struct Filled {
   std::string not_attested;  // why the home's TPM does not quote the boot, if it has one
 };
 /// Everything of a home in `home`, which exists and is empty.
-Filled fill(const Home& home, const Request& request, const std::vector<std::string>& recipients,
-            Undo& undo) {
+Filled fill(const Home& home, const Request& request, const std::optional<WantedSeal>& seal,
+            const std::vector<std::string>& recipients, Undo& undo) {
   const std::string name = request.device_name.value_or(default_device_name());
   require_printable(name, "--device-name");
   crypto::SigningKey key = crypto::SigningKey::generate();
@@ -231,10 +293,10 @@ Filled fill(const Home& home, const Request& request, const std::vector<std::str
   }
   std::string not_attested;
   if (const auto wanted = hardware_of(request)) {
-    auto made = recorder::make_hardware_key(wanted->kind, wanted->address);
+    auto made = make_key(*wanted, seal, home, name);
     not_attested = take_attestation_key(made);
     write_new_file(home.hardware_file(), bytes_of(made.to_json()), 0644, undo);
-    key = std::move(key).with_hardware(recorder::hardware_signer(made));
+    key = std::move(key).with_hardware(recorder::hardware_signer(made, home.boot_approvals_folder()));
   }
   const crypto::VerifierKey device = crypto::verifier_key_of(name, key);
   std::optional<crypto::Secret> passphrase;
@@ -305,6 +367,18 @@ void settle(const Home& place, const fs::path& folder) {
   archive::real_file_system().sync_folder(folder);
 }
 
+/// What a person is told who had a key sealed.
+void print_sealed(const Request& request, const Home& home) {
+  if (!request.approval_key) return;
+  std::cout
+      << "The TPM's key signs only in approved states of the boot: registers "
+      << crypto::pcr_list(home.hardware().seal.value().pcrs)
+      << " of the SHA-256 bank. The present state is approved.\nKeep " << printable(*request.approval_key)
+      << " away from this machine, and a copy of it elsewhere: after each update of firmware, boot loader or "
+         "kernel it approves the new state ('kiroku boot --help'). Without it, what is recorded after the "
+         "next update is unproven for good.\n";
+}
+
 /// What a person is told who made a home with a TPM that quotes no boot.
 void print_not_attested(const std::string& why) {
   if (why.empty()) return;
@@ -350,6 +424,7 @@ void print_result(const Request& request, const fs::path& folder, const Filled& 
             << printable(home.configuration_file().string())
             << " names outside ones.\nWhoever verifies elsewhere needs its root, "
             << printable(home.own_authority_file().string()) << ", as --own-authority.\n";
+  print_sealed(request, home);
   print_not_attested(filled.not_attested);
 }
 
@@ -370,6 +445,25 @@ bool lacks_a_key(const crypto::VerifierKey& known, const crypto::VerifierKey& al
   return (all.ml_dsa() && !known.ml_dsa()) || (all.hardware() && !known.hardware());
 }
 
+/// The key of a home stays as it was made: kiroku::UsageError where it is not sealed, or otherwise.
+void require_sealed_so(const Home& home, const WantedSeal& wanted) {
+  const recorder::HardwareDescription description = home.hardware();
+  const std::string instead =
+      "; a home keeps its key: one that is sealed so needs a new home "
+      "(docs/how-to/keep-a-key-in-hardware.md)";
+  if (!description.seal) {
+    throw UsageError("the key in hardware that " + home.hardware_file().string() +
+                     " names signs in every state of the boot" + instead);
+  }
+  if (description.seal->approver != wanted.key.public_key())
+    throw UsageError("this home's key is sealed to another approval key" + instead);
+  if (description.seal->pcrs != wanted.pcrs) {
+    throw UsageError("this home's key is sealed to the registers " +
+                     crypto::pcr_list(description.seal->pcrs) + ", not to " + crypto::pcr_list(wanted.pcrs) +
+                     instead);
+  }
+}
+
 /// Gives a home that is there a key with which it signs from now on, too. Whatever breaks off, the same
 /// command brings to its end: the key comes first, then the log states it, then the identity is written.
 int add_keys(const Request& request) {
@@ -377,10 +471,10 @@ int add_keys(const Request& request) {
       request.pkcs11 || request.device_name || !request.recipients.empty() ||
       !request.recipient_files.empty() || !request.new_identities.empty()) {
     throw UsageError(
-        "--add-ml-dsa, --add-tpm and --add-pkcs11 are about a home that is there, and take --home, --tcti "
-        "and "
-        "--json alone");
+        "--add-ml-dsa, --add-tpm and --add-pkcs11 are about a home that is there, and take --home, --tcti, "
+        "--seal-to-boot, --pcrs and --json alone");
   }
+  const std::optional<WantedSeal> seal = seal_of(request);
   const Home home = Home::open(request.home);
   archive::FileSystem& files = archive::real_file_system();
   const archive::RecordingLock lock = archive::RecordingLock::take(files, home.archive());
@@ -388,6 +482,7 @@ int add_keys(const Request& request) {
   const std::string name = known.name();
   const std::optional<crypto::Secret> passphrase = home.key_passphrase();
   std::error_code ignored;
+  if (seal && fs::exists(home.hardware_file(), ignored)) require_sealed_so(home, *seal);
   if (request.add_ml_dsa && !fs::exists(home.ml_dsa_key_file(), ignored)) {
     const auto ml_dsa = crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65);
     replace_file(files, home.ml_dsa_key_file(),
@@ -400,8 +495,8 @@ int add_keys(const Request& request) {
                        " is not there: put it back from the backup; another key needs a new home "
                        "(docs/how-to/keep-a-key-in-hardware.md)");
     }
-    replace_file(files, home.hardware_file(),
-                 bytes_of(recorder::make_hardware_key(wanted->kind, wanted->address).to_json()), kForAll);
+    replace_file(files, home.hardware_file(), bytes_of(make_key(*wanted, seal, home, name).to_json()),
+                 kForAll);
   }
   std::string not_attested;
   if (request.add_tpm) {
@@ -458,6 +553,7 @@ int add_keys(const Request& request) {
       std::cout << " That key cannot be backed up: what is recorded while its hardware is away is unproven.";
     }
     std::cout << " Start whatever runs on this home anew.\n";
+    print_sealed(request, home);
   }
   if (request.add_tpm && stated.attestation) {
     std::cout << "Its TPM quotes the measured boot into the log: entry " << *stated.attestation
@@ -471,6 +567,7 @@ int run(const Request& request) {
   if (request.adds()) return add_keys(request);
   const fs::path folder = request.home ? fs::path(*request.home) : Home::default_folder();
   require_free_place(folder);
+  const std::optional<WantedSeal> seal = seal_of(request);
   std::vector<std::string> recipients = given_recipients(request);
   require_enough_recipients(request, recipients.size());
   if (request.no_passphrase && request.new_identities.empty()) {
@@ -485,7 +582,7 @@ int run(const Request& request) {
     write_new_file(place.identity_file(), identity_file_text(pair).bytes(), 0600, undo);
     recipients.push_back(pair.recipient);
   }
-  const Filled filled = fill(place, request, recipients, undo);
+  const Filled filled = fill(place, request, seal, recipients, undo);
   archive::real_file_system().sync_folder(place.folder());
   settle(place, folder);
   undo.keep_all();
@@ -524,6 +621,13 @@ void add_init_command(Command& program) {
                "makes no home: gives one that is there, whose recorder is stopped, such a key");
   command.option("--tcti", "TCTI", request->tcti, "the way to the TPM, as tpm2-tss has it",
                  recorder::kDefaultTcti);
+  command.option(
+      "--seal-to-boot", "KEY", request->approval_key,
+      "the TPM's key signs only in states of the boot that this approval key approved ('kiroku boot "
+      "new-key' makes one); the present state is approved at once");
+  command.option("--pcrs", "LIST", request->pcrs,
+                 "the registers of the SHA-256 bank that make up a state, among 0 to 9 and 14",
+                 crypto::pcr_list(recorder::kUsualSealedPcrs));
   command.option("--pkcs11", "URI", request->pkcs11,
                  "the same with a PKCS#11 token (RFC 7512, with module-path, and pin-source=file:FILE)");
   command.option("--add-pkcs11", "URI", request->add_pkcs11, "as --add-tpm, with such a token");
@@ -544,6 +648,8 @@ void add_init_command(Command& program) {
                   "a home that is there signs with two keys from now on");
   command.example("kiroku init --add-tpm --home /srv/kiroku",
                   "a home that is there signs by this machine's TPM, too");
+  command.example("kiroku init --add-tpm --seal-to-boot /media/stick/approval.pem",
+                  "the same, in approved states of the boot alone");
   command.on_run([request] { return run(*request); });
 }
 

@@ -151,6 +151,11 @@ std::string page(const json& status) {
   const json& clock = status["clock"];
   out += std::string("\nclock: ") +
          (clock.value("synchronised", false) ? "synchronised" : "not synchronised") + "\n";
+  if (const std::string why = status.value("hardware_silent", ""); !why.empty()) {
+    out += paint(Colour::kRed,
+                 "key in hardware: does not sign, so that what is recorded is unproven: " + printable(why)) +
+           "\n";
+  }
   return out;
 }
 

@@ -27,6 +27,7 @@
 #include "apps/kiroku/standing_consents.h"
 #include "apps/kirokud/descriptor_watch.h"
 #include "apps/kirokud/end_signals.h"
+#include "apps/kirokud/hardware_watch.h"
 #include "apps/kirokud/late_stamper.h"
 #include "apps/kirokud/room_resumption.h"
 #include "apps/kirokud/room_setup.h"
@@ -120,7 +121,8 @@ void watch_disk(recorder::Daemon& daemon) {
 }
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
-std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals) {
+std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
+                  HardwareWatch& hardware) {
   DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
@@ -129,6 +131,7 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     descriptors.look();
+    hardware.look();
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }
@@ -220,6 +223,8 @@ int run(const Request& request) {
     options.rooms.back().profile_rules = profile_rules_for(configuration, room.name, pictures);
     resumption.apply(options.rooms.back());
   }
+  HardwareWatch hardware(shared.key.hardware());
+  options.hardware_silent = [&hardware] { return hardware.silent(); };
   std::string reason;
   {
     std::unique_ptr<LateStamper> late;
@@ -233,7 +238,7 @@ int run(const Request& request) {
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    reason = watch(daemon, inboxes, signals);
+    reason = watch(daemon, inboxes, signals, hardware);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.

@@ -340,7 +340,8 @@ struct Daemon::State {
     return {{"rooms", all},
             {"disk", disk_json()},
             {"clock", clock_json()},
-            {"uptime_s", std::llround(up.count())}};
+            {"uptime_s", std::llround(up.count())},
+            {"hardware_silent", options.hardware_silent ? options.hardware_silent() : std::string()}};
   }
 
   DaemonOptions options;
@@ -480,6 +481,11 @@ std::string Daemon::metrics() const {
   const CaseClock now;
   family("kiroku_clock_synchronised", "gauge", "1 while the kernel says that the wall clock is synchronised");
   out << "kiroku_clock_synchronised " << (ClockWatch(now).check()->synchronised ? 1 : 0) << "\n";
+  if (state_->options.hardware_silent) {
+    family("kiroku_hardware_silent", "gauge",
+           "1 while the device's key in hardware does not sign, so that what is recorded is unproven");
+    out << "kiroku_hardware_silent " << (state_->options.hardware_silent().empty() ? 0 : 1) << "\n";
+  }
   return out.str();
 }
 

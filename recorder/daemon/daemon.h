@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,7 +20,10 @@ struct DaemonOptions {
   std::vector<RoomPlan> rooms;
   std::filesystem::path archive;  // whose disk is watched
   double warn_below_hours = 8;
-  RoomListener listener;                 // of every room; sentences are given the room's name before them
+  RoomListener listener;  // of every room; sentences are given the room's name before them
+  /// Why the device's key in hardware does not sign, one sentence; empty where it does, or there is none.
+  /// Must not wait for the hardware; called by any thread. May be null.
+  std::function<std::string()> hardware_silent;
   const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
 

@@ -1,5 +1,7 @@
 #include "recorder/device_key/hardware_description.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -18,6 +20,12 @@ constexpr std::size_t kKeyNameSize = 32;
 constexpr const char* kTpm = "tpm";
 constexpr const char* kPkcs11 = "pkcs11";
 
+std::optional<SealedTo> sealed_to(const HardwareDescription& description,
+                                  const std::filesystem::path& approvals) {
+  if (!description.seal) return std::nullopt;
+  return SealedTo{*description.seal, approvals};
+}
+
 }  // namespace
 
 std::string HardwareDescription::to_json() const {
@@ -27,6 +35,11 @@ std::string HardwareDescription::to_json() const {
                        {"public_key", crypto::to_base64(public_key, crypto::Base64Padding::kPadded)}};
   if (!attestation_key.empty())
     written["attestation_key"] = crypto::to_base64(attestation_key, crypto::Base64Padding::kPadded);
+  if (seal) {
+    written["sealed_to_boot"] = {
+        {"approval_key", crypto::to_base64(seal->approver, crypto::Base64Padding::kPadded)},
+        {"pcrs", seal->pcrs}};
+  }
   return written.dump(2) + "\n";
 }
 
@@ -60,6 +73,26 @@ HardwareDescription HardwareDescription::parse(std::string_view json) {
       throw refuse("its \"attestation_key\" is none of a TPM: " + problem);
     description.attestation_key = *area;
   }
+  if (read.contains("sealed_to_boot")) {
+    const ordered_json& stated = read.at("sealed_to_boot");
+    const bool has_form = description.kind == Kind::kTpm && stated.is_object() &&
+                          stated.contains("approval_key") && stated.at("approval_key").is_string() &&
+                          stated.contains("pcrs") && stated.at("pcrs").is_array();
+    if (!has_form) throw refuse("its \"sealed_to_boot\" is no approval key and registers of a TPM");
+    const auto approver =
+        crypto::from_base64(stated.at("approval_key").get<std::string>(), crypto::Base64Padding::kPadded);
+    if (!approver || !crypto::is_p256_public_key(*approver))
+      throw refuse("its \"approval_key\" is no key on P-256");
+    crypto::BootSeal seal{*approver, {}, crypto::boot_seal_tag(description.key)};
+    for (const ordered_json& each : stated.at("pcrs")) {
+      const auto index = each.is_number_unsigned() ? each.get<std::uint64_t>() : crypto::kPcrs;
+      if (index >= crypto::kPcrs || (!seal.pcrs.empty() && seal.pcrs.back() >= index))
+        throw refuse("its \"pcrs\" are not registers of 0 to 23 in ascending order");
+      seal.pcrs.push_back(static_cast<unsigned>(index));
+    }
+    if (seal.pcrs.empty()) throw refuse("its \"pcrs\" name no register");
+    description.seal = std::move(seal);
+  }
   return description;
 }
 
@@ -70,9 +103,47 @@ HardwareDescription make_hardware_key(HardwareDescription::Kind kind, const std:
   return made;
 }
 
+void require_sealable(const std::vector<unsigned>& pcrs) {
+  for (const unsigned each : pcrs) {
+    if (std::find(kQuotedPcrs.begin(), kQuotedPcrs.end(), each) != kQuotedPcrs.end()) continue;
+    throw UsageError(
+        "no key can be sealed to register " + std::to_string(each) +
+        ", which changes while the machine runs, or can be set back by a program: choose among 0 "
+        "to 9 and 14");
+  }
+}
+
+HardwareDescription make_sealed_key(const std::string& tcti, const crypto::P256PublicKey& approver,
+                                    const std::vector<unsigned>& pcrs) {
+  require_sealable(pcrs);
+  HardwareDescription made{
+      HardwareDescription::Kind::kTpm, tcti, to_bytes(crypto::Secret::random(kKeyNameSize).bytes()), {}};
+  made.seal = crypto::BootSeal{approver, pcrs, crypto::boot_seal_tag(made.key)};
+  made.public_key = TpmKey(tcti, made.key, sealed_to(made, {})).public_key();
+  return made;
+}
+
+std::vector<crypto::PcrValue> read_registers(const std::string& tcti, const std::vector<unsigned>& pcrs) {
+  struct Answer {
+    std::vector<crypto::PcrValue> values;
+    std::string why;
+  };
+  const auto answer = std::make_shared<Answer>();
+  const std::string late = BoundedThread().run([answer, tcti, pcrs] {
+    try {
+      answer->values = TpmKey(tcti, {}).registers(pcrs);
+    } catch (const std::exception& error) {
+      answer->why = error.what();
+    }
+  });
+  if (!late.empty()) throw Error("the TPM at " + tcti + ": " + late);
+  if (!answer->why.empty()) throw Error(answer->why);
+  return std::move(answer->values);
+}
+
 Bytes find_attestation_key(const HardwareDescription& description) {
   if (description.kind != HardwareDescription::Kind::kTpm) throw Error("a token quotes no boot");
-  TpmKey key(description.address, description.key);
+  TpmKey key(description.address, description.key, sealed_to(description, {}));
   if (key.public_key() != description.public_key)
     throw Error("the TPM does not hold the device's key: it was cleared, or is another machine's");
   Bytes area = key.attestation_key();
@@ -82,12 +153,14 @@ Bytes find_attestation_key(const HardwareDescription& description) {
   return area;
 }
 
-std::shared_ptr<const crypto::HardwareSigner> hardware_signer(const HardwareDescription& description) {
+std::shared_ptr<const crypto::HardwareSigner> hardware_signer(const HardwareDescription& description,
+                                                              const std::filesystem::path& approvals) {
   BoundedSigner::Ask ask;
   const auto thread = std::make_shared<BoundedThread>();
   std::unique_ptr<BoundedAttester> attester;
   if (description.kind == HardwareDescription::Kind::kTpm) {
-    const auto key = std::make_shared<TpmKey>(description.address, description.key);
+    const auto key =
+        std::make_shared<TpmKey>(description.address, description.key, sealed_to(description, approvals));
     ask = [key](ByteView message) { return key->sign(message); };
     if (!description.attestation_key.empty()) {
       attester = std::make_unique<BoundedAttester>(

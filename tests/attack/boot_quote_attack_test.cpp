@@ -43,7 +43,7 @@ class BootQuoteAttack : public testing::Test {
   }
 
   [[nodiscard]] crypto::SigningKey key() const {
-    return copied_key().with_hardware(recorder::hardware_signer(description_));
+    return copied_key().with_hardware(recorder::hardware_signer(description_, {}));
   }
   [[nodiscard]] crypto::SigningKey copied_key() const {
     return crypto::SigningKey::from_pem(pem_.text(), nullptr);
@@ -109,7 +109,7 @@ class BootQuoteAttack : public testing::Test {
     for (std::uint64_t i = 0; i < number; ++i)
       tree.append(crypto::merkle_leaf_hash(bytes_of(archive::to_line(entries.at(i)))));
     const auto& boot = std::get<BootEntry>(entries.at(number).body);
-    const auto signer = recorder::hardware_signer(tpm);
+    const auto signer = recorder::hardware_signer(tpm, {});
     const auto answer =
         signer->attester()->quote(archive::qualifying_data({boot.device, number, tree.root(), boot.boot_id}));
     return archive::to_stated(answer.quote.value());

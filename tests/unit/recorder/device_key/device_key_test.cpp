@@ -141,7 +141,7 @@ class TpmKeyTest : public testing::Test {
 
 TEST_F(TpmKeyTest, SignsAndIsTheSameKeyAfterPowerWasOff) {
   const HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
-  const auto signer = hardware_signer(made);
+  const auto signer = hardware_signer(made, {});
   const auto answer = signer->sign(kMessage);
   EXPECT_EQ(answer.why, "");
   EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage, answer.signature));
@@ -162,7 +162,7 @@ TEST_F(TpmKeyTest, AnotherTpmHasAnotherKey) {
       << "what lies on the disk is the same, and the key is not in it";
   HardwareDescription moved = made;
   moved.address = other.tcti();
-  const crypto::SigningKey key = crypto::SigningKey::generate().with_hardware(hardware_signer(moved));
+  const crypto::SigningKey key = crypto::SigningKey::generate().with_hardware(hardware_signer(moved, {}));
   const crypto::SignedNote note = crypto::sign_note_by_all(text_of(kMessage), "or3", key);
   EXPECT_THAT(note.hardware_silent, HasSubstr("does not fit the key"))
       << "a line that does not verify would read as a forgery";
@@ -187,7 +187,7 @@ TEST_F(TpmKeyTest, QuotesTheBootByAKeyThatStaysTheSame) {
   const crypto::Sha256Digest asked = crypto::sha256(kMessage);
   std::vector<crypto::TpmQuote> said;
   for (int boot = 0; boot < 2; ++boot) {
-    const auto signer = hardware_signer(made);
+    const auto signer = hardware_signer(made, {});
     EXPECT_EQ(signer->sign(kMessage).why, "");
     const auto answer = signer->attester()->quote(asked);
     ASSERT_TRUE(answer.quote) << answer.why;
@@ -211,13 +211,13 @@ TEST_F(TpmKeyTest, SignsNothingFromOutsideByItsAttestationKey) {
   ASSERT_TRUE(key) << problem;
   EXPECT_NE(key->key, made.public_key);
   EXPECT_FALSE(
-      crypto::verify_ecdsa_p256(key->key, kMessage, hardware_signer(made)->sign(kMessage).signature));
+      crypto::verify_ecdsa_p256(key->key, kMessage, hardware_signer(made, {})->sign(kMessage).signature));
 }
 
 TEST_F(TpmKeyTest, WhatIsMeasuredIsQuoted) {
   HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
   made.attestation_key = find_attestation_key(made);
-  const auto quote = [&] { return hardware_signer(made)->attester()->quote({}).quote.value(); };
+  const auto quote = [&] { return hardware_signer(made, {})->attester()->quote({}).quote.value(); };
   const auto before = quote();
   tpm_->measure(7, 0xaa);
   const auto after = quote();
@@ -230,7 +230,7 @@ TEST_F(TpmKeyTest, AnotherTpmDoesNotQuoteForThisOne) {
   made.attestation_key = find_attestation_key(made);
   const test::SoftwareTpm other(folder_.path() / "o");
   made.address = other.tcti();
-  EXPECT_THAT(hardware_signer(made)->attester()->quote({}).why, HasSubstr("not by the key"));
+  EXPECT_THAT(hardware_signer(made, {})->attester()->quote({}).why, HasSubstr("not by the key"));
   EXPECT_THAT([&] { find_attestation_key(made); }, ThrowsMessage<Error>(HasSubstr("another machine's")));
 }
 
@@ -241,7 +241,7 @@ TEST_F(TpmKeyTest, OneWithoutSha256RegistersSaysSoAndSigns) {
   HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
   EXPECT_THAT([&] { find_attestation_key(made); }, ThrowsMessage<Error>(HasSubstr("SHA-256 bank")));
   made.attestation_key = TpmKey(made.address, made.key).attestation_key();
-  const auto signer = hardware_signer(made);
+  const auto signer = hardware_signer(made, {});
   EXPECT_THAT(signer->attester()->quote({}).why, HasSubstr("SHA-256 bank"));
   EXPECT_EQ(signer->sign(kMessage).why, "");
 }
@@ -267,7 +267,7 @@ TEST_F(TpmKeyTest, ItsDescriptionHasTheAttestationKey) {
   HardwareDescription made = make_hardware_key(Kind::kTpm, tpm_->tcti());
   EXPECT_EQ(HardwareDescription::parse(made.to_json()).attestation_key, Bytes())
       << "one from before, which is no error";
-  EXPECT_EQ(hardware_signer(made)->attester(), nullptr);
+  EXPECT_EQ(hardware_signer(made, {})->attester(), nullptr);
   made.attestation_key = find_attestation_key(made);
   EXPECT_EQ(HardwareDescription::parse(made.to_json()).attestation_key, made.attestation_key);
   made.attestation_key.back() ^= std::byte{1};
@@ -303,12 +303,12 @@ class Pkcs11KeyTest : public testing::Test {
 
 TEST_F(Pkcs11KeyTest, SignsByAKeyThatTheTokenKeeps) {
   const HardwareDescription made = make_hardware_key(Kind::kPkcs11, token_->uri());
-  const auto answer = hardware_signer(made)->sign(kMessage);
+  const auto answer = hardware_signer(made, {})->sign(kMessage);
   EXPECT_EQ(answer.why, "");
   EXPECT_TRUE(crypto::verify_ecdsa_p256(made.public_key, kMessage, answer.signature));
   HardwareDescription other = made;
   other.key.front() ^= std::byte{1};
-  EXPECT_THAT(hardware_signer(other)->sign(kMessage).why, HasSubstr("does not hold the device's key"));
+  EXPECT_THAT(hardware_signer(other, {})->sign(kMessage).why, HasSubstr("does not hold the device's key"));
 }
 
 TEST_F(Pkcs11KeyTest, SaysWhatIsWrongWithTheWayToIt) {

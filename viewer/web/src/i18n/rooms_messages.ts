@@ -63,6 +63,9 @@ export const roomsEn = {
   'appliance.recording': 'Recording',
   'appliance.rooms': '{n} of {all} rooms',
   'appliance.up': 'running for {time}',
+  'appliance.hardware': 'Key in hardware',
+  'appliance.hardwareSilent': 'does not sign',
+  'appliance.hardwareToDo': 'Recording goes on, and cases are unproven until it signs again. Tell whoever keeps the recorder.',
 } as const;
 
 export const roomsJa: Record<keyof typeof roomsEn, string> = {
@@ -129,4 +132,7 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'appliance.recording': '記録',
   'appliance.rooms': '{all} 室中 {n} 室',
   'appliance.up': '稼働時間 {time}',
+  'appliance.hardware': 'ハードウェア内の鍵',
+  'appliance.hardwareSilent': '署名していません',
+  'appliance.hardwareToDo': '記録は続いています。再び署名するまで、症例は「証明不足」となります。記録装置の管理担当者に知らせてください。',
 };

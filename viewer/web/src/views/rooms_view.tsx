@@ -294,6 +294,19 @@ function Appliance({ status }: { status: ApplianceStatus }) {
           <small class="muted">{t('appliance.up', { time: formatTime(status.uptime_s * kSecond) })}</small>
         </span>
       </div>
+      {status.hardware_silent && (
+        <div class="fact">
+          <Icon name="unproven" />
+          <span>
+            <small>{t('appliance.hardware')}</small>
+            <strong class="state-bad">{t('appliance.hardwareSilent')}</strong>
+            <small class="muted">{t('appliance.hardwareToDo')}</small>
+            <small class="muted" lang="en">
+              {status.hardware_silent}
+            </small>
+          </span>
+        </div>
+      )}
     </section>
   );
 }
