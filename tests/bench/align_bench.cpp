@@ -583,15 +583,15 @@ void run_lenses(const Settings& settings) {
     std::printf("%u\n", seed);
     std::fflush(stdout);
   }
-  Figures figures;
-  figures.add("sequences", settings.sequences);
+  Figures figures, cost;
   for (const LensCase& each : cases)
     tell_pictures(
         each.name, records, [&](const Record& record) { return record.condition == each.name; }, &figures);
   const double straight_ms = 1000 * straight_seconds / straightened;
   std::printf("a picture straightened in %.2f ms of a processor\n", straight_ms);
-  figures.add("straighten", straight_ms);
+  cost.add("straighten", straight_ms);
   std::printf("docs/results/record.py align-lens --machine NAME%s\n", figures.line().c_str());
+  std::printf("docs/results/record.py align-lens-cost --machine NAME%s\n", cost.line().c_str());
 }
 
 std::vector<Record> records_of(const std::vector<std::string>& files) {
