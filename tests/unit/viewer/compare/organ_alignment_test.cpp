@@ -269,6 +269,7 @@ TEST_F(OrganAlignment, ThroughALensIsLaidWhereTheRecordedPictureShowsTheOrgan) {
   }
   sim::PlanPictures pictures = pictures_of(plan);
   CompositionForm form = overlay();
+  form.plan_background = pictures.scene().background;
   const auto drawn_by = [&] {
     const auto with_share = [&](double share) {
       form.share = share;
