@@ -76,7 +76,8 @@ struct SimCommands {
                                          {"transfer", kFull, add_sim_transfer_command},
                                          {"drr-film", kFull, add_sim_drr_film_command},
                                          {"overlay", kFull, add_sim_overlay_command},
-                                         {"fit-series", kFull, add_sim_fit_series_command}});
+                                         {"fit-series", kFull, add_sim_fit_series_command},
+                                         {"lens", kFull, add_sim_lens_command}});
   }
 };
 

@@ -70,8 +70,8 @@ void add_compare_command(Command& program) {
   command.choice(
       "--align", {"off", "auto"}, request->align,
       "auto lays the plan's organ on the recorded pictures without a click, by its outline and its "
-      "texture: where it is in each, with a standard error, or that it is lost; needs --field, and "
-      "looks from --view or up to 75 degrees aside",
+      "texture: where it is in each, with a standard error, or that it is lost; needs --field or --lens, "
+      "and looks from --view or up to 75 degrees aside",
       "off");
   command.choice(
       "--organ", {"rigid", "deformed"}, request->organ,
@@ -81,7 +81,11 @@ void add_compare_command(Command& program) {
       "minutes at most",
       "rigid");
   command.option("--field", "DEGREES", request->field,
-                 "with --align: the angle that the lesser side of the recorded pictures covers");
+                 "with --align: the angle that the lesser side of the recorded pictures covers, of a lens "
+                 "without distortion");
+  command.option("--lens", "FILE", request->lens,
+                 "with --align, instead of --field: the endoscope's lens, as OpenCV's calibration writes it "
+                 "(YAML, XML or JSON: camera_matrix, distortion_coefficients, image_width, image_height)");
   command.option(
       "--purpose", "P", request->purpose,
       "of a film or page, what for: teaching, research or another purpose of the site's; a consent "
@@ -124,6 +128,10 @@ void add_compare_command(Command& program) {
       "kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --align auto --field 60 --organ deformed "
       "--show overlay -o pulled.mp4",
       "the organ as it is pulled, its displacement as colour");
+  command.example(
+      "kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --align auto --lens endoscope.yml --show "
+      "overlay -o laid.mp4",
+      "through a lens whose distortion is known");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json --verify liver.comparison.json",
                   "does the comparison still fit?");
   command.on_run(

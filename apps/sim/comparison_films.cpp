@@ -5,12 +5,15 @@
 #include <memory>
 #include <string>
 
+#include "apps/common/file.h"
 #include "apps/sim/number_option.h"
 #include "apps/sim/picture_options.h"
 #include "apps/sim/plan_reading.h"
 #include "base/error.h"
+#include "crypto/hash.h"
 #include "media/film_writer.h"
 #include "media/png.h"
+#include "sim/align/lens_file.h"
 #include "sim/drr/dicom_radiograph.h"
 #include "sim/drr/picture.h"
 #include "sim/volume/volume_reader.h"
@@ -205,13 +208,28 @@ double alignment_field_deg(const ComparisonRequest& request) {
                       sim::OrganTrack::kGreatestFieldDeg);
 }
 
+std::optional<compare::UsedLens> alignment_lens(const ComparisonRequest& request) {
+  if (!request.lens) return {};
+  const Bytes text = read_small_file(*request.lens, "the lens");
+  const sim::LensCalibration calibration = sim::read_lens_calibration(text_of(text), *request.lens);
+  try {
+    return compare::UsedLens{
+        sim::Lens(calibration),
+        {"lens", fs::path(*request.lens).filename().string(), text.size(), crypto::sha256(text)}};
+  } catch (const UsageError& error) {
+    throw UsageError(*request.lens + ": " + error.what());
+  }
+}
+
 bool is_deformed(const ComparisonRequest& request) { return request.organ == "deformed"; }
 
 compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
+                                            const std::optional<compare::UsedLens>& lens,
                                             const archive::CaseReader& recording,
                                             const compare::Comparison& comparison) {
   compare::AlignmentRequest asked;
-  asked.field_deg = alignment_field_deg(request);
+  asked.lens = lens;
+  asked.field_deg = lens ? lens->lens.field_deg() : alignment_field_deg(request);
   asked.deformed = is_deformed(request);
   const sim::Camera from =
       sim::camera_looking_at({}, sim::view_direction(request.view.value_or("front")), 1, 1);

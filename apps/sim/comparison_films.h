@@ -94,12 +94,16 @@ compare::FluoroscopyRequest fluoroscopy_request(const ComparisonRequest& request
                                                 const compare::Comparison& comparison);
 /// Degrees; --field must be there. kiroku::UsageError for what is none of an endoscope.
 double alignment_field_deg(const ComparisonRequest& request);
+/// What --lens names; nothing where it is not there. kiroku::Error for a file that cannot be read,
+/// kiroku::UsageError as sim::read_lens_calibration() and sim::Lens.
+std::optional<compare::UsedLens> alignment_lens(const ComparisonRequest& request);
 /// Whether it asks for the organ deformed to fit.
 bool is_deformed(const ComparisonRequest& request);
 /// What the request says of aligning the plan's organ with the recorded pictures: --field, --view, and --from
-/// and --to, else what a film would show; all of the recording where no step was found. --field must be
-/// there.
+/// and --to, else what a film would show; all of the recording where no step was found. Without a lens
+/// --field must be there.
 compare::AlignmentRequest alignment_request(const ComparisonRequest& request,
+                                            const std::optional<compare::UsedLens>& lens,
                                             const archive::CaseReader& recording,
                                             const compare::Comparison& comparison);
 compare::RadiographForm radiograph_form(const ComparisonRequest& request);

@@ -78,6 +78,7 @@ struct Sources {
   const PlanAtHand& at_hand;
   SimulatedPlan& frames;
   PlanCt& ct;
+  std::optional<compare::UsedLens> lens = {};                // where one was given
   std::optional<compare::PlanRadiographs> radiographs = {};  // where fluoroscopy was asked for
 };
 
@@ -99,7 +100,7 @@ void add_fluoroscopy(const ComparisonRequest& request, Sources& from, compare::C
 void add_alignment(const ComparisonRequest& request, const Sources& from, compare::Comparison& comparison,
                    ComparisonTold& told) {
   if (request.align != "auto") return;
-  const compare::AlignmentRequest asked = alignment_request(request, from.recording, comparison);
+  const compare::AlignmentRequest asked = alignment_request(request, from.lens, from.recording, comparison);
   told.begin("looking for the organ in the pictures");
   comparison.alignment =
       compare::align_organ(from.recording, from.identities, comparison.stream, from.at_hand.plan.body, asked,
@@ -226,15 +227,22 @@ crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std:
 void require_alignment_options(const ComparisonRequest& request) {
   if (request.field && request.align != "auto")
     throw UsageError("--field is for --align auto: it says what the endoscope's pictures cover");
+  if (request.lens && request.align != "auto")
+    throw UsageError("--lens is for --align auto: it says how the endoscope shows its pictures");
   if (request.organ && request.align != "auto")
     throw UsageError("--organ is for --align auto: it says how the plan's organ is laid on the pictures");
   if (request.align != "auto") return;
-  if (!request.field) {
+  if (request.field && request.lens) {
+    throw UsageError(
+        "--field and --lens both say what the endoscope's pictures cover: leave --field out, the lens has "
+        "it");
+  }
+  if (!request.field && !request.lens) {
     throw UsageError(
         "--align needs the endoscope's field of view: say with --field how many degrees the lesser side of "
-        "its pictures covers");
+        "its pictures covers, or give its calibration with --lens");
   }
-  (void)alignment_field_deg(request);
+  if (request.field) (void)alignment_field_deg(request);
 }
 
 /// Before anything is computed, as far as the case and what was matched by hand say it.
@@ -266,6 +274,7 @@ int make_comparison(const ComparisonRequest& request) {
     throw UsageError("name the case and the plan: kiroku compare CASE PLAN -o OUT.html");
   require_fluoroscopy_options(request);
   require_alignment_options(request);
+  const std::optional<compare::UsedLens> lens = alignment_lens(request);
   const std::optional<Home> home = Home::find(request.home);
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
@@ -293,7 +302,7 @@ int make_comparison(const ComparisonRequest& request) {
   ComparisonTold told(request.progress == "json");
   SimulatedPlan frames(at_hand->plan, told);
   PlanCt ct(request, at_hand->plan, told);
-  Sources from{recording, identities, *at_hand, frames, ct};
+  Sources from{recording, identities, *at_hand, frames, ct, lens};
   compare::Comparison comparison = compare::compare(
       recording, identities, stream, at_hand->plan, by_hand,
       [&]() -> const sim::PlanFrames& { return frames.get(); }, told.progress());

@@ -1,5 +1,6 @@
 #include "apps/sim/comparison_telling.h"
 
+#include <cmath>
 #include <iostream>
 #include <string>
 
@@ -72,6 +73,14 @@ void print_fluoroscopy(const compare::Fluoroscopy& found) {
 void print_alignment(const compare::Alignment& found, std::int64_t begins_ns) {
   std::cout << "  the plan's organ was placed in " << found.held() << " of " << found.moments.size()
             << " pictures\n";
+  if (found.lens) {
+    constexpr double kPercent = 100;
+    const double drawn_in = found.lens->lens.drawn_in();
+    std::cout << "  by the lens " << printable(found.lens->file.name) << ": "
+              << (drawn_in < 0 ? "pincushion" : "barrel") << " distortion of "
+              << number_text(kPercent * std::abs(drawn_in), 2) << " % at the farthest corner, field of view "
+              << number_text(found.field_deg, 3) << " degrees without it\n";
+  }
   if (found.deformed) {
     constexpr double kMmPerM = 1000;
     std::cout << "  it was deformed to fit in " << found.deformed->deformed()
@@ -114,6 +123,8 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
     if (comparison.alignment) {
       object["aligned"] = {{"pictures", comparison.alignment->moments.size()},
                            {"held", comparison.alignment->held()}};
+      if (comparison.alignment->lens)
+        object["aligned"]["lens_sha256"] = crypto::to_hex(comparison.alignment->lens->file.sha256);
       if (comparison.alignment->deformed)
         object["aligned"]["deformed"] = comparison.alignment->deformed->deformed();
     }

@@ -22,6 +22,7 @@ void add_sim_transfer_command(Command& sim);
 void add_sim_drr_film_command(Command& sim);
 void add_sim_overlay_command(Command& sim);
 void add_sim_fit_series_command(Command& sim);
+void add_sim_lens_command(Command& sim);
 
 /// 'kiroku respire': a page to work on, with the viewer's server.
 void add_respire_command(Command& program);

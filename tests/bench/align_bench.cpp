@@ -4,6 +4,7 @@
 // installed, by CSRT.
 //
 //   align_bench [--first SEED] [--sequences N] [--pictures N] [--clip FILE] [--records FILE] [--show FOLDER]
+//   align_bench --lenses yes [--first SEED] [--sequences N] [--pictures N]
 //   align_bench --tell FILE [--tell FILE]...
 //
 // Sequence after sequence is of another condition; after each six with truth one has nothing to be found. The
@@ -11,6 +12,8 @@
 // film of a real operation, whose pictures give organ and wall their texture in every second round of
 // conditions. Those with truth are told together, but for the lens. Drawing the plan's silhouettes, once a
 // sequence, is timed by itself.
+// --lenses: sequences in which nothing hides the organ, each through several lenses, which the alignment
+// knows or does not.
 // --records keeps a line for each picture, from which --tell makes the tables of several runs together; time
 // is that of a processor, so that other work on the machine does not count.
 #include <algorithm>
@@ -34,16 +37,18 @@
 #endif
 
 #include "base/error.h"
+#include "sim/align/lens_pictures.h"
 #include "sim/align/organ_track.h"
 #include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
+#include "tests/support/barrel_lens.h"
 #include "tests/support/endoscope_scene.h"
 
 namespace {
 
-using kiroku::bench::Chance, kiroku::bench::processor_seconds, kiroku::bench::through_barrel_lens,
-    kiroku::bench::through_mpeg2, kiroku::bench::write_png;
-using kiroku::test::EndoscopeScene;
+using kiroku::bench::Chance, kiroku::bench::processor_seconds, kiroku::bench::through_mpeg2,
+    kiroku::bench::write_png;
+using kiroku::test::BarrelLens, kiroku::test::EndoscopeScene;
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
 constexpr double kEveryS = 0.1;
@@ -148,7 +153,9 @@ struct Sequence {
   std::vector<Camera> truth;
 };
 
-Sequence rendered(EndoscopeScene& scene, std::uint32_t seed, const std::string& condition, int count) {
+/// Through MPEG-2 if `coded`.
+Sequence rendered(EndoscopeScene& scene, std::uint32_t seed, const std::string& condition, int count,
+                  bool coded = true) {
   Chance chance(seed);
   const Hand hand(chance);
   const bool everything = condition == "everything";
@@ -173,10 +180,10 @@ Sequence rendered(EndoscopeScene& scene, std::uint32_t seed, const std::string& 
     made.truth.push_back(look.camera);
     Picture picture = scene.picture(look);
     if (condition == "mirrored") picture = mirror_of(picture);
-    if (condition == "barrel") picture = through_barrel_lens(picture);
+    if (condition == "barrel") picture = BarrelLens{}.through(picture);
     made.pictures.push_back(std::move(picture));
   }
-  made.pictures = through_mpeg2(made.pictures);
+  if (coded) made.pictures = through_mpeg2(made.pictures);
   return made;
 }
 
@@ -520,6 +527,73 @@ void run(const Settings& settings) {
   tell(records);
 }
 
+/// A lens before the same sequences, and whether the alignment knows it.
+struct LensCase {
+  const char* name;
+  std::optional<BarrelLens> lens;
+  bool told;
+};
+
+void run_lenses(const Settings& settings) {
+  const TetMesh plan = kiroku::test::liver_like_mesh({20, 6, 14});
+  const OrganSurface surface = organ_surface(plan);
+  const BarrelLens five, fifteen = BarrelLens::of_corners(0.15);
+  const std::array<LensCase, 5> cases{{{"no lens", {}, false},
+                                       {"five unknown", five, false},
+                                       {"five told", five, true},
+                                       {"fifteen unknown", fifteen, false},
+                                       {"fifteen told", fifteen, true}}};
+  EndoscopeScene scene(kiroku::test::liver_like_mesh({44, 12, 30}));
+  std::vector<Record> records;
+  double straightened = 0, straight_seconds = 0;
+  for (int n = 0; n < settings.sequences; ++n) {
+    const std::uint32_t seed = settings.first + static_cast<std::uint32_t>(n);
+    const Sequence sequence = rendered(scene, seed, "clear", settings.pictures, false);
+    for (const LensCase& each : cases) {
+      std::vector<Picture> pictures = sequence.pictures;
+      if (each.lens) {
+        for (Picture& picture : pictures) picture = each.lens->through(picture);
+      }
+      pictures = through_mpeg2(pictures);
+      // Whoever does not know the lens says what the picture covers.
+      double field_deg =
+          each.lens ? each.lens->field_deg(EndoscopeScene::kFieldDeg) : EndoscopeScene::kFieldDeg;
+      std::optional<StraightPictures> straight;
+      if (each.told) {
+        const Lens lens(each.lens->calibration(EndoscopeScene::kFieldDeg));
+        field_deg = lens.field_deg();
+        straight.emplace(lens);
+      }
+      OrganTrack track(plan, field_deg);
+      for (std::size_t i = 0; i < pictures.size(); ++i) {
+        const double begin = processor_seconds();
+        if (straight) pictures[i] = straight->straight(pictures[i]);
+        const double between = processor_seconds();
+        const AlignedMoment moment =
+            track.take(static_cast<std::int64_t>(1e9 * kEveryS) * static_cast<std::int64_t>(i), pictures[i]);
+        records.push_back({"picture", each.name, moment.held() ? 1.0 : 0.0,
+                           moment.held() ? way_between_m(surface, moment.camera, sequence.truth[i]) : 0,
+                           moment.standard_error_m, processor_seconds() - begin});
+        // The first picture's has the map's making.
+        if (!straight || i == 0) continue;
+        straightened += 1;
+        straight_seconds += between - begin;
+      }
+    }
+    std::printf("%u\n", seed);
+    std::fflush(stdout);
+  }
+  Figures figures, cost;
+  for (const LensCase& each : cases)
+    tell_pictures(
+        each.name, records, [&](const Record& record) { return record.condition == each.name; }, &figures);
+  const double straight_ms = 1000 * straight_seconds / straightened;
+  std::printf("a picture straightened in %.2f ms of a processor\n", straight_ms);
+  cost.add("straighten", straight_ms);
+  std::printf("docs/results/record.py align-lens --machine NAME%s\n", figures.line().c_str());
+  std::printf("docs/results/record.py align-lens-cost --machine NAME%s\n", cost.line().c_str());
+}
+
 std::vector<Record> records_of(const std::vector<std::string>& files) {
   std::vector<Record> records;
   for (const std::string& name : files) {
@@ -541,10 +615,12 @@ int main(int argc, char** argv) {
   try {
     Settings settings;
     settings.read(argc, argv);
-    if (settings.told.empty())
-      run(settings);
-    else
+    if (!settings.told.empty())
       tell(records_of(settings.told));
+    else if (settings.lenses)
+      run_lenses(settings);
+    else
+      run(settings);
   } catch (const std::exception& error) {
     std::cerr << error.what() << '\n';
     return 2;

@@ -32,12 +32,13 @@
 #include "sim/align/surface_points.h"
 #include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
+#include "tests/support/barrel_lens.h"
 #include "tests/support/pulled_organ.h"
 
 namespace {
 
-using kiroku::bench::Chance, kiroku::bench::processor_seconds, kiroku::bench::through_barrel_lens,
-    kiroku::bench::through_mpeg2, kiroku::bench::write_png;
+using kiroku::bench::Chance, kiroku::bench::processor_seconds, kiroku::bench::through_mpeg2,
+    kiroku::bench::write_png;
 using kiroku::test::EndoscopeScene, kiroku::test::OrganNature, kiroku::test::PulledOrgan;
 using namespace kiroku::sim;  // NOLINT(google-build-using-namespace): a program of one file
 
@@ -143,7 +144,7 @@ Sequence rendered(std::uint32_t seed, const std::string& condition, int count, c
     made.cameras.push_back(look.camera);
     made.displacement_m.push_back(organ.at_nodes_of(plan, displacement));
     Picture picture = scene.picture(look);
-    if (condition == "barrel") picture = through_barrel_lens(picture);
+    if (condition == "barrel") picture = kiroku::test::BarrelLens{}.through(picture);
     made.pictures.push_back(std::move(picture));
   }
   made.pictures = through_mpeg2(made.pictures);

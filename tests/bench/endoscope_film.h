@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
-#include <opencv2/imgproc.hpp>
 #include <random>
 #include <string>
 #include <utility>
@@ -33,27 +32,6 @@ class Chance {
  private:
   std::mt19937 random_;
 };
-
-/// As a lens shows it that draws the corners in by a twentieth.
-inline sim::Picture through_barrel_lens(const sim::Picture& picture) {
-  constexpr double kDrawnIn = 0.05;
-  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
-  cv::Mat x(from.size(), CV_32F), y(from.size(), CV_32F);
-  const double middle_x = (picture.width - 1) / 2.0, middle_y = (picture.height - 1) / 2.0,
-               corner2 = middle_x * middle_x + middle_y * middle_y;
-  for (int row = 0; row < from.rows; ++row) {
-    for (int column = 0; column < from.cols; ++column) {
-      const double s = column - middle_x, t = row - middle_y,
-                   scale = 1 + kDrawnIn * (s * s + t * t) / corner2;
-      x.at<float>(row, column) = static_cast<float>(middle_x + scale * s);
-      y.at<float>(row, column) = static_cast<float>(middle_y + scale * t);
-    }
-  }
-  sim::Picture made(picture.width, picture.height);
-  cv::Mat to(from.size(), CV_8UC3, made.rgb.data());
-  cv::remap(from, to, x, y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
-  return made;
-}
 
 /// The pictures after MPEG-2 at 4 Mbit/s.
 inline std::vector<sim::Picture> through_mpeg2(const std::vector<sim::Picture>& pictures) {
@@ -85,9 +63,10 @@ struct SequenceSettings {
   int sequences = 8, pictures = 30;
   std::string clip, records, show;
   std::vector<std::string> told;  // files of records to tell of, and nothing is made
+  bool lenses = false;
 
-  /// "--first N --sequences N --pictures N --clip FILE --records FILE --show FOLDER --tell FILE", in any
-  /// order.
+  /// "--first N --sequences N --pictures N --clip FILE --records FILE --show FOLDER --tell FILE
+  /// --lenses yes", in any order.
   void read(int argc, const char* const* argv) {
     for (int i = 1; i + 1 < argc; i += 2) {
       const std::string name = argv[i], value = argv[i + 1];
@@ -98,6 +77,7 @@ struct SequenceSettings {
       if (name == "--records") records = value;
       if (name == "--show") show = value;
       if (name == "--tell") told.push_back(value);
+      if (name == "--lenses") lenses = value == "yes";
     }
   }
 };

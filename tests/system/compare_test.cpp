@@ -239,6 +239,70 @@ TEST_F(CompareProgram, SaysWhatItCannotDo) {
                  "plan.json is no comparison");
 }
 
+/// As OpenCV writes one.
+std::string lens_text(int width, int height, const std::string& k1) {
+  const auto number = [](double value) { return std::to_string(value); };
+  return "%YAML:1.0\n---\nimage_width: " + std::to_string(width) +
+         "\nimage_height: " + std::to_string(height) +
+         "\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ " +
+         number(0.9 * width) + ", 0., " + number((width - 1) / 2.0) + ", 0., " + number(0.9 * width) + ", " +
+         number((height - 1) / 2.0) +
+         ", 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   "
+         "data: [ " +
+         k1 + ", 0.02, 0.0004, -0.0003, 0. ]\n";
+}
+
+TEST_F(CompareProgram, TakesTheLensOfTheEndoscopeIntoTheDocument) {
+  write_text(folder() / "endoscope.yml", lens_text(320, 240, "-0.25"));
+  const Arguments align{"--align", "auto", "--lens", "endoscope.yml"};
+  const nlohmann::json made = compare("out.json", align);
+  const nlohmann::json document = nlohmann::json::parse(read_text(folder() / "out.json"));
+  const nlohmann::json& told = document["organ_alignment"];
+  EXPECT_EQ(told["picture_sizes"][0]["width"], 160) << "a lens of twice as large pictures is scaled";
+  const nlohmann::json& lens = told["lens"];
+  EXPECT_EQ(lens["file"]["name"], "endoscope.yml");
+  EXPECT_EQ(lens["file"]["sha256"], made["aligned"]["lens_sha256"]);
+  EXPECT_EQ(lens["file"]["bytes"], fs::file_size(folder() / "endoscope.yml"));
+  EXPECT_EQ(lens["model"], "brown");
+  EXPECT_EQ(lens["coefficients"], nlohmann::json::parse("[-0.25, 0.02, 0.0004, -0.0003, 0.0]"));
+  EXPECT_GT(told["field_deg"].get<double>(), 45);
+  EXPECT_LT(told["field_deg"].get<double>(), 50);
+  EXPECT_GT(
+      compare("out.mp4", {"--align", "auto", "--lens", "endoscope.yml", "--show", "overlay"})["pictures"],
+      10);
+  const ProcessResult said = kiroku({"compare", case_.string(), "plan.seal.json", "-o", "said.json",
+                                     "--by-hand", "hand.json", "--align", "auto", "--lens", "endoscope.yml"});
+  EXPECT_THAT(said.out, HasSubstr("by the lens endoscope.yml: barrel distortion of "));
+  // Without one nothing is said of it.
+  EXPECT_GT(compare("field.json", {"--align", "auto", "--field", "47"})["aligned"]["pictures"], 5);
+  EXPECT_THAT(read_text(folder() / "field.json"), Not(HasSubstr("\"lens\"")));
+}
+
+TEST_F(CompareProgram, SaysWhatIsWrongWithALens) {
+  const auto asked = [&](const Arguments& more) {
+    Arguments arguments{"compare",  case_.string(), "plan.seal.json", "-o",
+                        "out.json", "--by-hand",    "hand.json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  const auto with_lens = [&](const std::string& text) {
+    write_text(folder() / "lens.yml", text);
+    return asked({"--align", "auto", "--lens", "lens.yml"});
+  };
+  EXPECT_REFUSED(with_lens("hello"), "lens.yml cannot be read as YAML, XML or JSON of OpenCV's FileStorage");
+  EXPECT_REFUSED(with_lens(lens_text(320, 180, "-0.25")), "the recorded pictures have 160x120 pixels");
+  EXPECT_REFUSED(with_lens(lens_text(160, 120, ".NaN")),
+                 "lens.yml: the lens has a number that is infinite or none");
+  EXPECT_REFUSED(with_lens(lens_text(160, 120, "-2.5")), "lens.yml: the lens's distortion is not monotone");
+  write_text(folder() / "lens.yml", lens_text(160, 120, "-0.25"));
+  EXPECT_REFUSED(asked({"--lens", "lens.yml"}), "--lens is for --align auto");
+  EXPECT_REFUSED(asked({"--align", "auto", "--lens", "lens.yml", "--field", "60"}),
+                 "--field and --lens both say");
+  EXPECT_REFUSED(asked({"--align", "auto"}), "or give its calibration with --lens");
+  EXPECT_REFUSED(asked({"--align", "auto", "--lens", "none.yml"}), "none.yml");
+  EXPECT_FALSE(fs::exists(folder() / "out.json"));
+}
+
 TEST_F(CompareProgram, WritesWhatWasFoundForEditing) {
   const ProcessResult written = kiroku(
       {"compare", case_.string(), "plan.json", "--by-hand", "hand.json", "--write-by-hand", "again.json"});

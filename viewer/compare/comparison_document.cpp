@@ -213,6 +213,25 @@ ordered_json surface_json(const sim::DrawnSurface& surface) {
           {"faces", std::move(faces)}};
 }
 
+ordered_json file_json(const NamedFile& file) {
+  return {{"role", file.role},
+          {"name", file.name},
+          {"bytes", file.bytes},
+          {"sha256", crypto::to_hex(file.sha256)}};
+}
+
+ordered_json lens_json(const UsedLens& used) {
+  const sim::LensCalibration& lens = used.lens.calibration();
+  return {{"file", file_json(used.file)},
+          {"model", sim::name_of(lens.model)},
+          {"width", lens.width},
+          {"height", lens.height},
+          {"focal_px", {lens.focal_px.x(), lens.focal_px.y()}},
+          {"middle_px", {lens.middle_px.x(), lens.middle_px.y()}},
+          {"coefficients", lens.coefficients},
+          {"reach", used.lens.reach()}};
+}
+
 ordered_json organ_alignment_json(const Alignment& alignment) {
   ordered_json lost = ordered_json::array(), moments = ordered_json::array(), sizes = ordered_json::array();
   for (const Alignment::Lost& each : alignment.lost()) {
@@ -228,6 +247,7 @@ ordered_json organ_alignment_json(const Alignment& alignment) {
   }
   ordered_json all = span_json(alignment.span);
   all["field_deg"] = alignment.field_deg;
+  if (alignment.lens) all["lens"] = lens_json(*alignment.lens);
   all["pictures"] = alignment.moments.size();
   all["held"] = alignment.held();
   all["lost"] = std::move(lost);
@@ -265,12 +285,7 @@ ordered_json tools_json(const Comparison& comparison, const sim::Plan& plan) {
 
 ordered_json files_json(const std::vector<NamedFile>& files) {
   ordered_json all = ordered_json::array();
-  for (const NamedFile& file : files) {
-    all.push_back({{"role", file.role},
-                   {"name", file.name},
-                   {"bytes", file.bytes},
-                   {"sha256", crypto::to_hex(file.sha256)}});
-  }
+  for (const NamedFile& file : files) all.push_back(file_json(file));
   return all;
 }
 

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 
 #include "base/error.h"
+#include "sim/align/lens_pictures.h"
 #include "viewer/playback/picture_span.h"
 
 namespace kiroku::compare {
@@ -129,15 +130,18 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
                       const std::function<void(double share)>& share) {
   require_alignable(request.span, request.deformed);
   const sim::TetMesh& mesh = body.mesh;
+  const double field_deg = request.lens ? request.lens->lens.field_deg() : request.field_deg;
+  std::optional<sim::StraightPictures> straight;
+  if (request.lens) straight.emplace(request.lens->lens);
   std::optional<sim::DeformableOrgan> organ;
   std::optional<sim::DeformedTrack> deformed;
   if (request.deformed) {
     organ.emplace(sim::ElasticBody(mesh, body.materials, body.constraints));
     deformed.emplace(*organ);
   }
-  sim::OrganTrack track(mesh, request.field_deg, request.range);
+  sim::OrganTrack track(mesh, field_deg, request.range);
   playback::PictureSpan frames(recording, identities, stream, request.span.start_ns, request.span.end_ns);
-  Alignment alignment{request.span, request.field_deg, {}, {}, {}, {}};
+  Alignment alignment{request.span, field_deg, {}, {}, {}, {}, request.lens};
   alignment.surface =
       sim::drawn_surface(sim::organ_surface(mesh), deformed ? kMostDeformedNodes : kMostDrawnNodes);
   if (deformed) alignment.deformed.emplace(alignment.surface.nodes.size());
@@ -157,6 +161,7 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
     std::vector<Alignment::PictureSize>& sizes = alignment.sizes;
     if (sizes.empty() || sizes.back().width != picture.width || sizes.back().height != picture.height)
       sizes.push_back({time_ns, picture.width, picture.height});
+    if (straight) picture = straight->straight(picture);
     alignment.moments.push_back(track.take(time_ns, picture));
     if (deformed) {
       alignment.deformed->take(deformed->take(track.taken(), alignment.moments.back()), alignment.surface);

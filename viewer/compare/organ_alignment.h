@@ -11,23 +11,33 @@
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/align/drawn_surface.h"
+#include "sim/align/lens.h"
 #include "sim/align/organ_track.h"
 #include "sim/model/body_model.h"
 #include "viewer/compare/organ_deformation.h"
+#include "viewer/kept/provenance.h"
 
 namespace kiroku::compare {
 
+/// A calibration that was given, and the file that it was read from.
+struct UsedLens {
+  sim::Lens lens;
+  NamedFile file;
+};
+
 struct AlignmentRequest {
-  archive::Span span;      // of the recording
-  double field_deg = 0;    // what the picture's lesser side covers
-  sim::SearchRange range;  // from where the organ may be seen
-  bool deformed = false;   // whether it is also deformed to fit
+  archive::Span span;    // of the recording
+  double field_deg = 0;  // what the picture's lesser side covers; with a lens it is that of its ideal camera
+  sim::SearchRange range;             // from where the organ may be seen
+  bool deformed = false;              // whether it is also deformed to fit
+  std::optional<UsedLens> lens = {};  // nothing: pictures are taken to have no distortion
 };
 
 struct Alignment {
   archive::Span span;
-  double field_deg = 0;
-  std::vector<sim::AlignedMoment> moments;  // in order, kAlignedEveryNs apart at least
+  double field_deg = 0;  // of the cameras of moments
+  /// In order, kAlignedEveryNs apart at least. With a lens their cameras and pixels are of its ideal camera.
+  std::vector<sim::AlignedMoment> moments;
   /// Of the recorded pictures, from that time on: the first moment's, and each other one after it.
   struct PictureSize {
     std::int64_t from_ns = 0;
@@ -36,6 +46,7 @@ struct Alignment {
   std::vector<PictureSize> sizes;
   sim::DrawnSurface surface;                  // the organ's, by which its outline can be drawn
   std::optional<DeformedAlignment> deformed;  // where that was asked for
+  std::optional<UsedLens> lens = {};          // where one was given
 
   [[nodiscard]] std::size_t held() const;
   /// Where the organ was in the picture of that time. Between two moments in which it was held, evenly
@@ -74,9 +85,10 @@ inline constexpr std::size_t kMostDrawnNodes = 10'000, kMostDeformedNodes = 2'00
 void require_alignable(const archive::Span& span, bool deformed);
 
 /// Aligns the organ with the pictures of the stretch, rigid, and deformed to fit where that is asked for.
-/// kiroku::UsageError for a stretch that is too long or holds no picture, and as sim::OrganTrack;
-/// kiroku::Error as playback::PictureSpan, and as sim::DeformableOrgan where nothing holds the organ.
-/// `share` is told after each picture; what it throws ends the alignment.
+/// kiroku::UsageError for a stretch that is too long or holds no picture, as sim::OrganTrack, and for
+/// pictures of another shape than the lens's; kiroku::Error as playback::PictureSpan, and as
+/// sim::DeformableOrgan where nothing holds the organ. `share` is told after each picture; what it throws
+/// ends the alignment.
 Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                       const std::string& stream, const sim::BodyModel& body, const AlignmentRequest& request,
                       const std::function<void(double share)>& share = {});

@@ -60,7 +60,11 @@ PairedPictures::PairedPictures(const archive::CaseReader& recording, const crypt
       form_(form),
       composer_(form),
       recorded_(recording, identities, comparison.stream, from_ns, to_ns, form.width, form.height),
-      rendered_(form.width, form.height) {}
+      rendered_(form.width, form.height) {
+  if (!is_aligned() || !comparison.alignment->lens) return;
+  bent_.emplace(comparison.alignment->lens->lens, form.width, form.height);
+  plan_.set_size(bent_->drawn_width(), bent_->drawn_height(), plan_.scene().spacing_m);
+}
 
 bool PairedPictures::is_aligned() const {
   return comparison_.alignment && form_.arrangement != Arrangement::kSideBySide;
@@ -77,8 +81,28 @@ std::optional<ShownDeformation> PairedPictures::deformed() const {
 }
 
 void PairedPictures::clear_rendered() {
-  for (std::size_t i = 0; i < rendered_.rgb.size(); ++i) rendered_.rgb[i] = form_.plan_background[i % 3];
+  rendered_ = background(form_.width, form_.height);
   rendered_frame_ = nullptr;
+}
+
+sim::Picture PairedPictures::background(int width, int height) const {
+  sim::Picture picture(width, height);
+  for (std::size_t i = 0; i < picture.rgb.size(); ++i) picture.rgb[i] = form_.plan_background[i % 3];
+  return picture;
+}
+
+void PairedPictures::draw_shape(ShownDeformation shown) {
+  const sim::DrawnSurface& surface = comparison_.alignment->surface;
+  const double scale_mm = comparison_.alignment->deformed->scale_mm();
+  clear_rendered();
+  if (!bent_) {
+    draw_deformed(rendered_, surface, shown, scale_mm);
+    return;
+  }
+  shown.camera = bent_->drawn(shown.camera);
+  sim::Picture drawn = background(bent_->drawn_width(), bent_->drawn_height());
+  draw_deformed(drawn, surface, shown, scale_mm);
+  rendered_ = bent_->bent(drawn, form_.plan_background);
 }
 
 void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
@@ -86,9 +110,7 @@ void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
   std::optional<sim::Camera> camera;
   if (is_aligned()) {
     if (const auto shown = deformed()) {
-      clear_rendered();
-      draw_deformed(rendered_, comparison_.alignment->surface, *shown,
-                    comparison_.alignment->deformed->scale_mm());
+      draw_shape(*shown);
       return;
     }
     const std::optional<sim::AlignedMoment> place = aligned();
@@ -97,13 +119,14 @@ void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
       clear_rendered();
       return;
     }
-    camera = place->camera;
+    camera = bent_ ? bent_->drawn(place->camera) : place->camera;
   } else if (comparison_.camera && form_.arrangement != Arrangement::kSideBySide) {
     camera = comparison_.camera->camera_at(case_ns);
   }
   if (&kept == rendered_frame_ && same(camera, rendered_camera_)) return;
   if (camera) plan_.set_camera(*camera);
   rendered_ = plan_.picture(kept.frame, *kept.mesh);
+  if (bent_) rendered_ = bent_->bent(rendered_, form_.plan_background);
   rendered_frame_ = &kept;
   rendered_camera_ = camera;
 }

@@ -9,6 +9,7 @@
 
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
+#include "sim/align/lens_pictures.h"
 #include "sim/plan/plan_frames.h"
 #include "sim/render/plan_pictures.h"
 #include "viewer/compare/comparison.h"
@@ -27,8 +28,9 @@ PictureSize picture_size(const archive::CaseReader& recording, const crypto::Age
 
 class PairedPictures {
  public:
-  /// What is given must outlive the object. `plan` renders pictures of the form's size. The comparison must
-  /// have a time map.
+  /// What is given must outlive the object. `plan` renders pictures of the form's size; where it is laid on
+  /// the recording by an alignment with a lens, they are made larger, then bent as the lens does. The
+  /// comparison must have a time map.
   PairedPictures(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                  const Comparison& comparison, const sim::PlanFrames& frames, sim::PlanPictures& plan,
                  const CompositionForm& form, std::int64_t from_ns, std::int64_t to_ns);
@@ -50,6 +52,8 @@ class PairedPictures {
   /// The organ's shape in that picture, where it was deformed to fit it.
   [[nodiscard]] std::optional<ShownDeformation> deformed() const;
   void clear_rendered();
+  [[nodiscard]] sim::Picture background(int width, int height) const;
+  void draw_shape(ShownDeformation shown);
   void render(const PlanMoment& moment, std::int64_t case_ns);
 
   const Comparison& comparison_;
@@ -58,6 +62,7 @@ class PairedPictures {
   CompositionForm form_;
   Composer composer_;
   RecordedPictures recorded_;
+  std::optional<sim::BentPictures> bent_;  // where the alignment has a lens
   sim::Picture rendered_;
   const sim::PlanFrames::Kept* rendered_frame_ = nullptr;
   std::optional<sim::Camera> rendered_camera_;

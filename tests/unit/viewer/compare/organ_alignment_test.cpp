@@ -14,6 +14,7 @@
 #include "media/film_writer.h"
 #include "sim/mesh/mesh_writer.h"
 #include "tests/support/ball_mesh.h"
+#include "tests/support/barrel_lens.h"
 #include "tests/support/endoscope_scene.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/pulled_organ.h"
@@ -186,6 +187,127 @@ TEST_F(OrganAlignment, OfARecordedCaseIsToldInDocumentAndFilm) {
   EXPECT_THAT(caption(kSmokeFrom * kTenthNs), HasSubstr("organ not found here"));
   EXPECT_THAT(caption(kSecond), HasSubstr("organ placed, standard error "));
   EXPECT_THAT(caption(2 * kSecond - kTenthNs), HasSubstr("organ not looked for here"));
+}
+
+/// How much of what is drawn or expected is both.
+double overlap(const std::vector<bool>& drawn, const std::vector<bool>& expected) {
+  double both = 0, either = 0;
+  for (std::size_t i = 0; i < drawn.size(); ++i) {
+    both += drawn[i] && expected[i] ? 1 : 0;
+    either += drawn[i] || expected[i] ? 1 : 0;
+  }
+  return either > 0 ? both / either : 0;
+}
+
+TEST_F(OrganAlignment, ThroughALensIsLaidWhereTheRecordedPictureShowsTheOrgan) {
+  const test::BarrelLens barrel = test::BarrelLens::of_corners(0.15);
+  constexpr int kCount = 4;
+  media::FilmWriter writer(folder_ / "barrel.mkv",
+                           {EndoscopeScene::kWidth, EndoscopeScene::kHeight, 3, kPictures, 1}, true);
+  for (int i = 0; i < kCount; ++i) {
+    EndoscopeScene::Look look;
+    look.camera = truth(i);
+    const sim::Picture picture = barrel.through(scene_.picture(look));
+    writer.add({picture.width, picture.height, 3, picture.rgb});
+  }
+  writer.finish();
+  std::ifstream in(folder_ / "barrel.mkv", std::ios::binary);
+  const test::RecordedStream film{"endoscope",
+                                  "video",
+                                  "video/x-matroska",
+                                  {to_bytes(std::string{std::istreambuf_iterator<char>(in), {}})},
+                                  {kCount}};
+  const archive::CaseReader recording =
+      archive::CaseReader::open(test::record_case(folder_ / "archive", {film}, reader_.recipients));
+  const sim::Plan plan = this->plan();
+  const sim::Lens lens(barrel.calibration(EndoscopeScene::kFieldDeg));
+  AlignmentRequest request{{0, kSecond}, 0, {}};
+  request.lens = UsedLens{lens, {"lens", "endoscope.yml", 3, crypto::sha256(to_bytes(std::string("abc")))}};
+  const Alignment found = align_organ(recording, reader_.identities, "endoscope", plan.body, request);
+  ASSERT_EQ(found.moments.size(), std::size_t{kCount});
+  for (int i = 0; i < kCount; ++i) {
+    const sim::AlignedMoment& moment = found.moments[static_cast<std::size_t>(i)];
+    ASSERT_TRUE(moment.held()) << i << ": " << sim::name_of(moment.why);
+    EXPECT_LT(sim::way_between_m(surface_, moment.camera, truth(i)), 2e-3) << i;
+  }
+
+  const sim::PlanFrames frames(plan);
+  ByHand by_hand;
+  by_hand.steps.emplace().emplace_back().span = {0, kSecond};
+  Comparison comparison = compare(recording, reader_.identities, "endoscope", plan, by_hand, {});
+  comparison.alignment = found;
+  const auto told = nlohmann::json::parse(comparison_json(comparison, plan, {}))["organ_alignment"];
+  EXPECT_EQ(told["field_deg"], lens.field_deg());
+  EXPECT_EQ(told["lens"]["file"]["name"], "endoscope.yml");
+  EXPECT_THAT(told["lens"]["file"]["sha256"].get<std::string>(), HasSubstr("ba7816bf"));
+  EXPECT_EQ(told["lens"]["model"], "brown");
+  EXPECT_EQ(told["lens"]["width"], 640);
+  // To the bit: whoever repeats it has the same lens.
+  EXPECT_EQ(told["lens"]["focal_px"][1], lens.calibration().focal_px.y());
+  EXPECT_EQ(told["lens"]["middle_px"][0], lens.calibration().middle_px.x());
+  EXPECT_EQ(told["lens"]["coefficients"], nlohmann::json(lens.calibration().coefficients));
+  EXPECT_EQ(told["lens"]["reach"], lens.reach());
+
+  // What the film draws of the organ, whose displacements are nothing and are all told.
+  const sim::Pinhole pinhole =
+      sim::pinhole_of(EndoscopeScene::kFieldDeg, EndoscopeScene::kWidth, EndoscopeScene::kHeight);
+  const auto organ =
+      sim::silhouette_of(surface_, truth(0), pinhole, EndoscopeScene::kWidth, EndoscopeScene::kHeight, 1);
+  ASSERT_TRUE(organ);
+  std::vector<bool> expected, unbent;
+  const auto covers = [&](const Eigen::Vector2d& at) {
+    const auto x = std::lround(at.x()), y = std::lround(at.y());
+    return x >= 0 && y >= 0 && x < organ->width && y < organ->height &&
+           organ->at(static_cast<int>(x), static_cast<int>(y)) > 0;
+  };
+  for (int y = 0; y < kFilmHeight; ++y) {
+    for (int x = 0; x < kFilmWidth; ++x) {
+      const Eigen::Vector2d pixel(2 * x + 0.5, 2 * y + 0.5);
+      expected.push_back(covers(barrel.straight(pixel)));
+      unbent.push_back(covers(pixel));
+    }
+  }
+  sim::PlanPictures pictures = pictures_of(plan);
+  CompositionForm form = overlay();
+  form.plan_background = pictures.scene().background;
+  const auto drawn_by = [&] {
+    const auto with_share = [&](double share) {
+      form.share = share;
+      PairedPictures paired(recording, reader_.identities, comparison, frames, pictures, form, 0, kSecond);
+      return paired.at(0);
+    };
+    const sim::Picture without = with_share(0), with = with_share(1);
+    const int top = (with.height - kFilmHeight) / 3;  // a line of words above, two below
+    std::vector<bool> drawn;
+    for (int y = 0; y < kFilmHeight; ++y) {
+      for (int x = 0; x < kFilmWidth; ++x) {
+        drawn.push_back(
+            !std::equal(with.pixel(x, y + top), with.pixel(x, y + top) + 3, without.pixel(x, y + top)));
+      }
+    }
+    return drawn;
+  };
+  const std::vector<bool> rigid = drawn_by();
+  EXPECT_GT(overlap(rigid, expected), 0.95);
+  EXPECT_LT(overlap(rigid, unbent), 0.9) << "a lens that bends nothing would tell nothing";
+
+  comparison.alignment->deformed.emplace(found.surface.nodes.size());
+  for (const sim::AlignedMoment& moment : found.moments) {
+    Deformation& shape = comparison.alignment->deformed->moments.emplace_back();
+    shape.why = sim::WhyRigid::kDeformed;
+    shape.camera = moment.camera;
+    shape.told.assign(found.surface.nodes.size(), true);
+  }
+  const std::vector<bool> deformed = drawn_by();
+  EXPECT_GT(overlap(deformed, expected), 0.95);
+  EXPECT_LT(overlap(deformed, unbent), 0.9);
+
+  // Pictures of another shape are none of this lens.
+  sim::LensCalibration wide = lens.calibration();
+  wide.height = 360;
+  wide.middle_px.y() = 179.5;
+  request.lens = UsedLens{sim::Lens(wide), {}};
+  EXPECT_THROW((void)align_organ(recording, reader_.identities, "endoscope", plan.body, request), UsageError);
 }
 
 /// The organ is at rest, then a spot of it is pulled, and stays pulled.

@@ -2,6 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { kOrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
 import { colouredFaces, displaced, viridis } from '@/compare/organ_colours';
+import { type OrganLens, shownAt } from '@/compare/organ_lens';
 import { coverFaces, facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
 import { organAt, organStretches, organSummary } from '@/compare/organ_place';
 import { organShapeAt, rigidCounts, whyRigid } from '@/compare/organ_shape';
@@ -141,6 +142,49 @@ describe('The outline of an organ', () => {
     expect(seen[7]).toBeCloseTo(240 - (focal * 0.02) / 0.2, 9);
     // As upright as wide.
     expect(seenNodes(mesh, { eye: [0, -0.2, 0], axes: turned(0) }, 60, 480, 640)[2]).toBeCloseTo(240 + (focal * 0.02) / 0.2, 9);
+  });
+
+  /** As of tests/unit/sim/align/lens_test.cpp, which holds the same places against OpenCV. */
+  const lens: OrganLens = {
+    model: 'brown',
+    width: 640,
+    height: 480,
+    focal_px: [430, 436],
+    middle_px: [331.5, 226],
+    coefficients: [-0.28, 0.09, 0.0011, -0.0016, -0.012],
+    reach: 1.1,
+  };
+
+  it('is seen where a lens shows it in the recorded picture', () => {
+    const close = (pixel: readonly [number, number], x: number, y: number) => {
+      // Pixels count from the corner here, from the middle of the first one in a calibration.
+      expect(pixel[0]).toBeCloseTo(x + 0.5, 8);
+      expect(pixel[1]).toBeCloseTo(y + 0.5, 8);
+    };
+    close(shownAt(lens, 0.5, -0.3, 640, 480), 527.44763568, 106.8116803584);
+    close(shownAt(lens, -0.7, 0.45, 640, 480), 75.62357003118748, 392.8087942022625);
+    const fisheye: OrganLens = { ...lens, model: 'fisheye', coefficients: [-0.021, 0.006, -0.004, 0.0007, 0] };
+    close(shownAt(fisheye, 0.5, -0.3, 640, 480), 525.0826826249761, 108.22969819838663);
+    close(shownAt(fisheye, 0, 0, 640, 480), 331.5, 226);
+    // In a pane of another size.
+    expect(shownAt(lens, 0.5, -0.3, 320, 240)[0]).toBeCloseTo((527.44763568 + 0.5) / 2, 8);
+    // A polynomial folds back: what is far aside is not drawn within the picture.
+    let before = 0;
+    for (let x = 1.2; x < 30; x *= 1.3) {
+      const [at] = shownAt(lens, x, 0.1, 640, 480);
+      expect(at).toBeGreaterThan(Math.max(640, before));
+      before = at;
+    }
+  });
+
+  it('is seen through the lens, and without one as before', () => {
+    const camera = { eye: [0, -0.05, 0], axes: turned(0) };
+    const bent = seenNodes(mesh, camera, 60, 640, 480, lens);
+    // The second node is 20 mm to the right at 50 mm, the fourth as much above.
+    const [right, above] = [shownAt(lens, 0.4, 0, 640, 480), shownAt(lens, 0, -0.4, 640, 480)];
+    [...bent.slice(2, 4)].forEach((pixel, axis) => expect(pixel).toBeCloseTo(right[axis] as number, 8));
+    [...bent.slice(6, 8)].forEach((pixel, axis) => expect(pixel).toBeCloseTo(above[axis] as number, 8));
+    expect([...seenNodes(mesh, { eye: [0, 0.05, 0], axes: turned(0) }, 60, 640, 480, lens)].slice(0, 2)).toEqual([NaN, NaN]);
   });
 
   it('has faces that are seen from outside, and edges between two of them', () => {

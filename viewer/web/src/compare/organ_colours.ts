@@ -1,4 +1,5 @@
 // The organ's surface as colours of how far it was displaced, drawn in the order of depth. Pure but for the canvas that it draws on.
+import type { OrganLens } from '@/compare/organ_lens';
 import { facing, type OutlineMesh, seenNodes } from '@/compare/organ_outline';
 import type { OrganShape } from '@/compare/organ_shape';
 
@@ -68,8 +69,9 @@ export function drawColours(
   width: number,
   height: number,
   scale_mm: number,
+  lens?: OrganLens,
 ): void {
-  const seen = seenNodes(mesh, shape.camera, field_deg, width, height);
+  const seen = seenNodes(mesh, shape.camera, field_deg, width, height, lens);
   // On a sheet of its own: faces that overlap would be darker, and seams between them lighter.
   const sheet = new OffscreenCanvas(Math.max(1, Math.round(width)), Math.max(1, Math.round(height)));
   const onto = sheet.getContext('2d');

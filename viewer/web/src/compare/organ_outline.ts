@@ -1,5 +1,6 @@
 // The outline of an organ as a camera sees it: the border of everything that its surface covers in the picture. Pure but for the canvas that it draws on.
 import type { OrganAlignment } from '@/api/types';
+import { type OrganLens, shownAt } from '@/compare/organ_lens';
 import type { OrganCamera } from '@/compare/organ_place';
 
 type Surface = NonNullable<OrganAlignment['surface']>;
@@ -41,9 +42,16 @@ export function outlineMesh(surface: Surface | undefined): OutlineMesh | undefin
   return { nodes, faces, edges: Uint32Array.from(edges) };
 }
 
-/** Where nodes are in a picture whose lesser side covers `field_deg`: x and y one after the other, in pixels from the left upper corner; NaN for what is
- * beside or behind the eye. */
-export function seenNodes({ nodes }: OutlineMesh, { eye, axes }: OrganCamera, field_deg: number, width: number, height: number): Float64Array {
+/** Where nodes are in a picture whose lesser side covers `field_deg`, or which a lens shows: x and y one after the other, in pixels from the left upper
+ * corner; NaN for what is beside or behind the eye. */
+export function seenNodes(
+  { nodes }: OutlineMesh,
+  { eye, axes }: OrganCamera,
+  field_deg: number,
+  width: number,
+  height: number,
+  lens?: OrganLens,
+): Float64Array {
   const kNearest_m = 0.001;
   const focal = Math.min(width, height) / 2 / Math.tan((field_deg * Math.PI) / 360);
   const seen = new Float64Array((nodes.length / 3) * 2);
@@ -55,6 +63,10 @@ export function seenNodes({ nodes }: OutlineMesh, { eye, axes }: OrganCamera, fi
     const z = (nodes[3 * node + 2] as number) - (eye[2] as number);
     const depth = -along(2, x, y, z);
     const before = depth >= kNearest_m;
+    if (lens && before) {
+      [seen[2 * node], seen[2 * node + 1]] = shownAt(lens, along(0, x, y, z) / depth, -along(1, x, y, z) / depth, width, height);
+      continue;
+    }
     seen[2 * node] = before ? width / 2 + (focal * along(0, x, y, z)) / depth : NaN;
     seen[2 * node + 1] = before ? height / 2 - (focal * along(1, x, y, z)) / depth : NaN;
   }
@@ -123,8 +135,8 @@ export class OutlineDrawing {
   constructor(private readonly mesh: OutlineMesh) {}
 
   /** Beside the organ's border, outside of it, so that the border itself stays to be seen. The context is empty, and the picture lies at its origin. */
-  draw(context: CanvasRenderingContext2D, camera: OrganCamera, field_deg: number, width: number, height: number, look: OutlineLook): void {
-    const seen = seenNodes(this.mesh, camera, field_deg, width, height);
+  draw(context: CanvasRenderingContext2D, camera: OrganCamera, field_deg: number, width: number, height: number, look: OutlineLook, lens?: OrganLens): void {
+    const seen = seenNodes(this.mesh, camera, field_deg, width, height, lens);
     const turned = facing(this.mesh, seen);
     const { edges } = this.mesh;
     const isWithin = this.cover(seen, turned, width, height);

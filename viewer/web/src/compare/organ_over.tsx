@@ -74,10 +74,10 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         if (laid) {
           const mesh = displaced(drawing.mesh, laid);
           const top_mm = alignment.deformed?.scale_mm ?? laid.largest_mm;
-          new OutlineDrawing(mesh).draw(context, laid.camera, alignment.field_deg, inner.width, inner.height, kLook);
-          drawColours(context, mesh, laid, alignment.field_deg, inner.width, inner.height, top_mm);
+          new OutlineDrawing(mesh).draw(context, laid.camera, alignment.field_deg, inner.width, inner.height, kLook, alignment.lens);
+          drawColours(context, mesh, laid, alignment.field_deg, inner.width, inner.height, top_mm, alignment.lens);
         } else if (found?.is === 'placed') {
-          drawing.outline.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook);
+          drawing.outline.draw(context, found.camera, alignment.field_deg, inner.width, inner.height, kLook, alignment.lens);
         }
         context.restore();
       },
