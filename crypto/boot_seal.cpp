@@ -10,6 +10,7 @@
 #include <openssl/ecdsa.h>
 
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "crypto/openssl_handles.h"
 
 namespace kiroku::crypto {
@@ -36,6 +37,11 @@ Sha256Digest boot_seal_tag(ByteView unique) {
   Bytes text = to_bytes(std::string_view("kiroku/boot-seal\n"));
   append(text, unique);
   return sha256(text);
+}
+
+std::string seal_name(const BootSeal& seal) {
+  constexpr std::size_t kDigits = 16;
+  return to_hex(seal.tag).substr(0, kDigits);
 }
 
 std::optional<std::vector<unsigned>> parse_pcr_list(std::string_view text, std::string& problem) {

@@ -30,6 +30,9 @@ struct BootSeal {
 /// The tag of the key whose template has these 32 bytes (recorder/device_key/tpm_key.h).
 Sha256Digest boot_seal_tag(ByteView unique);
 
+/// The first digits of the tag, by which people tell one sealed key from another.
+std::string seal_name(const BootSeal& seal);
+
 /// "0,2,4,7" as registers, ascending. Nothing, and one sentence in `problem`, for anything else.
 std::optional<std::vector<unsigned>> parse_pcr_list(std::string_view text, std::string& problem);
 /// "0,2,4,7".

@@ -4,6 +4,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <unistd.h>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -16,7 +18,6 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/output_file.h"
 #include "archive/format/boot_quote.h"
-#include "archive/storage/file_system.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "recorder/device_key/boot_approval.h"
@@ -28,17 +29,17 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
-constexpr unsigned kOwnerOnly = 0600, kForAll = 0666;
+constexpr unsigned kForAll = 0666;
 
 struct Request {
   std::string file, key, output, pcrs = crypto::pcr_list(recorder::kUsualSealedPcrs);
   std::optional<std::string> home, state_output, values_of, against;
-  bool no_passphrase = false, json = false;
+  bool no_passphrase = false, yes = false, json = false;
 };
 
-void write_output(const fs::path& file, ByteView bytes, unsigned mode) {
-  OutputFile out(file, mode);
-  out.write(bytes);
+void write_output(const fs::path& file, std::string_view text) {
+  OutputFile out(file, kForAll);
+  out.write(bytes_of(text));
   out.commit(OutputFile::Durability::kNow);
 }
 
@@ -72,7 +73,7 @@ int new_key(const Request& request) {
   std::optional<crypto::Secret> passphrase;
   if (!request.no_passphrase) passphrase = ask_new_passphrase("the approval key " + request.file);
   const auto key = crypto::ApprovalKey::generate();
-  write_output(request.file, key.to_pem(passphrase ? &*passphrase : nullptr).bytes(), kOwnerOnly);
+  save_approval_key(request.file, key.to_pem(passphrase ? &*passphrase : nullptr));
   std::cout << "The approval key is in " << printable(request.file)
             << ".\nKeep it away from every recorder, and a copy elsewhere: whoever has it approves what a "
                "recorder may start, and a device whose key is lost cannot be approved again.\n"
@@ -107,9 +108,10 @@ int state(const Request& request) {
   const auto approvals = recorder::read_approvals(home.boot_approvals_folder(), *hardware.seal);
   const auto differing = recorder::differing_registers(now.pcrs, approvals.counting);
   const bool approved = differing && differing->empty();
-  if (request.state_output) write_output(*request.state_output, bytes_of(now.to_json()), kForAll);
+  if (request.state_output) write_output(*request.state_output, now.to_json());
   if (request.json) {
     print_json({{"device", now.device},
+                {"seal", crypto::seal_name(now.seal)},
                 {"approved", approved},
                 {"registers", registers_json(now.pcrs)},
                 {"differing", differing ? ordered_json(*differing) : ordered_json(nullptr)},
@@ -119,7 +121,8 @@ int state(const Request& request) {
   }
   std::cout << "This machine started in a state that is "
             << (approved ? paint(Colour::kGreen, "approved") : paint(Colour::kRed, "NOT approved")) << "; "
-            << approvals.counting.size() << " state(s) are.\n";
+            << approvals.counting.size() << " state(s) are. The seal of its key is "
+            << crypto::seal_name(now.seal) << ".\n";
   print_registers(now.pcrs, differing, "as approved");
   for (const std::string& problem : approvals.problems)
     std::cout << paint(Colour::kYellow, "  " + printable(problem)) << "\n";
@@ -148,9 +151,39 @@ void require_expected(const recorder::BootState& state, const Request& request) 
       "otherwise");
 }
 
+/// The output must not take the place of what it is made from; the approval key above all.
+void require_output_apart(const Request& request) {
+  std::vector<std::string> inputs{request.key, request.file};
+  for (const auto& each : {request.against, request.values_of}) {
+    if (each) inputs.push_back(*each);
+  }
+  for (const std::string& input : inputs) {
+    std::error_code absent;
+    if (fs::equivalent(request.output, input, absent))
+      throw UsageError("-o " + request.output + " is the file " + input + " that is read: name another file");
+  }
+}
+
+/// kiroku::UsageError unless somebody who saw what differs wants it approved all the same.
+void require_yes(const Request& request) {
+  if (request.yes) return;
+  if (request.json || !output_is_terminal() || ::isatty(STDIN_FILENO) != 1) {
+    throw UsageError(request.file + " differs from " + *request.against +
+                     ", and nothing was approved: look at what differs, and give --yes to approve it");
+  }
+  std::cout << "Registers differ from " << printable(*request.against) << ". Approve? [yes/no] "
+            << std::flush;
+  std::string answer;
+  std::getline(std::cin, answer);
+  if (answer != "yes") throw UsageError("the answer was not 'yes': nothing was approved");
+}
+
 int approve(const Request& request) {
+  require_output_apart(request);
   auto state = read_as<recorder::BootState>(request.file, "the state of a boot");
   require_expected(state, request);
+  std::optional<std::vector<unsigned>> differing;
+  std::string same;
   if (request.values_of) {
     const auto twin = read_as<recorder::BootState>(*request.values_of, "the state of a boot");
     if (twin.seal.pcrs != state.seal.pcrs) {
@@ -158,27 +191,37 @@ int approve(const Request& request) {
                        ", and " + request.file + " of " + crypto::pcr_list(state.seal.pcrs) +
                        ": the two devices are sealed otherwise");
     }
+    recorder::BootApproval own;
+    own.pcrs = state.pcrs;
+    differing = recorder::differing_registers(twin.pcrs, {own});
+    same = "as in the recorder's own state";
     state.pcrs = twin.pcrs;
   }
-  std::optional<std::vector<unsigned>> differing;
   if (request.against) {
+    same = "as before";
     const auto before = read_as<recorder::BootApproval>(*request.against, "an approval");
     if (const std::string why = recorder::why_no_approval(before, state.seal); !why.empty())
       throw UsageError("cannot compare with " + *request.against + ": " + why);
     differing = recorder::differing_registers(state.pcrs, {before});
   }
+  if (!request.json) {
+    std::cout << "To be approved for the device " << printable(state.device) << " with the seal "
+              << crypto::seal_name(state.seal) << ", for good:\n";
+    print_registers(state.pcrs, differing, same);
+    std::cout << std::flush;
+  }
+  if (request.against && differing && !differing->empty()) require_yes(request);
   const auto approval = recorder::approve(state, load_approval_key(request.key));
-  write_output(request.output, bytes_of(approval.to_json()), kForAll);
+  write_output(request.output, approval.to_json());
   if (request.json) {
     print_json({{"device", state.device},
+                {"seal", crypto::seal_name(state.seal)},
                 {"approval", request.output},
                 {"registers", registers_json(state.pcrs)},
                 {"differing", differing ? ordered_json(*differing) : ordered_json(nullptr)}});
     return kDone;
   }
-  std::cout << "Approved for the device " << printable(state.device) << ", for good:\n";
-  print_registers(state.pcrs, differing, "as before");
-  std::cout << "Next, on that recorder: kiroku boot accept " << printable(request.output) << "\n";
+  std::cout << "Approved. Next, on that recorder: kiroku boot accept " << printable(request.output) << "\n";
   return kDone;
 }
 
@@ -188,10 +231,7 @@ int accept(const Request& request) {
   const auto approval = read_as<recorder::BootApproval>(request.file, "an approval");
   if (const std::string why = recorder::why_no_approval(approval, *hardware.seal); !why.empty())
     throw UsageError(request.file + " does not count here: " + why);
-  archive::FileSystem& files = archive::real_file_system();
-  if (!files.exists(home.boot_approvals_folder())) files.make_folder(home.boot_approvals_folder());
-  const fs::path kept = home.boot_approvals_folder() / recorder::approval_file_name(approval);
-  files.write_durably(kept, bytes_of(approval.to_json()));
+  const fs::path kept = keep_approval(home.boot_approvals_folder(), approval);
   const std::string silent = crypto::why_silent(*home.hardware_signer());
   if (request.json) {
     print_json({{"approval", kept.string()}, {"signs", silent.empty()}, {"why_not", silent}});
@@ -261,11 +301,12 @@ void add_boot_command(Command& program) {
       "approves the values of this state instead: that of another recorder of the same make, which "
       "has the update already");
   approving.option("--against", "APPROVAL", approved->against,
-                   "tells which registers differ from this approval");
+                   "tells which registers differ from this approval, and asks before such a state is signed");
+  approving.flag("--yes", approved->yes, "approves what differs from --against without being asked");
   approving.flag("--json", approved->json, "prints one JSON object instead");
   approving.explain(
-      "Needs no home. Whoever signs answers for the state: a state file says what the recorder says of "
-      "itself, "
+      "Needs no home. Prints the device, its seal and the registers before it signs. Whoever signs answers "
+      "for the state: a state file says what the recorder says of itself, "
       "and the values alone do not tell whether that is sound. The passphrase is asked on the terminal or "
       "taken "
       "from KIROKU_PASSPHRASE.");

@@ -99,18 +99,18 @@ std::optional<WantedSeal> seal_of(const Request& request) {
 /// them what they like.
 void require_measured(const std::vector<crypto::PcrValue>& state) {
   constexpr unsigned kMeasuredByFirmware = 8;  // 0 to 7, each of them (archive/format/boot_quote.h)
-  std::string empty;
-  bool any = false;
-  for (const crypto::PcrValue& each : state) {
-    any = any || each.value != crypto::Sha256Digest{};
-    if (each.index < kMeasuredByFirmware && each.value == crypto::Sha256Digest{})
-      empty += (empty.empty() ? "" : ",") + std::to_string(each.index);
-  }
-  if (any && empty.empty()) return;
-  throw UsageError("nothing was measured into register " +
-                   (empty.empty() ? "8, 9 or 14, whichever --pcrs names" : empty) +
-                   " when this machine started, so that a seal to it holds nothing off: switch on the TPM's "
-                   "SHA-256 bank in the firmware's settings and start by UEFI, or name others with --pcrs");
+  std::vector<unsigned> empty, measured;
+  for (const crypto::PcrValue& each : state)
+    (each.value == crypto::Sha256Digest{} ? empty : measured).push_back(each.index);
+  if (empty.empty()) return;
+  const bool lacks_firmware = empty.front() < kMeasuredByFirmware;  // ascending
+  throw UsageError(
+      "nothing was measured into register " + crypto::pcr_list(empty) +
+      " when this machine started, so that a seal to it holds nothing off: " +
+      (lacks_firmware
+           ? "switch on the TPM's SHA-256 bank in the firmware's settings and start by UEFI"
+           : "give --pcrs " + crypto::pcr_list(measured) +
+                 ", if that is enough (docs/how-to/keep-a-key-in-hardware.md, \"The registers\")"));
 }
 
 /// Has the hardware make the home's key. One that is sealed has the present state approved before it is
@@ -122,10 +122,7 @@ recorder::HardwareDescription make_key(const WantedHardware& wanted, const std::
   require_measured(pcrs);
   auto made = recorder::make_sealed_key(wanted.address, seal->key.public_key(), seal->pcrs);
   const auto approval = recorder::approve({device, *made.seal, pcrs}, seal->key);
-  archive::FileSystem& files = archive::real_file_system();
-  if (!files.exists(home.boot_approvals_folder())) files.make_folder(home.boot_approvals_folder());
-  files.write_durably(home.boot_approvals_folder() / recorder::approval_file_name(approval),
-                      bytes_of(approval.to_json()));
+  keep_approval(home.boot_approvals_folder(), approval);
   return made;
 }
 
@@ -370,13 +367,20 @@ void settle(const Home& place, const fs::path& folder) {
 /// What a person is told who had a key sealed.
 void print_sealed(const Request& request, const Home& home) {
   if (!request.approval_key) return;
+  const crypto::BootSeal seal = home.hardware().seal.value();
   std::cout
-      << "The TPM's key signs only in approved states of the boot: registers "
-      << crypto::pcr_list(home.hardware().seal.value().pcrs)
-      << " of the SHA-256 bank. The present state is approved.\nKeep " << printable(*request.approval_key)
+      << "The TPM's key signs only in approved states of the boot: registers " << crypto::pcr_list(seal.pcrs)
+      << " of the SHA-256 bank. The present state is approved.\nIts seal is " << crypto::seal_name(seal)
+      << ": write that down, since whoever approves a state compares it.\nKeep "
+      << printable(*request.approval_key)
       << " away from this machine, and a copy of it elsewhere: after each update of firmware, boot loader or "
          "kernel it approves the new state ('kiroku boot --help'). Without it, what is recorded after the "
          "next update is unproven for good.\n";
+}
+
+/// The same for a program.
+void tell_seal(const Request& request, const Home& home, ordered_json& told) {
+  if (request.approval_key) told["seal"] = crypto::seal_name(home.hardware().seal.value());
 }
 
 /// What a person is told who made a home with a TPM that quotes no boot.
@@ -393,11 +397,13 @@ void print_result(const Request& request, const fs::path& folder, const Filled& 
   std::vector<std::string> identities = request.new_identities;
   if (request.demo) identities.push_back(home.identity_file().string());
   if (request.json) {
-    print_json({{"home", folder.string()},
-                {"device", device.to_string()},
-                {"recipients", recipients},
-                {"identities", identities},
-                {"demo", request.demo}});
+    ordered_json told{{"home", folder.string()},
+                      {"device", device.to_string()},
+                      {"recipients", recipients},
+                      {"identities", identities},
+                      {"demo", request.demo}};
+    tell_seal(request, home, told);
+    print_json(told);
     return;
   }
   std::cout << "The home " << printable(folder.string()) << " is ready.\n\n"
@@ -532,11 +538,13 @@ int add_keys(const Request& request) {
   const std::uint64_t entry = (request.add_ml_dsa ? stated.ml_dsa : stated.hardware).value_or(0);
   const std::string what = request.add_ml_dsa ? "an ML-DSA-65 key" : "a key in hardware";
   if (request.json) {
-    print_json({{"home", home.folder().string()},
-                {"device", device.to_string()},
-                {"identity", home.device_identity_file().string()},
-                {"log_entry", entry},
-                {"added", is_new}});
+    ordered_json told{{"home", home.folder().string()},
+                      {"device", device.to_string()},
+                      {"identity", home.device_identity_file().string()},
+                      {"log_entry", entry},
+                      {"added", is_new}};
+    tell_seal(request, home, told);
+    print_json(told);
     return kDone;
   }
   if (not_attested.empty()) not_attested = stated.not_attested;

@@ -16,9 +16,15 @@ constexpr int kTicksWhileSilent = 10;
 
 }  // namespace
 
-void HardwareWatch::look() {
-  if (key_ == nullptr || ticks_left_-- > 0) return;
+void HardwareWatch::look(bool recorded) {
+  if (key_ == nullptr) return;
+  if (ticks_left_ > 0) {
+    --ticks_left_;
+    return;
+  }
+  if (recorded && was_asked_ && silent().empty()) return;
   std::string why = crypto::why_silent(*key_);
+  was_asked_ = true;
   ticks_left_ = why.empty() ? kTicksWhileItSigns : kTicksWhileSilent;
   const std::lock_guard guard(mutex_);
   if (why == silent_) return;

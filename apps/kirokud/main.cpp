@@ -120,6 +120,15 @@ void watch_disk(recorder::Daemon& daemon) {
   }
 }
 
+/// Likewise for the key in hardware.
+void watch_hardware(HardwareWatch& hardware, bool recorded) {
+  try {
+    hardware.look(recorded);
+  } catch (const std::exception& error) {
+    spdlog::warn("the key in hardware could not be looked at: {}", printable(error.what()));
+  }
+}
+
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
                   HardwareWatch& hardware) {
@@ -131,7 +140,7 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     descriptors.look();
-    hardware.look();
+    watch_hardware(hardware, daemon.recording());
     if (!daemon.recording() && was_replaced())
       return "a newer version was installed and nothing is being recorded";
   }

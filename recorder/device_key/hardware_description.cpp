@@ -111,6 +111,12 @@ void require_sealable(const std::vector<unsigned>& pcrs) {
         ", which changes while the machine runs, or can be set back by a program: choose among 0 "
         "to 9 and 14");
   }
+  constexpr unsigned kWhatFirmwareStarted = 4;
+  if (std::find(pcrs.begin(), pcrs.end(), kWhatFirmwareStarted) != pcrs.end()) return;
+  throw UsageError(
+      "a seal without register 4, which holds what the firmware started, holds no other boot loader off: "
+      "registers 8, 9 and 14 are extended by that loader itself, with what it likes, and the others say "
+      "nothing of it; name 4, too");
 }
 
 HardwareDescription make_sealed_key(const std::string& tcti, const crypto::P256PublicKey& approver,

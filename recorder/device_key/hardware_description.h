@@ -37,7 +37,8 @@ HardwareDescription make_hardware_key(HardwareDescription::Kind kind, const std:
 /// change without anybody starting other software.
 inline const std::vector<unsigned> kUsualSealedPcrs{0, 2, 4, 7, 8, 9};
 /// kiroku::UsageError for a register that no key can be sealed to: one that the quotes of the boot leave out
-/// (recorder/device_key/tpm_key.h), as it changes while the machine runs, or can be set back.
+/// (recorder/device_key/tpm_key.h), as it changes while the machine runs, or can be set back. Likewise for a
+/// list without register 4: whoever starts a boot loader of their own has it extend 8, 9 and 14 as they like.
 void require_sealable(const std::vector<unsigned>& pcrs);
 /// Has a TPM make one that is sealed to these registers, in states that `approver` approves. It signs nothing
 /// before one is approved. kiroku::UsageError as require_sealable().

@@ -189,6 +189,10 @@ TEST_F(BootSealTest, SignsInAnApprovedStateAndInNoOther) {
   EXPECT_EQ(why_silent(), "");
   boot(0x11);
   EXPECT_EQ(why_silent(), "") << "an approved state stays approved";
+  tpm_->measure(4, 0x33);
+  EXPECT_THAT(why_silent(), HasSubstr("register 4 differs")) << "what started measured something more";
+  tpm_->measure(4, 0x11);
+  EXPECT_THAT(why_silent(), HasSubstr("register 4 differs")) << "and cannot take it back";
 }
 
 TEST_F(BootSealTest, StopsWhereSomethingIsMeasuredAndGoesOnAfterApprovalByItself) {
@@ -283,6 +287,17 @@ TEST_F(BootSealTest, RegistersThatCannotBeSealedToAreRefused) {
         },
         ThrowsMessage<UsageError>(HasSubstr("register " + std::to_string(each))));
   }
+}
+
+TEST(SealableRegisters, HoldWhatTheFirmwareStarted) {
+  using Registers = std::vector<unsigned>;
+  for (const Registers& each : std::vector<Registers>{{8, 9}, {14}, {0}, {0, 2}, {1}, {0, 2, 7, 8, 9, 14}}) {
+    EXPECT_THAT([&] { require_sealable(each); },
+                ThrowsMessage<UsageError>(AllOf(HasSubstr("without register 4"), HasSubstr("name 4, too"))))
+        << crypto::pcr_list(each);
+  }
+  for (const Registers& each : std::vector<Registers>{{4}, {4, 7}, kUsualSealedPcrs})
+    EXPECT_NO_THROW(require_sealable(each)) << crypto::pcr_list(each);
 }
 
 TEST_F(BootSealTest, ItsDescriptionHasTheSeal) {
