@@ -9,6 +9,8 @@
 #include "apps/kiroku/recovering.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "crypto/hardware_key.h"
+#include "crypto/signing_key.h"
 
 namespace kiroku::apps {
 namespace {
@@ -19,6 +21,14 @@ void recover_first(const WritableHome& writable, const Authorities& authorities,
   for (const archive::CaseRecovery& each : recover_home(writable, authorities.named(), lock)) {
     std::cerr << recovery_text(each);
   }
+}
+
+/// Whoever records should know before, rather than from a verifier.
+void warn_if_silent(const crypto::SigningKey& key) {
+  if (key.hardware() == nullptr) return;
+  if (const std::string why = crypto::why_silent(*key.hardware()); !why.empty())
+    print_error("kiroku",
+                "warning: the key in hardware does not sign, so that the case will be unproven: " + why);
 }
 
 }  // namespace
@@ -37,6 +47,7 @@ recorder::SessionResult record_case(
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   log_configuration(home.configuration_file(), home, *writable.log);
   recover_first(writable, authorities, lock);
+  warn_if_silent(writable.key);
 
   recorder::SessionResult result = drive(std::move(options));
   try {

@@ -43,6 +43,7 @@ std::vector<Concern> concerns_of_appliance(const BoardRow& row, const EnrolledAp
             std::ranges::all_of(recorder.authorities,
                                 [](const AuthorityReport& each) { return each.failures > 0; }),
         Concern::kNoAuthority);
+    add(recorder.is_hardware_silent, Concern::kHardwareSilent);
     add(std::ranges::any_of(recorder.authorities, &AuthorityReport::is_unshared), Concern::kNotShared);
   }
   add(std::chrono::abs(std::chrono::microseconds(row.clock_ahead_us)) > kClockMayDiffer, Concern::kClockOff);
@@ -192,6 +193,8 @@ std::string_view concern_name(Concern concern) {
       return "without-box";
     case Concern::kNoAuthority:
       return "no-authority";
+    case Concern::kHardwareSilent:
+      return "hardware-silent";
     case Concern::kNotShared:
       return "not-shared";
     case Concern::kClockOff:

@@ -35,6 +35,7 @@ enum class Concern {
   kLost,             // frames of the running case were lost
   kWithoutBox,       // something is decoded beside the device key
   kNoAuthority,      // none of the authorities that a recording room asks answers
+  kHardwareSilent,   // its device's key in hardware does not sign: cases that it records are unproven
   kNotShared,        // rooms were to share an authority's time-stamps, and a room asks for its own
   kClockOff,         // its clock differs from the database's by more than five seconds
   kClockFree,        // its clock is not synchronised

@@ -131,6 +131,8 @@ ApplianceReport::Recorder parse_recorder(const json& of) {
   recorder.disk = parse_disk(field(of, "disk"));
   const json& clock = field(of, "clock");
   recorder.clock = {flag_of(clock, "synchronised"), count_of(clock, "error_ns")};
+  // Appliances of before say nothing of it.
+  if (of.contains("hardware_silent")) recorder.is_hardware_silent = flag_of(of, "hardware_silent");
   return recorder;
 }
 
@@ -164,7 +166,8 @@ ordered_json json_of(const ApplianceReport::Recorder& recorder) {
            {{"free_bytes", recorder.disk.free_bytes},
             {"total_bytes", recorder.disk.total_bytes},
             {"hours_left", or_null(recorder.disk.hours_left)}}},
-          {"clock", {{"synchronised", recorder.clock.synchronised}, {"error_ns", recorder.clock.error_ns}}}};
+          {"clock", {{"synchronised", recorder.clock.synchronised}, {"error_ns", recorder.clock.error_ns}}},
+          {"hardware_silent", recorder.is_hardware_silent}};
 }
 
 std::int64_t bounded(std::int64_t value, std::int64_t most = kMostCount) {
@@ -231,6 +234,7 @@ ApplianceReport::Recorder recorder_report(const json& status, UtcTime now) {
   if (disk.at("hours_left").is_number()) out.disk.hours_left = disk["hours_left"].get<double>();
   const json& clock = status.at("clock");
   out.clock = {clock.value("synchronised", false), bounded(clock.value("error_ns", std::int64_t{0}))};
+  out.is_hardware_silent = !status.value("hardware_silent", "").empty();
   return out;
 }
 

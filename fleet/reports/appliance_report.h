@@ -72,6 +72,7 @@ struct ApplianceReport {
     std::vector<AuthorityReport> authorities;
     DiskReport disk;
     ClockReport clock;
+    bool is_hardware_silent = false;  // the device's key in hardware does not sign
   };
   std::optional<Recorder> recorder = {};
   /// Whether it has a store to ship to; what waits, unless that could not be found out.

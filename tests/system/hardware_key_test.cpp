@@ -64,6 +64,10 @@ TEST_F(HardwareKey, OfATpmSignsWhatIsRecordedAndNothingReadsAsSignedWhenItIsAway
   EXPECT_THAT(unproven.out, HasSubstr("checkpoint-not-by-hardware"));
   EXPECT_THAT(read_text(home() / "archive/log/ledger.jsonl"), HasSubstr("device-hardware-silent"));
   EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("does not sign"));
+  const ProcessResult warned = kiroku({"record", "--duration", "00:00:01", "--endoscope",
+                                       "synthetic:endoscope?size=64x48&rate=10&speed=max"});
+  EXPECT_EQ(warned.status, 0);
+  EXPECT_THAT(warned.err, HasSubstr("warning: the key in hardware does not sign"));
 
   tpm.start();
   EXPECT_EQ(verify(record(), identity()).status, 0) << "and it is back by itself";
@@ -143,6 +147,16 @@ TEST_F(HardwareKey, ThatIsNotThereMakesNoHome) {
   EXPECT_REFUSED(kiroku({"init", "--demo", "--tcti", "device:/dev/tpm0"}), "--tpm");
 }
 
+/// Of an approval that showed what it would approve, and made nothing.
+#define EXPECT_REFUSED_AFTER_SHOWING(result, part)                        \
+  do {                                                                    \
+    const auto& refused = (result);                                       \
+    EXPECT_EQ(refused.status, 2) << refused.out << refused.err;           \
+    EXPECT_THAT(refused.out, testing::StartsWith("To be approved for ")); \
+    EXPECT_THAT(refused.out, Not(HasSubstr("Approved.")));                \
+    EXPECT_THAT(refused.err, testing::HasSubstr(part));                   \
+  } while (false)
+
 /// A home whose TPM signs only in approved states of the boot.
 class SealedKey : public HardwareKey {
  protected:
@@ -156,7 +170,7 @@ class SealedKey : public HardwareKey {
   void boot(unsigned char loader) {
     tpm_->take_away();
     tpm_->start();
-    for (unsigned pcr = 0; pcr < 8; ++pcr) tpm_->measure(pcr, pcr == 4 ? loader : 0x01);
+    for (unsigned pcr = 0; pcr < 10; ++pcr) tpm_->measure(pcr, pcr == 4 ? loader : 0x01);
   }
   [[nodiscard]] std::string approval_key() const { return path("approval.pem"); }
   void make_sealed_home() {
@@ -164,6 +178,7 @@ class SealedKey : public HardwareKey {
         kiroku({"init", "--demo", "--tpm", "--tcti", tpm_->tcti(), "--seal-to-boot", approval_key()});
     ASSERT_EQ(made.status, 0) << made.err;
     EXPECT_THAT(made.out, HasSubstr("registers 0,2,4,7,8,9"));
+    EXPECT_THAT(made.out, testing::ContainsRegex("Its seal is [0-9a-f]{16}:"));
   }
   /// Of the machine, approved or not, into a file for whoever approves.
   void write_state(const std::string& name) const {
@@ -286,10 +301,12 @@ TEST_F(SealedKey, IsRefusedWhereTheSealWouldHoldNothingOff) {
   EXPECT_REFUSED(sealed({"--pcrs", "0,two"}), "'two' is no number of a register");
   EXPECT_REFUSED(sealed({"--pcrs", "0,24"}), "no 24");
   EXPECT_REFUSED(sealed({"--pcrs", "0,10"}), "no key can be sealed to register 10");
-  EXPECT_REFUSED(sealed({"--pcrs", "8,9"}), "nothing was measured");
+  EXPECT_REFUSED(sealed({"--pcrs", "8,9"}), "without register 4");
+  EXPECT_REFUSED(sealed({"--pcrs", "0,4,14"}), "nothing was measured into register 14");
+  EXPECT_REFUSED(sealed({"--pcrs", "0,4,14"}), "give --pcrs 0,4,");
   tpm_->take_away();
   tpm_->start();
-  EXPECT_REFUSED(sealed({}), "nothing was measured into register 0,2,4,7");
+  EXPECT_REFUSED(sealed({}), "nothing was measured into register 0,2,4,7,8,9");
   tpm_->keep_sha256_bank(false);
   tpm_->take_away();
   tpm_->start();
@@ -308,15 +325,15 @@ TEST_F(SealedKey, ApprovesWithAKeyThatNobodyElseCanRead) {
     return kiroku(all);
   };
   std::filesystem::permissions(approval_key(), std::filesystem::perms(0640));
-  EXPECT_REFUSED(approve(approval_key()), "chmod 600");
+  EXPECT_REFUSED_AFTER_SHOWING(approve(approval_key()), "chmod 600");
   EXPECT_REFUSED(kiroku({"boot", "new-key", approval_key(), "--no-passphrase"}), "not overwritten");
   std::filesystem::permissions(approval_key(), std::filesystem::perms(0600));
   EXPECT_REFUSED(approve(approval_key(), {"--pcrs", "0,4"}), "approve nothing otherwise");
   ASSERT_EQ(kiroku({"boot", "new-key", path("other.pem"), "--no-passphrase"}).status, 0);
   EXPECT_EQ(std::filesystem::status(path("other.pem")).permissions(), std::filesystem::perms(0600));
-  EXPECT_REFUSED(approve(path("other.pem")), "sealed to another approval key");
-  EXPECT_REFUSED(approve((home() / "device.key").string()), "P-256");
-  EXPECT_REFUSED(approve(path("nowhere.pem")), "nowhere.pem");
+  EXPECT_REFUSED_AFTER_SHOWING(approve(path("other.pem")), "sealed to another approval key");
+  EXPECT_REFUSED_AFTER_SHOWING(approve((home() / "device.key").string()), "P-256");
+  EXPECT_REFUSED_AFTER_SHOWING(approve(path("nowhere.pem")), "nowhere.pem");
   EXPECT_FALSE(std::filesystem::exists(path("a.approval")));
   write_text(path("state.json"), read_text(path("state.json")).substr(0, 100));
   EXPECT_REFUSED(approve(approval_key()), "cut off");
@@ -370,15 +387,76 @@ TEST_F(SealedKey, IsApprovedAheadOfAnUpdateByARecorderThatHasIt) {
   boot(0x11);
   ASSERT_EQ(
       kiroku({"boot", "approve", path("before.json"), "--key", approval_key(), "-o", path("now")}).status, 0);
-  const ProcessResult ahead =
-      kiroku({"boot", "approve", path("before.json"), "--values-of", path("after.json"), "--against",
-              path("now"), "--key", approval_key(), "-o", path("next")});
+  Arguments approve{
+      "boot",         "approve", path("before.json"), "--values-of", path("after.json"), "--key",
+      approval_key(), "-o",      path("next")};
+  const ProcessResult by_twin = kiroku(approve);
+  ASSERT_EQ(by_twin.status, 0) << by_twin.err;
+  EXPECT_THAT(by_twin.out, testing::ContainsRegex("register 4 .boot loader.: [0-9a-f]+  DIFFERS"));
+  std::filesystem::remove(path("next"));
+  approve.insert(approve.end(), {"--against", path("now")});
+  EXPECT_REFUSED_AFTER_SHOWING(kiroku(approve), "give --yes");
+  EXPECT_FALSE(std::filesystem::exists(path("next")));
+  approve.emplace_back("--yes");
+  const ProcessResult ahead = kiroku(approve);
   ASSERT_EQ(ahead.status, 0) << ahead.err;
   EXPECT_THAT(ahead.out, testing::ContainsRegex("register 4 .boot loader.: [0-9a-f]+  DIFFERS"));
   EXPECT_THAT(ahead.out, testing::ContainsRegex("register 0 .firmware.: [0-9a-f]+  as before"));
   EXPECT_EQ(kiroku({"boot", "accept", path("next")}).status, 0);
   boot(0x22);
   EXPECT_EQ(verify(record(), identity()).status, 0) << "nothing between the update and its approval";
+}
+
+TEST_F(SealedKey, IsApprovedWhereItDiffersOnceSomebodyWhoSawThatSaysYes) {
+  make_sealed_home();
+  write_state("before.json");
+  ASSERT_EQ(
+      kiroku({"boot", "approve", path("before.json"), "--key", approval_key(), "-o", path("now")}).status, 0);
+  boot(0x22);
+  write_state("after.json");
+  const auto answered = [&](const std::string& answer) {
+    Process::Options run = options({"boot", "approve", path("after.json"), "--against", path("now"), "--key",
+                                    approval_key(), "-o", path("next")});
+    run.terminal = true;
+    Process process(run);
+    EXPECT_TRUE(process.wait_for("Approve? [yes/no] "));
+    EXPECT_THAT(process.out(), HasSubstr("DIFFERS"));
+    process.type(answer + "\n");
+    return process.wait().status;
+  };
+  EXPECT_EQ(answered("no"), 2);
+  EXPECT_EQ(answered(""), 2);
+  EXPECT_FALSE(std::filesystem::exists(path("next")));
+  EXPECT_EQ(answered("yes"), 0);
+  EXPECT_TRUE(std::filesystem::exists(path("next")));
+}
+
+TEST_F(SealedKey, IsNamedAlikeWhereItIsMadeToldAndApproved) {
+  make_demo_home();
+  const std::string seal = kiroku_json(
+      {"init", "--add-tpm", "--tcti", tpm_->tcti(), "--seal-to-boot", approval_key(), "--json"})["seal"];
+  EXPECT_EQ(seal.size(), 16U);
+  EXPECT_EQ(kiroku_json({"boot", "state", "--json", "-o", path("state.json")})["seal"], seal);
+  EXPECT_THAT(kiroku({"boot", "state"}).out, HasSubstr(seal));
+  const Arguments approve{"boot", "approve", path("state.json"), "--key", approval_key(), "-o", path("a")};
+  EXPECT_THAT(kiroku(approve).out, HasSubstr("with the seal " + seal));
+  Arguments as_json = approve;
+  as_json.emplace_back("--json");
+  EXPECT_EQ(kiroku_json(as_json)["seal"], seal);
+}
+
+TEST_F(SealedKey, IsApprovedIntoNoFileThatIsRead) {
+  make_sealed_home();
+  write_state("state.json");
+  const std::string key = read_text(approval_key());
+  const auto into = [&](const std::string& output) {
+    return kiroku({"boot", "approve", path("state.json"), "--key", approval_key(), "-o", output});
+  };
+  EXPECT_REFUSED(into(approval_key()), "name another file");
+  EXPECT_REFUSED(into(path("state.json")), "name another file");
+  std::filesystem::create_symlink(approval_key(), path("link"));
+  EXPECT_REFUSED(into(path("link")), "name another file");
+  EXPECT_EQ(read_text(approval_key()), key);
 }
 
 }  // namespace

@@ -98,6 +98,7 @@ TEST(RoomBoard, EachTroubleIsTold) {
                 r.recorder->authorities = {{"a", 0, 5}, {"b", 0, 5, true}};
               }),
               ElementsAre(Concern::kNotShared));
+  EXPECT_THAT(of([](R& r) { r.recorder->is_hardware_silent = true; }), ElementsAre(Concern::kHardwareSilent));
   EXPECT_THAT(of([](R& r) { r.shipping->waiting_s = 601; }), ElementsAre(Concern::kShippingStuck));
   EXPECT_THAT(of([](R& r) { r.shipping.reset(); }), ElementsAre(Concern::kShippingUnknown));
   EXPECT_THAT(of([](R& r) {

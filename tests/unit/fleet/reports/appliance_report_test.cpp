@@ -75,6 +75,23 @@ TEST(ApplianceReportTest, OfAnEarlierProgramSaysNothingOfSharing) {
   EXPECT_FALSE(parse_report(report.dump()).recorder->authorities.front().is_unshared);
 }
 
+TEST(ApplianceReportTest, TellsThatTheKeyInHardwareDoesNotSign) {
+  json silent = status();
+  EXPECT_FALSE(recorder_report(silent, kNow).is_hardware_silent) << "a recorder of before says nothing of it";
+  silent["hardware_silent"] = "";
+  EXPECT_FALSE(recorder_report(silent, kNow).is_hardware_silent);
+  silent["hardware_silent"] = "the TPM of Yamada's room does not answer";
+  ApplianceReport report = whole();
+  report.recorder = recorder_report(silent, kNow);
+  EXPECT_TRUE(report.recorder->is_hardware_silent);
+  const std::string told = to_json(report);
+  EXPECT_THAT(told, Not(HasSubstr("Yamada")));
+  EXPECT_TRUE(parse_report(told).recorder->is_hardware_silent);
+  json earlier = json::parse(told);
+  earlier["recorder"].erase("hardware_silent");
+  EXPECT_FALSE(parse_report(earlier.dump()).recorder->is_hardware_silent);
+}
+
 TEST(ApplianceReportTest, HoldsNoFreeTextOfTheRecorder) {
   const std::string told = to_json(whole());
   EXPECT_THAT(told, Not(HasSubstr("Yamada")));
@@ -126,6 +143,7 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"fraction", [](json& of) { of["number"] = 1.5; }},
         Wrong{"hours", [](json& of) { of["recorder"]["disk"]["hours_left"] = -0.5; }},
         Wrong{"unshared", [](json& of) { of["recorder"]["authorities"][0]["not_shared"] = "away"; }},
+        Wrong{"hardware", [](json& of) { of["recorder"]["hardware_silent"] = "away"; }},
         Wrong{"run", [](json& of) { of["run"] = "x"; }},
         Wrong{"program", [](json& of) { of["program"] = "0.1\n"; }},
         Wrong{"now", [](json& of) { of["now"] = "soon"; }},
