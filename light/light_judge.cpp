@@ -33,6 +33,9 @@ std::int64_t floor_second(std::int64_t utc_ns) {
 /// So many pictures of a second must show the same; a slow camera has one alone.
 std::uint64_t enough_of(std::uint64_t pictures) { return std::min<std::uint64_t>(pictures, 2); }
 
+// Of hours of noise one stretch is taken for a code of its time; two of one recording hardly ever are.
+constexpr std::uint64_t kEnoughOfSound = 2;
+
 constexpr std::size_t kMostWords = 200;  // of a second that are kept apart
 
 void count(std::map<std::uint64_t, std::uint64_t>& words, std::uint64_t word) {
@@ -99,6 +102,18 @@ LightJudge::Match LightJudge::nearest(const Sighting& sighting, std::span<const 
 const LedgerCode* LightJudge::anywhere(std::uint64_t word) const {
   for (const LedgerCode& code : ledger_.codes()) {
     if (is_shown(code) && distance(word, code.code) <= kMostOfOld) return &code;
+  }
+  return nullptr;
+}
+
+const LedgerCode* LightJudge::old_in(const Second& second) const {
+  if (!is_sound()) {
+    const std::optional<std::uint64_t> strange = most_shown(second.strange, second.pictures);
+    return strange ? anywhere(*strange) : nullptr;
+  }
+  // Sound has no pictures to count: each word that was heard was heard once.
+  for (const auto& [word, heard] : second.strange) {
+    if (const LedgerCode* code = anywhere(word)) return code;
   }
   return nullptr;
 }
@@ -184,7 +199,6 @@ void LightJudge::close() {
   ++report_.seconds;
   std::uint64_t most = 0;
   for (const auto& [shown, pictures] : second.near) most = std::max(most, pictures);
-  const std::optional<std::uint64_t> strange = most_shown(second.strange, second.pictures);
   const std::optional<std::uint64_t> clear = most_shown(second.clear, second.pictures);
   if (most >= enough_of(second.pictures)) {
     ++report_.agreeing;
@@ -199,12 +213,10 @@ void LightJudge::close() {
     }
     return;
   }
-  if (strange) {
-    if (const LedgerCode* code = anywhere(*strange)) {
-      ++report_.old;
-      note(SecondLight::kOld, second, code->second);
-      return;
-    }
+  if (const LedgerCode* code = old_in(second)) {
+    ++report_.old;
+    note(SecondLight::kOld, second, code->second);
+    return;
   }
   if (clear) {
     ++report_.foreign;
@@ -222,11 +234,13 @@ LightReport LightJudge::finish() {
   const auto share = [&](std::uint64_t of) {
     return static_cast<double>(of) / static_cast<double>(report_.seconds);
   };
+  const bool is_chance = is_sound() && report_.exact == 0 && report_.agreeing < kEnoughOfSound;
   report_.answer = report_.seconds == 0                   ? LightAnswer::kNoPictures
                    : report_.old + report_.foreign > 0    ? LightAnswer::kDisagrees
-                   : report_.agreeing == 0                ? LightAnswer::kNotSeen
+                   : report_.agreeing == 0 || is_chance   ? LightAnswer::kNotSeen
                    : share(report_.agreeing) < kNearlyAll ? LightAnswer::kInPart
                                                           : LightAnswer::kAgrees;
+  if (is_sound() && report_.answer == LightAnswer::kNotSeen) report_.delays_ns.clear();
   return std::move(report_);
 }
 

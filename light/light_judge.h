@@ -22,6 +22,7 @@ enum class SecondLight { kAgrees, kOld, kForeign, kUnread };
 /// What is to be said of a stream. kAgrees: nearly every second agrees and none disagrees. kInPart: none
 /// disagrees, and many could not be read. kDisagrees: some second shows an old or a foreign code. kNotSeen:
 /// no code was read; whether there was a display, the ledger does not say. kNoPictures: there are none.
+/// Of sound, one stretch that agrees is kNotSeen where it was not read nearly to the bit: so does noise.
 enum class LightAnswer { kAgrees, kInPart, kDisagrees, kNotSeen, kNoPictures };
 std::string_view answer_name(LightAnswer answer);       // "in-part"
 std::string_view second_light_name(SecondLight light);  // "foreign"
@@ -108,9 +109,12 @@ class LightJudge {
     const LedgerCode* code = nullptr;
     bool is_exact = false;
   };
+  [[nodiscard]] bool is_sound() const { return each_seconds_ > 1; }
   [[nodiscard]] bool is_shown(const LedgerCode& code) const { return code.second % each_seconds_ == 0; }
   [[nodiscard]] Match nearest(const Sighting& sighting, std::span<const LedgerCode> around) const;
   [[nodiscard]] const LedgerCode* anywhere(std::uint64_t word) const;
+  /// The code of another time that the second shows.
+  [[nodiscard]] const LedgerCode* old_in(const Second& second) const;
 
   const LedgerLights& ledger_;
   const std::int64_t each_seconds_;

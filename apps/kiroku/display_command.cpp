@@ -90,7 +90,9 @@ constexpr const char* kPage =
 
 // The whole screen is the code, with its dark margin; nothing where no case is recorded, or none answers.
 // A browser plays no sound before somebody asked for it: the button is there while the pointer moves, and
-// loudness, in dB of full scale, is kept for the next time.
+// loudness, in dB of full scale, is kept for the next time where the browser keeps anything. A code that is
+// late by more than a second is left out, and so is one while the browser holds sound back: it would play it
+// at another time.
 constexpr const char* kScript = R"('use strict';
 const japanese = navigator.language.startsWith('ja');
 const canvas = document.createElement('canvas');
@@ -106,7 +108,21 @@ const loudness = document.createElement('input');
 loudness.type = 'range';
 loudness.min = '-40';
 loudness.max = '0';
-loudness.value = localStorage.getItem('loudness') || '-20';
+function kept_loudness() {
+  try {
+    return localStorage.getItem('loudness');
+  } catch {
+    return null;
+  }
+}
+function keep_loudness(value) {
+  try {
+    localStorage.setItem('loudness', value);
+  } catch {
+    return;
+  }
+}
+loudness.value = kept_loudness() || '-20';
 label.append(japanese ? '音量 ' : 'Loudness ', loudness);
 panel.append(button, label);
 document.body.append(canvas, panel);
@@ -115,19 +131,20 @@ let since = Date.now();
 let audio = null;
 let volume = null;
 let sounded = null;
+let playing = null;
 function tell() {
   const on = audio !== null;
   button.textContent = japanese ? (on ? '音を止める' : '音を出す') : (on ? 'Sound off' : 'Sound');
   button.setAttribute('aria-pressed', String(on));
 }
 function set_loudness() {
-  localStorage.setItem('loudness', loudness.value);
+  keep_loudness(loudness.value);
   if (volume) volume.gain.value = 10 ** (Number(loudness.value) / 20);
 }
 button.addEventListener('click', () => {
   if (audio) {
     audio.close();
-    audio = volume = null;
+    audio = volume = playing = null;
   } else {
     audio = new AudioContext();
     volume = audio.createGain();
@@ -155,14 +172,16 @@ async function sound(second) {
   if (!audio || second === null || second === sounded) return;
   sounded = second;
   const context = audio;
+  const begun = Date.now();
   const answer = await fetch('sound.wav', {cache: 'no-store', signal: AbortSignal.timeout(2000)});
   if (answer.status !== 200) return;
   const samples = await context.decodeAudioData(await answer.arrayBuffer());
-  if (context !== audio) return;
-  const player = context.createBufferSource();
-  player.buffer = samples;
-  player.connect(volume);
-  player.start();
+  if (context !== audio || context.state !== 'running' || Date.now() - begun > 1000) return;
+  if (playing) playing.stop();
+  playing = context.createBufferSource();
+  playing.buffer = samples;
+  playing.connect(volume);
+  playing.start();
 }
 function draw(rows) {
   const text = JSON.stringify([rows, innerWidth, innerHeight]);

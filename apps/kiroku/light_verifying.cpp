@@ -75,6 +75,11 @@ std::string answer_text(const light::LightReport& report) {
   return {};
 }
 
+/// Whether codes were read, so that they count.
+bool shows_codes(const light::LightReport& report) {
+  return report.answer != LightAnswer::kNotSeen && report.answer != LightAnswer::kNoPictures;
+}
+
 std::string answer_text(const media::StreamSound& sound) {
   switch (sound.light.report.answer) {
     case LightAnswer::kAgrees:
@@ -86,9 +91,13 @@ std::string answer_text(const media::StreamSound& sound) {
     case LightAnswer::kDisagrees:
       return "SOUND AND LEDGER DISAGREE: some sound carries a code that the ledger did not have then";
     case LightAnswer::kNotSeen:
+      if (sound.light.report.agreeing > 0)
+        return "could not check: one stretch alone seems to carry its code, and not to the bit, as noise "
+               "sometimes does";
       return "could not check: no code could be heard; no loudspeaker played it, it was too faint beside the "
              "room's own sound, or the sound was made without it";
     case LightAnswer::kNoPictures:
+      if (sound.unheard > sound.too_slow) return "could not check: the sound could not be decoded";
       return sound.too_slow > 0 ? "could not check: the sound has fewer than 16,000 samples a second, which "
                                   "carry no code"
                                 : "could not check: there is no stretch of sound as long as a code";
@@ -105,14 +114,15 @@ std::string stretch_text(const light::LightStretch& stretch, Medium medium, std:
     case SecondLight::kOld: {
       const std::string shown = format_utc_for_people(utc_of_second(*stretch.shown_second));
       return is_sound ? when + "sound repeats the code of another time of this case, first that of " + shown +
-                            ": it was recorded then, or repeated"
+                            ": it was recorded then, repeated, or played back in the room"
                       : when + "pictures repeat the code of another second of this case, first that of " +
                             shown + ": they were taken then, repeated, or the display stood still";
     }
     case SecondLight::kForeign:
       return is_sound ? when +
                             "sound carries a code that this ledger never had: the display followed another "
-                            "case, or it is of another day or recorder"
+                            "case, another room's loudspeaker or a recording that was played was heard, or "
+                            "the sound is of another day or recorder"
                       : when +
                             "pictures show a code that this ledger never had: the display followed another "
                             "case, or they are of another day or recorder";
@@ -137,7 +147,7 @@ const archive::Bracket* bracket_of(const LightQuestion& question, std::uint64_t 
 /// Since when the pictures cannot have been finished, and who says so.
 std::string since_text(const LightQuestion& question, const light::LightReport& report, Medium medium,
                        std::int64_t begins_ns) {
-  if (report.agreeing == 0 || question.is_tampered) return {};
+  if (report.agreeing == 0 || !shows_codes(report) || question.is_tampered) return {};
   if (report.exact == 0)
     return "  no code was read well enough to say since when: each agrees as far as codes could be "
            "corrected\n";
@@ -260,8 +270,9 @@ ordered_json json_of(const LightQuestion& question, const std::string& name, con
   return json;
 }
 
-bool shows_codes(const light::LightReport& report) {
-  return report.agreeing + report.old + report.foreign > 0;
+/// 1 before 3 before 0.
+int worse_of(int one, int other) {
+  return one == kAnswerIsNo || other == kAnswerIsNo ? kAnswerIsNo : std::max(one, other);
 }
 
 int status_of(const media::StreamLight& stream) {
@@ -302,14 +313,10 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
   ordered_json streams = ordered_json::array(), sounds = ordered_json::array();
   LightOutcome outcome;
   // Without a name every stream may be the room's. The ones without a code count where there is no other.
-  // Sound without a code never counts: a room needs no loudspeaker.
+  // Sound without a code never counts: a room needs no loudspeaker. Sound with one makes nothing better: it
+  // says nothing of pictures.
   bool is_seen = false;
-  int seen_status = kDone;
-  const auto take_status = [&](int status) {
-    is_seen = true;
-    seen_status =
-        seen_status == kAnswerIsNo || status == kAnswerIsNo ? kAnswerIsNo : std::max(seen_status, status);
-  };
+  int seen_status = kDone, heard_status = kDone;
   const std::int64_t begins_ns = recording.opening().begins_ns;
   for (const std::string& name : names) {
     Progress progress("reading light");
@@ -320,21 +327,25 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
     outcome.text +=
         "Light in stream " + name + ": " + text_of(question, stream, Medium::kPictures, answer, begins_ns);
     streams.push_back(json_of(question, name, stream, Medium::kPictures, answer));
-    if (shows_codes(stream.report) || !question.streams.empty()) take_status(status_of(stream));
+    if (shows_codes(stream.report) || !question.streams.empty()) {
+      is_seen = true;
+      seen_status = worse_of(seen_status, status_of(stream));
+    }
     Progress listening("listening for codes");
     const media::StreamSound sound =
         media::read_sound(recording, ledger, name, identities,
                           [&](std::uint64_t done, std::uint64_t total) { listening.update(done, total); });
     listening.clear();
-    if (sound.with_sound == 0) continue;  // what could not be opened was told of its pictures
+    // What could not be opened was told of its pictures.
+    if (sound.with_sound == 0 && sound.unheard == 0) continue;
     const std::string heard = answer_text(sound);
     outcome.text +=
         "Sound in stream " + name + ": " + text_of(question, sound.light, Medium::kSound, heard, begins_ns);
     sounds.push_back(json_of(question, name, sound.light, Medium::kSound, heard));
-    if (shows_codes(sound.light.report)) take_status(status_of(sound.light));
+    if (shows_codes(sound.light.report)) heard_status = worse_of(heard_status, status_of(sound.light));
   }
   if (names.empty()) outcome.text = "Light: could not check: the case has no stream of pictures.\n";
-  outcome.status = is_seen ? seen_status : kNoAnswer;
+  outcome.status = worse_of(is_seen ? seen_status : kNoAnswer, heard_status);
   outcome.json = ordered_json{{"proves_nothing", question.is_tampered},
                               {"streams", std::move(streams)},
                               {"sound", std::move(sounds)}}

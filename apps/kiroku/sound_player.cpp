@@ -1,14 +1,17 @@
 #include "apps/kiroku/sound_player.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
+#include <exception>
 #include <fcntl.h>
 #include <poll.h>
 #include <span>
+#include <string>
 #include <unistd.h>
 
-#include "base/bytes.h"
+#include "apps/common/command_line.h"
 
 namespace kiroku::apps {
 namespace {
@@ -41,6 +44,7 @@ void SoundPlayer::run() {
   std::vector<std::int16_t> sounding, piece;
   std::size_t played = 0;
   bool began = false;  // in this second
+  bool is_warned = false;
   auto due = SteadyClock::now();
   while (!ending_) {
     std::this_thread::sleep_until(due);
@@ -49,10 +53,17 @@ void SoundPlayer::run() {
       played += static_cast<std::size_t>(late / kPiece) * kPieceSamples;
       due += late / kPiece * kPiece;
     }
-    const std::optional<std::uint64_t> code = code_();
-    if (code && !began) {
-      sounding = coder_.sound_of(*code);
-      played = 0;
+    std::optional<std::uint64_t> code;
+    try {
+      code = code_();
+      if (code && !began) {
+        sounding = coder_.sound_of(*code);
+        played = 0;
+      }
+    } catch (const std::exception& error) {  // an archive's folder that is away, say: no code begins
+      code.reset();
+      if (!is_warned) print_error("kiroku", std::string("warning: no code sounds: ") + error.what());
+      is_warned = true;
     }
     began = code.has_value();
     piece.assign(kPieceSamples, 0);
@@ -68,11 +79,11 @@ void SoundPlayer::run() {
 }
 
 bool SoundPlayer::write(const std::vector<std::int16_t>& piece) {
-  Bytes bytes;
-  for (const std::int16_t sample : piece) {
-    const auto bits = static_cast<std::uint16_t>(sample);
-    bytes.push_back(static_cast<std::byte>(bits & 0xffU));
-    bytes.push_back(static_cast<std::byte>(bits >> 8U));
+  std::array<std::byte, 2 * kPieceSamples> bytes{};
+  for (std::size_t i = 0; i < std::min<std::size_t>(piece.size(), kPieceSamples); ++i) {
+    const auto bits = static_cast<std::uint16_t>(piece[i]);
+    bytes[2 * i] = static_cast<std::byte>(bits & 0xffU);
+    bytes[2 * i + 1] = static_cast<std::byte>(bits >> 8U);
   }
   std::size_t written = 0;
   while (written < bytes.size()) {

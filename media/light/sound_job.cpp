@@ -21,6 +21,7 @@ extern "C" {
 
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "light/sound_finder.h"
 #include "media/light/box_answers.h"
 #include "media/segment_input.h"
@@ -34,6 +35,8 @@ using light::SoundFinder;
 // A code that begins at a window's border is looked for in both.
 constexpr int kBorder = SoundFinder::kRate / 4;
 constexpr int kLeastRate = SoundFinder::kRate;
+// As the recorder takes them.
+constexpr int kMostRate = 768'000, kMostChannels = 64;
 
 /// Samples as the finder takes them, from a border before the first window to the end of the last code that
 /// begins in the last one.
@@ -163,11 +166,11 @@ class SegmentSound {
       }
       check(avcodec_send_packet(codec_.get(), nullptr));
       take_decoded();
+      end_run();
     } catch (const MediaError&) {
-      end_run();  // what came before the damage was heard
+      end_damaged_run();
       throw;
     }
-    end_run();
   }
 
  private:
@@ -178,37 +181,68 @@ class SegmentSound {
       if (result == AVERROR(EAGAIN) || result == AVERROR_EOF) return;
       check(result);
       if (frame->sample_rate < kLeastRate || frame->nb_samples <= 0) continue;
+      if (frame->sample_rate > kMostRate || frame->ch_layout.nb_channels < 1 ||
+          frame->ch_layout.nb_channels > kMostChannels ||
+          av_get_sample_fmt_name(static_cast<AVSampleFormat>(frame->format)) == nullptr)
+        throw MediaError("the sound of " + name_ +
+                         " cannot be decoded: it is of a form that no recorder makes");
       if (frame->pts != AV_NOPTS_VALUE) {
-        const Ticks since = av_rescale_q(frame->pts, stream_.time_base, {1, kTicksPerSecond}) - from_;
+        // What the media and the ledger state may be anything.
+        const Ticks stamp = bounded(av_rescale_q(frame->pts, stream_.time_base, {1, kTicksPerSecond}));
+        const Ticks since = bounded(stamp - from_);
         const std::int64_t at =
             av_rescale(wraps_ ? unwrapped(since) : since, SoundFinder::kRate, kTicksPerSecond);
         // Containers state times to a millisecond; what is further away is no more of the same run.
         constexpr std::int64_t kApart = SoundFinder::kRate / 50;
         if (!converter_ || !converter_->takes(*frame) || std::abs(at - expected_) > kApart) {
           end_run();
-          converter_.emplace(*frame);
+          converting([&] { converter_.emplace(*frame); });
           next_ = expected_ = at;
         }
       } else if (!converter_ || !converter_->takes(*frame)) {
         continue;  // nobody says when that was
       }
       expected_ += av_rescale(frame->nb_samples, SoundFinder::kRate, frame->sample_rate);
-      converter_->put(frame.get());
+      converting([&] { converter_->put(frame.get()); });
       take_converted();
     }
   }
   void end_run() {
     if (!converter_) return;
-    converter_->put(nullptr);
+    converting([&] { converter_->put(nullptr); });
     take_converted();
+    converter_.reset();
+  }
+  /// What came before the damage was heard, as far as the converter still gives it.
+  void end_damaged_run() {
+    try {
+      end_run();
+    } catch (const MediaError&) {
+      // the damage that is being told already is enough
+    }
     converter_.reset();
   }
   void take_converted() {
     const Frame piece = make_frame();
-    while (converter_->take(*piece)) {
+    const auto take = [&] {
+      bool is_there = false;
+      converting([&] { is_there = converter_->take(*piece); });
+      return is_there;
+    };
+    while (take()) {
       const auto count = static_cast<std::size_t>(piece->nb_samples);
       row_.put(next_, std::span(reinterpret_cast<const std::int16_t*>(piece->data[0]), count));
       next_ += piece->nb_samples;
+    }
+  }
+  static Ticks bounded(Ticks stamp) { return std::clamp(stamp, -kFurthestStamp, kFurthestStamp); }
+  /// Sound that libavfilter does not take is damage of its segment alone.
+  template <typename Use>
+  void converting(const Use& use) const {
+    try {
+      use();
+    } catch (const Error& error) {
+      throw MediaError("the sound of " + name_ + " cannot be decoded: " + error.what());
     }
   }
   void check(int result) const {

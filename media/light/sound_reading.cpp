@@ -38,6 +38,8 @@ constexpr std::int64_t kLongestSegmentNs = 3'600 * kSecondNs;
 /// Of a minute: a line for each window and each thing that may be a code.
 constexpr std::size_t kMostBytes = std::size_t{1} << 20;
 constexpr std::chrono::hours kLongestReading{1};
+/// Of one job: each is an open file. Segments as short as the recorder makes them leave room for a period.
+constexpr std::size_t kMostOpened = 128;
 
 /// Listens to the segments of one stream in their order, window by window.
 class SoundReading {
@@ -66,11 +68,13 @@ class SoundReading {
       }
       if (segment.span.start_ns > next_ns)  // after a gap: windows stay a whole number of periods apart
         next_ns = base_ns + (segment.span.start_ns - base_ns) / kPeriodNs * kPeriodNs;
-      listen(next_ns, at);
-      next_ns += kMostSoundWindows * kPeriodNs;
+      const int windows = windows_from(next_ns, at);
+      listen(next_ns, windows, at);
+      next_ns += windows * kPeriodNs;
       if (progress) progress(at + 1, segments_.size());
     }
     result_.light.unread_segments = unread_.size();
+    result_.unheard = unheard_.size();
     result_.light.report = judge_.finish();
     return std::move(result_);
   }
@@ -83,30 +87,56 @@ class SoundReading {
     if (unread_.insert(segment.file.file).second && unread_.size() == 1) result_.light.why_unread = why;
   }
 
+  /// The first segment of which windows may need sound that begin in segment `first`.
+  static std::size_t first_before(std::size_t first) {
+    constexpr std::size_t kBefore = 8;  // none is shorter than an eighth of what sound stands ahead by
+    return first - std::min(first, kBefore);
+  }
+  [[nodiscard]] bool is_needed(const archive::SegmentEntry& segment, std::int64_t begin_ns) const {
+    return end_of(segment) > begin_ns - kAheadNs && !recording_.is_erased(segment) &&
+           !unread_.contains(segment.file.file);
+  }
+  /// How many windows one job takes, so that it opens no more segments than it may.
+  [[nodiscard]] int windows_from(std::int64_t begin_ns, std::size_t first) const {
+    int windows = kMostSoundWindows;
+    std::size_t needed = 0;
+    for (std::size_t at = first_before(first); at < segments_.size() && windows > 1; ++at) {
+      const archive::SegmentEntry& segment = segments_[at];
+      if (segment.span.start_ns >= begin_ns + windows * kPeriodNs + kTailNs) break;
+      if (!is_needed(segment, begin_ns) || ++needed <= kMostOpened) continue;
+      while (windows > 1 && segment.span.start_ns < begin_ns + windows * kPeriodNs + kTailNs) --windows;
+    }
+    return windows;
+  }
+
   /// The windows of one job, the first of which begins at `begin_ns` of the case clock, in segment `first`.
-  void listen(std::int64_t begin_ns, std::size_t first) {
-    const std::int64_t end_ns = begin_ns + kMostSoundWindows * kPeriodNs;
+  void listen(std::int64_t begin_ns, int asked_windows, std::size_t first) {
+    const std::int64_t end_ns = begin_ns + asked_windows * kPeriodNs;
     std::list<SealedSegment> opened;
     std::vector<const archive::SegmentEntry*> entries;
     json asked_segments = json::array();
-    constexpr std::size_t kBefore = 8;  // none is shorter than an eighth of what sound stands ahead by
-    for (std::size_t at = first - std::min(first, kBefore); at < segments_.size(); ++at) {
+    for (std::size_t at = first_before(first); at < segments_.size(); ++at) {
       const archive::SegmentEntry& segment = segments_[at];
       if (segment.span.start_ns >= end_ns + kTailNs) break;
-      if (end_of(segment) <= begin_ns - kAheadNs || recording_.is_erased(segment) ||
-          unread_.contains(segment.file.file))
+      if (!is_needed(segment, begin_ns)) continue;
+      if (opened.size() >= kMostOpened) {
+        note_unread(segment, "there are more than " + std::to_string(kMostOpened) + " segments around " +
+                                 segment.file.file + ", which no recorder makes of so short a time");
         continue;
+      }
       try {
         const std::string media = archive::media_of(stream_, segment);
         const auto offset = offsets_.find(media);
         if (offset == offsets_.end())
           throw Error("no entry says when the sound of " + segment.file.file + " is from");
+        // What a ledger states of its first picture may be anything.
+        const Ticks apart = std::clamp(offset->second, -kFurthestStamp, kFurthestStamp);
         opened.push_back(SealedSegment::open(folder_, segment, identities_));
         entries.push_back(&segment);
         asked_segments.push_back({{"media", media},
                                   {"name", segment.file.file},
                                   {"complete", segment.complete},
-                                  {"from", ticks_of_ns(begin_ns) + offset->second}});
+                                  {"from", ticks_of_ns(begin_ns) + apart}});
       } catch (const IoError&) {
         throw;
       } catch (const Error& error) {
@@ -117,7 +147,7 @@ class SoundReading {
     const std::string name = entries.front()->file.file;
     try {
       Bytes said;
-      const json asked{{"windows", kMostSoundWindows}, {"phases", phases_}, {"segments", asked_segments}};
+      const json asked{{"windows", asked_windows}, {"phases", phases_}, {"segments", asked_segments}};
       const json answer = boxes_.with([&](BoxedJobs& box) {
         return box.ask(kReadSound, asked,
                        [&](std::uint64_t number) -> std::unique_ptr<crypto::ByteSource> {
@@ -129,11 +159,14 @@ class SoundReading {
                        name, &said, {.whole = kLongestReading, .bytes = kMostBytes});
       });
       take_answer(answer, entries);
-      judge(begin_ns, said, name);
+      judge(begin_ns, asked_windows, said, name);
     } catch (const IoError&) {
       throw;
     } catch (const Error& error) {
-      for (const archive::SegmentEntry* entry : entries) note_unread(*entry, error.what());
+      for (const archive::SegmentEntry* entry : entries) {
+        note_unread(*entry, error.what());
+        unheard_.insert(entry->file.file);
+      }
     }
   }
 
@@ -156,14 +189,15 @@ class SoundReading {
       if (number < 0 || number >= static_cast<std::int64_t>(entries.size())) continue;
       const archive::SegmentEntry& segment = *entries[static_cast<std::size_t>(number)];
       note_unread(segment, "the sound of " + segment.file.file + " cannot be decoded to its end");
+      if (counted_.contains(segment.file.file)) unheard_.insert(segment.file.file);
     }
   }
 
   /// Each window's line stands before those of what may be codes in it.
-  void judge(std::int64_t begin_ns, const Bytes& said, const std::string& name) {
+  void judge(std::int64_t begin_ns, int asked_windows, const Bytes& said, const std::string& name) {
     std::optional<std::int64_t> window_ns;
     std::vector<light::TimedSighting> heard;
-    std::size_t windows = 0;
+    int windows = 0;
     const auto close = [&] {
       if (window_ns) judge_.hear(*window_ns, *window_ns + kPeriodNs, heard);
       heard.clear();
@@ -173,10 +207,10 @@ class SoundReading {
       const std::optional<ReadPicture> line = picture_of(text.substr(0, end));
       text.remove_prefix(end + 1);
       const bool is_window = line && line->sightings.empty();
-      constexpr Ticks kLast = kMostSoundWindows * light::kSoundPeriodSeconds * kTicksPerSecond;
+      const Ticks last = asked_windows * light::kSoundPeriodSeconds * kTicksPerSecond;
       const bool fits =
-          line && line->stamp >= -kTicksPerSecond && line->stamp <= kLast + kTicksPerSecond &&
-          (is_window ? ++windows <= kMostSoundWindows
+          line && line->stamp >= -kTicksPerSecond && line->stamp <= last + kTicksPerSecond &&
+          (is_window ? ++windows <= asked_windows
                      : window_ns && line->sightings.size() == 1 && heard.size() < SoundFinder::kMostHeard);
       if (!fits)
         throw MediaError("the sound of " + name + " cannot be decoded: the decoder says what it may not");
@@ -201,7 +235,7 @@ class SoundReading {
   BoxPool boxes_;
   std::vector<int> phases_;
   StreamSound result_;
-  std::set<std::string> unread_, counted_;  // files
+  std::set<std::string> unread_, counted_, unheard_;  // files
 };
 
 }  // namespace

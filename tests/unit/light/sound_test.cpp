@@ -215,6 +215,42 @@ TEST(SoundJudge, CodesOfSecondsThatNoCodeBeginsWithAreNone) {
   EXPECT_EQ(report.agreeing, 0U);
 }
 
+/// Six stretches, in the first of which codes of their time are heard with so many bits turned over.
+LightReport judged_with(const LedgerLights& ledger, const std::vector<std::uint64_t>& turned) {
+  LightJudge judge(ledger, kSoundPeriodSeconds);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const auto at = static_cast<std::int64_t>(i);
+    std::vector<TimedSighting> heard;
+    if (i < turned.size())
+      heard.push_back(heard_at(at * kPeriod, test::shown_in(ledger, test::kLitBegin + 5 * at) ^ turned[i]));
+    judge.hear(at * kPeriod, (at + 1) * kPeriod, heard);
+  }
+  return judge.finish();
+}
+
+TEST(SoundJudge, OneReadingAloneThatNoiseMayGiveIsNotSeen) {
+  const LedgerLights ledger = test::lights_of(test::lit_lines(40, 1));
+  const LightReport chance = judged_with(ledger, {0xf});
+  EXPECT_EQ(chance.answer, LightAnswer::kNotSeen);
+  EXPECT_EQ(chance.agreeing, 1U) << "it is counted all the same";
+  EXPECT_TRUE(chance.delays_ns.empty());
+  EXPECT_EQ(judged_with(ledger, {0xf, 0xf}).answer, LightAnswer::kInPart);
+  EXPECT_EQ(judged_with(ledger, {1}).answer, LightAnswer::kInPart) << "nearly to the bit";
+}
+
+TEST(SoundJudge, AnOldCodeIsFoundBesideOtherWords) {
+  const LedgerLights ledger = test::lights_of(test::lit_lines(40, 1));
+  const std::uint64_t old = test::shown_in(ledger, test::kLitBegin);
+  for (const std::uint64_t other : {std::uint64_t{1}, kCodeMask - 1}) {
+    LightJudge judge(ledger, kSoundPeriodSeconds);
+    const std::vector<TimedSighting> heard{heard_at(4 * kPeriod, other), heard_at(4 * kPeriod, old)};
+    judge.hear(4 * kPeriod, 5 * kPeriod, heard);
+    const LightReport report = judge.finish();
+    EXPECT_EQ(report.old, 1U) << other;
+    EXPECT_EQ(report.answer, LightAnswer::kDisagrees);
+  }
+}
+
 TEST(SoundJudge, SoundWithoutACodeAccusesNobody) {
   const LedgerLights ledger = test::lights_of(test::lit_lines(40, 1));
   LightJudge judge(ledger, kSoundPeriodSeconds);
