@@ -63,8 +63,9 @@ std::string time_words(const VerificationReport& report) {
   }
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
-  return has(report, "ledger-changed") ? "not proved: no time-stamp is over the entries that are here"
-                                       : "not proved: no time-stamp that could be checked";
+  return has(report, "ledger-changed")
+             ? "not proved: no time-stamp that could be checked is over the entries that are here"
+             : "not proved: no time-stamp that could be checked";
 }
 
 /// UTC, and this machine's zone beside it where that is another.

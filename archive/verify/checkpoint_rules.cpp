@@ -239,7 +239,7 @@ std::optional<crypto::Checkpoint> CheckpointRules::check_note(std::uint64_t size
 }
 
 void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tree_known,
-                              std::optional<std::int64_t> mono_ns) {
+                              std::optional<std::int64_t> mono_ns, bool is_told) {
   if (!has(size)) {
     return;
   }
@@ -268,7 +268,7 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
     covered_by_.hardware = foreign || !note->by_hardware ? covered_by_.hardware : size;
     return;
   }
-  if (!changed_) {
+  if (!changed_ && !is_told) {
     changed_ = true;
     findings_->add("ledger-changed", {std::string(kLedgerFile), covered_},
                    "entries " + std::to_string(covered_) + " to " + std::to_string(size - 1) +
@@ -353,7 +353,7 @@ bool CheckpointRules::judge_hardware(std::uint64_t claims, std::uint64_t vouched
             " has a key that its hardware does not give away, and no signature by it that was given "
             "covers entry " +
             std::to_string(std::min(claims, covered_) - 1) +
-            ": the hardware did not answer, this is from before it had that key, or somebody with a "
+            ": the hardware did not sign, this is from before it had that key, or somebody with a "
             "copy of the device's other keys made it. The recorder's log says when its hardware was "
             "silent, and is worth no more than its own signatures by hardware");
     return false;
@@ -362,7 +362,7 @@ bool CheckpointRules::judge_hardware(std::uint64_t claims, std::uint64_t vouched
     findings_->add("checkpoint-hardware-missing", {},
                    counted(hardware_missing_, "checkpoint has", "checkpoints have") +
                        " no signature by the hardware of " + device_->name() +
-                       ", which did not answer then; a later signature by it covers their entries");
+                       ", which did not sign then; a later signature by it covers their entries");
   }
   return true;
 }

@@ -52,9 +52,10 @@ class CheckpointRules {
   /// A note that came to be after the listing.
   void appeared(std::uint64_t size);
   /// The tree has `size` entries, and `fits` tells whether a root is its. `tree_known` is false once a line
-  /// could not be hashed. `mono_ns` is the case clock of the last entry, where known.
-  void reached(std::uint64_t size, const RootTest& fits, bool tree_known,
-               std::optional<std::int64_t> mono_ns);
+  /// could not be hashed. `mono_ns` is the case clock of the last entry, where known. What does not fit is a
+  /// finding, but where the caller says so itself (`is_told`).
+  void reached(std::uint64_t size, const RootTest& fits, bool tree_known, std::optional<std::int64_t> mono_ns,
+               bool is_told = false);
   /// The ledger ends with `size` entries: notes beyond are findings.
   void finish(std::uint64_t size);
 

@@ -253,9 +253,9 @@ class ExcerptVerification {
           findings_.add("excerpt-proof-invalid", {note_path(size)},
                         note_path(size) + " is not proven to be of the same tree as the later checkpoints");
         }
-        return true;  // said
+        return proven;
       };
-      checkpoints_.reached(size, fits, true, std::nullopt);
+      checkpoints_.reached(size, fits, true, std::nullopt, true);
     }
   }
 

@@ -293,8 +293,12 @@ TEST_F(Excerpt, WithAForeignEarlierCheckpointIsTampered) {
   std::string document = read(excerpt() / "excerpt.json");
   const std::size_t proof = document.find("\"proof\":[\"") + 10;
   document[proof] = document[proof] == '0' ? '1' : '0';
+  const std::size_t proving = verify().proving_tokens.size();
   write(excerpt() / "excerpt.json", document);
-  EXPECT_THAT(summary(verify()), ::testing::HasSubstr("excerpt-proof-invalid checkpoints/00000001.note"));
+  const VerificationReport report = verify();
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("excerpt-proof-invalid checkpoints/00000001.note"));
+  EXPECT_THAT(summary(report), ::testing::Not(::testing::HasSubstr("ledger-changed"))) << "said once";
+  EXPECT_LT(report.proving_tokens.size(), proving) << "a token over it proves no time of these lines";
 }
 
 TEST_F(Excerpt, ThatStatesMoreTimeThanItsLinesShowIsUnproven) {
