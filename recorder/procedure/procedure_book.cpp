@@ -10,12 +10,15 @@
 namespace kiroku::recorder {
 namespace {
 
+bool is_of_room(const ProcedureRule& rule, const std::string& place) {
+  return std::ranges::any_of(rule.locations,
+                             [&](const std::string& location) { return same_but_for_case(place, location); });
+}
+
 bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
-  if (rule.locations.empty()) return true;
-  return std::any_of(message.places.begin(), message.places.end(), [&](const std::string& place) {
-    return std::any_of(rule.locations.begin(), rule.locations.end(),
-                       [&](const std::string& location) { return same_but_for_case(place, location); });
-  });
+  return rule.locations.empty() || std::ranges::any_of(message.places, [&](const std::string& place) {
+           return is_of_room(rule, place);
+         });
 }
 
 }  // namespace
@@ -63,21 +66,50 @@ void ProcedureBook::place(ProcedureMessage message, UtcTime received) {
     // A change of somebody's address, or a record that is begun, brings nobody into the room. Where every
     // message is about one room, an event of arriving does without a place.
     if (!says_where && !message.moves) return;
-    const std::string patient = message.patient;
-    placed_.emplace(patient, Kept{received, std::move(message)});
+    Kept kept{received, std::move(message)};
+    for (const std::string& place : kept.message.places) kept.since.emplace(place, received);
+    const std::string patient = kept.message.patient;
+    placed_.emplace(patient, std::move(kept));
     return;
   }
   Kept& kept = known->second;
-  const bool is_elsewhere = says_where && message.places != kept.message.places;
   const bool arrives = message.moves && (says_where || kept.message.places.empty());
-  // Whoever only sends other facts (A08, A31) of somebody who is there already does not say that they came
+  // Whoever only sends other facts (A08, A31) of somebody who was there before does not say that they came
   // anew, after whoever came since.
-  if (is_elsewhere || arrives) kept.received = received;
-  if (!is_elsewhere) {
+  bool comes = arrives;
+  if (says_where) {
+    std::map<std::string, UtcTime> since;
+    for (const std::string& place : message.places) {
+      const auto before = kept.since.find(place);
+      const bool stays = !arrives && before != kept.since.end() &&
+                         somebody_else_came(message.patient, place, before->second);
+      since.emplace(place, stays ? before->second : received);
+      comes = comes || !stays;
+    }
+    kept.since = std::move(since);
+  } else {
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
   }
+  if (comes) kept.received = received;
   kept.message = std::move(message);
+}
+
+bool ProcedureBook::somebody_else_came(const std::string& patient, const std::string& place,
+                                       UtcTime since) const {
+  return std::ranges::any_of(placed_, [&](const auto& other) {
+    const auto there = other.second.since.find(place);
+    return other.first != patient && there != other.second.since.end() && there->second > since;
+  });
+}
+
+std::optional<UtcTime> ProcedureBook::came(const ProcedureRule& rule, const Kept& kept) {
+  if (rule.locations.empty()) return kept.received;
+  std::optional<UtcTime> last;
+  for (const auto& [place, since] : kept.since) {
+    if (is_of_room(rule, place)) last = std::max(last.value_or(since), since);
+  }
+  return last;
 }
 
 /// What is known of a patient by an earlier number is of the new one from then on.
@@ -129,7 +161,8 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTim
   std::set<std::string> placed;
   const auto is_near = [&](UtcTime time) { return std::chrono::abs(at - time) <= rule.window; };
   for (const auto& [patient, kept] : placed_) {
-    if (!concerns(rule, kept.message) || !is_near(kept.received)) continue;
+    const std::optional<UtcTime> since = came(rule, kept);
+    if (!since || !is_near(*since)) continue;
     placed.insert(patient);
     std::vector<const ProcedureMessage*> planned;
     std::vector<std::optional<UtcTime>> times;
@@ -139,7 +172,7 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTim
       times.emplace_back(other.message.planned.value_or(other.received));
     }
     all.push_back(kept.message.data);
-    all.back().chosen = "a message placed the patient in the room at " + format_utc(kept.received);
+    all.back().chosen = "a message placed the patient in the room at " + format_utc(*since);
     if (const auto chosen = nearest(times, at, rule.window).index)
       complete(all.back(), planned[*chosen]->data);
   }
@@ -158,9 +191,13 @@ std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcT
 
 ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime at) const {
   const Kept* here = nullptr;
+  UtcTime here_since;
   for (const auto& [patient, kept] : placed_) {
-    const bool counts = concerns(rule, kept.message) && std::chrono::abs(at - kept.received) <= rule.window;
-    if (counts && (here == nullptr || here->received <= kept.received)) here = &kept;
+    const std::optional<UtcTime> since = came(rule, kept);
+    if (!since || std::chrono::abs(at - *since) > rule.window) continue;
+    if (here != nullptr && here_since > *since) continue;
+    here = &kept;
+    here_since = *since;
   }
   std::vector<const ProcedureMessage*> planned;
   std::vector<std::optional<UtcTime>> times;
@@ -190,7 +227,7 @@ ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime a
   }
   if (here == nullptr) return {appointment};
   ProcedureData found = here->message.data;
-  found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here->received);
+  found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);
   return {found};
 }

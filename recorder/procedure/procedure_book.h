@@ -51,7 +51,11 @@ class ProcedureBook {
   struct Kept {
     UtcTime received;
     ProcedureMessage message;
+    /// Of a patient who is placed: when they came to each of the message's places.
+    std::map<std::string, UtcTime> since = {};
   };
+  /// When the patient came to the rule's room; nothing where they are not there.
+  static std::optional<UtcTime> came(const ProcedureRule& rule, const Kept& kept);
   struct Choice {
     std::optional<ProcedureData> data;
     bool is_doubtful = false;
@@ -61,6 +65,8 @@ class ProcedureBook {
   static void forget_old(Messages& messages, UtcTime now);
   void rename(const ProcedureMessage& message);
   void place(ProcedureMessage message, UtcTime received);
+  [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
+                                        UtcTime since) const;
   void cancel(const std::string& appointment);
 
   Messages placed_;        // by patient

@@ -12,11 +12,13 @@ namespace kiroku::recorder {
 namespace {
 
 // Events of HL7 v2.5, chapter 3. Of the pending ones (A05, A14 to A16, and their cancelling) PV1 says where
-// the patient is to be, or was to be.
+// the patient is to be, or was to be; of those of somebody who goes away (A09, A21, A32, A53) it says where
+// they were.
 constexpr std::array<std::string_view, 4> kLeaving{"A03", "A11", "A23", "A29"};
-constexpr std::array<std::string_view, 16> kMoving{"A01", "A02", "A04", "A06", "A07", "A09", "A10", "A12",
-                                                   "A13", "A17", "A21", "A22", "A32", "A33", "A52", "A53"};
-constexpr std::array<std::string_view, 8> kPending{"A05", "A14", "A15", "A16", "A25", "A26", "A27", "A38"};
+constexpr std::array<std::string_view, 12> kMoving{"A01", "A02", "A04", "A06", "A07", "A10",
+                                                   "A12", "A13", "A17", "A22", "A33", "A52"};
+constexpr std::array<std::string_view, 12> kPending{"A05", "A09", "A14", "A15", "A16", "A21",
+                                                    "A25", "A26", "A27", "A32", "A38", "A53"};
 constexpr std::array<std::string_view, 22> kOfPersons{"A18", "A24", "A28", "A30", "A31", "A34", "A35", "A36",
                                                       "A37", "A39", "A40", "A41", "A42", "A43", "A44", "A45",
                                                       "A46", "A47", "A48", "A49", "A50", "A51"};

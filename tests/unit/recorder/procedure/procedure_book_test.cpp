@@ -111,6 +111,17 @@ TEST(ProcedureBook, WhoeverIsThereAlreadyIsNotPlacedAnewByTheSamePlace) {
   EXPECT_EQ(found(book, kMorning + 5h), "1 ");
 }
 
+// Many systems send nothing but A08.
+TEST(ProcedureBook, APatientWhoComesAgainIsThereAgainUnlessSomebodyElseCame) {
+  ProcedureBook book;
+  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(placed("1", {"OR1"}), kMorning + 26h);
+  EXPECT_EQ(found(book, kMorning + 27h), "1 ");
+  book.take(placed("2", {"OR1"}), kMorning + 28h);
+  book.take(placed("1", {"WARD-7", "OR1"}), kMorning + 29h);
+  EXPECT_EQ(found(book, kMorning + 30h), "2 ") << "a bed that changed brings nobody into another room";
+}
+
 TEST(ProcedureBook, APatientWhoseNumberIsMergedIsOnePatient) {
   ProcedureBook book;
   book.take(placed("old", {"OR1"}), kMorning);

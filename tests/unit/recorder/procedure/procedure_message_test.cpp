@@ -95,7 +95,8 @@ TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
 
 // What is to be, or was to be, and what is said of a person, tells nothing of who lies in the room now.
 TEST(ProcedureMessage, WhatIsPendingOrOfAPersonPlacesNobody) {
-  for (const char* event : {"A05", "A14", "A15", "A27", "A38", "A28", "A31", "A40", "A47"})
+  for (const char* event :
+       {"A05", "A14", "A15", "A27", "A38", "A28", "A31", "A40", "A47", "A09", "A21", "A32", "A53"})
     EXPECT_EQ(read(adt(event)).kind, Kind::kFacts) << event;
 }
 
