@@ -15,6 +15,7 @@
 #include "apps/kiroku/verify_extras.h"
 #include "apps/verify/judging.h"
 #include "archive/reading/case_reader.h"
+#include "archive/verify/report.h"
 #include "archive/verify/report_json.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -142,17 +143,25 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
     result = media::export_case(recording, identities, options);
   }
   if (!is_entered) log_access(home, recording.folder(), "exported every stream");
+  const std::string verdict = options.verification["verdict"];
+  const bool is_tampered = verdict == archive::verdict_name(archive::Verdict::kTampered);
+  if (is_tampered) {
+    print_error("kiroku",
+                "warning: the case does not hold: what was exported is not proved to be what was recorded; "
+                "'kiroku verify' says what was changed");
+  }
+  const int status = is_tampered ? kAnswerIsNo : kDone;
   if (request.json) {
     print_json(result.manifest);
-    return kDone;
+    return status;
   }
   const std::int64_t zero_ns = result.manifest["zero"]["case_ns"];
   std::cout << printable(request.output) << ": " << result.files.size() << " files of "
             << recording.opening().streams.size() << " streams, " << format_bytes(result.bytes)
             << "; time 0 of all is " << archive::case_time_text(zero_ns, recording.opening().begins_ns)
-            << " of the case, whose verdict is " << options.verification["verdict"].get<std::string>() << ". "
-            << media::kExportManifest << " says where each begins.\n";
-  return kDone;
+            << " of the case, whose verdict is " << verdict << ". " << media::kExportManifest
+            << " says where each begins.\n";
+  return status;
 }
 
 int run(const Request& request) {
@@ -200,7 +209,8 @@ void add_export_command(Command& program) {
       "stretch. A stream that begins later begins later in its file, and gaps stay. A .csv has the case's "
       "time and, in its last column, the time since 0.");
   command.explain(
-      "--all verifies the case first. manifest.json says what was found, where each file begins on the "
+      "--all verifies the case first; of one that was tampered with the exit status is 1, though it is "
+      "exported. manifest.json says what was found, where each file begins on the "
       "case's clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when "
       "each picture is shown.");
   command.explain(

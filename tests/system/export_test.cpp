@@ -119,6 +119,18 @@ TEST_F(Exporting, TakesEverythingIntoAFolderThatSaysWhatItIs) {
   EXPECT_FALSE(std::getline(index, line));
 }
 
+TEST_F(Exporting, OfACaseThatWasTamperedWithDoesNotLeaveAsIfItHeld) {
+  const std::filesystem::path last = std::filesystem::path(case_) / "segments/endoscope/00000007.ts.age";
+  ASSERT_TRUE(std::filesystem::exists(last));
+  write_text(last, "another's");
+  const ProcessResult made = take({"--all", "-o", "all", "--to", "0:02"});
+  EXPECT_EQ(made.status, 1);
+  EXPECT_THAT(made.err, HasSubstr("the case does not hold"));
+  EXPECT_THAT(made.out, HasSubstr("whose verdict is tampered"));
+  const auto manifest = nlohmann::json::parse(read_text(folder() / "all/manifest.json"));
+  EXPECT_EQ(manifest["verification"]["verdict"], "tampered");
+}
+
 TEST_F(Exporting, ReplacesOnlyWhereForcedAndOnlyWhatItMade) {
   ASSERT_EQ(take({"--stream", "room", "-o", "room.ts"}).status, 0);
   EXPECT_REFUSED(take({"--stream", "room", "-o", "room.ts"}), "--force");
