@@ -1,6 +1,7 @@
 // 'kiroku-fleet cases' and 'kiroku-fleet status'.
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -13,6 +14,7 @@
 #include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/page_place.h"
 #include "archive/catalogue/catalogue_json.h"
+#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/joined.h"
 #include "base/json_or_null.h"
@@ -98,8 +100,16 @@ void print_table(const std::vector<fleet::FleetCase>& cases) {
   std::cout << format_table(rows, "lllrrll", 0);
 }
 
-/// "No case is so" of a name that was mistyped would read as if nothing were wrong with what was meant.
-void require_known(const std::string& appliance, fleet::FleetCatalogue& catalogue) {
+/// "No case is so" of a name that was mistyped would read as if nothing were wrong with what was meant. One
+/// whose key is kept here is known, though no case of it has come.
+void require_known(const std::string& appliance, const FleetConfiguration& configuration,
+                   fleet::FleetCatalogue& catalogue) {
+  std::error_code ignored;
+  for (const char* form : {".identity", ".pub"}) {
+    if (archive::is_short_name(appliance) &&
+        std::filesystem::exists(configuration.devices / (appliance + form), ignored))
+      return;
+  }
   const std::vector<std::string> known = catalogue.appliances();
   if (std::ranges::find(known, appliance) == known.end())
     throw UsageError("the catalogue has no case of an appliance '" + printable(appliance) +
@@ -134,8 +144,9 @@ int history(const Request& request, fleet::FleetCatalogue& catalogue) {
 }
 
 int cases(const Request& request) {
-  fleet::FleetCatalogue catalogue = FleetConfiguration::read(request.configuration).open_catalogue();
-  if (request.appliance) require_known(*request.appliance, catalogue);
+  const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
+  fleet::FleetCatalogue catalogue = configuration.open_catalogue();
+  if (request.appliance) require_known(*request.appliance, configuration, catalogue);
   if (request.history) return history(request, catalogue);
   const fleet::CaseQuery query = query_of(request);
   const std::vector<fleet::FleetCase> found = catalogue.find(query);

@@ -55,7 +55,8 @@ void VerifiedCases::compare(const fleet::FleetTotals& catalogue) {
                                incomplete_ + unproven_ + unchecked_);
   missing_ = catalogue.missing;
   unreadable_ = catalogue.unverified_unreadable;
-  unsettled_ = catalogue.unverified_closed;
+  // Of a run that was ended nobody knows whether it left out a case for its age, or had not come to it yet.
+  unsettled_ = ended_early_ ? 0 : catalogue.unverified_closed;
 }
 
 int VerifiedCases::status() const {

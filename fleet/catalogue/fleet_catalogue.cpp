@@ -203,8 +203,8 @@ constexpr std::string_view kTotals = R"(
     least(coalesce(sum(bytes), 0), 9223372036854775807)::bigint,
     count(*) FILTER (WHERE state = 'open'), count(*) FILTER (WHERE state = 'unreadable'),
     count(*) FILTER (WHERE state = 'missing'), count(*) FILTER (WHERE state <> 'missing' AND verified IS NULL),
-    count(*) FILTER (WHERE state = 'closed' AND verified IS NULL),
-    count(*) FILTER (WHERE state = 'unreadable' AND verified IS NULL),
+    count(*) FILTER (WHERE state = 'closed' AND verified IS NULL AND unchecked IS NULL),
+    count(*) FILTER (WHERE state = 'unreadable' AND verified IS NULL AND unchecked IS NULL),
     count(*) FILTER (WHERE alarm), count(*) FILTER (WHERE verdict = 'incomplete'),
     count(*) FILTER (WHERE verdict = 'unproven'), count(unchecked),
     count(*) FILTER (WHERE leased_by IS NOT NULL AND leased_until > now()))";

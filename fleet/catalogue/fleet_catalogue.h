@@ -65,7 +65,7 @@ struct FleetTotals {
   std::uint64_t cases = 0, segments = 0, bytes = 0;
   std::uint64_t open = 0, unreadable = 0, missing = 0;
   std::uint64_t unverified = 0;  // as CaseQuery has it; of those that are not missing
-  std::uint64_t unverified_closed = 0, unverified_unreadable = 0;  // of these
+  std::uint64_t unverified_closed = 0, unverified_unreadable = 0;  // of these, that nobody tried in vain
   std::uint64_t alarms = 0, incomplete = 0, unproven = 0, unchecked = 0;
   std::uint64_t being_verified = 0;
 };
