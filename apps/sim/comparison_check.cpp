@@ -51,6 +51,9 @@ std::vector<Check> check_case(const ComparisonRequest& request, const std::optio
       checks.push_back({"case", Answer::kHolds, stated.case_id + " was recorded by this plan"});
     else if (open.plan)
       checks.push_back({"case", Answer::kDiffers, stated.case_id + " was recorded by another plan"});
+    else if (made.case_names_plan)
+      checks.push_back({"case", Answer::kDiffers,
+                        stated.case_id + " names no plan, and the comparison says that it names one"});
     return checks;
   } catch (const Error& error) {
     return {{"case", Answer::kUnknown, error.what()}};
