@@ -62,6 +62,8 @@ LensCalibrator::Taken LensCalibrator::take(int width, int height, std::span<cons
                      " pixels follows some of " + std::to_string(width_) + "x" + std::to_string(height_) +
                      ": a lens is calibrated with pictures of one size");
   }
+  constexpr int kLeastSide = 16;  // in less OpenCV finds no board, and says so in its own words
+  if (std::min(width, height) < kLeastSide) return Taken::kNoBoard;
   const cv::Mat picture(height, width, CV_8UC1, const_cast<std::uint8_t*>(grey.data()));
   std::vector<cv::Point2f> found;
   if (!cv::findChessboardCornersSB(picture, {columns_, rows_}, found,

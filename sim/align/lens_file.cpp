@@ -75,7 +75,9 @@ void take_distortion(const cv::Mat_<double>& matrix, const std::string& name, Le
 LensCalibration taken(const cv::FileStorage& file, const std::string& name) {
   LensCalibration lens;
   const cv::FileNode fisheye = file["fisheye_model"];
-  if (fisheye.isInt() && static_cast<int>(fisheye) != 0) lens.model = LensModel::kFisheye;
+  if (!fisheye.empty() && !fisheye.isInt() && !fisheye.isReal())
+    throw UsageError(name + " has a fisheye_model that is no number: 1 where it is of that model, else 0");
+  if (!fisheye.empty() && static_cast<double>(fisheye) != 0) lens.model = LensModel::kFisheye;
   take_camera(matrix_of(file, {"camera_matrix", "Camera_Matrix"}, name), name, lens);
   take_distortion(matrix_of(file, {"distortion_coefficients", "Distortion_Coefficients"}, name), name, lens);
   lens.width = count_of(file, {"image_width", "image_Width"}, name);

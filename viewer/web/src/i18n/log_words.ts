@@ -25,6 +25,8 @@ export const kDeeds: readonly SentencePair[] = [
   ['excerpt for a new reader', '新しい受信者のための抜粋を作成'],
   ['made a receipt', '控えを作成'],
   ['read the light of a display in the pictures', '映像中の表示コードを読取り'],
+  ['read the codes of a display in the pictures and the sound', '映像と音声中の表示コードを読取り'],
+  ['opened to calibrate a lens', 'レンズの校正のために開封'],
   ['made a verification report', '検証報告書を作成'],
   ['verified with an identity', '識別鍵を用いて検証'],
   ['made a certificate of training for {name}', '{name} の訓練証明を作成'],
