@@ -101,7 +101,7 @@ std::vector<Sampled> sampled(const std::vector<DrawnCurve>& curves, double spaci
     for (std::size_t k = 0; k + 1 < curve.line_m.size(); ++k) {
       const Vector3 way = curve.line_m[k + 1] - curve.line_m[k];
       const int parts = std::max(1, static_cast<int>(std::lround(way.norm() / step_m)));
-      for (int part = 0; part < parts; ++part) made.line_m.push_back(curve.line_m[k] + part * way / parts);
+      for (int part = 0; part < parts; ++part) made.line_m.emplace_back(curve.line_m[k] + part * way / parts);
     }
     made.line_m.push_back(curve.line_m.back());
   }
