@@ -207,6 +207,30 @@ void measure(const Patient& patient, const Canvas& canvas, Laid& laid) {
   laid.mean_px /= double(laid.hausdorff_px.size());
 }
 
+/// How large the organ is, and how much of it is in the recorded picture.
+void tell_size(const Patient& patient, const Canvas& canvas, const Laid& laid) {
+  constexpr int kShrink = 8, kRoom = 4000;
+  const int width = patient.lens.width, height = patient.lens.height;
+  Pinhole wide = canvas.pinhole;
+  wide.middle_x = patient.lens.middle_px.x() + kRoom;
+  wide.middle_y = patient.lens.middle_px.y() + kRoom;
+  const auto drawn =
+      silhouette_of(laid.surface, laid.camera, wide, width + 2 * kRoom, height + 2 * kRoom, kShrink);
+  if (!drawn) return;
+  double all = 0, within = 0;
+  for (int y = 0; y < drawn->height; ++y) {
+    for (int x = 0; x < drawn->width; ++x) {
+      if (!(drawn->at(x, y) > 0)) continue;
+      const int left = kShrink * x - kRoom, top = kShrink * y - kRoom;
+      all += 1;
+      within += left >= 0 && top >= 0 && left < width && top < height ? 1 : 0;
+    }
+  }
+  std::printf("  as large as %.1f pictures, %.0f %% of it in the picture, middle %.0f mm away\n",
+              all * kShrink * kShrink / width / height, 100 * within / std::max(1.0, all),
+              -1000 * laid.camera.view_m(laid.surface.middle_m).z());
+}
+
 void tell(const Laid& laid) {
   std::printf("%-46s", laid.name.c_str());
   for (const double each : laid.hausdorff_px) std::printf(" %7.1f", each);
@@ -558,6 +582,7 @@ void run(const std::filesystem::path& folder, const std::filesystem::path& shown
     laid->name = name;
     measure(patient, canvas, *laid);
     tell(*laid);
+    tell_size(patient, canvas, *laid);
     if (!shown.empty()) show(patient, canvas, *laid, shown);
     constexpr std::array<const char*, 3> kOf{"ridge1", "ridge2", "ligament"};
     std::ostringstream text;
