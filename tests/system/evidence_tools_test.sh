@@ -65,6 +65,8 @@ expect 1 'does not cover segments/endoscope/00000000.ts.age' "$scratch/copy" "$e
 changed "checkpoints/$(ls "$case/checkpoints" | head -n 1)"
 expect 1 'does not cover checkpoints/' "$scratch/copy" "$ers"
 changed ledger.jsonl
+expect 1 'the ledger has an entry of another form' "$scratch/copy" "$ers"
+jq -c 'if .seq == 1 then .mono_ns += 1 else . end' "$case/ledger.jsonl" >"$scratch/copy/ledger.jsonl"
 expect 1 'does not cover the ledger of this case' "$scratch/copy" "$ers"
 
 # What the folder's maker wrote is neither run nor shown as it stands; what is not there, or ends too early, is not proved.
