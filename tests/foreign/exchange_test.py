@@ -25,6 +25,7 @@ import unittest
 import age
 import case_verifier
 import case_writer as w
+import cosignature
 import forgeries
 import log_verifier
 import mutations
@@ -153,6 +154,59 @@ class Exchange(unittest.TestCase):
         self.assertEqual(reached, set(verifier.severities()))
         self.assertEqual(reached - judged, keyed, "README.md lists the codes that only our program judges")
         print(f"{len(made)} folders reach all {len(reached)} codes; both verifiers agree on each of the {len(judged)} that need no key", file=sys.stderr)
+
+    def test_witnesses_count_over_the_end_alone_that_is_led_to(self):
+        folder = self.scratch / "witnessed"
+        folder.mkdir()
+        world = dataclasses.replace(self.world, folder=folder, sealed=dict(self.world.sealed))
+        witness, now = note.Signer("notary.example/w1", bytes([4] * 32)), int(time.time()) - 60
+        (folder / "witnesses.txt").write_text(f"witness w1 {cosignature.key_of(witness)}\nquorum w1\n")
+        genuine = world.sound().write(folder / "genuine")
+        log, signed = forgeries.log_of_the_end(world, genuine)
+        (folder / "log.note").write_bytes(cosignature.cosigned(signed, witness, now))
+        world.sealed["endoscope 1"] = age.seal(b"another film\n", [world.reader.public])
+        rewritten = world.sound().write(folder / "rewritten")
+        self.assertEqual((rewritten.lines[0], len(rewritten.lines)), (genuine.lines[0], len(genuine.lines)))
+        sizes = sorted(genuine.notes)
+
+        def excerpt(written, size):
+            name = f"{written.folder.parent.name} {size}"
+            return w.write_excerpt(written, folder / name, 6 * SECOND, 9 * SECOND, ["endoscope"], 2, size)
+
+        def told(given, *options):
+            """Exit status, whether a quorum is met, over what, and how much the log states or a proof proves."""
+            done = self.ask("kiroku-verify", "--json", "--witnesses", folder / "witnesses.txt", *self.given_as_options(given, folder), *options, given.path)
+            report = json.loads(done.stdout)
+            return done.returncode, report["witnesses"]["quorum"], report["witnesses"]["holds"], (report["log"] or {}).get("entries"), report["proved_entries"]
+
+        beside = {"log": log, "against": [folder / "log.note"]}
+        self.assertEqual(told(world.given(genuine.folder, **beside)), (0, True, "end", len(genuine.lines), 0))
+        to_the_end, part, other = excerpt(genuine, sizes[-1]), excerpt(genuine, sizes[-2]), excerpt(rewritten, sizes[-2])
+        self.assertEqual(told(world.given(to_the_end, **beside)), (4, True, "end", sizes[-1], 0))
+        # Of what nothing leads to, the log may say what it likes.
+        for each in (part, other):
+            self.assertEqual(told(world.given(each, **beside)), (3, False, "nothing", 0, 0))
+            self.assertEqual(told(world.given(each, **beside), "--excerpt"), (3, False, "nothing", 0, 0))
+        done = self.ask("kiroku-verify", "--witnesses", folder / "witnesses.txt", *self.given_as_options(world.given(other, **beside), folder), other)
+        self.assertIn("nobody witnessed the others", done.stdout)
+        # A proof leads there, of the genuine one.
+        proved = forgeries.by_proof(world, world.given(part, log=log), part=(sizes[-2], genuine.lines))
+        self.assertEqual(told(proved), (3, False, "end", None, sizes[-2]))
+        self.assertEqual(told(dataclasses.replace(proved, **beside)), (4, True, "end", 0, sizes[-2]))
+        forged = forgeries.by_proof(world, world.given(other, log=forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "other"), rewritten)[0]),
+                                    part=(sizes[-2], rewritten.lines))
+        self.assertEqual(told(dataclasses.replace(forged, **beside)), (3, False, "end", 0, sizes[-2]))
+        # Another device that the verifier trusts for its own cases vouches for none of this one.
+        stranger = forgeries.ANOTHER_DEVICE
+        theirs, signed = forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "theirs"), rewritten, stranger)
+        (folder / "theirs.note").write_bytes(cosignature.cosigned(signed, witness, now))
+        trusted = world.given(rewritten.folder, log=theirs, devices=[world.device.key, stranger.key])
+
+        def cosign(parts):
+            parts["signed"] = cosignature.cosigned(parts["signed"], witness, now)
+        by_theirs = forgeries.by_proof(dataclasses.replace(world, device=stranger), trusted, cosign)
+        self.assertEqual(told(by_theirs), (3, False, "nothing", None, 0))
+        self.assertEqual(told(dataclasses.replace(trusted, against=[folder / "theirs.note"]))[1:3], (False, "nothing"))
 
     def test_our_program_reads_the_other_writers_case(self):
         folder = self.scratch / "written"
