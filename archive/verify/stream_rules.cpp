@@ -360,7 +360,7 @@ void StreamRules::check_ends(const Span& recorded) {
     return;
   }
   if (info_->timing != "arrival") {
-    check_length(recorded);
+    check_length(recorded, recorded);
     return;
   }
   if (report_.segments > 0) {
@@ -381,13 +381,15 @@ void StreamRules::check_ends(const Span& recorded) {
 
 // A file ends where it ends. Whether it was one rests on the recorder's word, so nobody may take the case's
 // length for the stream's.
-void StreamRules::check_length(const Span& recorded) {
+void StreamRules::check_length(const Span& recorded, const Span& asked) const {
   if (report_.segments == 0) {
     return;
   }
-  const std::int64_t late_ns = report_.span.start_ns - recorded.start_ns;
-  const std::int64_t early_ns = recorded.end_ns - end_ns_.value_or(recorded.start_ns);
-  if (late_ns > kLateBeginToleranceNs || early_ns > kEarlyEndToleranceNs) {
+  const std::int64_t last_ns = end_ns_.value_or(recorded.start_ns);
+  const bool is_late = report_.span.start_ns - recorded.start_ns > kLateBeginToleranceNs &&
+                       asked.start_ns < report_.span.start_ns;
+  const bool is_early = recorded.end_ns - last_ns > kEarlyEndToleranceNs && asked.end_ns > last_ns;
+  if (is_late || is_early) {
     findings_->add("stream-shorter", {std::string(kLedgerFile)},
                    report_.info.name + ", which was read from " + report_.info.source + ", is from " +
                        text_of({report_.span.start_ns, end_ns_.value_or(report_.span.end_ns)}) +
@@ -480,9 +482,10 @@ bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const L
 void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines) const {
   const Span asked{std::max(stated.start_ns, lines.recorded_from_ns),
                    std::min(stated.end_ns, lines.closed_ns.value_or(stated.end_ns))};
-  if (of_marks_ || info_->timing != "arrival" || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
+  if (of_marks_ || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
     return;
   }
+  const bool from_first = from_open_ || first_index_ == 0U;
   const Place place{std::string(kExcerptLinesFile)};
   const std::string& name = report_.info.name;
   const auto lacks = [&](const std::optional<Span>& left, std::int64_t tolerance_ns) {
@@ -498,13 +501,17 @@ void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines)
                    name + " has nothing from " + text_of(asked) + ", nor elsewhere, and no gap says why");
     return;
   }
+  if (info_->timing != "arrival") {
+    const std::int64_t first_ns = from_first ? lines.recorded_from_ns : report_.span.start_ns;
+    check_length({first_ns, lines.closed_ns.value_or(end_ns_.value_or(first_ns))}, asked);
+    return;
+  }
   if (report_.segments == 0 && !from_open_ &&
       (gaps_.empty() || gaps_.front().start_ns > asked.start_ns + kSeamToleranceNs)) {
     is_not_shown(asked);
     return;
   }
   if (report_.segments > 0) {
-    const bool from_first = from_open_ || first_index_ == 0U;
     const auto late =
         uncovered({from_first ? lines.recorded_from_ns : asked.start_ns, report_.span.start_ns});
     const bool is_late = lacks(late, from_first ? kLateBeginToleranceNs : 0);

@@ -114,7 +114,8 @@ class StreamRules {
   void count_filling(const SegmentEntry& segment, std::uint64_t entry);
   /// Demands a gap where a stream has nothing at the case's beginning or end.
   void check_ends(const Span& recorded);
-  void check_length(const Span& recorded);
+  /// Of a stream that was read from a file: tells where, in `asked`, it is shorter than `recorded`.
+  void check_length(const Span& recorded, const Span& asked) const;
   void check_gaps_end(const Span& recorded);
   void check_fillings();
   /// Pictures of a time that a gap says was not recorded; gaps must be joined.

@@ -220,8 +220,9 @@ class Stream:
         """Of an excerpt: what a case must have in all of its time, in the time that it states."""
         name, gaps = self.info["name"], self.joined()
         begin, end = max(begin, recorded_from), end if closed_ns is None else min(end, closed_ns)
-        if self.of_marks or self.info["timing"] != "arrival" or end - begin <= SEAM:
+        if self.of_marks or end - begin <= SEAM:
             return
+        from_first = self.from_open or self.first == 0
 
         def lacks(left, tolerance):
             return left and left[1] - left[0] > tolerance and min(left[1], end) - max(left[0], begin) > SEAM
@@ -229,11 +230,15 @@ class Stream:
         if self.segments == 0 and not gaps and self.from_open:
             self.report("stream-empty", name)
             return
+        if self.info["timing"] != "arrival":
+            late = self.segments and from_first and self.begin - recorded_from > LATE_BEGIN and begin < self.begin
+            if late or self.segments and closed_ns is not None and closed_ns - self.end > EARLY_END and end > self.end:
+                self.report("stream-shorter", name)
+            return
         if self.segments == 0 and not self.from_open and (not gaps or gaps[0][0] > begin + SEAM):
             self.report("excerpt-range-short", name)
             return
         if self.segments:
-            from_first = self.from_open or self.first == 0
             if lacks(self.uncovered(recorded_from if from_first else begin, self.begin), LATE_BEGIN if from_first else 0):
                 self.report("stream-begins-late" if self.from_open else "excerpt-range-short", name)
         if closed_ns is not None:

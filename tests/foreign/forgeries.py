@@ -2379,6 +2379,22 @@ def excerpt_that_does_not_show_why_a_monitor_was_not_there(world):
     return excerpt_of(world, one_alone(world), 11 * SECOND, 14 * SECOND, 1)
 
 
+@reaches("stream-shorter")
+def excerpt_of_time_behind_a_file(world):
+    case = world.begin(streams=world.streams(endoscope="source"))
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("vitals",))
+    return excerpt_of(world, world.end(case, 20_040 * MS), 3 * SECOND, 9 * SECOND, 0)
+
+
+@reaches()
+def excerpt_of_a_file(world):
+    case = world.begin(streams=world.streams(endoscope="source"))
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("vitals",))
+    return excerpt_of(world, world.end(case, 20_040 * MS), 2 * SECOND, 5 * SECOND, 0)
+
+
 @reaches("stream-begins-late")
 def excerpt_of_time_said_to_be_recorded_ahead(world):
     return excerpt_of(world, ahead(world), SECOND, 3610 * SECOND, None)

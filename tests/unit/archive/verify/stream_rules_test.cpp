@@ -311,6 +311,10 @@ TEST(StreamRules, DemandsOfTheTimeOfAnExcerptWhatACaseMustHave) {
   StreamInfo file = room();
   file.timing = "source";
   EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, false, file), IsEmpty());
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, true, file), ElementsAre("stream-empty"));
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {15, 28}, true, false, file), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 30}}, 0, {}, {15, 28}, false, false, file), ElementsAre("stream-shorter"));
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {25, 31}, true, false, file), ElementsAre("stream-shorter"));
 }
 
 TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
