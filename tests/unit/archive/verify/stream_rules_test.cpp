@@ -263,7 +263,9 @@ std::vector<std::string> codes_of_part(std::vector<Span> segments, std::uint64_t
                           {0, 0, closed ? std::optional(60 * kSecond) : std::nullopt, std::nullopt});
   std::vector<std::string> codes;
   for (const Finding& each : findings.take()) {
-    if (each.code != "gap" && each.code != "segments-sparse") codes.push_back(each.code);
+    const bool of_its_own =
+        each.code == "gap" || each.code == "segments-sparse" || each.code == "segment-too-long";
+    if (!of_its_own) codes.push_back(each.code);
   }
   return codes;
 }
