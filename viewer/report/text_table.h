@@ -534,6 +534,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "証人は装置ログの最初の {0} 項目に連署していますが、症例の終了は含まれていません。"},
     {"witness.none", "Nothing shows that anybody cosigned what the appliance log says of this case.",
      "この症例についての装置ログの記載に、誰かが連署したことを示すものはありません。"},
+    {"witness.none.excerpt", "Nothing shows that anybody cosigned an appliance log that holds this excerpt.",
+     "この抜粋を含む装置ログに、誰かが連署したことを示すものはありません。"},
     {"witness.asks-for-none", "The policy of witnesses that was given asks for nobody.",
      "与えられた証人の方針は、誰の連署も求めていません。"},
     {"witness.name", "Witness", "証人"},
