@@ -210,7 +210,8 @@ void add_report_command(Command& program) {
   command.explain(
       "The case is verified as 'kiroku verify' does it; whatever the verdict, report and receipt are written "
       "and "
-      "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
+      "tell it, and the exit status is 0. A receipt needs a checkpoint that the device signed of the entries "
+      "that are there. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
       "and log give the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the "
       "checkpoints, "
       "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Of "
