@@ -358,11 +358,14 @@ class ExcerptVerification {
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
     report.signed_entries = checkpoints_.signed_entries();
+    report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfAnExcerpt;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
+    report.rekeyed_segments = files_.rekeyed();
+    report.rekeyed_opened = files_.rekeyed_opened();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
     take_log_findings(by_log_, options_, findings_);

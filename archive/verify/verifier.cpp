@@ -342,6 +342,7 @@ class CaseVerification {
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
     report.signed_entries = checkpoints_.signed_entries();
+    report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
     report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());

@@ -41,8 +41,8 @@ Document make_receipt(const ReportInput& input) {
   }
   if (!facts.last_checkpoint) {
     throw UsageError(
-        "cannot make a receipt: the case has no signed checkpoint that can be read; 'kiroku report' "
-        "without --receipt tells what there is");
+        "cannot make a receipt: the case has no checkpoint that its device signed of the entries that are "
+        "there; 'kiroku report' without --receipt tells what there is");
   }
   const StoredNote& note = *facts.last_checkpoint;
   const auto words = [&](TextKey key, std::initializer_list<std::string> values = {}) {

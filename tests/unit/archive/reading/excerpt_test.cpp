@@ -386,12 +386,16 @@ TEST_F(Excerpt, ReKeyedOpensForTheNewReaderAndProvesTheFilm) {
   VerificationReport report = verify();
   EXPECT_EQ(summary(report), "unproven\nrekeyed-not-opened segments/endoscope/00000001.ts.age 4")
       << details(report);
+  EXPECT_EQ(report.rekeyed_segments, 1U);
+  EXPECT_EQ(report.rekeyed_opened, 0U);
 
   const crypto::AgeIdentities reader{crypto::parse_identity(pair.identity_text.text())};
   VerifyOptions with_identity = archive_.options();
   with_identity.identities = &reader;
   report = verify_case(excerpt(), with_identity);
   EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  EXPECT_EQ(report.rekeyed_segments, 1U);
+  EXPECT_EQ(report.rekeyed_opened, 1U);
 
   const auto source = crypto::open_file_source(excerpt() / "segments/endoscope/00000001.ts.age");
   EXPECT_EQ(crypto::AgeFile::open(*source, reader).plaintext_size(), 70'000U);
