@@ -14,7 +14,10 @@ namespace kiroku::light {
 namespace {
 
 /// Of ten days with four streams there are half as many.
-constexpr std::size_t kMostEntries = 4'000'000, kMostCodes = 32'000'000;
+constexpr std::size_t kMostEntries = 4'000'000;
+/// Seconds of eleven days, and those that each entry's code may be shown later. A ledger whose entries stand
+/// minutes apart, each time, is of no recording, and would take hundreds of codes a line.
+constexpr std::size_t kMostSeconds = 1'000'000, kMostOfAnEntry = LedgerLights::kLatestSeconds + 2;
 /// The year 2223, either way: what a ledger states beyond it does not fit into nanoseconds.
 constexpr std::int64_t kFurthestUs = 8'000'000'000'000'000;
 
@@ -69,7 +72,7 @@ void LedgerLights::finish() {
     const std::int64_t last = std::clamp(until, from, from + kLongestSilence) + kLatestSeconds;
     const crypto::Sha256Digest root = tree_.root(entries);
     for (std::int64_t second = from; second <= last; ++second) {
-      if (codes_.size() >= kMostCodes)
+      if (codes_.size() >= kMostSeconds + kMostOfAnEntry * written_.size())
         throw Error(
             "cannot compare light with the ledger: it has more codes than any recording; see what 'kiroku "
             "verify' says of the case");

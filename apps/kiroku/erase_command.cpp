@@ -18,6 +18,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/reading/case_reader.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/age.h"
 #include "archive/upkeep/holds.h"
 #include "archive/upkeep/retention.h"
 #include "archive/verify/excerpt_verifier.h"
@@ -25,6 +26,7 @@
 #include "base/printable.h"
 #include "fleet/stored_copy.h"
 #include "recorder/checkpoint_stamper.h"
+#include "recorder/clock/clock_watch.h"
 
 namespace kiroku::apps {
 namespace {
@@ -35,31 +37,72 @@ using nlohmann::ordered_json;
 struct Request {
   std::optional<std::string> case_name, older_than, home;
   std::string stream, policy;
-  bool due = false, only_copy = false, dry_run = false, json = false;
+  bool due = false, only_copy = false, clock_is_right = false, dry_run = false, json = false;
 };
 
-using MayGo = std::function<bool(const archive::OpenEntry&, const archive::Moment& opened)>;
+using MayGo = std::function<bool(const archive::OpenEntry&, UtcTime opened)>;
 
 /// One stream of one case that may go.
 struct Candidate {
   fs::path folder;
   std::string stream, policy;
-  MayGo may_go;  // by what its first entry says
+  MayGo may_go;  // by its first entry and when it was opened
+  bool by_age = false;
   /// Because of a withdrawn consent: then copies elsewhere are no reason to wait for, they are to go, too.
   bool by_consent = false;
 };
 
-bool is_older(const archive::Moment& opened, std::chrono::nanoseconds age) {
-  return utc_now() - opened.utc > std::chrono::duration_cast<UtcTime::duration>(age);
+/// How old cases are: now, once and for all, against the latest that ledger, tokens and appliance log say of
+/// when a case was opened.
+class Ages {
+ public:
+  explicit Ages(const Home& home) : now_(utc_now()), log_(archive::read_log_times(home.log_folder(), now_)) {}
+
+  [[nodiscard]] bool is_older(const std::string& case_id, UtcTime opened,
+                              std::chrono::nanoseconds age) const {
+    const auto before = log_.before_case.find(case_id);
+    if (before != log_.before_case.end()) opened = std::max(opened, before->second);
+    return now_ - opened > std::chrono::duration_cast<UtcTime::duration>(age);
+  }
+  /// Of one case. Its ledger is read again where it is old enough by its first entry, once.
+  class OfCase {
+   public:
+    OfCase(const Ages& ages, const archive::CaseReader& reader) : ages_(ages), reader_(reader) {}
+    [[nodiscard]] bool is_older(std::chrono::nanoseconds age) {
+      const std::string& id = reader_.opening().case_id;
+      if (!ages_.is_older(id, reader_.opened_at().utc, age)) return false;
+      if (!opened_) {
+        opened_.emplace();
+        reader_.for_each([&](const archive::CaseEntry& entry) { opened_->take(entry); });
+      }
+      return ages_.is_older(id, opened_->at(), age);
+    }
+
+   private:
+    const Ages& ages_;
+    const archive::CaseReader& reader_;
+    std::optional<archive::OpeningTime> opened_;
+  };
+  /// "" where the machine's clock is believed.
+  [[nodiscard]] std::string why_doubted() const {
+    return archive::why_clock_is_doubted(recorder::read_kernel_clock().synchronised, now_, log_);
+  }
+
+ private:
+  UtcTime now_;
+  archive::LogTimes log_;
+};
+
+MayGo if_older(const Ages& ages, std::chrono::nanoseconds age) {
+  return [&ages, age](const archive::OpenEntry& open, UtcTime opened) {
+    return ages.is_older(open.case_id, opened, age);
+  };
 }
-MayGo if_older(std::chrono::nanoseconds age) {
-  return [age](const archive::OpenEntry&, const archive::Moment& opened) { return is_older(opened, age); };
-}
-MayGo if_due(const RetentionRule& rule, const std::string& stream) {
-  return [rule, stream](const archive::OpenEntry& open, const archive::Moment& opened) {
-    return is_older(opened, rule.after) && std::ranges::any_of(open.streams, [&](const auto& each) {
-             return each.name == stream && rule.concerns(each);
-           });
+MayGo if_due(const Ages& ages, const RetentionRule& rule, const std::string& stream) {
+  return [&ages, rule, stream](const archive::OpenEntry& open, UtcTime opened) {
+    return ages.is_older(open.case_id, opened, rule.after) &&
+           std::ranges::any_of(open.streams,
+                               [&](const auto& each) { return each.name == stream && rule.concerns(each); });
   };
 }
 
@@ -168,29 +211,30 @@ void add_due_by_consent(const Home& home, const ConsentConfiguration& site, Refu
       });
       if (!has_something_left(reader, stream.name)) continue;
       // A consent may be given again between choosing and erasing, lawfully.
-      const MayGo still = [&home, site, name, policy](const archive::OpenEntry&, const archive::Moment&) {
+      const MayGo still = [&home, site, name, policy](const archive::OpenEntry&, UtcTime /*opened*/) {
         if (why_due_by_consent(standing_consents(home), name, site) == policy) return true;
         throw UsageError(
             "case " + name + " is no longer due by the " + *policy +
             ": consents to its use were entered since it was chosen, and nothing was erased; the "
             "next 'kiroku erase --due' goes by what stands then");
       };
-      due.push_back({reader.folder(), stream.name, *policy, still, true});
+      due.push_back({reader.folder(), stream.name, *policy, still, false, true});
     }
   });
 }
 
 /// What [[retention]] says may go by now.
 std::vector<Candidate> what_is_due(const Home& home, const std::vector<RetentionRule>& rules,
-                                   Refusals& refusals) {
+                                   const Ages& ages, Refusals& refusals) {
   std::vector<Candidate> due;
   for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
+    Ages::OfCase of_case(ages, reader);
     for (const archive::StreamInfo& stream : reader.opening().streams) {
       const auto rule = std::find_if(rules.begin(), rules.end(), [&](const RetentionRule& each) {
-        return each.concerns(stream) && is_older(reader.opened_at(), each.after);
+        return each.concerns(stream) && of_case.is_older(each.after);
       });
       if (rule != rules.end() && has_something_left(reader, stream.name)) {
-        due.push_back({reader.folder(), stream.name, rule->policy, if_due(*rule, stream.name)});
+        due.push_back({reader.folder(), stream.name, rule->policy, if_due(ages, *rule, stream.name), true});
       }
     }
   });
@@ -198,7 +242,8 @@ std::vector<Candidate> what_is_due(const Home& home, const std::vector<Retention
 }
 
 /// The one case that was named, or every case of the home that is old enough and has the stream.
-std::vector<Candidate> what_was_named(const Home& home, const Request& request, Refusals& refusals) {
+std::vector<Candidate> what_was_named(const Home& home, const Request& request, const Ages& ages,
+                                      Refusals& refusals) {
   if (!request.case_name && !request.older_than) {
     throw UsageError("name the CASE to erase from, or say which with --older-than, such as 30d");
   }
@@ -214,20 +259,20 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request, 
                        " is not in this home's archive: only the recorder that recorded a "
                        "case can state that something was erased from it");
     }
-    if (request.older_than && !is_older(archive::CaseReader::open(folder).opened_at(), age)) {
+    if (request.older_than && !Ages::OfCase(ages, archive::CaseReader::open(folder)).is_older(age)) {
       throw UsageError("case " + folder.filename().string() + " is not older than " + *request.older_than +
                        ": nothing was erased");
     }
     return {{fs::canonical(folder), request.stream, request.policy,
-             request.older_than ? if_older(age) : MayGo{}}};
+             request.older_than ? if_older(ages, age) : MayGo{}, request.older_than.has_value()}};
   }
   std::vector<Candidate> named;
   for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
     const auto& streams = reader.opening().streams;
     const bool has_stream = std::any_of(streams.begin(), streams.end(),
                                         [&](const auto& stream) { return stream.name == request.stream; });
-    if (has_stream && is_older(reader.opened_at(), age))
-      named.push_back({reader.folder(), request.stream, request.policy, if_older(age)});
+    if (has_stream && Ages::OfCase(ages, reader).is_older(age))
+      named.push_back({reader.folder(), request.stream, request.policy, if_older(ages, age), true});
   });
   return named;
 }
@@ -307,8 +352,10 @@ int run(const Request& request) {
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
   Refusals refusals;
-  std::vector<Candidate> candidates = request.due ? what_is_due(home, configuration.retention.rules, refusals)
-                                                  : what_was_named(home, request, refusals);
+  const Ages ages(home);
+  std::vector<Candidate> candidates = request.due
+                                          ? what_is_due(home, configuration.retention.rules, ages, refusals)
+                                          : what_was_named(home, request, ages, refusals);
   if (request.due) add_due_by_consent(home, consent_configuration(home), refusals, candidates);
   std::optional<Eraser> eraser;
   std::optional<Copies> copies;
@@ -317,6 +364,8 @@ int run(const Request& request) {
     holds = standing_holds(home);
     if (!request.dry_run) eraser.emplace(home, configuration);
   }
+  // Erasing cannot be undone: what goes by age waits for a clock that shows it.
+  const std::string doubted = request.clock_is_right ? "" : ages.why_doubted();
   // Not before they are asked for: a store that does not answer keeps nothing back that waits for no copy.
   const auto why_none_holds = [&](const Candidate& candidate) {
     if (!copies) copies.emplace(home, configuration);
@@ -336,6 +385,11 @@ int run(const Request& request) {
           ": " + held +
               (candidate.by_consent ? "; the legal hold wins over what is due otherwise: " + candidate.policy
                                     : ""));
+    if (candidate.by_age && !doubted.empty())
+      return keep(candidate, doubted,
+                  ": " + doubted +
+                      "; have the clock synchronised ('kiroku doctor' says whether it is), or compare 'date "
+                      "-u' with another clock and give --clock-is-right");
     const bool may_go = request.only_copy || candidate.by_consent ||
                         !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
     const auto only_copy = may_go ? std::nullopt : why_none_holds(candidate);
@@ -402,6 +456,9 @@ void add_erase_command(Command& program) {
   command.flag("--due", request->due,
                "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
   command.flag("--only-copy", request->only_copy, "also what nothing else holds");
+  command.flag("--clock-is-right", request->clock_is_right,
+               "somebody compared this machine's clock with another: erase by age though the kernel does not "
+               "call it synchronised, or it is far ahead of the appliance log");
   command.flag("--dry-run", request->dry_run, "only tells what would go and what would be kept");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
@@ -412,7 +469,11 @@ void add_erase_command(Command& program) {
       "There is no way back. A case that is not closed is refused. What neither a replica of [storage] in "
       "kiroku.toml holds, byte for byte, nor the store of [store], confirmed and locked, is kept, and the "
       "exit status is 1, unless --only-copy is given. What is under legal hold ('kiroku hold') is kept, too, "
-      "whatever is given. With --due a case goes, too, of which a consent was withdrawn that [consent] "
+      "whatever is given. How old a case is counts from the latest moment that its entries, its time-stamps "
+      "and what the appliance log had entered before it say that it was opened. What would go by its age is "
+      "kept while the kernel does not call this machine's clock synchronised, or it shows more than a year "
+      "after the newest entry of the appliance log, unless --clock-is-right is given. "
+      "With --due a case goes, too, of which a consent was withdrawn that [consent] "
       "erase_when_withdrawn of kiroku.toml names: all its streams, whether copies are elsewhere or not. "
       "Where several "
       "cases "

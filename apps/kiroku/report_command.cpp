@@ -7,7 +7,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "apps/common/file.h"
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
@@ -59,10 +58,9 @@ UtcTime date_of_document() {
 report::Given given_of(const Judged& judged, const JudgingRequest& request) {
   report::Given given;
   for (const crypto::VerifierKey& key : judged.devices) given.devices.push_back({key.to_string(), {}});
-  const auto list_roots = [](const std::vector<fs::path>& files, std::vector<report::GivenFile>& out) {
-    for (const fs::path& file : files) {
-      out.push_back({file.filename().string(), crypto::sha256(read_small_file(file, "the trusted roots"))});
-    }
+  // Of what was taken from them: they may hold something else by now.
+  const auto list_roots = [](const std::vector<TakenFile>& files, std::vector<report::GivenFile>& out) {
+    for (const TakenFile& each : files) out.push_back({each.file.filename().string(), each.sha256});
   };
   list_roots(judged.roots, given.roots);
   list_roots(judged.own_roots, given.own_roots);
@@ -71,18 +69,13 @@ report::Given given_of(const Judged& judged, const JudgingRequest& request) {
     given.evidence.push_back(
         {name, judged.report.evidence ? std::optional(judged.report.evidence->sha256) : std::nullopt});
   }
-  if (request.policy)
-    given.policy.push_back({fs::path(*request.policy).filename().string(),
-                            crypto::sha256(read_small_file(*request.policy, "the policy of algorithms"))});
-  if (request.log_proof) {
-    given.proof.push_back({fs::path(*request.log_proof).filename().string(),
-                           crypto::sha256(read_small_file(*request.log_proof, "the proof from the log"))});
+  if (request.policy) given.policy.push_back({fs::path(*request.policy).filename().string(), judged.policy});
+  if (judged.log_proof) {
+    given.proof.push_back({fs::path(judged.log_proof->name).filename().string(),
+                           crypto::sha256(bytes_of(judged.log_proof->text))});
   }
-  if (request.witnesses) {
-    given.witnesses.push_back(
-        {fs::path(*request.witnesses).filename().string(),
-         crypto::sha256(read_small_file(*request.witnesses, "the policy of witnesses"))});
-  }
+  if (request.witnesses)
+    given.witnesses.push_back({fs::path(*request.witnesses).filename().string(), judged.witnesses});
   if (judged.log) given.log.push_back({judged.log->string(), {}});
   given.against = report::given_notes(judged.against);
   for (const std::string& file : request.identities)
@@ -210,7 +203,8 @@ void add_report_command(Command& program) {
   command.explain(
       "The case is verified as 'kiroku verify' does it; whatever the verdict, report and receipt are written "
       "and "
-      "tell it, and the exit status is 0. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
+      "tell it, and the exit status is 0. A receipt needs a checkpoint that the device signed of the entries "
+      "that are there. With SOURCE_DATE_EPOCH set, that is its date, and the same case "
       "and log give the same bytes. A PDF is PDF/A-3b. A report carries along, as attached files, the "
       "checkpoints, "
       "time-stamp tokens and evidence record that its proof of time rests on; a receipt its checkpoint. Of "

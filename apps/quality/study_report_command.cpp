@@ -9,6 +9,7 @@
 
 #include "apps/common/file.h"
 #include "apps/common/json_output.h"
+#include "apps/common/step_line.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/stamped_file.h"
@@ -50,7 +51,11 @@ void write(const media::OutputFolder& folder, const std::string& name, ByteView 
 int run(const Request& request) {
   const fs::path folder = request.folder;
   const study::StudyOnDisk on_disk = study::read_study(folder);
-  study::ClosedStudy closed = study::check_closed(folder, on_disk);
+  study::ClosedStudy closed = [&] {
+    StepLine line;
+    line.show("looking whether films, key and answers are as they were");
+    return study::check_closed(folder, on_disk);
+  }();
   const std::optional<Home> home = Home::find(request.home);
   std::ranges::move(check_tokens(request.roots, home, folder / study::kSealedFile, closed.closing.sha256),
                     std::back_inserter(closed.checks));
@@ -63,17 +68,13 @@ int run(const Request& request) {
   std::optional<media::OutputFolder> output;
   if (request.output) output.emplace(*request.output, request.force, why_kept);
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
-  const Bytes key_bytes =
-      crypto::unseal_bytes(read_small_file(folder / study::kKeyFile, "the key"), identities);
+  const Bytes key_bytes = crypto::unseal_bytes(closed.key, identities);
   StudyResult result;
   result.study = on_disk.study;
   result.key = study::parse_key(text_of(key_bytes), on_disk.study);
   result.closing = closed.closing;
   result.checks = closed.checks;
-  std::vector<study::NewestAnswers> answers;
-  for (std::size_t reader = 1; reader <= on_disk.study.readers.size(); ++reader)
-    answers.push_back(study::read_answers(folder, on_disk, reader).newest);
-  result.ratings = study::ratings_of(result.study, result.key, answers);
+  result.ratings = study::ratings_of(result.study, result.key, closed.answers);
   result.findings = study::findings_of(result.study, result.key, result.ratings);
   const nlohmann::ordered_json all = study_json(result);
   if (output) {
@@ -114,8 +115,10 @@ void add_study_report_command(Command& study) {
   command.flag("--force", request->force, "replaces an earlier report in the output folder");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "First it looks whether answers and key are as they were when the study was closed, and what its "
-      "time-stamps say. If anything differs it says so, and the key stays closed.");
+      "First it looks whether answers and key are as they were when the study was closed, and the films "
+      "those "
+      "that the study was made with, and what its time-stamps say. If anything differs it says so, and the "
+      "key stays closed.");
   command.explain(
       "For each coding and question: how often each point was given, median, share of 4 and 5, and kappa of "
       "the "

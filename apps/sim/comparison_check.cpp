@@ -25,9 +25,10 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Whether the case still begins as it did when it was compared, and was recorded by the plan that was
-/// compared: a comparison with another patient's plan is as it was made, too.
+/// compared: a comparison with another patient's plan is as it was made, too. `names_plan`: becomes what the
+/// case itself says, where it is here.
 std::vector<Check> check_case(const ComparisonRequest& request, const std::optional<Home>& home,
-                              const compare::Provenance& made) {
+                              const compare::Provenance& made, bool& names_plan) {
   using Answer = Check::Answer;
   const compare::CaseState& stated = made.case_state;
   fs::path folder;
@@ -47,6 +48,7 @@ std::vector<Check> check_case(const ComparisonRequest& request, const std::optio
     std::vector<Check> checks{{"case", Answer::kHolds,
                                "the first " + std::to_string(stated.ledger_size) + " ledger entries of " +
                                    stated.case_id + " are as they were compared"}};
+    names_plan = open.plan.has_value();
     if (open.plan && *open.plan == made.plan_seal)
       checks.push_back({"case", Answer::kHolds, stated.case_id + " was recorded by this plan"});
     else if (open.plan)
@@ -54,15 +56,21 @@ std::vector<Check> check_case(const ComparisonRequest& request, const std::optio
     else if (made.case_names_plan)
       checks.push_back({"case", Answer::kDiffers,
                         stated.case_id + " names no plan, and the comparison says that it names one"});
+    if (open.plan && !made.case_names_plan)
+      checks.push_back({"case", Answer::kDiffers,
+                        stated.case_id + " names a plan, and the comparison says that it names none"});
+    if (open.plan && *open.plan == made.plan_seal && made.case_names_plan == false)
+      checks.push_back({"case", Answer::kDiffers,
+                        "the comparison says that " + stated.case_id + " was recorded by another plan"});
     return checks;
   } catch (const Error& error) {
     return {{"case", Answer::kUnknown, error.what()}};
   }
 }
 
-/// By what the document states; where the case is here, its first entry is asked.
-std::string about_the_plan(const compare::Provenance& made) {
-  if (!made.case_names_plan)
+/// By what the case says where it is here, else by what the document states.
+std::string about_the_plan(bool names_plan) {
+  if (!names_plan)
     return "  The case names no plan: nothing shows that the operation was to follow this one.\n";
   return "  Whether the plan was sealed before the case tells kiroku plan verify --case.\n";
 }
@@ -90,7 +98,11 @@ std::vector<Check> check_outputs(const compare::Provenance& made, const fs::path
     // Only beside the document: a name that leads elsewhere is none of ours.
     const fs::path name = fs::path(output.name).filename();
     try {
-      const bool same = hashed(output.role, output.name, folder / name).sha256 == output.sha256;
+      // No more is read than was made: what lies there now can be as long as one likes.
+      std::error_code unknown;
+      const std::uintmax_t size = fs::file_size(folder / name, unknown);
+      const bool same = (unknown || size == output.bytes) &&
+                        hashed(output.role, output.name, folder / name).sha256 == output.sha256;
       checks.push_back({output.role, same ? Answer::kHolds : Answer::kDiffers,
                         name.string() + (same ? " is as it was made" : " was changed since")});
     } catch (const Error& error) {
@@ -108,7 +120,8 @@ int verify_comparison(const ComparisonRequest& request) {
   const compare::Provenance made = compare::read_provenance(text_of(bytes), file.string());
   const crypto::Sha256Digest digest = crypto::sha256(bytes);
   const std::optional<Home> home = Home::find(request.home);
-  std::vector<Check> checks = check_case(request, home, made);
+  bool names_plan = made.case_names_plan.has_value();
+  std::vector<Check> checks = check_case(request, home, made, names_plan);
   std::ranges::move(check_plan(request, made), std::back_inserter(checks));
   std::ranges::move(check_outputs(made, file.parent_path()), std::back_inserter(checks));
   std::ranges::move(check_tokens(request.roots, home, file, digest), std::back_inserter(checks));
@@ -127,7 +140,7 @@ int verify_comparison(const ComparisonRequest& request) {
                                   {"sha256", crypto::to_hex(digest)}},
                                  request.json);
   if (!request.json)
-    std::cout << about_the_plan(made) << "  Whether the case itself is whole tells kiroku verify.\n";
+    std::cout << about_the_plan(names_plan) << "  Whether the case itself is whole tells kiroku verify.\n";
   return status;
 }
 

@@ -137,7 +137,8 @@ void add_plan_seal_commands(Command& plan) {
   sealed.flag("--json", seal_request->json, "prints one JSON object instead");
   sealed.explain(
       "Writes PLAN.seal.json beside the plan: the hashes of the plan, its mesh or what that is made of, and "
-      "its volume; of a breathing lung its mesh, labels and trace. Their hash is entered into the appliance "
+      "its volume; of a breathing lung its mesh, labels and trace; of a .mhd or .nhdr file also of the file "
+      "that holds its voxels. Their hash is entered into the appliance "
       "log and time-stamped (PLAN.seal.AUTHORITY.tsr). "
       "Nothing of the plan leaves the machine but that hash.");
   sealed.explain(

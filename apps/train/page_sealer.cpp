@@ -149,6 +149,7 @@ class PageSealer : public viewer::AttemptSealer {
     input.given.devices = {{home_.device().to_string(), {}}};
     input.given.roots = {{"trust.pem", {}}};
     input.given.own_roots = {{"own-authority.pem", {}}};
+    input.given.log = {{home_.log_folder().string(), {}}};
     input.author = user;
     input.program = "kiroku " + std::string(version());
     input.made = utc_now();

@@ -87,8 +87,16 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
     log_proof_ = {*request.log_proof,
                   std::string(text_of(read_small_file(*request.log_proof, "the proof from the log")))};
   }
-  if (request.policy) policy_ = read_policy(*request.policy);
-  if (request.witnesses) witnesses_ = read_witnesses(*request.witnesses);
+  if (request.policy) {
+    const Bytes text = read_small_file(*request.policy, "the policy of algorithms");
+    policy_ = evidence::Policy::parse(text_of(text), *request.policy);
+    policy_hash_ = crypto::sha256(text);
+  }
+  if (request.witnesses) {
+    const Bytes text = read_small_file(*request.witnesses, "the policy of witnesses");
+    witnesses_ = crypto::WitnessPolicy::parse(text_of(text), *request.witnesses);
+    witnesses_hash_ = crypto::sha256(text);
+  }
   threads_ = parse_threads(request.threads);
 }
 
@@ -101,15 +109,23 @@ std::vector<archive::OutsideNote> Judge::notes(const VerifyDefaults& defaults) c
 Judged Judge::judge(const std::filesystem::path& folder) const {
   const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
   Judged judged;
-  judged.roots.assign(request_.trust.begin(), request_.trust.end());
-  judged.own_roots.assign(request_.own_authority.begin(), request_.own_authority.end());
-  if (judged.roots.empty() && judged.own_roots.empty()) {
-    judged.roots = defaults.trust;
-    judged.own_roots = defaults.own_authority;
-  }
+  const bool by_default = request_.trust.empty() && request_.own_authority.empty();
   timestamp::TrustStore trust;
-  for (const std::filesystem::path& file : judged.roots) trust.add_trusted_file(file);
-  for (const std::filesystem::path& file : judged.own_roots) trust.add_own_authority_file(file);
+  const auto take = [&](const std::vector<std::string>& given,
+                        const std::vector<std::filesystem::path>& usual, auto add,
+                        std::vector<TakenFile>& taken) {
+    const std::vector<std::filesystem::path> named(given.begin(), given.end());
+    for (const std::filesystem::path& file : by_default ? usual : named) {
+      const Bytes bytes = read_small_file(file, "certificates from");
+      (trust.*add)(bytes, file.string());
+      taken.push_back({file, crypto::sha256(bytes)});
+    }
+  };
+  take(request_.trust, defaults.trust, &timestamp::TrustStore::add_trusted, judged.roots);
+  take(request_.own_authority, defaults.own_authority, &timestamp::TrustStore::add_own_authority,
+       judged.own_roots);
+  judged.policy = policy_hash_;
+  judged.witnesses = witnesses_hash_;
   for (const std::string& file : request_.untrusted) trust.add_untrusted_file(file);
 
   archive::VerifyOptions options;

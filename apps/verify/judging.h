@@ -9,6 +9,7 @@
 
 #include "apps/verify/verify_command.h"
 #include "apps/verify/witness_judgement.h"
+#include "crypto/hash.h"
 
 namespace kiroku::apps {
 
@@ -33,13 +34,20 @@ evidence::Policy read_policy(const std::filesystem::path& file);
 /// Likewise a policy of witnesses.
 crypto::WitnessPolicy read_witnesses(const std::filesystem::path& file);
 
+/// A file that was given, and the hash of the bytes that were taken from it: it may hold others by now.
+struct TakenFile {
+  std::filesystem::path file;
+  crypto::Sha256Digest sha256{};
+};
+
 struct Judged {
   archive::VerificationReport report;
   bool device_trusted = false;
   std::optional<WitnessJudgement> log_witnesses;  // of a log, where a policy of witnesses was given
   // What it was judged with.
   std::vector<crypto::VerifierKey> devices;
-  std::vector<std::filesystem::path> roots, own_roots;
+  std::vector<TakenFile> roots, own_roots;
+  std::optional<crypto::Sha256Digest> policy, witnesses;  // of their files
   std::optional<std::filesystem::path> log;
   std::vector<archive::OutsideNote> against;
   std::optional<archive::OutsideNote> log_proof;
@@ -70,6 +78,7 @@ class Judge {
   std::optional<archive::OutsideNote> log_proof_;
   std::optional<evidence::Policy> policy_;
   std::optional<crypto::WitnessPolicy> witnesses_;
+  std::optional<crypto::Sha256Digest> policy_hash_, witnesses_hash_;
   unsigned threads_ = 0;
 };
 

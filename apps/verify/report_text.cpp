@@ -248,11 +248,13 @@ std::string evidence_words(const archive::EvidenceReport& evidence, std::uint64_
 }
 
 /// Who cosigned the log's checkpoint that holds the case's end.
-std::string witness_lines(const archive::WitnessReport& witnesses) {
+std::string witness_lines(const archive::WitnessReport& witnesses, bool excerpt) {
   using Holds = archive::WitnessReport::Holds;
   std::string out;
   if (witnesses.note.empty()) {
-    out = line("witnesses", "nothing shows that anybody cosigned what the appliance log says of this case");
+    out = line("witnesses", excerpt ? "nothing shows that anybody cosigned a log that holds this excerpt"
+                                    : "nothing shows that anybody cosigned what the appliance log says of "
+                                      "this case");
   } else {
     const bool is_end = witnesses.holds == Holds::kEnd;
     out = line("witnesses", std::string("the log's first ") + counted(witnesses.entries, "entry", "entries") +
@@ -458,7 +460,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                                                     counted(report.proved_entries, "entry", "entries")
                                               : log);
   }
-  if (report.witnesses) out += witness_lines(*report.witnesses);
+  if (report.witnesses) out += witness_lines(*report.witnesses, report.excerpt.has_value());
   if (report.contents)
     out += line("contents", contents_words(*report.contents, archive::listed_segments(report)));
   if (report.excerpt) {

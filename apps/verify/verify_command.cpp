@@ -41,6 +41,18 @@ LightQuestion light_question(const std::filesystem::path& folder, const archive:
   return question;
 }
 
+/// What stands in the way of comparing light hides no verdict.
+LightOutcome read_light(const VerifyExtras& extras, const LightQuestion& question) {
+  try {
+    return extras.read_light(question);
+  } catch (const UsageError&) {
+    throw;
+  } catch (const Error& error) {
+    return {kNoAnswer, "Light: could not check: " + std::string(error.what()) + "\n",
+            ordered_json{{"error", error.what()}}.dump()};
+  }
+}
+
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
   if (!request.judging.against.empty() && request.cases.size() > 1) {
     throw UsageError("--against takes notes of one case: verify the cases one by one");
@@ -67,7 +79,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       if (!judged.is_witnessed()) status = worse(status, kNoAnswer);
       LightOutcome light;
       if (request.light) {
-        light = extras.read_light(light_question(folder, judged.report, request));
+        light = read_light(extras, light_question(folder, judged.report, request));
         status = worse(status, light.status);
       }
       if (request.json) {

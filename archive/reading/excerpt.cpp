@@ -35,6 +35,7 @@ constexpr std::size_t kCopyBytes = 1U << 20U;
 /// What an excerpt needs to know of the whole ledger.
 struct Survey {
   OpenEntry opening;
+  std::int64_t opened_ns = 0;
   crypto::MerkleTree tree;
   std::map<std::uint64_t, TokenEntry> tokens;  // by entry
   std::vector<std::pair<std::uint64_t, SegmentEntry>> segments;
@@ -79,6 +80,7 @@ Survey survey(const CaseFolder& folder, const ReadableFile& ledger, std::int64_t
         refuse_line(folder, 0, "it is not `open`");
       }
       result.opening = std::get<OpenEntry>(std::move(body));
+      result.opened_ns = parse.entry->at.mono_ns;
     } else if (auto* segment = std::get_if<SegmentEntry>(&body)) {
       result.end_ns = std::max(result.end_ns, segment->span.end_ns);
       result.segments.emplace_back(number, std::move(*segment));
@@ -118,19 +120,35 @@ std::vector<std::string> selected_streams(const OpenEntry& opening, const std::v
   return names;
 }
 
+/// The first entry that shows what a stream, which is recorded as it comes and has no segment yet as the time
+/// begins, has until its first one: its first gap, or nothing from `open` on.
+std::uint64_t first_of_beginning(const Survey& ledger, const std::string& stream, std::int64_t begins_ns) {
+  for (const auto& [entry, gap] : ledger.gaps) {
+    if (gap.stream == stream && gap.span.start_ns < begins_ns) {
+      return entry;
+    }
+  }
+  return 1;
+}
+
 /// Entries that must be among the lines: those of the segments wanted, and for each stream enough around them
 /// to show that nothing of the selected time is left out.
 std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
                                                        const ExcerptDocument& document) {
   std::uint64_t first = ledger.tree.size() - 1;
   std::uint64_t last = 0;
+  if (ledger.opening.begins_ns > 0 && document.from_ns < ledger.opened_ns) {
+    first = 1;  // of the time before `open` the case's oldest stream tells, whichever that is
+  }
   for (const std::string& stream : document.streams) {
     std::optional<std::uint64_t> before;
     std::optional<std::uint64_t> after;
+    std::int64_t begins_ns = INT64_MAX;
     for (const auto& [entry, segment] : ledger.segments) {
       if (segment.stream != stream) {
         continue;
       }
+      begins_ns = std::min(begins_ns, segment.span.start_ns);
       if (!before || segment.span.start_ns <= document.from_ns) {
         before = entry;
       }
@@ -143,6 +161,10 @@ std::pair<std::uint64_t, std::uint64_t> needed_entries(const Survey& ledger,
     const auto info = std::find_if(ledger.opening.streams.begin(), ledger.opening.streams.end(),
                                    [&](const StreamInfo& each) { return each.name == stream; });
     first = std::min(first, before.value_or(info->timing == "arrival" ? ledger.last_before : 1));
+    const bool of_marks = info->kind == "events" && info->media == kLinesMedia;
+    if (begins_ns > document.from_ns && !of_marks && info->timing == "arrival") {
+      first = std::min(first, first_of_beginning(ledger, stream, begins_ns));
+    }
     last = std::max(last, after.value_or(ledger.close.value_or(ledger.tree.size() - 1)));
   }
   return {std::min(first, last), last};

@@ -1,10 +1,12 @@
 #include "archive/storage/file_system.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 
@@ -98,10 +100,16 @@ class RealFile final : public WritableFile {
     throw IoError("lock", file_, errno);
   }
 
-  void lock() override {
-    if (uninterrupted([&] { return ::flock(descriptor_.number(), LOCK_EX); }) != 0) {
-      throw IoError("lock", file_, errno);
+  bool lock(std::chrono::milliseconds patience) override {
+    constexpr std::chrono::milliseconds kFirstPause{1}, kLongestPause{20};
+    const auto deadline = std::chrono::steady_clock::now() + patience;
+    for (auto pause = kFirstPause; !try_lock(); pause = std::min(2 * pause, kLongestPause)) {
+      if (std::chrono::steady_clock::now() >= deadline) {
+        return false;
+      }
+      std::this_thread::sleep_for(pause);
     }
+    return true;
   }
 
   void unlock() noexcept override { ::flock(descriptor_.number(), LOCK_UN); }

@@ -2,6 +2,7 @@
 // injected in tests, and where durability is spelt out. The real one is thread-safe.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -14,7 +15,8 @@
 namespace kiroku::archive {
 
 /// A flush to the disk failed. The kernel may have dropped the pages and would report success the next time,
-/// so it is never retried: whoever owns the file refuses everything from then on.
+/// so it is never retried: whoever owns the file refuses everything from then on, or opens it anew and goes
+/// on behind what is known to be flushed.
 class SyncError : public IoError {
  public:
   using IoError::IoError;
@@ -41,8 +43,8 @@ class WritableFile {
   /// Advisory lock of the open file (flock), against other processes and other openings in this one. True if
   /// it is ours now; false if another has it.
   virtual bool try_lock() = 0;
-  /// The same, waiting until it is free.
-  virtual void lock() = 0;
+  /// The same, waiting so long at most: whoever may read a file can lock it.
+  virtual bool lock(std::chrono::milliseconds patience) = 0;
   virtual void unlock() noexcept = 0;
 };
 

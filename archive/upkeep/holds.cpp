@@ -2,10 +2,12 @@
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <fcntl.h>
 #include <optional>
 #include <string_view>
 #include <sys/file.h>
+#include <thread>
 
 #include "archive/format/log_entry.h"
 #include "archive/upkeep/stated_log.h"
@@ -56,12 +58,21 @@ ErasingTurn::ErasingTurn(const fs::path& archive)
   if (!folder_) {
     throw IoError("open", archive, errno);
   }
-  int result = 0;
-  do {
-    result = ::flock(folder_.number(), LOCK_EX);
-  } while (result != 0 && errno == EINTR);
-  if (result != 0) {
-    throw IoError("lock", archive, errno);
+  // An erasure asks authorities while it has its turn.
+  constexpr std::chrono::minutes kPatience{5};
+  constexpr std::chrono::milliseconds kPause{20};
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (::flock(folder_.number(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) {
+      throw IoError("lock", archive, errno);
+    }
+    if (std::chrono::steady_clock::now() >= deadline) {
+      throw Error(
+          "another process has held " + archive.string() +
+          " locked for 5 minutes: nothing is erased, held or released meanwhile. Whoever may read that "
+          "folder can lock it; 'lslocks' as root names the process: end it");
+    }
+    std::this_thread::sleep_for(kPause);
   }
 }
 

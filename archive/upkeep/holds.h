@@ -39,10 +39,10 @@ Holds read_holds(const std::filesystem::path& log_folder, const crypto::Verifier
 std::string why_held(const Holds& holds, const std::string& case_id);
 
 /// The turn of one process to erase, or to state a hold or its release: no erasure begins while a hold is
-/// being stated. Waits for the others.
+/// being stated. Waits for the others, five minutes at most.
 class ErasingTurn {
  public:
-  /// Throws kiroku::IoError.
+  /// Throws kiroku::Error.
   explicit ErasingTurn(const std::filesystem::path& archive);
 
  private:

@@ -8,6 +8,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/age.h"
 #include "archive/upkeep/holds.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
@@ -27,13 +28,13 @@ struct Segments {
   bool closed = false;
   std::int64_t last_mono_ns = 0;
   OpenEntry opening;
-  Moment opened;
+  OpeningTime opened;
 
   void take(const CaseEntry& entry, const std::string& stream) {
     last_mono_ns = entry.at.mono_ns;
+    opened.take(entry);
     if (const auto* open = std::get_if<OpenEntry>(&entry.body)) {
       opening = *open;
-      opened = entry.at;
       stream_known = std::any_of(open->streams.begin(), open->streams.end(),
                                  [&](const StreamInfo& each) { return each.name == stream; });
     } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
@@ -167,7 +168,7 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
   }
   const ErasingTurn turn(folder.parent_path());
   // In the turn: what it goes by may be stated until then, such as a consent that is given again.
-  if (options.may_go && !options.may_go(segments.opening, segments.opened)) {
+  if (options.may_go && !options.may_go(segments.opening, segments.opened.at())) {
     throw UsageError("case " + writer->case_id() +
                      " is not as it was when it was chosen, and may not go: nothing was erased; find out who "
                      "writes to the archive");

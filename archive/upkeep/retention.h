@@ -18,11 +18,12 @@ struct RetentionOptions {
   ApplianceLog* log = nullptr;  // may be null (tests)
   CheckpointStamper stamp;      // may be empty: then `token-missed` says so
   std::function<UtcTime()> now = utc_now;
-  /// Asked of the case's first entry when its ledger is held and its signatures were compared: whoever chose
-  /// the case read it before, and it may have been changed for that moment. It is asked in the turn to erase,
-  /// so it must not take that. False: nothing is erased, as somebody changed the archive. It
-  /// throws kiroku::UsageError for any other reason. May be empty.
-  std::function<bool(const OpenEntry&, const Moment& opened)> may_go;
+  /// Asked of the case's first entry, and of when all entries say it was opened (archive/upkeep/age.h), when
+  /// its ledger is held and its signatures were compared: whoever chose the case read it before, and it may
+  /// have been changed for that moment. It is asked in the turn to erase, so it must not take that. False:
+  /// nothing is erased, as somebody changed the archive. It throws kiroku::UsageError for any other reason.
+  /// May be empty.
+  std::function<bool(const OpenEntry&, UtcTime opened)> may_go;
 };
 
 struct Erasure {

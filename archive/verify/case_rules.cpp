@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/excerpt_document.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -210,7 +211,9 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   clock_zero_ = entry.at.utc -
                 std::chrono::floor<std::chrono::microseconds>(std::chrono::nanoseconds(entry.at.mono_ns));
   for (const StreamInfo& each : open.streams) {
-    streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_));
+    StreamRules& its =
+        streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_)).first->second;
+    if (scope_.from_open) its.begin_at_open();
   }
   try {
     device_ = crypto::VerifierKey::parse(open.device);
@@ -312,14 +315,23 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
 
 // A recorder puts the beginning where its oldest segment begins. People read from it for how long something
 // was recorded before anybody decided.
-void CaseRules::judge_pre_roll() {
+void CaseRules::judge_pre_roll(std::int64_t from_ns) {
+  if (!is_pre_rolled() || from_ns > opened_ns_) {
+    return;
+  }
   std::optional<std::int64_t> oldest_ns;
   for (const auto& [name, its] : streams_) {
     if (const auto first_ns = its.first_ns(); first_ns && (!oldest_ns || *first_ns < *oldest_ns)) {
       oldest_ns = first_ns;
     }
   }
-  if (!oldest_ns || *oldest_ns - opening_->begins_ns <= kPreRollToleranceNs) {
+  if (!oldest_ns || *oldest_ns - opening_->begins_ns <= kPreRollToleranceNs || *oldest_ns <= from_ns) {
+    return;
+  }
+  if (!scope_.from_open) {
+    findings_->add("excerpt-range-short", {std::string(kExcerptLinesFile)},
+                   "the lines show nothing of the time before open, from " + std::to_string(from_ns) +
+                       " ns on, of which the excerpt says that it is");
     return;
   }
   constexpr std::int64_t kNsPerSecond = 1'000'000'000;
@@ -373,16 +385,13 @@ bool CaseRules::only_aftermath(std::uint64_t first, std::uint64_t end) const {
 }
 
 void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
-  // With a pre-roll the streams' oldest segments begin at different times, each before `open`.
-  const bool pre_rolled = opening_ && opening_->begins_ns > 0;
-  const std::optional<Span> recorded = scope_.whole_case && close_
-                                           ? std::optional(Span{pre_rolled ? opened_ns_ : 0, closed_ns_})
-                                           : std::nullopt;
+  const std::optional<Span> recorded =
+      close_ ? std::optional(Span{recorded_from_ns(), closed_ns_}) : std::nullopt;
   for (auto& [name, its] : streams_) {
     its.finish(recorded, lines_begin_ns);
   }
-  if (recorded && pre_rolled) {
-    judge_pre_roll();
+  if (recorded && scope_.whole_case && opening_) {
+    judge_pre_roll(opening_->begins_ns);
   }
   report_slew();
   tokens_.finish(scope_.whole_case);

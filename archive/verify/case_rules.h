@@ -28,6 +28,7 @@ class CaseRules {
   /// What an excerpt leaves out is not looked for: which segments must be there, and no subject.
   struct Scope {
     bool whole_case = true;
+    bool from_open = true;                            // no entry behind `open` is left out
     std::function<bool(const SegmentEntry&)> wanted;  // unset: all
     std::function<bool(const std::string& file)> rekeyed;
   };
@@ -43,12 +44,21 @@ class CaseRules {
   /// After the last line. `lines_begin_ns`: of an excerpt that leaves lines out before its own, the case
   /// clock of the first.
   void finish(std::optional<std::int64_t> lines_begin_ns = std::nullopt);
+  /// Where the case is stated to begin before `open`: whether something is there of an excerpt's time from
+  /// `from_ns` on, as finish() asks of a case. After that.
+  void judge_pre_roll(std::int64_t from_ns);
   /// After FileChecker::finish(): files that are not there, unless erased.
   void judge_missing(const std::vector<MissingFile>& missing);
 
   [[nodiscard]] const std::optional<OpenEntry>& opening() const { return opening_; }
   [[nodiscard]] const std::optional<crypto::VerifierKey>& device() const { return device_; }
   [[nodiscard]] std::optional<std::uint64_t> close_entry() const { return close_; }
+  [[nodiscard]] std::optional<std::int64_t> closed_ns() const {
+    return close_ ? std::optional(closed_ns_) : std::nullopt;
+  }
+  /// From where on streams that are recorded as they come must have something. With a pre-roll their oldest
+  /// segments begin at different times, each before `open`.
+  [[nodiscard]] std::int64_t recorded_from_ns() const { return is_pre_rolled() ? opened_ns_ : 0; }
   /// The reason that `close` states; empty before it.
   [[nodiscard]] const std::string& close_reason() const { return close_reason_; }
   /// What `close` states of each stream; empty before it.
@@ -89,8 +99,7 @@ class CaseRules {
   void judge_first_stamp_of_excerpt(const StampedToken& first);
   /// Where the first outside token is entered more than a recorder's usual while behind the oldest film.
   void judge_age_at_first_stamp(const StampedToken& first);
-  /// Where the case is stated to begin before `open` against what is there.
-  void judge_pre_roll();
+  [[nodiscard]] bool is_pre_rolled() const { return opening_ && opening_->begins_ns > 0; }
   /// The UTC of `close` against that of `open` and the case clock.
   void judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number);
   void count_broken_line(std::uint64_t number);

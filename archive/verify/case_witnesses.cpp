@@ -18,6 +18,7 @@ struct Candidate {
   const std::string* note;
   crypto::Checkpoint checkpoint;
   Holds holds;
+  bool is_reached;  // from what is here
 };
 
 /// Whether the policy is for this log at all.
@@ -30,10 +31,19 @@ bool is_meant(const crypto::WitnessPolicy& policy, const VerifyOptions& options,
 }
 
 Holds held_by(const WalkedLog& log, const crypto::Checkpoint& checkpoint) {
-  if (log.closed && *log.closed < checkpoint.size) {
+  if (log.closed && log.closed->entry < checkpoint.size) {
     return Holds::kEnd;
   }
   return log.opened && *log.opened < checkpoint.size ? Holds::kBeginning : Holds::kNothing;
+}
+
+/// Whether what the log states of the case reaches all that is here, up to its end: by a root of its own, or
+/// by a proof that leads to the very end that it states.
+bool reaches(const WalkedLog& log, const LogProof& proof, const ShownPart& part) {
+  const auto& proved = proof.proved();
+  const bool is_proved =
+      proved && log.closed && proved->end.size == log.closed->size && proved->end.root == log.closed->root;
+  return is_proved || part.known >= std::min(part.size, log.closed ? log.closed->size : part.size);
 }
 
 std::uint64_t now_s(const VerifyOptions& options) {
@@ -91,18 +101,17 @@ WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
                      const std::optional<OpenEntry>& opening) {
   WalkedLog walked{notes.held_notes(), std::nullopt, std::nullopt};
   const auto known = opening ? contents.cases.find(opening->case_id) : contents.cases.end();
-  if (known != contents.cases.end()) {
+  // What another device's log tells of the case, its own has not said.
+  if (known != contents.cases.end() && contents.opened_by_case_device) {
     walked.opened = known->second.opened;
-    if (known->second.closed) {
-      walked.closed = known->second.closed->entry;
-    }
+    walked.closed = known->second.closed;
   }
   return walked;
 }
 
 std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
-                                                  const std::optional<WalkedLog>& log,
-                                                  const LogProof& proof) {
+                                                  const std::optional<WalkedLog>& log, const LogProof& proof,
+                                                  const std::optional<ShownPart>& part) {
   if (options.witnesses == nullptr) {
     return std::nullopt;
   }
@@ -117,13 +126,16 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
     return report;
   }
   const crypto::CountedCosignatures counted = counted_cosignatures(options);
+  // The log's end says nothing of an excerpt's lines where nothing leads from them to it.
+  const bool is_reached = !part || !log || reaches(*log, proof, *part);
   std::vector<Candidate> candidates;
   if (const auto& proved = proof.proved()) {
-    candidates.push_back({proved->name, &proved->note, proved->log, Holds::kEnd});
+    candidates.push_back({proved->name, &proved->note, proved->log, Holds::kEnd, true});
   }
   if (log) {
     for (const OutsideNotes::Held& note : log->notes) {
-      candidates.push_back({note.name, &note.text, note.checkpoint, held_by(*log, note.checkpoint)});
+      candidates.push_back(
+          {note.name, &note.text, note.checkpoint, held_by(*log, note.checkpoint), is_reached});
     }
   }
   const auto rank = [](const WitnessReport& each) {
@@ -136,6 +148,13 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
     if (candidate.holds == Holds::kNothing) {
       leave_out("its " + std::to_string(candidate.checkpoint.size) +
                 " entries of the log say nothing of the case");
+      continue;
+    }
+    if (!candidate.is_reached) {
+      leave_out("the excerpt leads to the case's first " + std::to_string(part->size) +
+                " entries, and the log states the root of " + std::to_string(part->known) +
+                " of them: nobody witnessed the others. A proof by 'kiroku log prove' of the excerpt leads "
+                "to the case's end");
       continue;
     }
     if (!is_meant(policy, options, candidate.checkpoint)) {

@@ -263,6 +263,7 @@ void CheckpointRules::reached(std::uint64_t size, const RootTest& fits, bool tre
   }
   if (fits(checkpoint->root)) {
     if (!foreign) fitting_.insert(size);
+    if (!foreign && device_) newest_fitting_ = JudgedNote{size, checkpoint->root, hashes_.at(size)};
     covered_ = foreign ? covered_ : size;
     covered_by_.ml_dsa = foreign || !note->by_ml_dsa ? covered_by_.ml_dsa : size;
     covered_by_.hardware = foreign || !note->by_hardware ? covered_by_.hardware : size;

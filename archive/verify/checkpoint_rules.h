@@ -70,6 +70,9 @@ class CheckpointRules {
   /// Largest sizes whose notes fit the tree and were checked by each key beside Ed25519 of the device that
   /// signs now; 0 if none.
   [[nodiscard]] EntriesBy covered_by() const { return covered_by_; }
+  /// The largest note that fits and is signed as it must be by the device that the lines name; nothing if
+  /// none.
+  [[nodiscard]] const std::optional<JudgedNote>& newest_fitting() const { return newest_fitting_; }
   /// After finish(): says what was signed, or checked, by fewer keys than the device has. The first `vouched`
   /// entries are known otherwise to be those of a device that signed them by these keys; `claims`: how many
   /// there are to vouch for.
@@ -112,6 +115,7 @@ class CheckpointRules {
   std::map<std::uint64_t, std::int64_t> mono_;
   std::map<std::uint64_t, crypto::Sha256Digest> hashes_;  // by size
   std::set<std::uint64_t> fitting_;                       // sizes
+  std::optional<JudgedNote> newest_fitting_;
   std::uint64_t covered_ = 0;
   EntriesBy covered_by_;
   std::uint64_t count_ = 0;

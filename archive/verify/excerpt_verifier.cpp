@@ -39,7 +39,8 @@ class ExcerptVerification {
         checkpoints_(folder, options, findings_, note_sizes(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_,
-               {false, [this](const SegmentEntry& segment) { return select(segment); },
+               {false, document_.first_entry <= 1,
+                [this](const SegmentEntry& segment) { return select(segment); },
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
                 }}),
@@ -61,8 +62,8 @@ class ExcerptVerification {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
     outside_.finish(document_.first_entry + lines_, false);
-    log_proof_.finish_part(rules_.opening() ? rules_.opening()->case_id : std::string(), document_.size,
-                           shown_root_);
+    log_proof_.finish_part({rules_.opening() ? rules_.opening()->case_id : std::string(), rules_.device()},
+                           document_.size, shown_root_);
     checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
@@ -292,17 +293,19 @@ class ExcerptVerification {
     for (const std::string& name : document_.streams) {
       const auto stream = rules_.streams().find(name);
       const std::optional<StreamTotal> total = total_of(name);
+      const StreamRules::LinesShown lines{lines_begin_ns_, rules_.recorded_from_ns(), rules_.closed_ns(),
+                                          total ? std::optional(total->segments) : std::nullopt};
       if (stream == rules_.streams().end()) {
         malformed(kExcerptFile, "it selects a stream \"" + name + "\" that the case does not have");
-      } else if (!stream->second.shows_all_of(
-                     document_.from_ns, document_.to_ns,
-                     {document_.first_entry <= 1, lines_begin_ns_, rules_.close_entry().has_value(),
-                      total ? std::optional(total->segments) : std::nullopt})) {
+      } else if (!stream->second.shows_all_of(document_.from_ns, document_.to_ns, lines)) {
         findings_.add(
             "excerpt-range-short", {std::string(kExcerptLinesFile)},
             "the lines do not show every segment that " + name + " has in the time that the excerpt states");
+      } else {
+        stream->second.check_stated_time({document_.from_ns, document_.to_ns}, lines);
       }
     }
+    rules_.judge_pre_roll(document_.from_ns);
     if (rules_.opening() && document_.case_id != rules_.opening()->case_id) {
       malformed(kExcerptFile,
                 "it names the case " + document_.case_id + ", its lines " + rules_.opening()->case_id);
@@ -355,11 +358,14 @@ class ExcerptVerification {
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
     report.signed_entries = checkpoints_.signed_entries();
+    report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfAnExcerpt;
     report.bytes = bytes_in(listing_);
     report.contents = files_.contents();
+    report.rekeyed_segments = files_.rekeyed();
+    report.rekeyed_opened = files_.rekeyed_opened();
     report.brackets = rules_.tokens().brackets(document_.first_entry,
                                                document_.first_entry + std::max<std::uint64_t>(1, lines_));
     take_log_findings(by_log_, options_, findings_);
@@ -369,7 +375,8 @@ class ExcerptVerification {
           folder_, {report.case_id, lines_, {}, tokens.signatures(), tokens.valid(), tokens.outside()},
           shown_data(), files_.further_hashes(), options_, findings_, report);
     }
-    report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
+    report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_,
+                                            ShownPart{document_.size, in_log_ ? in_log_->entries : 0});
     report.verdict = verdict_of_excerpt(findings_.worst());
     report.findings = findings_.take();
     return report;

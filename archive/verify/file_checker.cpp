@@ -140,7 +140,7 @@ void FileChecker::check_one(const FileJob& job) {
       return;
     }
     if (job.segment && hashed->fits) {
-      count_held(*job.segment);
+      count_held(job);
     }
     if (job.segment && options_->identities != nullptr) {
       const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, hashed->new_header);
@@ -325,6 +325,10 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
                        " yields another key than the original one: it would open to another film");
     return std::nullopt;
   }
+  if (job.rekeyed) {
+    const std::lock_guard lock(mutex_);
+    ++rekeyed_opened_;
+  }
   if (was_found_cut_off(*job.segment) && (opened.failure || opened.unreadable > 0)) {
     report_lost_part(job, opened);
     if (opened.failure) {
@@ -395,8 +399,10 @@ void FileChecker::report_not_decrypted(const FileJob& job) {
   }
 }
 
-void FileChecker::count_held(const SegmentEntry& segment) {
+void FileChecker::count_held(const FileJob& job) {
+  const SegmentEntry& segment = *job.segment;
   const std::lock_guard lock(mutex_);
+  rekeyed_ += job.rekeyed ? 1U : 0U;
   const auto [entry, first] = held_.try_emplace(segment.stream);
   HeldSegments& held = entry->second;
   held.span.start_ns = first ? segment.span.start_ns : std::min(held.span.start_ns, segment.span.start_ns);

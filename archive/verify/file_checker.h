@@ -73,6 +73,10 @@ class FileChecker {
   [[nodiscard]] const std::map<std::string, HeldSegments>& held() const { return held_; }
   /// After finish(): what also_hash() asked for, of the files that fit their entries and are not re-keyed.
   [[nodiscard]] const FileHashes& further_hashes() const { return further_hashes_; }
+  /// After finish(): re-keyed segments whose original header and payload have the entry's hash, and those of
+  /// them whose new header yields the same key.
+  [[nodiscard]] std::uint64_t rekeyed() const { return rekeyed_; }
+  [[nodiscard]] std::uint64_t rekeyed_opened() const { return rekeyed_opened_; }
   /// After finish(): nothing where no identity was given.
   [[nodiscard]] std::optional<OpenedContents> contents() const;
 
@@ -108,7 +112,7 @@ class FileChecker {
                                           const Hashed& hashed);
   void report_changed(const FileJob& job, std::uint64_t offset);
   void report_rekeyed_unopened(const FileJob& job);
-  void count_held(const SegmentEntry& segment);
+  void count_held(const FileJob& job);
   bool new_header_fits(const Hashed& hashed) const;
   void report_progress(std::uint64_t more);
 
@@ -133,6 +137,7 @@ class FileChecker {
   FileHashes further_hashes_;
   std::uint64_t files_ = 0;
   std::uint64_t bytes_ = 0;
+  std::uint64_t rekeyed_ = 0, rekeyed_opened_ = 0;
 
   std::mutex progress_mutex_;
   std::uint64_t progress_bytes_ = 0;

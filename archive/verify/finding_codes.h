@@ -371,7 +371,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-proof-differs", Severity::kTampered,
      "by a proof from the log, which a trusted device signed, the case ended otherwise"},
     {"log-proof-not-used", Severity::kUnproven,
-     "a proof from the log that was given does not hold, or shows nothing of what is here"},
+     "a proof from the log that was given does not hold, is of another device's log, or shows nothing of "
+     "what is here"},
     {"log-proof-holds", Severity::kNote,
      "a proof from the log holds: the case ended as the device entered it there"},
     // -- two cases of one operation
@@ -390,7 +391,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the time that the excerpt states begins before the case, or after all that its lines show"},
     {"excerpt-proof-invalid", Severity::kTampered, "a Merkle proof does not lead to the signed root"},
     {"excerpt-range-short", Severity::kUnproven,
-     "the lines do not show every segment that a selected stream has in the time the excerpt states"},
+     "the lines do not show every segment that a selected stream has in the time the excerpt states, or why "
+     "it has none"},
     {"excerpt-no-later-token", Severity::kUnproven, "no token after the excerpt's last segment is in it"},
     {"rekeyed-key-differs", Severity::kTampered,
      "a segment's new header yields another key than its original one"},

@@ -106,12 +106,18 @@ void LogProof::reached(std::uint64_t size, const RootTest& fits) {
   }
 }
 
-bool LogProof::is_of(const std::string& case_id) {
-  if (entry_->case_id == case_id) {
-    return true;
+bool LogProof::is_of(const OfCase& of) {
+  if (entry_->case_id != of.id) {
+    refuse("it is of case " + entry_->case_id);
+    return false;
   }
-  refuse("it is of case " + entry_->case_id);
-  return false;
+  // Another device's key, which the verifier trusts for that one's cases, must neither accuse nor vouch.
+  if (!of.device || checkpoint_->origin != log_origin(of.device->name())) {
+    refuse("it is of the log \"" + printable(checkpoint_->origin) +
+           "\", which is not that of the case's device");
+    return false;
+  }
+  return true;
 }
 
 EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const {
@@ -122,7 +128,7 @@ EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device,
 
 void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
   proved_entries_ = entries;
-  proved_ = Proved{name_, proof_->index, entries, *checkpoint_, proof_->note};
+  proved_ = Proved{name_, proof_->index, entries, *entry_, *checkpoint_, proof_->note};
   findings_->add("log-proof-holds", {},
                  name_ + " holds: entry " + std::to_string(proof_->index) +
                      " of the appliance log says that the case ended with " +
@@ -130,8 +136,8 @@ void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
                      ". The device signed the log's first " + counted(checkpoint_->size, "entry", "entries"));
 }
 
-void LogProof::finish(const std::string& case_id, std::uint64_t entries, bool read) {
-  if (std::exchange(answered_, true) || !is_of(case_id)) {
+void LogProof::finish(const OfCase& of, std::uint64_t entries, bool read) {
+  if (std::exchange(answered_, true) || !is_of(of)) {
     return;
   }
   if (root_fits_ == true) {
@@ -151,9 +157,9 @@ void LogProof::finish(const std::string& case_id, std::uint64_t entries, bool re
   }
 }
 
-void LogProof::finish_part(const std::string& case_id, std::uint64_t size,
+void LogProof::finish_part(const OfCase& of, std::uint64_t size,
                            const std::optional<crypto::Sha256Digest>& root) {
-  if (std::exchange(answered_, true) || !is_of(case_id)) {
+  if (std::exchange(answered_, true) || !is_of(of)) {
     return;
   }
   if (!root) {

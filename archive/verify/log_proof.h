@@ -36,19 +36,24 @@ class LogProof {
 
   /// The case's tree has `size` entries, and `fits` tells whether a root is its.
   void reached(std::uint64_t size, const RootTest& fits);
-  /// The case has the identifier and `entries` entries; `read`: they were read to their end.
-  void finish(const std::string& case_id, std::uint64_t entries, bool read);
+  /// Whose end it must prove. A device speaks for its own cases alone, under whichever of its keys.
+  struct OfCase {
+    std::string id;
+    std::optional<crypto::VerifierKey> device;  // that `open` names
+  };
+  /// The case has `entries` entries; `read`: they were read to their end.
+  void finish(const OfCase& of, std::uint64_t entries, bool read);
   /// Of an excerpt: its case's first `size` entries have this root, by its lines and proofs; nothing where
   /// they do not lead to one.
-  void finish_part(const std::string& case_id, std::uint64_t size,
-                   const std::optional<crypto::Sha256Digest>& root);
+  void finish_part(const OfCase& of, std::uint64_t size, const std::optional<crypto::Sha256Digest>& root);
 
   /// What it proves, once it holds.
   struct Proved {
     std::string name;           // of the proof
     std::uint64_t entry = 0;    // of the log
     std::uint64_t entries = 0;  // of the case, that are those with which it ended
-    crypto::Checkpoint log;     // that holds the entry
+    CaseClosedEntry end;        // what the entry says
+    crypto::Checkpoint log;     // that holds it
     std::string note;           // the same, signed and cosigned
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
@@ -65,8 +70,8 @@ class LogProof {
   /// By itself.
   void judge(const OutsideNote& given, const std::vector<crypto::VerifierKey>& devices);
   void refuse(const std::string& why);
-  /// Whether the entry is of this case; else it answers.
-  bool is_of(const std::string& case_id);
+  /// Whether the entry is of this case, in the log of its device; else it answers.
+  bool is_of(const OfCase& of);
   void hold(std::uint64_t entries, const std::string& of_what);
 
   FindingList* findings_;

@@ -187,6 +187,12 @@ struct CaseInLog {
   std::uint64_t entries = 0;
 };
 
+/// A note of the case as it was judged: whoever shows it reads it again, and compares.
+struct JudgedNote {
+  std::uint64_t size = 0;                 // of the tree that it states
+  crypto::Sha256Digest root{}, sha256{};  // the root; the hash of the file's bytes
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -202,9 +208,13 @@ struct VerificationReport {
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
-  std::optional<OpenedContents> contents;            // nothing where no identity was given
-  std::optional<EvidenceReport> evidence;            // nothing where there is no record
-  std::optional<WitnessReport> witnesses;            // nothing where no policy of witnesses was given
+  /// Segments of an excerpt that were sealed anew. What has the hash of such a segment's entry is not its
+  /// file, but the original header beside it, and the file behind its own header. Counted where it has.
+  std::uint64_t rekeyed_segments = 0;
+  std::uint64_t rekeyed_opened = 0;  // of them: the new header was found to yield the key of the original one
+  std::optional<OpenedContents> contents;  // nothing where no identity was given
+  std::optional<EvidenceReport> evidence;  // nothing where there is no record
+  std::optional<WitnessReport> witnesses;  // nothing where no policy of witnesses was given
   std::vector<Bracket> brackets;
   std::vector<AuthorityClock> clocks;          // one an authority, in the order of their first tokens
   std::vector<StampingAuthority> authorities;  // in the order of their first tokens
@@ -213,6 +223,8 @@ struct VerificationReport {
   /// What a log that was given knows of a case or an excerpt's; nothing without one, and where it was not
   /// compared.
   std::optional<CaseInLog> in_log;
+  /// The checkpoint over most entries that the device signed and that is of these lines; nothing without one.
+  std::optional<JudgedNote> newest_note;
   std::uint64_t proved_entries = 0;  // the first ones, that a proof of the case's end shows to be the log's
   std::vector<Finding> findings;     // ordered by entry, then file
   /// Root (RFC 6962) over the lines that were judged, of which there are `entries`; of an excerpt its opening
@@ -230,7 +242,7 @@ std::vector<TimeRemark> time_remarks(const VerificationReport& report);
 /// Segments that the lines name and do not say are erased; of an excerpt those that it should hold.
 std::uint64_t listed_segments(const VerificationReport& report);
 /// Of `files`, those that lines name and whose hashes were compared with these: all but the ledger, or what
-/// an excerpt has in its place, and checkpoints.
+/// an excerpt has in its place, and checkpoints. `rekeyed_segments` are among them.
 std::uint64_t named_files(const VerificationReport& report);
 
 }  // namespace kiroku::archive

@@ -41,12 +41,19 @@ StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings
       of_pictures_(info_->media != kLinesMedia),
       of_marks_(info_->kind == "events" && !of_pictures_),
       whole_case_(whole_case),
+      from_open_(whole_case),
       findings_(&findings) {
   report_.info = *info_;
   if (whole_case_) {
     next_index_ = 0;
   }
   interrupted_ = !whole_case_;  // by what an excerpt leaves out, as far as it shows
+}
+
+void StreamRules::begin_at_open() {
+  from_open_ = true;
+  next_index_ = 0;
+  interrupted_ = false;
 }
 
 bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
@@ -89,7 +96,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
                    segment.file.file +
                        " was found after recording was cut off: its times are estimates, and "
                        "only its recipients can count what is in it");
-  } else if (!segment.counted && !whole_case_) {
+  } else if (!segment.counted && !from_open_) {
     findings_->add("excerpt-range-short", {std::string(kExcerptLinesFile), entry},
                    "the lines do not show why nobody counted what " + segment.file.file + " holds");
   } else if (!segment.counted) {
@@ -188,7 +195,7 @@ void StreamRules::take_recovered() {
 }
 
 void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
-  if (!whole_case_) {
+  if (!from_open_) {
     return;
   }
   const StreamTotal real{report_.segments, report_.frames, report_.dropped, report_.bytes};
@@ -353,7 +360,7 @@ void StreamRules::check_ends(const Span& recorded) {
     return;
   }
   if (info_->timing != "arrival") {
-    check_length(recorded);
+    check_length(recorded, recorded);
     return;
   }
   if (report_.segments > 0) {
@@ -374,13 +381,15 @@ void StreamRules::check_ends(const Span& recorded) {
 
 // A file ends where it ends. Whether it was one rests on the recorder's word, so nobody may take the case's
 // length for the stream's.
-void StreamRules::check_length(const Span& recorded) {
+void StreamRules::check_length(const Span& recorded, const Span& asked) const {
   if (report_.segments == 0) {
     return;
   }
-  const std::int64_t late_ns = report_.span.start_ns - recorded.start_ns;
-  const std::int64_t early_ns = recorded.end_ns - end_ns_.value_or(recorded.start_ns);
-  if (late_ns > kLateBeginToleranceNs || early_ns > kEarlyEndToleranceNs) {
+  const std::int64_t last_ns = end_ns_.value_or(recorded.start_ns);
+  const bool is_late = report_.span.start_ns - recorded.start_ns > kLateBeginToleranceNs &&
+                       asked.start_ns < report_.span.start_ns;
+  const bool is_early = recorded.end_ns - last_ns > kEarlyEndToleranceNs && asked.end_ns > last_ns;
+  if (is_late || is_early) {
     findings_->add("stream-shorter", {std::string(kLedgerFile)},
                    report_.info.name + ", which was read from " + report_.info.source + ", is from " +
                        text_of({report_.span.start_ns, end_ns_.value_or(report_.span.end_ns)}) +
@@ -400,10 +409,8 @@ void StreamRules::check_gaps_end(const Span& recorded) {
 
 void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_t> lines_begin_ns) {
   join_gaps();
-  if (recorded) {
-    check_ends(*recorded);
-    check_gaps_end(*recorded);
-  }
+  if (recorded && whole_case_) check_ends(*recorded);
+  if (recorded) check_gaps_end(*recorded);
   check_fillings();
   check_pictures_in_gaps();
   for (const Hole& hole : holes_) {
@@ -466,8 +473,66 @@ bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const L
   // What came live was entered after it happened: nothing entered before from_ns lies in the time.
   const bool written_before = report_.info.timing == "arrival" && lines.begin_ns <= from_ns;
   const bool begins_in_time =
-      lines.from_open || written_before || first_index_ == 0U || (any && report_.span.start_ns <= from_ns);
-  return begins_in_time && (lines.to_close || (any && end_ns_ >= to_ns));
+      from_open_ || written_before || first_index_ == 0U || (any && report_.span.start_ns <= from_ns);
+  return begins_in_time && (lines.closed_ns || (any && end_ns_ >= to_ns));
+}
+
+// Between two segments of the lines finish() asks. What a case may lack at its ends is judged by all of it:
+// else an excerpt of a few seconds at a time would show none of a long silence.
+void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines) const {
+  const Span asked{std::max(stated.start_ns, lines.recorded_from_ns),
+                   std::min(stated.end_ns, lines.closed_ns.value_or(stated.end_ns))};
+  if (of_marks_ || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
+    return;
+  }
+  const bool from_first = from_open_ || first_index_ == 0U;
+  const Place place{std::string(kExcerptLinesFile)};
+  const std::string& name = report_.info.name;
+  const auto lacks = [&](const std::optional<Span>& left, std::int64_t tolerance_ns) {
+    return left && left->end_ns - left->start_ns > tolerance_ns &&
+           std::min(left->end_ns, asked.end_ns) - std::max(left->start_ns, asked.start_ns) > kSeamToleranceNs;
+  };
+  const auto is_not_shown = [&](const Span& span) {
+    findings_->add("excerpt-range-short", place,
+                   "the lines do not show why " + name + " has nothing from " + text_of(span));
+  };
+  if (report_.segments == 0 && gaps_.empty() && from_open_) {
+    findings_->add("stream-empty", place,
+                   name + " has nothing from " + text_of(asked) + ", nor elsewhere, and no gap says why");
+    return;
+  }
+  if (info_->timing != "arrival") {
+    const std::int64_t first_ns = from_first ? lines.recorded_from_ns : report_.span.start_ns;
+    check_length({first_ns, lines.closed_ns.value_or(end_ns_.value_or(first_ns))}, asked);
+    return;
+  }
+  if (report_.segments == 0 && !from_open_ &&
+      (gaps_.empty() || gaps_.front().start_ns > asked.start_ns + kSeamToleranceNs)) {
+    is_not_shown(asked);
+    return;
+  }
+  if (report_.segments > 0) {
+    const auto late =
+        uncovered({from_first ? lines.recorded_from_ns : asked.start_ns, report_.span.start_ns});
+    const bool is_late = lacks(late, from_first ? kLateBeginToleranceNs : 0);
+    if (is_late && from_open_) {
+      findings_->add(
+          "stream-begins-late", place,
+          name + " has nothing from " + text_of(*late) + ", before its first segment, and no gap says why");
+    } else if (is_late) {
+      is_not_shown(*late);
+    }
+  }
+  if (!lines.closed_ns) {
+    return;
+  }
+  const std::int64_t last_ns = end_ns_.value_or(from_open_ ? lines.recorded_from_ns : gaps_.front().start_ns);
+  const auto early = uncovered({last_ns, *lines.closed_ns});
+  if (lacks(early, kEarlyEndToleranceNs)) {
+    findings_->add("stream-ends-early", place,
+                   name + " has nothing from " + text_of(*early) +
+                       ", where the case was closed, and no gap among the lines says why");
+  }
 }
 
 std::int64_t StreamRules::gap_within(std::int64_t from_ns, std::int64_t to_ns) const {

@@ -5,7 +5,9 @@
 // - A segment begins where the one before it ends, to within kSeamTolerance. If it begins later, the `gap`
 //   entries of the stream (before or after it in the ledger) must cover the time between; it never begins
 //   earlier.
-// - A stream that is recorded as it comes has something, or a gap, from the case's beginning to its end.
+// - A stream that is recorded as it comes has something, or a gap, from the case's beginning to its end; of
+// an
+//   excerpt, in all of the time that it states.
 // - No gap ends later than both the case and the stream's last segment: that time has not come.
 // - No segment with pictures lies wholly in a gap, and none is erased that was never entered.
 // - A segment without counts is one that recovery found: a `recovered` stands before it.
@@ -41,6 +43,8 @@ inline constexpr std::int64_t kLongestUntoldSilenceNs = 60'000'000'000;
 class StreamRules {
  public:
   StreamRules(StreamInfo info, bool whole_case, FindingList& findings);
+  /// Of an excerpt whose lines leave none out behind `open`: its segments begin with the first, as a case's.
+  void begin_at_open();
 
   /// False if the segment's file name is not the one its stream and index dictate, so that it must not be
   /// opened; or if an entry before named the same file: it is read once, however often it is named.
@@ -51,9 +55,9 @@ class StreamRules {
   void take_interruption();
   /// `recovered`, after which segments may stand that nobody could count.
   void take_recovered();
-  /// Totals of `close` against what was seen; not for excerpts.
+  /// Totals of `close` against what was seen, where all of it was.
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
-  /// `recorded`: from the case's beginning to its `close`, of a case that has one and is here as a whole.
+  /// `recorded`: from the case's beginning to its `close`, where that was seen.
   /// `lines_begin_ns`: of an excerpt that leaves lines out before its own, the case clock of the first.
   void finish(std::optional<Span> recorded = std::nullopt,
               std::optional<std::int64_t> lines_begin_ns = std::nullopt);
@@ -76,15 +80,19 @@ class StreamRules {
   [[nodiscard]] bool has_name(const std::string& path) const;
   /// Where an excerpt's lines lie in the case's ledger.
   struct LinesShown {
-    bool from_open = false;     // no entry between `open` and them is left out
-    std::int64_t begin_ns = 0;  // case clock of the first
-    bool to_close = false;
+    std::int64_t begin_ns = 0;                    // case clock of the first
+    std::int64_t recorded_from_ns = 0;            // from where on streams must have something
+    std::optional<std::int64_t> closed_ns;        // case clock of `close`, where it is among them
     std::optional<std::uint64_t> total_segments;  // of the stream, by `close`
   };
   /// Whether every segment of the stream that meets [from_ns, to_ns) must be among the lines seen. A stream's
   /// segments are entered in the order of their times, so a segment at each end shows it. A gap does not: it
   /// may be entered before a segment that lies before it, or after one that lies behind it.
   [[nodiscard]] bool shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const LinesShown& lines) const;
+  /// Demands of the time that an excerpt states what a case must have of all of its: that a stream which is
+  /// recorded as it comes has something there, or a gap among the lines. After finish(), where
+  /// shows_all_of() holds.
+  void check_stated_time(const Span& stated, const LinesShown& lines) const;
   /// How much of [from_ns, to_ns) the stream's gaps take.
   [[nodiscard]] std::int64_t gap_within(std::int64_t from_ns, std::int64_t to_ns) const;
   /// How many segments the case has at least, by the largest index seen.
@@ -106,7 +114,8 @@ class StreamRules {
   void count_filling(const SegmentEntry& segment, std::uint64_t entry);
   /// Demands a gap where a stream has nothing at the case's beginning or end.
   void check_ends(const Span& recorded);
-  void check_length(const Span& recorded);
+  /// Of a stream that was read from a file: tells where, in `asked`, it is shorter than `recorded`.
+  void check_length(const Span& recorded, const Span& asked) const;
   void check_gaps_end(const Span& recorded);
   void check_fillings();
   /// Pictures of a time that a gap says was not recorded; gaps must be joined.
@@ -124,6 +133,7 @@ class StreamRules {
   // by what its files hold: whoever holds the device key chooses what a stream is called
   bool of_pictures_, of_marks_;
   bool whole_case_;
+  bool from_open_;  // a whole case, or an excerpt that leaves nothing out behind `open`
   FindingList* findings_;
   std::optional<std::uint64_t> first_index_, next_index_;
   IndexRanges entered_, entered_parts_;  // indexes of complete segments and of others

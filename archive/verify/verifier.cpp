@@ -77,8 +77,8 @@ class CaseVerification {
       outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
     }
     outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
-    log_proof_.finish(rules_.opening() ? rules_.opening()->case_id : std::string(), tree_.size(),
-                      opening.file.has_value() && !rules_.gave_up());
+    log_proof_.finish({rules_.opening() ? rules_.opening()->case_id : std::string(), rules_.device()},
+                      tree_.size(), opening.file.has_value() && !rules_.gave_up());
     checkpoints_.judge_keys(rules_.claims(), log_proof_.vouched_by(rules_.device(), vouched_by_log_));
     return report();
   }
@@ -342,6 +342,7 @@ class CaseVerification {
     report.checkpoints = checkpoints_.count();
     report.signatures = checkpoints_.signatures_checked();
     report.signed_entries = checkpoints_.signed_entries();
+    report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
     report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());

@@ -515,7 +515,11 @@ std::string kernel_boot_id() {
   return id.empty() ? kUnknownBoot : id;
 }
 
-void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {
+namespace {
+
+/// `damaged` is told why a line cannot be read.
+void visit_log_lines(const fs::path& folder, const std::function<void(const LogLine&)>& visit,
+                     const std::function<void(const std::string&)>& damaged) {
   const fs::path file = folder / kLedgerFile;
   std::error_code missing;
   const bool is_folder = fs::is_directory(folder, missing);
@@ -532,12 +536,29 @@ void for_each_log_line(const fs::path& folder, const std::function<void(const Lo
     const LogEntryParse parsed =
         line.too_long ? LogEntryParse{std::nullopt, "it is too long"} : parse_log_entry(line.text);
     if (!parsed.entry) {
-      throw Error("cannot read line " + std::to_string(number) + " of " + file.string() + ": " +
-                  parsed.problem);
+      damaged("cannot read line " + std::to_string(number) + " of " + file.string() + ": " + parsed.problem);
+      continue;
     }
     visit(
         {number - 1, parsed.entry->at.utc, std::string(type_of(parsed.entry->body)), std::string(line.text)});
   }
+}
+
+}  // namespace
+
+void for_each_log_line(const fs::path& folder, const std::function<void(const LogLine&)>& visit) {
+  visit_log_lines(folder, visit, [](const std::string& why) { throw Error(why); });
+}
+
+std::string for_each_readable_log_line(const fs::path& folder,
+                                       const std::function<void(const LogLine&)>& visit) {
+  std::string first;
+  visit_log_lines(folder, visit, [&first](const std::string& why) {
+    if (first.empty()) {
+      first = why;
+    }
+  });
+  return first;
 }
 
 bool is_signed_entry(const fs::path& folder, const crypto::VerifierKey& device, std::uint64_t seq,

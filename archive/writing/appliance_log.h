@@ -47,7 +47,8 @@ class ApplianceLog {
   [[nodiscard]] const std::filesystem::path& folder() const;
 
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
-  // then sign a checkpoint. They throw kiroku::IoError; after a failed fsync the object refuses everything.
+  // then sign a checkpoint. They throw kiroku::IoError and LedgerHeldError; after a
+  // failed fsync the next one opens the log anew (ledger.h).
 
   /// States that the machine runs with this boot identifier; nothing if the newest `boot` states the same.
   /// Every other entry makes sure of it by itself, with the kernel's boot_id unless boot() was called, since
@@ -121,6 +122,10 @@ inline constexpr const char* kUnknownBoot = "unknown";
 /// Calls `visit` with each line of a log, in order, without opening it for writing; a torn last line is left
 /// out. Throws kiroku::Error naming the line that cannot be read.
 void for_each_log_line(const std::filesystem::path& folder, const std::function<void(const LogLine&)>& visit);
+/// The same for whoever goes on where a line is damaged: it is left out. Why the first of them cannot be
+/// read, naming it; "" where all can.
+std::string for_each_readable_log_line(const std::filesystem::path& folder,
+                                       const std::function<void(const LogLine&)>& visit);
 /// Whether `device` signed the log when its newest entry was number `seq`: its own checkpoint, over `root`,
 /// the tree's root then. Each entry but `boot` and `config-changed` has one. An entry without was cut off in
 /// that moment, or made up by somebody who can write to the disk; what is signed later covers both. False

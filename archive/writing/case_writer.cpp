@@ -5,6 +5,7 @@
 #include "archive/verify/token_rules.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer_state.h"
+#include "archive/writing/ledger.h"
 #include "crypto/encoding.h"
 #include "evidence/shared_token.h"
 
@@ -190,8 +191,15 @@ StoredCheckpoint CaseWriter::checkpoint(Moment now, bool log_it) {
   const std::int64_t now_ns = std::max(now.mono_ns, state.last_mono_ns);
   if (state.log != nullptr &&
       (log_it || !state.last_logged_ns || now_ns - *state.last_logged_ns >= kLogIntervalNs)) {
-    state.log->case_checkpoint(state.case_id, state.last_checkpoint->size, state.last_checkpoint->root);
-    state.last_logged_ns = now_ns;
+    try {
+      state.log->case_checkpoint(state.case_id, state.last_checkpoint->size, state.last_checkpoint->root);
+      state.last_logged_ns = now_ns;
+    } catch (const LedgerHeldError&) {
+      // Whoever locks the log must not end what is recorded: the next checkpoint is entered.
+      if (log_it) {
+        throw;
+      }
+    }
   }
   try {
     state.reserve.fill();

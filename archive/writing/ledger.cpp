@@ -1,5 +1,6 @@
 #include "archive/writing/ledger.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <span>
@@ -39,7 +40,7 @@ std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& 
 
 Ledger::Turn::Turn(Ledger& ledger) : ledger_(ledger) {
   if (ledger_.sharing_ == Sharing::kShared && ledger_.turns_ == 0) {
-    ledger_.written_->lock();
+    ledger_.take_lock();
   }
   ++ledger_.turns_;
 }
@@ -66,12 +67,80 @@ std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing s
     throw UsageError("another process is writing " + ledger->file_.string() +
                      ": wait until it has ended, or end it first");
   }
+  ledger->covered_when_opened_ = covered;
   ledger->covered_ = std::move(covered);
   ledger->needs_signature_ = std::move(needs_signature);
   ledger->catch_up();
   ledger->covered_ = nullptr;
   ledger->needs_signature_ = nullptr;
   return ledger;
+}
+
+void Ledger::take_lock() {
+  constexpr std::chrono::milliseconds kMoment{250};
+  if (!failure_.empty()) {
+    // An open file that failed once goes on telling of it.
+    written_ = files_->append_to(file_);
+    allocated_until_ = 0;
+  }
+  const std::chrono::milliseconds patience = is_held_up_ ? std::min(kMoment, patience_) : patience_;
+  is_held_up_ = !written_->lock(patience);
+  if (is_held_up_) {
+    throw LedgerHeldError(
+        "another process holds " + file_.string() +
+        " locked, and nothing can be entered meanwhile: nothing was written. Whoever may read that file can "
+        "lock it; 'lslocks' as root names the process: end it");
+  }
+  if (failure_.empty()) {
+    return;
+  }
+  try {
+    repair();
+  } catch (...) {
+    written_->unlock();
+    throw;
+  }
+}
+
+// After a flush that failed the kernel may take what never reached the disk for written. Cutting our lines
+// off makes the end of the file, and the block in which it ends, new to it: the flush is then one of what
+// stands there. Lines that others entered behind ours are theirs to have flushed, and are read as at a start.
+void Ledger::repair() {
+  if (!known_) {
+    known_ = Known{tree_.size(), tree_.root()};
+  }
+  if (!unsure_.empty()) {
+    std::vector<char> end(unsure_.size() + 1);
+    std::size_t count = 0;
+    const ReadableFile input = files_->open_to_read(file_);
+    while (const std::size_t more = input.read_at(
+               bytes_ + count, std::as_writable_bytes(std::span(end).subspan(count, end.size() - count)))) {
+      count += more;
+    }
+    const bool is_ours = unsure_.starts_with(std::string_view(end.data(), count));
+    if (is_ours && (!covered_when_opened_ || covered_when_opened_() <= tree_.size())) {
+      written_->truncate(bytes_);
+    }
+  }
+  written_->sync();
+  unsure_.clear();
+  tree_ = {};
+  bytes_ = 0;
+  covered_ = covered_when_opened_;
+  try {
+    read_new_lines();
+  } catch (...) {
+    covered_ = nullptr;
+    throw;
+  }
+  covered_ = nullptr;
+  if (tree_.size() < known_->size) {
+    throw Error(file_.string() + " has " + std::to_string(tree_.size()) +
+                " lines after a failure of its disk, and " + std::to_string(known_->size) +
+                " had been flushed to it: verify it before writing to it");
+  }
+  known_.reset();
+  failure_.clear();
 }
 
 void Ledger::refuse_if_failed() const {
@@ -81,14 +150,14 @@ void Ledger::refuse_if_failed() const {
 }
 
 void Ledger::catch_up() {
-  refuse_if_failed();
   const Turn turn(*this);
+  refuse_if_failed();
   read_new_lines();
 }
 
 void Ledger::take_back(std::uint64_t size, bool another) {
-  refuse_if_failed();
   const Turn turn(*this);
+  refuse_if_failed();
   const std::uint64_t before = bytes_;
   tree_ = {};
   bytes_ = 0;
@@ -100,6 +169,9 @@ void Ledger::accept(std::string_view line) {
   const std::uint64_t seq = tree_.size();
   tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));
   bytes_ += line.size() + 1;
+  if (known_ && tree_.size() == known_->size && tree_.root() != known_->root) {
+    throw Error(file_.string() + " is not as it was before its disk failed: verify it before writing to it");
+  }
   if (visitor_) {
     visitor_(seq, line);
   }
@@ -182,8 +254,8 @@ void Ledger::cut_torn_line(std::uint64_t end) {
 }
 
 void Ledger::append(const MakeLines& make_lines) {
-  refuse_if_failed();
   const Turn turn(*this);
+  refuse_if_failed();
   if (sharing_ == Sharing::kShared) {
     read_new_lines();
   }
@@ -234,7 +306,7 @@ void Ledger::write_durably(std::string_view text) {
     try {
       written_->write(bytes_of(text));
     } catch (const IoError&) {
-      undo_write();
+      undo_write(text);
       throw;
     }
   };
@@ -246,6 +318,7 @@ void Ledger::write_durably(std::string_view text) {
     }
     written_->sync();
   } catch (const SyncError& error) {
+    unsure_ = text;
     failure_ = std::string(error.what()) +
                "; what was last written may be lost, so nothing more is written to " + file_.string();
     throw;
@@ -257,11 +330,12 @@ void Ledger::write_durably(std::string_view text) {
   }
 }
 
-void Ledger::undo_write() {
+void Ledger::undo_write(std::string_view text) {
   try {
     written_->truncate(bytes_);
     allocated_until_ = bytes_;
   } catch (const IoError& error) {
+    unsure_ = text;
     failure_ = std::string("part of a line may stand at the end of the ledger: ") + error.what();
     throw Error(failure_);
   }

@@ -3,6 +3,7 @@
 // other processes are kept off by a lock.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -14,9 +15,16 @@
 
 #include "archive/storage/file_system.h"
 #include "archive/storage/space_reserve.h"
+#include "base/error.h"
 #include "crypto/merkle_tree.h"
 
 namespace kiroku::archive {
+
+/// Somebody else holds a shared ledger's file: whoever may read it can lock it. Nothing was written.
+class LedgerHeldError : public Error {
+ public:
+  using Error::Error;
+};
 
 class Ledger {
  public:
@@ -48,7 +56,10 @@ class Ledger {
 
   /// Appends all lines with one write and one fdatasync. The line is only in the tree once it is durable. On
   /// a full disk the reserve is used; if that does not do, nothing of it stands in the file, IoError is
-  /// thrown and a later append may succeed. After any other failure the ledger refuses everything.
+  /// thrown and a later append may succeed. After any other failure an exclusive ledger refuses everything; a
+  /// shared one, which outlives many cases, is opened anew with the next turn: the lines of which nobody
+  /// knows whether they reached the disk are cut off unless others built upon them, and the rest is read
+  /// again.
   void append(const MakeLines& make_lines);
 
   /// kShared: takes in what other processes appended. (append() does so by itself.)
@@ -69,10 +80,15 @@ class Ledger {
   /// Bytes cut off by open() since a line of them needs a signature and had none.
   [[nodiscard]] std::uint64_t unsigned_bytes() const { return unsigned_bytes_; }
 
+  /// Of a shared one: how long a turn is waited for. Once nobody gave it for so long, the next ones wait a
+  /// moment each until one is given.
+  void wait_at_most(std::chrono::milliseconds patience) { patience_ = patience; }
+
   /// Holds the file of a shared ledger over several operations; may be nested. Does nothing for an exclusive
   /// one, which is held anyway.
   class Turn {
    public:
+    /// Throws LedgerHeldError; kiroku::Error where a ledger that had failed cannot be opened anew.
     explicit Turn(Ledger& ledger);
     Turn(const Turn&) = delete;
     Turn& operator=(const Turn&) = delete;
@@ -86,6 +102,9 @@ class Ledger {
   Ledger(FileSystem& files, std::filesystem::path file, Sharing sharing, SpaceReserve* reserve,
          Visitor visitor);
   void refuse_if_failed() const;
+  void take_lock();
+  /// With the lock, of a file that was opened anew.
+  void repair();
   /// Those beyond `most` are cut off.
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
   [[nodiscard]] bool was_never_flushed(std::string_view line) const;
@@ -95,7 +114,7 @@ class Ledger {
   void cut_torn_line(std::uint64_t end);
   void accept(std::string_view line);
   void write_durably(std::string_view text);
-  void undo_write();
+  void undo_write(std::string_view text);
   void allocate_ahead(std::uint64_t coming);
 
   FileSystem* files_;
@@ -105,6 +124,7 @@ class Ledger {
   Visitor visitor_;
   // Only while the file is opened: later nobody finds what a power cut left.
   Covered covered_;
+  Covered covered_when_opened_;  // for when it is opened anew
   NeedsSignature needs_signature_;
   std::unique_ptr<WritableFile> written_;
   crypto::MerkleFrontier tree_;
@@ -113,7 +133,15 @@ class Ledger {
   std::uint64_t torn_bytes_ = 0;
   std::uint64_t unsigned_bytes_ = 0;
   unsigned turns_ = 0;   // nested holders of the lock
-  std::string failure_;  // once set, every call is refused with it
+  std::string failure_;  // once set, every call is refused with it, of a shared ledger until the next turn
+  std::string unsure_;   // what was written last, where nobody knows whether it reached the disk
+  struct Known {
+    std::uint64_t size = 0;
+    crypto::Sha256Digest root{};
+  };
+  std::optional<Known> known_;  // what must stand in the file again
+  std::chrono::milliseconds patience_ = std::chrono::seconds(10);
+  bool is_held_up_ = false;
 };
 
 }  // namespace kiroku::archive

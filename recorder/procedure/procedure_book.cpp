@@ -23,14 +23,15 @@ bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
 
 }  // namespace
 
-void ProcedureBook::take(ProcedureMessage message, UtcTime received) {
+void ProcedureBook::take(ProcedureMessage message, ProcedureMoment received) {
   std::vector<ProcedureMessage> one;
   one.push_back(std::move(message));
   take_all(std::move(one), received);
 }
 
-void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, UtcTime received) {
+void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMoment received) {
   using Kind = ProcedureMessage::Kind;
+  const Arrival arrival{++arrivals_, received};
   // An appointment that was another patient's before is theirs no more.
   for (const ProcedureMessage& each : messages) {
     if (each.kind == Kind::kAppointment || each.kind == Kind::kCancels) cancel(each.appointment);
@@ -40,14 +41,14 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, UtcTime rec
     switch (message.kind) {
       case Kind::kPlaces:
       case Kind::kFacts:
-        place(std::move(message), received);
+        place(std::move(message), arrival);
         break;
       case Kind::kLeaves:
         placed_.erase(message.patient);
         break;
       case Kind::kAppointment: {
         const std::string key = message.appointment + "\n" + message.patient;
-        appointments_.insert_or_assign(key, Kept{received, std::move(message)});
+        appointments_.insert_or_assign(key, Kept{arrival, std::move(message)});
         break;
       }
       case Kind::kCancels:
@@ -59,7 +60,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, UtcTime rec
   forget_old(appointments_, received);
 }
 
-void ProcedureBook::place(ProcedureMessage message, UtcTime received) {
+void ProcedureBook::place(ProcedureMessage message, const Arrival& received) {
   const auto known = placed_.find(message.patient);
   const bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
   if (known == placed_.end()) {
@@ -78,7 +79,7 @@ void ProcedureBook::place(ProcedureMessage message, UtcTime received) {
   // anew, after whoever came since.
   bool comes = arrives;
   if (says_where) {
-    std::map<std::string, UtcTime> since;
+    std::map<std::string, Arrival> since;
     for (const std::string& place : message.places) {
       const auto before = kept.since.find(place);
       const bool stays = !arrives && before != kept.since.end() &&
@@ -96,18 +97,18 @@ void ProcedureBook::place(ProcedureMessage message, UtcTime received) {
 }
 
 bool ProcedureBook::somebody_else_came(const std::string& patient, const std::string& place,
-                                       UtcTime since) const {
+                                       const Arrival& since) const {
   return std::ranges::any_of(placed_, [&](const auto& other) {
     const auto there = other.second.since.find(place);
-    return other.first != patient && there != other.second.since.end() && there->second > since;
+    return other.first != patient && there != other.second.since.end() && there->second.number > since.number;
   });
 }
 
-std::optional<UtcTime> ProcedureBook::came(const ProcedureRule& rule, const Kept& kept) {
+std::optional<ProcedureBook::Arrival> ProcedureBook::came(const ProcedureRule& rule, const Kept& kept) {
   if (rule.locations.empty()) return kept.received;
-  std::optional<UtcTime> last;
+  std::optional<Arrival> last;
   for (const auto& [place, since] : kept.since) {
-    if (is_of_room(rule, place)) last = std::max(last.value_or(since), since);
+    if (is_of_room(rule, place) && (!last || last->number < since.number)) last = since;
   }
   return last;
 }
@@ -121,7 +122,7 @@ void ProcedureBook::rename(const ProcedureMessage& message) {
   };
   if (auto node = placed_.extract(message.replaces)) {
     const auto known = placed_.find(message.patient);
-    if (known == placed_.end() || known->second.received < node.mapped().received) {
+    if (known == placed_.end() || known->second.received.number < node.mapped().received.number) {
       give(node.mapped().message);
       placed_.insert_or_assign(message.patient, std::move(node.mapped()));
     }
@@ -144,60 +145,66 @@ void ProcedureBook::cancel(const std::string& appointment) {
                 [&](const auto& each) { return each.second.message.appointment == appointment; });
 }
 
-void ProcedureBook::forget_old(Messages& messages, UtcTime now) {
-  const auto age = [](const Kept& kept) {
-    return std::max(kept.received, kept.message.planned.value_or(kept.received));
+void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
+  const auto newest = [&now](const Kept& kept) {
+    return std::max(now.by_this_clock(kept.received.at), planned(kept, now));
   };
-  std::erase_if(messages, [&](const auto& each) { return now - age(each.second) > kLongestWindow; });
+  std::erase_if(messages, [&](const auto& each) { return now.utc - newest(each.second) > kLongestWindow; });
   while (messages.size() > kMostKept) {
     messages.erase(std::min_element(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
-      return a.second.received < b.second.received;
+      return a.second.received.number < b.second.received.number;
     }));
   }
 }
 
-std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, UtcTime at) const {
+std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, ProcedureMoment at) const {
   std::vector<ProcedureData> all;
   std::set<std::string> placed;
-  const auto is_near = [&](UtcTime time) { return std::chrono::abs(at - time) <= rule.window; };
+  const auto is_near = [&](UtcTime time) { return std::chrono::abs(at.utc - time) <= rule.window; };
   for (const auto& [patient, kept] : placed_) {
-    const std::optional<UtcTime> since = came(rule, kept);
-    if (!since || !is_near(*since)) continue;
+    const std::optional<Arrival> came_in = came(rule, kept);
+    if (!came_in) continue;
+    const UtcTime since = at.by_this_clock(came_in->at);
+    if (!is_near(since)) continue;
     placed.insert(patient);
     std::vector<const ProcedureMessage*> planned;
     std::vector<std::optional<UtcTime>> times;
     for (const auto& [appointment, other] : appointments_) {
       if (other.message.patient != patient || !concerns(rule, other.message)) continue;
       planned.push_back(&other.message);
-      times.emplace_back(other.message.planned.value_or(other.received));
+      times.emplace_back(ProcedureBook::planned(other, at));
     }
     all.push_back(kept.message.data);
-    all.back().chosen = "a message placed the patient in the room at " + format_utc(*since);
-    if (const auto chosen = nearest(times, at, rule.window).index)
+    all.back().chosen = "a message placed the patient in the room at " + format_utc(since);
+    if (const auto chosen = nearest(times, at.utc, rule.window).index)
       complete(all.back(), planned[*chosen]->data);
   }
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
-    if (!is_near(kept.message.planned.value_or(kept.received))) continue;
+    if (!is_near(planned(kept, at))) continue;
     all.push_back(kept.message.data);
-    all.back().chosen = "an appointment of which a message told at " + format_utc(kept.received);
+    all.back().chosen =
+        "an appointment of which a message told at " + format_utc(at.by_this_clock(kept.received.at));
   }
   return all;
 }
 
-std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, UtcTime at) const {
+std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, ProcedureMoment at) const {
   return choose(rule, at).data;
 }
 
-ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime at) const {
+ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at) const {
   const Kept* here = nullptr;
   UtcTime here_since;
+  std::uint64_t newest = 0;
   for (const auto& [patient, kept] : placed_) {
-    const std::optional<UtcTime> since = came(rule, kept);
-    if (!since || std::chrono::abs(at - *since) > rule.window) continue;
-    if (here != nullptr && here_since > *since) continue;
+    const std::optional<Arrival> came_in = came(rule, kept);
+    if (!came_in || newest > came_in->number) continue;
+    const UtcTime since = at.by_this_clock(came_in->at);
+    if (std::chrono::abs(at.utc - since) > rule.window) continue;
     here = &kept;
-    here_since = *since;
+    here_since = since;
+    newest = came_in->number;
   }
   std::vector<const ProcedureMessage*> planned;
   std::vector<std::optional<UtcTime>> times;
@@ -205,9 +212,9 @@ ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime a
     if (!concerns(rule, kept.message)) continue;
     if (here != nullptr && kept.message.patient != here->message.patient) continue;
     planned.push_back(&kept.message);
-    times.emplace_back(kept.message.planned.value_or(kept.received));
+    times.emplace_back(ProcedureBook::planned(kept, at));
   }
-  const NearestPlan plan = nearest(times, at, rule.window);
+  const NearestPlan plan = nearest(times, at.utc, rule.window);
   const auto chosen = plan.index;
   if (here == nullptr && !chosen) return {};
   // Which of two patients it is nobody can tell: a person chooses.
@@ -216,7 +223,7 @@ ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, UtcTime a
                            });
   if (is_anybodys) return {{}, true};
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
-    return std::chrono::abs(*time - at) <= rule.window;
+    return std::chrono::abs(*time - at.utc) <= rule.window;
   });
   ProcedureData appointment;
   if (chosen) {

@@ -54,7 +54,7 @@ struct ProcedureInbox::State {
 
   /// On the server's thread.
   MllpServer::Answer take(std::string_view bytes) {
-    const UtcTime now = time.utc();
+    const ProcedureMoment now{time.utc(), time.since_boot()};
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
     std::optional<std::vector<ProcedureMessage>> messages;
@@ -81,7 +81,12 @@ struct ProcedureInbox::State {
       if (messages) book.take_all(std::move(*messages), now);
     }
     const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
-    return {make_acknowledgement(parsed.message.get(), answer, why, now), is_to_sender};
+    return {make_acknowledgement(parsed.message.get(), answer, why, now.utc), is_to_sender};
+  }
+
+  /// `at` as the wall clock shows it now.
+  [[nodiscard]] ProcedureMoment moment(UtcTime at) const {
+    return {at, time.since_boot() - std::chrono::duration_cast<Clock::Duration>(time.utc() - at)};
   }
 
   void complain(const std::string& name) {
@@ -137,17 +142,17 @@ void ProcedureInbox::tend() {
 
 std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.find(rule, at);
+  return state_->book.find(rule, state_->moment(at));
 }
 
 bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.is_doubtful(rule, at);
+  return state_->book.is_doubtful(rule, state_->moment(at));
 }
 
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.list(rule, at);
+  return state_->book.list(rule, state_->moment(at));
 }
 
 ProcedureWay ProcedureInbox::way() const {

@@ -11,6 +11,8 @@ namespace {
 
 constexpr std::chrono::seconds kLeastInterval{5};
 constexpr std::chrono::minutes kLongestInterval{5};
+// NTP corrects less than that, and no two procedures begin so near to each other.
+constexpr std::chrono::minutes kSmallestStep{1};
 
 NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
   std::vector<std::optional<UtcTime>> times;
@@ -87,9 +89,11 @@ struct Worklist::State {
       hurried = false;
       lock.unlock();
       const UtcTime now = clock.utc();
+      const Clock::Duration begin = wall_clock_at_boot();
       WorklistAnswer answer = ask(now);
       const Clock::Time asked = clock.now();
       lock.lock();
+      if (answer.problem.empty()) answered_by = begin;
       const std::string news = take(std::move(answer), now);
       if (!news.empty() && tell) {
         lock.unlock();
@@ -103,6 +107,20 @@ struct Worklist::State {
         clock.wait_until(changed, lock, hurried ? std::min(soonest, next) : next);
       }
     }
+  }
+
+  [[nodiscard]] Clock::Duration wall_clock_at_boot() const {
+    return clock.utc().time_since_epoch() - clock.since_boot();
+  }
+
+  /// With the mutex held. Whether the newest answer says something of a case that began at `at`. One that was
+  /// asked for around another time, since when the wall clock was set, may lack the nearest step.
+  [[nodiscard]] bool tells_of(UtcTime at) {
+    if (!answered || std::chrono::abs(at - *answered) > options.window) return false;
+    if (std::chrono::abs(wall_clock_at_boot() - answered_by) <= kSmallestStep) return true;
+    hurried = true;
+    changed.notify_all();
+    return false;
   }
 
   /// Whatever goes wrong with it, nothing else ends.
@@ -151,6 +169,7 @@ struct Worklist::State {
   unsigned failures = 0;
   WorklistAnswer newest;  // that was no failure
   std::optional<UtcTime> answered;
+  Clock::Duration answered_by{0};  // wall_clock_at_boot() of then
   std::string problem;
   std::thread thread;
 };
@@ -163,14 +182,14 @@ Worklist::~Worklist() = default;
 std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
-  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return {};
+  if (!state_->tells_of(at)) return {};
   return nearest_step(state_->newest, *state_->answered, at, window);
 }
 
 bool Worklist::is_doubtful(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
-  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return false;
+  if (!state_->tells_of(at)) return false;
   return recorder::is_doubtful(state_->newest, at, window);
 }
 
@@ -178,7 +197,7 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
   std::vector<ProcedureData> all;
-  if (!state_->answered || std::chrono::abs(at - *state_->answered) > window) return all;
+  if (!state_->tells_of(at)) return all;
   for (const WorklistItem& item : state_->newest.items) {
     if (item.is_left_out) continue;
     if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;

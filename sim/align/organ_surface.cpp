@@ -83,6 +83,26 @@ OrganSurface organ_surface(const TetMesh& mesh) {
   return surface;
 }
 
+OrganSurface organ_surface(std::vector<Vector3> nodes, std::vector<std::array<std::uint32_t, 3>> faces) {
+  if (nodes.size() >= UINT32_MAX || faces.empty())
+    throw UsageError("the surface has no face, so no outline can be looked for");
+  OrganSurface surface;
+  surface.nodes = std::move(nodes);
+  surface.faces = std::move(faces);
+  for (std::uint32_t node = 0; node < surface.nodes.size(); ++node) surface.mesh_nodes.push_back(node);
+  for (const auto& face : surface.faces) {
+    if (std::ranges::any_of(face, [&](std::uint32_t node) { return node >= surface.nodes.size(); }))
+      throw UsageError("the surface has a face of a node that is not there");
+  }
+  add_edges(surface);
+  if (2 * surface.edges.size() != 3 * surface.faces.size())
+    throw UsageError("the surface is not closed: an edge of it is not of two faces");
+  measure(surface);
+  if (!(surface.radius_m > 0) || !std::isfinite(surface.radius_m))
+    throw UsageError("the surface is a point, so no outline can be looked for");
+  return surface;
+}
+
 Camera after_motion(const OrganSurface& surface, const Camera& camera, const Motion& motion) {
   const Vector3 turn = motion.tail<3>() / surface.radius_m;
   const double angle = turn.norm();

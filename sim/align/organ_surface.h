@@ -34,6 +34,9 @@ struct OrganSurface {
 
 /// kiroku::UsageError for a mesh without a surface, or one that is a point.
 OrganSurface organ_surface(const TetMesh& mesh);
+/// Of a closed surface without anything in it, faces anticlockwise from outside. kiroku::UsageError for one
+/// without a face or of no extent, a face of a node that is not there, and an edge that is not of two faces.
+OrganSurface organ_surface(std::vector<Vector3> nodes, std::vector<std::array<std::uint32_t, 3>> faces);
 
 /// The camera that sees the organ as it is seen after it made that motion before this camera.
 Camera after_motion(const OrganSurface& surface, const Camera& camera, const Motion& motion);

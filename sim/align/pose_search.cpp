@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <thread>
 
 #include <Eigen/Geometry>
@@ -11,8 +10,6 @@
 
 namespace kiroku::sim {
 namespace {
-
-constexpr double kRadians = std::numbers::pi / 180;
 
 /// For each kind and row, how many pixels of that kind are left of a column.
 class KindCounts {
@@ -96,38 +93,6 @@ struct Template {
   double area = 0;
 };
 
-/// Directions spread evenly over a cap of the sphere about z, by the golden angle.
-std::vector<Vector3> directions_within(double spread_deg) {
-  constexpr int kWholeSphere = 260;
-  const double lowest = std::cos(spread_deg * kRadians), turn = std::numbers::pi * (3 - std::sqrt(5.0));
-  const int count = std::max(1, static_cast<int>(std::lround(kWholeSphere * (1 - lowest) / 2)));
-  std::vector<Vector3> all;
-  for (int i = 0; i < count; ++i) {
-    const double z = 1 - (i + 0.5) / count * (1 - lowest), across = std::sqrt(std::max(0.0, 1 - z * z));
-    all.emplace_back(across * std::cos(turn * i), across * std::sin(turn * i), z);
-  }
-  return all;
-}
-
-/// Rows of a view that looks along -`towards`, turned about that by `roll`.
-Eigen::Matrix3d view_from(const Vector3& towards, double roll) {
-  const Vector3 up = std::abs(towards.z()) < 0.9 ? Vector3::UnitZ() : Vector3::UnitY();
-  const Vector3 right = up.cross(towards).normalized();
-  Eigen::Matrix3d to_view;
-  to_view.row(0) = right;
-  to_view.row(1) = towards.cross(right);
-  to_view.row(2) = towards;
-  return Eigen::AngleAxisd(roll, Vector3::UnitZ()).toRotationMatrix() * to_view;
-}
-
-Camera camera_before(const OrganSurface& surface, const Eigen::Matrix3d& to_view,
-                     const Vector3& middle_view_m) {
-  Camera camera;
-  camera.to_view = to_view;
-  camera.eye_m = surface.middle_m - to_view.transpose() * middle_view_m;
-  return camera;
-}
-
 std::optional<Template> template_of(const OrganSurface& surface, const Eigen::Matrix3d& to_view, double field,
                                     int side) {
   Template made;
@@ -188,14 +153,14 @@ std::vector<Template::Run> scaled_rows(const Template& of, double scale) {
 
 /// The best place of one silhouette over the picture.
 Hypothesis best_place(const KindCounts& counts, const MutualInformation& information_of,
-                      const OrganSurface& surface, const Template& of, int side, double field, double focal,
-                      const SearchRange& range) {
+                      const OrganSurface& surface, const Template& of, int side, double field,
+                      const Pinhole& pinhole, const SearchRange& range) {
   Hypothesis best;
   constexpr double kSizeStep = 1.2, kLeastInPicture = 0.45;
   const double template_focal = side / 2.0 / field;
   for (double depth_m = range.nearest_m; depth_m <= range.farthest_m; depth_m *= kSizeStep) {
     // Larger by as much as it is nearer and the picture's focal length longer.
-    const double scale = of.depth_m / depth_m * focal / template_focal;
+    const double scale = of.depth_m / depth_m * pinhole.focal_px / template_focal;
     const double area = of.area * scale * scale, pixels = double(counts.width()) * counts.height();
     constexpr double kLeastArea = 0.04, kMostArea = 1.5;
     if (area < kLeastArea * pixels || area > kMostArea * pixels) continue;
@@ -219,8 +184,8 @@ Hypothesis best_place(const KindCounts& counts, const MutualInformation& informa
         const double information = information_of(within);
         if (information <= best.information) continue;
         best.information = information;
-        best.camera = camera_off_axis(surface, of, (middle_x - counts.width() / 2.0) / focal,
-                                      (counts.height() / 2.0 - middle_y) / focal, depth_m);
+        best.camera = camera_off_axis(surface, of, (middle_x - pinhole.middle_x) / pinhole.focal_px,
+                                      (pinhole.middle_y - middle_y) / pinhole.focal_px, depth_m);
       }
     }
   }
@@ -240,15 +205,9 @@ struct PoseSearch::Bank {
 
 PoseSearch::PoseSearch(const OrganSurface& surface, const SearchRange& range)
     : surface_(surface), range_(range), bank_(std::make_unique<Bank>()) {
-  const Eigen::Matrix3d about =
-      Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), range.from.normalized()).toRotationMatrix();
-  constexpr double kRollDeg = 20;
-  for (const Vector3& direction : directions_within(range.spread_deg)) {
-    for (double roll_deg = 0; roll_deg < 360; roll_deg += kRollDeg) {
-      auto drawn = template_of(surface, view_from(about * direction, roll_deg * kRadians), kTemplateField,
-                               kTemplateSide);
-      if (drawn && !drawn->runs.empty()) bank_->templates.push_back(std::move(*drawn));
-    }
+  for (const Eigen::Matrix3d& view : views_within(range)) {
+    auto drawn = template_of(surface, view, kTemplateField, kTemplateSide);
+    if (drawn && !drawn->runs.empty()) bank_->templates.push_back(std::move(*drawn));
   }
 }
 
@@ -260,11 +219,13 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
   const int shrink = std::max(1, std::min(picture.width, picture.height) / kLesserSide);
   const KindCounts counts(kinds_of_colour(picture, cover, shrink));
   const MutualInformation information_of(counts.all());
-  const double focal = pinhole.focal_px / shrink;
+  // A silhouette's middle lies between two pixels.
+  const Pinhole small{pinhole.focal_px / shrink, (pinhole.middle_x + 0.5) / shrink,
+                      (pinhole.middle_y + 0.5) / shrink};
   std::vector<Hypothesis> hypotheses(bank_->templates.size());
   for_each_part(hypotheses.size(), cores(), [&](std::size_t i) {
     hypotheses[i] = best_place(counts, information_of, surface_, bank_->templates[i], kTemplateSide,
-                               kTemplateField, focal, range_);
+                               kTemplateField, small, range_);
   });
   std::erase_if(hypotheses, [](const Hypothesis& each) { return each.information <= 0; });
   std::ranges::stable_sort(hypotheses, std::greater{}, &Hypothesis::information);
@@ -303,8 +264,7 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
   };
 
   std::vector<Camera> cameras = cameras_of(hypotheses);
-  for (Camera& camera : cameras)
-    camera.half_extent = {picture.width / 2.0 / pinhole.focal_px, picture.height / 2.0 / pinhole.focal_px};
+  for (Camera& camera : cameras) set_picture(camera, pinhole, picture.width, picture.height);
   OutlineFitOptions coarse;
   coarse.spacing_px = 12;
   coarse.shrink = 4;

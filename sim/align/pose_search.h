@@ -5,15 +5,9 @@
 #include <vector>
 
 #include "sim/align/outline_fit.h"
+#include "sim/align/search_range.h"
 
 namespace kiroku::sim {
-
-/// From where the organ may be seen, and how near.
-struct SearchRange {
-  Vector3 from{0, -1, 0};  // from the organ's middle towards the camera, patient coordinates
-  double spread_deg = 75;  // how far the camera may be off that direction
-  double nearest_m = 0.03, farthest_m = 0.4;  // of the organ's middle
-};
 
 /// Silhouettes of one organ from all directions of the range, drawn once. Searching is thread-safe, and works
 /// on as many threads as the machine has cores; what it finds does not depend on their number.

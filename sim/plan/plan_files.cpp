@@ -13,17 +13,21 @@ namespace {
 namespace fs = std::filesystem;
 
 void add(std::vector<PlanFile>& files, const std::string& role, const JsonField& named,
-         const fs::path& folder) {
+         const fs::path& folder, const DataFileOf& data_file_of) {
   const fs::path path = named.existing_path(folder);
   const fs::path name = fs::path(named.text()).lexically_normal();
   if (!fs::is_directory(path)) {
-    files.push_back({role, name.generic_string(), path});
+    files.push_back({role, name.generic_string(), path, ""});
+    if (const auto data = data_file_of(path)) {
+      files.push_back({role, (name.parent_path() / *data).lexically_normal().generic_string(),
+                       path.parent_path() / *data, name.generic_string()});
+    }
     return;
   }
   const std::size_t first = files.size();
   for (const auto& entry : fs::recursive_directory_iterator(path)) {
     if (entry.is_regular_file())
-      files.push_back({role, (name / fs::relative(entry.path(), path)).generic_string(), entry.path()});
+      files.push_back({role, (name / fs::relative(entry.path(), path)).generic_string(), entry.path(), ""});
   }
   std::ranges::sort(files.begin() + static_cast<std::ptrdiff_t>(first), files.end(), {}, &PlanFile::name);
 }
@@ -44,23 +48,26 @@ PlanKind kind_of_plan(const fs::path& plan) {
   }
 }
 
-std::vector<PlanFile> files_of_plan(const fs::path& plan) {
+std::vector<PlanFile> files_of_plan(const fs::path& plan, const DataFileOf& data_file_of) {
   const nlohmann::json document = JsonField::parse(read_document(plan), plan.string());
   const JsonField field(document, plan.string());
   const fs::path folder = plan.parent_path();
-  std::vector<PlanFile> files{{"plan", plan.filename().generic_string(), plan}};
+  std::vector<PlanFile> files{{"plan", plan.filename().generic_string(), plan, ""}};
+  const auto take = [&](const char* role, const JsonField& named) {
+    add(files, role, named, folder, data_file_of);
+  };
   const JsonField mesh = field.member("mesh");
   if (mesh.is_object()) {
     for (const char* const key : {"labels", "contours"}) {
-      if (const auto named = mesh.optional_member(key)) add(files, key, *named, folder);
+      if (const auto named = mesh.optional_member(key)) take(key, *named);
     }
   } else {
-    add(files, "mesh", mesh, folder);
+    take("mesh", mesh);
   }
-  if (const auto volume = field.optional_member("volume")) add(files, "volume", *volume, folder);
-  if (const auto labels = field.optional_member("labels")) add(files, "labels", *labels, folder);
+  if (const auto volume = field.optional_member("volume")) take("volume", *volume);
+  if (const auto labels = field.optional_member("labels")) take("labels", *labels);
   if (const auto breathing = field.optional_member("breathing"); breathing && breathing->is_object()) {
-    if (const auto trace = breathing->optional_member("trace")) add(files, "trace", *trace, folder);
+    if (const auto trace = breathing->optional_member("trace")) take("trace", *trace);
   }
   return files;
 }

@@ -29,9 +29,35 @@ const Ending* ending_of(const std::filesystem::path& file) {
   return found == kEndings.end() ? nullptr : &*found;
 }
 
+/// niftilib reads the header of organs.nii.gz, and the voxels of organs.nii where that lies beside it.
+void require_own_voxels(const std::filesystem::path& file, const std::string& what) {
+  constexpr std::string_view kCompressed = ".gz";
+  const std::string name = file.filename().string();
+  if (!lower_case(name).ends_with(".nii.gz")) return;
+  const std::filesystem::path other = file.parent_path() / name.substr(0, name.size() - kCompressed.size());
+  std::error_code unknown;
+  if (std::filesystem::exists(other, unknown)) {
+    throw Error(what + ": " + other.filename().string() +
+                " lies beside it, and its voxels would be taken instead; move one of the two away");
+  }
+}
+
 }  // namespace
 
 bool is_image_file(const std::filesystem::path& file) { return ending_of(file) != nullptr; }
+
+std::optional<std::string> data_file_of(const std::filesystem::path& file) {
+  const Ending* const ending = ending_of(file);
+  if (ending == nullptr) return std::nullopt;
+  const NamedData data = data_named_in(file.string(), ending->format);
+  const std::string use = "; save the volume as one .mha or .nrrd file, or with one file of voxels beside it";
+  if (data.several) throw Error(file.string() + " has its voxels in several files" + use);
+  if (data.file.empty()) return std::nullopt;
+  // NRRD's reader takes "-" for what comes in from elsewhere.
+  if (std::filesystem::path(data.file).is_absolute() || data.file == "-")
+    throw Error(file.string() + " has its voxels in " + data.file + use);
+  return data.file;
+}
 
 ImageFile read_image_file(const std::filesystem::path& file) {
   const Ending* const ending = ending_of(file);
@@ -40,6 +66,7 @@ ImageFile read_image_file(const std::filesystem::path& file) {
     throw UsageError(what +
                      ": the ending of a volume's file must be .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd");
   }
+  require_own_voxels(file, what);
   const ItkImage itk(file.string(), ending->format);
   const ItkImage::Header& header = itk.header();
   ImageFile image;

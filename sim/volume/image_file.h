@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,11 @@ struct ImageFile {
 
 /// Whether the ending is one of .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd.
 bool is_image_file(const std::filesystem::path& file);
+
+/// The file that holds its voxels, from its folder on, as read_image_file() finds it: nothing where it holds
+/// them itself, and for other endings. kiroku::Error for a header that cannot be read, and for one that names
+/// several files, or one by its whole path.
+std::optional<std::string> data_file_of(const std::filesystem::path& file);
 
 /// kiroku::Error with the file's name for what is damaged, cut off, not three-dimensional, of several values
 /// a voxel, or sheared; kiroku::UsageError for another ending.

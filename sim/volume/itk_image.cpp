@@ -1,6 +1,7 @@
 // The only file that knows ITK.
 #include "sim/volume/itk_image.h"
 
+#include <NrrdIO.h>
 #include <algorithm>
 #include <cstdint>
 #include <itkMetaDataObject.h>
@@ -68,6 +69,39 @@ void convert(const std::vector<char>& bytes, std::vector<float>& values) {
 }
 
 }  // namespace
+
+NamedData data_named_in(const std::string& file, ImageFormat format) {
+  const std::string what = "cannot read " + file;
+  itk::Object::SetGlobalWarningDisplay(false);
+  if (format == ImageFormat::kMetaImage) {
+    const auto reader = itk::MetaImageIO::New();
+    guarded(what, [&] {
+      reader->SetFileName(file);
+      reader->ReadImageInformation();
+    });
+    // As MetaImage::Read() takes the name apart.
+    std::string name = reader->GetMetaImagePointer()->ElementDataFileName();
+    if (name == "LOCAL" || name == "Local" || name == "local") return {};
+    const bool several = name.starts_with("LIST") || name.find('%') != std::string::npos;
+    return {several, std::move(name)};
+  }
+  if (format != ImageFormat::kNrrd) return {};
+  struct Freeing {
+    void operator()(Nrrd* nrrd) const { nrrdNuke(nrrd); }
+    void operator()(NrrdIoState* state) const { nrrdIoStateNix(state); }
+  };
+  const std::unique_ptr<Nrrd, Freeing> nrrd(nrrdNew());
+  const std::unique_ptr<NrrdIoState, Freeing> state(nrrdIoStateNew());
+  state->skipData = 1;
+  if (nrrdLoad(nrrd.get(), file.c_str(), state.get()) != 0) {
+    biffDone(NRRD);
+    throw Error(what +
+                ": its header is damaged, cut off or not supported, or the file that it names is missing");
+  }
+  if (state->dataFNFormat != nullptr) return {true, state->dataFNFormat};
+  if (state->dataFNArr->len == 0) return {};
+  return {state->dataFNArr->len > 1, state->dataFN[0]};
+}
 
 struct ItkImage::Reader {
   Pointer itk;

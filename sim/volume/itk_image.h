@@ -12,6 +12,15 @@ namespace kiroku::sim {
 
 enum class ImageFormat { kNifti, kNrrd, kMetaImage };
 
+/// Where the voxels lie that belong to a header, as the reader finds it: what stands in the header decides,
+/// and not the file's ending.
+struct NamedData {
+  bool several = false;  // a list of files, or a pattern
+  std::string file;      // as the header names it; empty where the header's own file holds the voxels
+};
+/// kiroku::Error for a header that ITK does not read.
+NamedData data_named_in(const std::string& file, ImageFormat format);
+
 /// One file. Not thread-safe. kiroku::Error beginning with "cannot read FILE: " for whatever ITK refuses.
 class ItkImage {
  public:

@@ -97,6 +97,72 @@ TEST_F(ExcerptBehindAGap, HoldsTheGapAndIsIntact) {
   EXPECT_THAT(summary(report), HasSubstr("gap ledger"));
 }
 
+/// A monitor that goes on for 40 s, and a camera that has something from 10 s to 15 s and from 25 s to 30 s.
+/// A token lies in each of the times between.
+class ExcerptOfASilence : public ::testing::Test {
+ protected:
+  /// With the gaps of the camera that are stated, each when it ends.
+  void record(const std::vector<archive::Span>& stated) {
+    SampleCase sample(archive_);
+    sample.stamp();
+    std::uint64_t pictures = 0;
+    for (std::uint64_t i = 0; i < 8; ++i) {
+      const auto begins_ns = static_cast<std::int64_t>(i) * 5 * kSecond;
+      const archive::Span span{begins_ns, begins_ns + 5 * kSecond};
+      archive_.now_ns = span.end_ns + kSecond / 10;
+      std::vector<archive::CaseEntryBody> entries;
+      for (const archive::Span& gap : stated) {
+        if (gap.end_ns == span.end_ns) {
+          entries.emplace_back(archive::GapEntry{"endoscope", gap, archive::GapCause::kSignalLost});
+        }
+      }
+      if (i == 2 || i == 5) entries.emplace_back(sample.segment(0, pictures++, span));
+      entries.emplace_back(sample.segment(1, i, span));
+      sample.writer().append(std::move(entries), archive_.now());
+      if (i % 2 == 1) sample.stamp();
+    }
+    sample.close();
+    folder_ = sample.folder();
+  }
+  archive::VerificationReport taken(std::int64_t from_s, std::int64_t to_s) {
+    const fs::path excerpt = archive_.folder().parent_path() / "excerpt";
+    fs::remove_all(excerpt);
+    archive::ExcerptOptions options;
+    options.from_ns = from_s * kSecond;
+    options.to_ns = to_s * kSecond;
+    archive::make_excerpt(folder_, options, excerpt);
+    return archive::verify_case(excerpt, archive_.options());
+  }
+
+  SampleArchive archive_;
+  fs::path folder_;
+};
+
+// Nothing of the camera lies in any of these times, or in a part of them.
+TEST_F(ExcerptOfASilence, ThatNobodyStatedIsNotIntact) {
+  record({});
+  EXPECT_THAT(summary(taken(2, 4)), HasSubstr("stream-begins-late ledger-part.jsonl"));
+  EXPECT_THAT(summary(taken(5, 12)), HasSubstr("stream-begins-late ledger-part.jsonl"));
+  EXPECT_THAT(summary(taken(17, 18)), HasSubstr("tampered\nsegment-hole"));
+  EXPECT_THAT(summary(taken(32, 33)), HasSubstr("stream-ends-early ledger-part.jsonl"));
+  EXPECT_EQ(taken(26, 28).verdict, Verdict::kIntactExcerpt) << "it says nothing of the time before";
+}
+
+TEST_F(ExcerptOfASilence, ThatWasStatedIsIntactOnEachSideAndWithin) {
+  record({{0, 5 * kSecond},
+          {5 * kSecond, 10 * kSecond},
+          {15 * kSecond, 25 * kSecond},
+          {30 * kSecond, 40 * kSecond}});
+  ASSERT_EQ(archive::verify_case(folder_, archive_.options()).verdict, Verdict::kIntactWithGaps)
+      << details(archive::verify_case(folder_, archive_.options()));
+  for (std::int64_t from_s = 0; from_s < 39; ++from_s) {
+    for (const std::int64_t length_s : {1, 7, 16}) {
+      const archive::VerificationReport report = taken(from_s, from_s + length_s);
+      EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << from_s << " " << length_s << details(report);
+    }
+  }
+}
+
 struct Forgery {
   std::string name;
   Claim claim;
@@ -318,6 +384,38 @@ TEST(ExcerptAttack, AGapEnteredLateDoesNotStandForTheSegmentBeforeIt) {
   take_lines(sample.folder(), claim, 4, victim.lines().size(), victim.outside("part"));
   EXPECT_EQ(judged(victim.outside("part"), archive.options()),
             "unproven\ngap ledger.jsonl 4\nexcerpt-range-short ledger-part.jsonl -");
+}
+
+// excerpt.json is unsigned: whoever has a copy of the case chooses where its lines begin.
+TEST(ExcerptAttack, LinesThatBeginWithinAHoleDoNotHideIt) {
+  SampleArchive archive;
+  SampleCase sample(archive);
+  sample.stamp();
+  archive.now_ns = 5'100'000'000;
+  sample.writer().append({sample.segment(0, 0, {0, 5 * kSecond}), sample.segment(1, 0, {0, 5 * kSecond})},
+                         archive.now());
+  archive.now_ns = 10'100'000'000;
+  sample.writer().append({sample.segment(1, 1, {5 * kSecond, 10 * kSecond})}, archive.now());
+  sample.stamp();
+  const std::uint64_t first = sample.writer().covered() - 1;
+  archive.now_ns = 20'100'000'000;
+  sample.writer().append({sample.segment(1, 2, {10 * kSecond, 20 * kSecond}),
+                          sample.segment(0, 1, {15 * kSecond, 20 * kSecond})},
+                         archive.now());
+  sample.close();
+  EXPECT_EQ(archive::verify_case(sample.folder(), archive.options()).verdict, Verdict::kTampered);
+  const AttackedCase victim(sample.folder());
+  const std::uint64_t size = victim.lines().size();
+  const Claim claim{11 * kSecond, 14 * kSecond, {"endoscope", "vitals"}};
+  take_lines(sample.folder(), claim, first, size, victim.outside("part"));
+  EXPECT_EQ(judged(victim.outside("part"), archive.options()), kShort);
+  take_lines(sample.folder(), {11 * kSecond, 14 * kSecond, {"vitals"}}, first, size,
+             victim.outside("monitor"));
+  EXPECT_EQ(judged(victim.outside("monitor"), archive.options()), "intact-excerpt");
+  take_lines(sample.folder(), {16 * kSecond, 19 * kSecond, {"endoscope"}}, first, size,
+             victim.outside("behind"));
+  EXPECT_EQ(judged(victim.outside("behind"), archive.options()), "intact-excerpt")
+      << "it says nothing of the time before";
 }
 
 TEST(ExcerptAttack, AGapEnteredEarlyDoesNotStandForTheSegmentAroundIt) {

@@ -771,9 +771,9 @@ TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {
   write_case();
   archive::RetentionOptions options;
   UtcTime opened;
-  options.may_go = [&](const archive::OpenEntry& open, const archive::Moment& at) {
+  options.may_go = [&](const archive::OpenEntry& open, UtcTime at) {
     EXPECT_EQ(open.case_id, folder_.filename());
-    opened = at.utc;
+    opened = at;
     return false;
   };
   EXPECT_THROW(erase(options), UsageError);
@@ -782,12 +782,37 @@ TEST_F(Erasing, AsksAgainWhetherACaseMayGoWhenItsLedgerIsHeld) {
   EXPECT_EQ(summary(verify()), "intact");
 }
 
+// The battery of a recorder was empty: it recorded 400 days ago, by its clock, and the authority knew better.
+TEST_F(Erasing, ACaseOfAClockThatWasBehindIsAsOldAsItsTokensSay) {
+  const UtcTime recorded = SampleArchive::opened_at() + std::chrono::hours(400 * 24);
+  archive_.authority_time = [recorded](std::int64_t mono_ns) {
+    return recorded + std::chrono::duration_cast<UtcTime::duration>(std::chrono::nanoseconds(mono_ns));
+  };
+  write_case();
+  archive::RetentionOptions options;
+  std::vector<UtcTime> told;
+  options.may_go = [&](const archive::OpenEntry&, UtcTime opened) {
+    told.push_back(opened);
+    return told.size() > 1;
+  };
+  EXPECT_THROW(erase(options), UsageError);
+  // What an erasure enters later says nothing of when the case was opened: the other streams stay as old.
+  options.now = [&] { return recorded + std::chrono::hours(30 * 24); };
+  EXPECT_GT(erase(options).segments, 0U);
+  options.now = utc_now;
+  erase(options);
+  ASSERT_EQ(told.size(), 3U);
+  for (const UtcTime each : told) {
+    EXPECT_LT(std::chrono::abs(each - recorded), std::chrono::seconds(2)) << format_utc(each);
+  }
+}
+
 // A consent may be given again until the turn to erase is taken: it is asked for in the turn, not before.
 TEST_F(Erasing, AsksWhetherACaseMayGoInItsTurn) {
   write_case();
   archive::RetentionOptions options;
   bool in_turn = false;
-  options.may_go = [&](const archive::OpenEntry&, const archive::Moment&) {
+  options.may_go = [&](const archive::OpenEntry&, UtcTime /*opened*/) {
     const Descriptor archive(::open(archive_.folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     in_turn = ::flock(archive.number(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
     return true;

@@ -31,10 +31,10 @@ ANNOUNCES = re.compile(r"recovered; to be carried on as case ([0-9]{8}T[0-9]{6}Z
 class Stream:
     """The segments of one stream: in order, without overlap, without holes that no gap accounts for."""
 
-    def __init__(self, info, whole_case, report):
-        self.info, self.whole_case, self.report = info, whole_case, report
-        self.next_index = 0 if whole_case else None
-        self.interrupted, self.recovered, self.cut = not whole_case, False, None
+    def __init__(self, info, whole_case, from_open, report):
+        self.info, self.whole_case, self.from_open, self.report = info, whole_case, from_open, report
+        self.next_index = 0 if from_open else None
+        self.interrupted, self.recovered, self.cut = not from_open, False, None
         self.first, self.end, self.begin = None, None, 0
         self.segments = self.frames = self.dropped = self.bytes = 0
         self.holes, self.gaps, self.fillings, self.with_pictures, self.erased = [], [], [], [], []
@@ -92,7 +92,7 @@ class Stream:
                 self.cut = segment["file"]
         self.interrupted = False
         if not counted:
-            report("segment-uncounted" if self.recovered else "segment-uncounted-unexplained" if self.whole_case else "excerpt-range-short", segment["file"])
+            report("segment-uncounted" if self.recovered else "segment-uncounted-unexplained" if self.from_open else "excerpt-range-short", segment["file"])
         if self.segments == 0:
             self.begin = begin
         frames = segment.get("frames", segment.get("samples", 0))
@@ -159,7 +159,7 @@ class Stream:
         return (begin, end) if end - begin > SEAM else None
 
     def finish(self, recorded, lines_begin):
-        if recorded and not self.of_marks:
+        if recorded and self.whole_case and not self.of_marks:
             self._check_ends(*recorded)
         if recorded and self.latest_gap - max(recorded[1], self.end or 0) > GAP_BEYOND_END:
             self.report("gap-beyond-end", self.info["name"])
@@ -209,19 +209,49 @@ class Stream:
             if frames < 0.75 * seconds and seconds - frames > 1:
                 self.report("segments-sparse", name)
 
-    def shows_all_of(self, begin, end, from_open, lines_begin, closed, total):
+    def shows_all_of(self, begin, end, lines_begin, closed, total):
         if total == 0:
             return True
         written_before = self.info["timing"] == "arrival" and lines_begin <= begin
-        begins = from_open or written_before or self.first == 0 or (self.first is not None and self.begin <= begin)
+        begins = self.from_open or written_before or self.first == 0 or (self.first is not None and self.begin <= begin)
         return begins and (closed or (self.first is not None and self.end >= end))
+
+    def check_stated_time(self, begin, end, recorded_from, closed_ns):
+        """Of an excerpt: what a case must have in all of its time, in the time that it states."""
+        name, gaps = self.info["name"], self.joined()
+        begin, end = max(begin, recorded_from), end if closed_ns is None else min(end, closed_ns)
+        if self.of_marks or end - begin <= SEAM:
+            return
+        from_first = self.from_open or self.first == 0
+
+        def lacks(left, tolerance):
+            return left and left[1] - left[0] > tolerance and min(left[1], end) - max(left[0], begin) > SEAM
+
+        if self.segments == 0 and not gaps and self.from_open:
+            self.report("stream-empty", name)
+            return
+        if self.info["timing"] != "arrival":
+            late = self.segments and from_first and self.begin - recorded_from > LATE_BEGIN and begin < self.begin
+            if late or self.segments and closed_ns is not None and closed_ns - self.end > EARLY_END and end > self.end:
+                self.report("stream-shorter", name)
+            return
+        if self.segments == 0 and not self.from_open and (not gaps or gaps[0][0] > begin + SEAM):
+            self.report("excerpt-range-short", name)
+            return
+        if self.segments:
+            if lacks(self.uncovered(recorded_from if from_first else begin, self.begin), LATE_BEGIN if from_first else 0):
+                self.report("stream-begins-late" if self.from_open else "excerpt-range-short", name)
+        if closed_ns is not None:
+            last = self.end if self.segments else recorded_from if self.from_open else gaps[0][0]
+            if lacks(self.uncovered(last, closed_ns), EARLY_END):
+                self.report("stream-ends-early", name)
 
 
 class Entries:
     """The rules that a case's lines obey, taken one after the other; of an excerpt, those lines that it has."""
 
-    def __init__(self, folder, whole_case, wanted=lambda segment: True):
-        self.folder, self.whole_case, self.wanted, self.report = folder, whole_case, wanted, folder.report
+    def __init__(self, folder, whole_case, wanted=lambda segment: True, from_open=True):
+        self.folder, self.whole_case, self.wanted, self.from_open, self.report = folder, whole_case, wanted, from_open, folder.report
         self.claims = 0   # lines up to the last one that is about no token
         self.opening = self.device = self.close = self.close_entry = None
         self.stepped_ns = 0
@@ -276,7 +306,7 @@ class Entries:
         if number != 0:
             return
         self.opening = entry
-        self.streams = {info["name"]: Stream(info, self.whole_case, self.report) for info in entry["streams"]}
+        self.streams = {info["name"]: Stream(info, self.whole_case, self.from_open, self.report) for info in entry["streams"]}
         try:
             self.device = note.parse_key(entry["device"])
             self.folder.judge_device(self.device)
@@ -341,7 +371,7 @@ class Entries:
         self.clocks.closed_ns = entry["mono_ns"]
         for name, stream in self.streams.items():
             stream.interrupt()
-            if self.whole_case and entry["totals"].get(name) != stream.totals():
+            if self.from_open and entry["totals"].get(name) != stream.totals():
                 self.report("totals-differ", name)
         for name in entry["totals"]:
             self._stream(name, number)
@@ -444,14 +474,12 @@ class Entries:
 
     def finish(self, lines_begin=None):
         recorded = None
-        if self.whole_case and self.close is not None and self.opening:
-            recorded = (self.opening["mono_ns"] if "begins_ns" in self.opening else 0, self.close_entry["mono_ns"])
+        if self.close is not None and self.opening:
+            recorded = (self.recorded_from, self.close_entry["mono_ns"])
         for stream in self.streams.values():
             stream.finish(recorded, lines_begin)
-        if recorded and "begins_ns" in self.opening:
-            firsts = [at for s in self.streams.values() if not s.of_marks for at in [s.begin] * bool(s.segments) + [gap[0] for gap in s.gaps]]
-            if firsts and min(firsts) - self.opening["begins_ns"] > LATE_BEGIN:
-                self.report("stream-begins-late", "the case")
+        if recorded and self.whole_case:
+            self.judge_pre_roll(self.opening.get("begins_ns", 0))
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
         were_set = self.clocks.finish()
@@ -475,6 +503,18 @@ class Entries:
             self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
         elif outside and outside[0][2] is not None and outside[0][2] > FIRST_STAMP_LATE:
             self.report("first-stamped-late", f"line {outside[0][0]}")
+
+    @property
+    def recorded_from(self):
+        return self.opening["mono_ns"] if self.opening and "begins_ns" in self.opening else 0
+
+    def judge_pre_roll(self, begin):
+        """Whether something is there of the time before `open`, from `begin` on."""
+        if not self.opening or "begins_ns" not in self.opening or begin > self.opening["mono_ns"]:
+            return
+        firsts = [at for s in self.streams.values() if not s.of_marks for at in [s.begin] * bool(s.segments) + [gap[0] for gap in s.gaps]]
+        if firsts and min(firsts) - self.opening["begins_ns"] > LATE_BEGIN and min(firsts) > begin:
+            self.report("stream-begins-late" if self.from_open else "excerpt-range-short", "the case")
 
     def check_files(self, rekeyed=lambda file: False):
         inodes = set()
@@ -880,7 +920,7 @@ def verify_excerpt(path, trust):
             return True
         return False
 
-    entries = Entries(folder, False, wanted)
+    entries = Entries(folder, False, wanted, first <= 1)
     opening, part = folder.read("ledger-open.jsonl"), folder.read("ledger-part.jsonl")
     lines = None
     if opening is not None and part is not None:
@@ -1002,11 +1042,15 @@ def _judge_reach(folder, entries, document, selected, lines):
     if all(erased(file) for file in selected):
         report("excerpt-empty", "no segment")
     totals = entries.close_entry["totals"] if entries.close_entry else {}
+    closed_ns = entries.close_entry["mono_ns"] if entries.close_entry else None
     for name in document["streams"]:
         if name not in entries.streams:
             report("excerpt-malformed", f"{name} is no stream of the case")
-        elif not entries.streams[name].shows_all_of(begin, end, lines.first <= 1, lines.begin_ns, entries.close is not None, totals.get(name, {}).get("segments")):
+        elif not entries.streams[name].shows_all_of(begin, end, lines.begin_ns, closed_ns is not None, totals.get(name, {}).get("segments")):
             report("excerpt-range-short", name)
+        else:
+            entries.streams[name].check_stated_time(begin, end, entries.recorded_from, closed_ns)
+    entries.judge_pre_roll(begin)
     if entries.opening and document["case"] != entries.opening["case"]:
         report("excerpt-malformed", "it names another case")
     if entries.tokens and entries.largest_checkpoint <= (entries.last_checked or 0):

@@ -7,6 +7,7 @@ Usage: cosignature.py NOTE POLICY
 
 Prints a line for each witness: "NAME cosigned TIME", in seconds since 1970, "NAME invalid" or "NAME absent".
 """
+import base64
 import hashlib
 import pathlib
 import struct
@@ -52,6 +53,20 @@ def check(checkpoint, key):
             holds = ml_dsa.verify(ml_dsa.ML_DSA_44, public, message, signature)
         return time if holds else 0
     return None
+
+
+def key_of(witness):
+    """The line of a policy that names a witness's Ed25519 key."""
+    data = bytes([ED25519]) + witness.key.public
+    identifier = hashlib.sha256(witness.name.encode() + b"\n" + data).digest()[:4]
+    return f"{witness.name}+{identifier.hex()}+{base64.b64encode(data).decode()}"
+
+
+def cosigned(signed, witness, time):
+    """A signed checkpoint with the cosignature of a witness, a note.Signer, by its Ed25519 key."""
+    identifier = parse_key(key_of(witness))[1]
+    signature = witness.sign(b"cosignature/v1\ntime %d\n" % time + signed.partition(b"\n\n")[0] + b"\n")
+    return signed + f"\u2014 {witness.name} {base64.b64encode(identifier + struct.pack('>Q', time) + signature).decode()}\n".encode()
 
 
 def main():

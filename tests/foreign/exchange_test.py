@@ -25,6 +25,7 @@ import unittest
 import age
 import case_verifier
 import case_writer as w
+import cosignature
 import forgeries
 import log_verifier
 import mutations
@@ -125,15 +126,35 @@ class Exchange(unittest.TestCase):
         taken = {"shared_with_others": 0, "alone_in_its_round": 0, "shared_by_a_longest_path": 0, "excerpt_with_a_shared_token": 4}
         # Each costs a second or more of a shell's processor; the nightly run asks for all.
         usual = {"shared_with_others", "excerpt_with_a_shared_token", "path_of_another_leaf", "token_over_another_root", "several_time_stamps", "path_too_long"}
+        self.ask_the_scripts(usual, refused | dict.fromkeys(taken, "INTACT"), dict.fromkeys(refused, 1) | taken)
+
+    def test_the_scripts_with_stock_tools_miss_nothing_that_an_excerpt_lacks(self):
+        lacking = {"excerpt_of_a_camera_that_is_not_there": "endoscope has nothing from 12 to 28 s", "excerpt_of_a_camera_that_fell_silent": "from 5 to 30.04 s",
+                   "excerpt_of_a_second_of_a_long_silence": "from 5 to 30.04 s", "excerpt_from_within_a_hole": "from 11 to 15 s",
+                   "excerpt_from_within_a_hole_in_front_of_a_gap": "from 11 to 15 s", "excerpt_from_behind_a_gap_that_ends_too_soon": "from 15 to 30.04 s",
+                   "excerpt_of_a_camera_that_begins_late": "from 0 to 10 s", "excerpt_that_does_not_show_why_a_camera_begins_late": "from 0 to 10 s",
+                   "excerpt_of_a_monitor_that_never_was_there": "vitals has nothing from 6 to 14 s",
+                   "excerpt_that_does_not_show_why_a_monitor_was_not_there": "vitals has nothing from 11 to 14 s",
+                   "excerpt_of_time_said_to_be_recorded_ahead": "nothing is there before 3600 s",
+                   "excerpt_of_time_said_to_be_recorded_ahead_without_its_beginning": "nothing is there before 3600 s",
+                   "excerpt_with_a_gap_beyond_the_end": "a gap of vitals is stated until 36000 s"}
+        forged = {"excerpt_of_all_lines_with_other_totals": "states other totals", "excerpt_from_open_on_without_a_first_segment": "is not the next segment"}
+        whole = ("excerpt_from_within_a_gap", "excerpt_from_behind_a_gap", "excerpt_of_a_gap_until_the_end", "excerpt_of_a_camera_that_begins_behind_a_gap",
+                 "excerpt_of_the_last_seconds", "excerpt_of_a_file", "excerpt_from_the_middle")
+        usual = {"excerpt_of_a_camera_that_fell_silent", "excerpt_from_within_a_hole", "excerpt_from_within_a_gap"}
+        self.ask_the_scripts(usual, lacking | forged | dict.fromkeys(whole, "INTACT EXCERPT"), dict.fromkeys(lacking, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 4))
+
+    def ask_the_scripts(self, usual, lines, statuses):
+        """Of each forgery by name: what the last line holds, and the exit status; of the `usual` ones alone but in the nightly run."""
         for name, _, make in forgeries.ALL:
-            if (name not in refused and name not in taken) or (name not in usual and "KIROKU_EVERY_FORGERY" not in os.environ):
+            if name not in lines or (name not in usual and "KIROKU_EVERY_FORGERY" not in os.environ):
                 continue
             with self.subTest(name):
                 folder = self.scratch / "scripts" / name
                 folder.mkdir(parents=True)
                 status, line = self.of_the_scripts(make(dataclasses.replace(self.world, folder=folder)), folder)
-                self.assertEqual(status, taken.get(name, 1), line)
-                self.assertIn(refused.get(name, "INTACT"), line)
+                self.assertEqual(status, statuses[name], line)
+                self.assertIn(lines[name], line)
 
     def test_every_finding_is_reached_and_both_verifiers_agree(self):
         keyed = set(re.findall(r"^\| `([a-z-]+)` \|", (HERE / "README.md").read_text("utf-8"), re.M))
@@ -153,6 +174,59 @@ class Exchange(unittest.TestCase):
         self.assertEqual(reached, set(verifier.severities()))
         self.assertEqual(reached - judged, keyed, "README.md lists the codes that only our program judges")
         print(f"{len(made)} folders reach all {len(reached)} codes; both verifiers agree on each of the {len(judged)} that need no key", file=sys.stderr)
+
+    def test_witnesses_count_over_the_end_alone_that_is_led_to(self):
+        folder = self.scratch / "witnessed"
+        folder.mkdir()
+        world = dataclasses.replace(self.world, folder=folder, sealed=dict(self.world.sealed))
+        witness, now = note.Signer("notary.example/w1", bytes([4] * 32)), int(time.time()) - 60
+        (folder / "witnesses.txt").write_text(f"witness w1 {cosignature.key_of(witness)}\nquorum w1\n")
+        genuine = world.sound().write(folder / "genuine")
+        log, signed = forgeries.log_of_the_end(world, genuine)
+        (folder / "log.note").write_bytes(cosignature.cosigned(signed, witness, now))
+        world.sealed["endoscope 1"] = age.seal(b"another film\n", [world.reader.public])
+        rewritten = world.sound().write(folder / "rewritten")
+        self.assertEqual((rewritten.lines[0], len(rewritten.lines)), (genuine.lines[0], len(genuine.lines)))
+        sizes = sorted(genuine.notes)
+
+        def excerpt(written, size):
+            name = f"{written.folder.parent.name} {size}"
+            return w.write_excerpt(written, folder / name, 6 * SECOND, 9 * SECOND, ["endoscope"], 2, size)
+
+        def told(given, *options):
+            """Exit status, whether a quorum is met, over what, and how much the log states or a proof proves."""
+            done = self.ask("kiroku-verify", "--json", "--witnesses", folder / "witnesses.txt", *self.given_as_options(given, folder), *options, given.path)
+            report = json.loads(done.stdout)
+            return done.returncode, report["witnesses"]["quorum"], report["witnesses"]["holds"], (report["log"] or {}).get("entries"), report["proved_entries"]
+
+        beside = {"log": log, "against": [folder / "log.note"]}
+        self.assertEqual(told(world.given(genuine.folder, **beside)), (0, True, "end", len(genuine.lines), 0))
+        to_the_end, part, other = excerpt(genuine, sizes[-1]), excerpt(genuine, sizes[-2]), excerpt(rewritten, sizes[-2])
+        self.assertEqual(told(world.given(to_the_end, **beside)), (4, True, "end", sizes[-1], 0))
+        # Of what nothing leads to, the log may say what it likes.
+        for each in (part, other):
+            self.assertEqual(told(world.given(each, **beside)), (3, False, "nothing", 0, 0))
+            self.assertEqual(told(world.given(each, **beside), "--excerpt"), (3, False, "nothing", 0, 0))
+        done = self.ask("kiroku-verify", "--witnesses", folder / "witnesses.txt", *self.given_as_options(world.given(other, **beside), folder), other)
+        self.assertIn("nobody witnessed the others", done.stdout)
+        # A proof leads there, of the genuine one.
+        proved = forgeries.by_proof(world, world.given(part, log=log), part=(sizes[-2], genuine.lines))
+        self.assertEqual(told(proved), (3, False, "end", None, sizes[-2]))
+        self.assertEqual(told(dataclasses.replace(proved, **beside)), (4, True, "end", 0, sizes[-2]))
+        forged = forgeries.by_proof(world, world.given(other, log=forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "other"), rewritten)[0]),
+                                    part=(sizes[-2], rewritten.lines))
+        self.assertEqual(told(dataclasses.replace(forged, **beside)), (3, False, "end", 0, sizes[-2]))
+        # Another device that the verifier trusts for its own cases vouches for none of this one.
+        stranger = forgeries.ANOTHER_DEVICE
+        theirs, signed = forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "theirs"), rewritten, stranger)
+        (folder / "theirs.note").write_bytes(cosignature.cosigned(signed, witness, now))
+        trusted = world.given(rewritten.folder, log=theirs, devices=[world.device.key, stranger.key])
+
+        def cosign(parts):
+            parts["signed"] = cosignature.cosigned(parts["signed"], witness, now)
+        by_theirs = forgeries.by_proof(dataclasses.replace(world, device=stranger), trusted, cosign)
+        self.assertEqual(told(by_theirs), (3, False, "nothing", None, 0))
+        self.assertEqual(told(dataclasses.replace(trusted, against=[folder / "theirs.note"]))[1:3], (False, "nothing"))
 
     def test_our_program_reads_the_other_writers_case(self):
         folder = self.scratch / "written"

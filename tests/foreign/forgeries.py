@@ -369,8 +369,8 @@ def utc_back(world):
     return world.write(case)
 
 
-@reaches("stream-begins-late")
-def said_to_be_recorded_ahead(world):
+def ahead(world):
+    """A case that is said to begin an hour before it was opened; nothing is there of that hour."""
     case, later = world.sound(), 3600 * SECOND
     case.utc_ns -= later
     for step in case.steps:
@@ -382,7 +382,12 @@ def said_to_be_recorded_ahead(world):
             step.fields["start_ns"] += later
             step.fields["end_ns"] += later
     case.steps[0].fields["begins_ns"] = 1
-    return world.write(case)
+    return case
+
+
+@reaches("stream-begins-late")
+def said_to_be_recorded_ahead(world):
+    return world.write(ahead(world))
 
 
 @reaches("close-utc-differs")
@@ -1993,7 +1998,7 @@ def by_proof(world, given, change=lambda parts: None, part=None):
         of_case = [merkle.leaf(line) for line in of_case[:max(size, ended)]]
         consistency = merkle.consistency(of_case, min(size, ended)) if size != ended else []
     parts = {"line": lines[index], "consistency": consistency, "index": index, "path": merkle.inclusion(leaves, index),
-             "signed": world.device.checkpoint("kiroku/or3/log", len(lines), merkle.root(leaves))}
+             "signed": world.device.checkpoint(f"kiroku/{world.device.name}/log", len(lines), merkle.root(leaves))}
     change(parts)
     path = world.folder / "case.tlog-proof"
     path.write_bytes(tlog_proof.make(**parts))
@@ -2061,6 +2066,66 @@ def proof_by_a_stranger(world):
         checkpoint = note.parse_checkpoint(parts["signed"])
         parts["signed"] = world.stranger.checkpoint(checkpoint.origin, checkpoint.size, checkpoint.root)
     return by_proof(world, with_log(world), change)
+
+
+ANOTHER_DEVICE = note.Signer("or4", bytes([9] * 32))
+
+
+def by_proof_of_another_device(world, case, root=None):
+    """A case, and what the log of another device says of its end; the verifier trusts both devices."""
+    written = case.write(world.folder)
+    log = w.Log(ANOTHER_DEVICE, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    log.signed("case-closed", 81 * SECOND, case=written.case.id, size=len(written.lines), root=root or written.root().hex())
+    log.write(world.folder, "log")
+    given = world.given(written.folder, log=world.folder / "log", devices=[world.device.key, ANOTHER_DEVICE.key])
+    return by_proof(dataclasses.replace(world, device=ANOTHER_DEVICE), given)
+
+
+def log_of_the_end(world, written, device=None):
+    """A log that knows of the case its beginning and its end alone, and its newest checkpoint."""
+    log = w.Log(device or world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    log.signed("case-opened", 60 * SECOND, case=written.case.id, sha256=hashlib.sha256(written.lines[0]).hexdigest())
+    final = json.loads([line for line in written.lines if b'"type":"token"' in line][-1])["sha256"]
+    log.signed("case-closed", 81 * SECOND, case=written.case.id, size=len(written.lines), root=written.root().hex(), final_token=final)
+    known = log.write(world.folder, "log")
+    return known.folder, known.notes[max(known.notes)]
+
+
+@reaches("log-proof-not-used")
+def proof_of_another_end_by_another_device(world):
+    """Its key accuses no case of this one."""
+    given = by_proof_of_another_device(world, world.sound(), "0" * 64)
+    given.never = ["log-proof-differs"]
+    return given
+
+
+@reaches("log-proof-not-used")
+def proof_of_a_rewritten_case_by_another_device(world):
+    """Nor does it vouch for one that a copied key signed anew."""
+    case = world.sound()
+    case.find("mark").fields["commitment"] = "0" * 64
+    given = by_proof_of_another_device(world, case)
+    given.never = ["log-proof-holds"]
+    return given
+
+
+@reaches("log-proof-not-used")
+def excerpt_by_the_proof_of_another_device(world):
+    given = by_proof_of_another_device(dataclasses.replace(world, folder=world.folder / "other"), world.sound())
+    given = dataclasses.replace(excerpt(world), devices=given.devices, proof=given.proof)
+    given.never = ["log-proof-holds"]
+    return given
+
+
+@reaches("log-proof-holds")
+def proof_by_another_key_of_the_device(world):
+    """The log goes on when the device changes its key."""
+    given = with_log(world)
+    newer = note.Signer("or3", bytes([9] * 32))
+    given = by_proof(dataclasses.replace(world, device=newer), given)
+    return dataclasses.replace(given, devices=[*given.devices, newer.key])
 
 
 def excerpt_by_proof(world, size, change=lambda parts: None, **fields):
@@ -2269,6 +2334,192 @@ def excerpt_without_its_earlier_proof(world):
 @reaches("excerpt-range-short", "excerpt-no-later-token")
 def excerpt_of_too_few_lines(world):
     return excerpt(world, from_ns=6 * SECOND, to_ns=12 * SECOND, size=7)
+
+
+def excerpt_of(world, case, from_ns, to_ns, token, streams=("endoscope", "vitals"), size=None, **more):
+    """Of any case, with the lines from its token of that number on, or from `open` (None)."""
+    written = case.write(world.folder / "whole")
+    tokens = [i for i, line in enumerate(written.lines) if b'"type":"token"' in line]
+    folder = w.write_excerpt(written, world.folder / "excerpt", from_ns, to_ns, list(streams), 1 if token is None else tokens[token], size or len(written.lines))
+    return world.given(folder, **more)
+
+
+def pausing(world, *stated, again=None, last=6, gap_at=None):
+    """A camera that has nothing from 5 s on, or until its segment `again`; the gaps of it that are `stated`, entered behind the segments of number `gap_at`."""
+    case = world.begin()
+    for i in range(last):
+        if i == 2:
+            case.checkpoint()
+            case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+        case.segment("vitals", i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"vitals {i}", f"vitals {i}\n".encode()), 5)
+        if i == 0 or again is not None and i >= again:
+            case.segment("endoscope", 0 if i == 0 else i - again + 1, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"endoscope {i}", f"endoscope {i}\n".encode()), 125)
+        if i == gap_at:
+            for start, end in stated:
+                case.add("gap", 5 * (i + 1) * SECOND + 20 * MS, stream="endoscope", start_ns=start * SECOND, end_ns=end * SECOND, cause="signal-lost")
+    return world.end(case, 5 * last * SECOND + 40 * MS)
+
+
+SHORT = ["excerpt-range-short", "stream-begins-late", "stream-ends-early", "stream-empty", "segment-hole", "gap-beyond-end", "totals-differ"]
+
+
+@reaches("excerpt-range-short")
+def excerpt_of_a_camera_that_is_not_there(world):
+    """The case is unproven; the lines begin behind the camera's last segment."""
+    return excerpt_of(world, pausing(world), 12 * SECOND, 28 * SECOND, 1)
+
+
+@reaches("stream-ends-early")
+def excerpt_of_a_camera_that_fell_silent(world):
+    return excerpt_of(world, pausing(world), 12 * SECOND, 28 * SECOND, 0)
+
+
+@reaches("stream-ends-early")
+def excerpt_of_a_second_of_a_long_silence(world):
+    return excerpt_of(world, pausing(world), 29 * SECOND, 30 * SECOND, 0)
+
+
+@reaches("excerpt-range-short")
+def excerpt_from_within_a_hole(world):
+    """The case is tampered; the lines begin behind the segment before the hole."""
+    return excerpt_of(world, pausing(world, again=3), 11 * SECOND, 14 * SECOND, 1)
+
+
+@reaches("excerpt-range-short")
+def excerpt_from_within_a_hole_in_front_of_a_gap(world):
+    return excerpt_of(world, pausing(world, (13, 15), again=3, gap_at=3), 11 * SECOND, 14 * SECOND, 1)
+
+
+@reaches("gap")
+def excerpt_from_within_a_gap(world):
+    return excerpt_of(world, pausing(world, (5, 15), again=3, gap_at=3), 11 * SECOND, 14 * SECOND, 1, never=SHORT)
+
+
+@reaches("gap")
+def excerpt_from_behind_a_gap(world):
+    return excerpt_of(world, pausing(world, (5, 15), again=3, gap_at=3), 16 * SECOND, 19 * SECOND, 0, never=SHORT)
+
+
+@reaches("gap")
+def excerpt_of_a_gap_until_the_end(world):
+    return excerpt_of(world, pausing(world, (5, 30), gap_at=5), 12 * SECOND, 28 * SECOND, 1, never=SHORT)
+
+
+@reaches("gap", "stream-ends-early")
+def excerpt_from_behind_a_gap_that_ends_too_soon(world):
+    return excerpt_of(world, pausing(world, (5, 15), gap_at=4), 16 * SECOND, 19 * SECOND, 0)
+
+
+@reaches()
+def excerpt_of_the_last_seconds(world):
+    """A recorder may have nothing of the last 10 s."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+    world.record(case, 2, 3)
+    world.record(case, 3, 4, ("vitals",))
+    return excerpt_of(world, world.end(case, 20_040 * MS), 14 * SECOND, 19 * SECOND, 0)
+
+
+def late(world, *stated):
+    """A camera that begins at 10 s, and the gaps of it that are stated before."""
+    case = world.begin()
+    for start, end in stated:
+        case.add("gap", 5 * SECOND + 10 * MS, stream="endoscope", start_ns=start * SECOND, end_ns=end * SECOND, cause="signal-lost")
+    world.record(case, 0, 2, ("vitals",))
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+    for i in range(2, 4):
+        case.segment("vitals", i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"vitals {i}", f"vitals {i}\n".encode()), 5)
+        case.segment("endoscope", i - 2, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"endoscope {i}", f"endoscope {i}\n".encode()), 125)
+    return world.end(case, 20_040 * MS)
+
+
+@reaches("stream-begins-late")
+def excerpt_of_a_camera_that_begins_late(world):
+    return excerpt_of(world, late(world), 6 * SECOND, 14 * SECOND, None)
+
+
+@reaches("excerpt-range-short")
+def excerpt_that_does_not_show_why_a_camera_begins_late(world):
+    return excerpt_of(world, late(world, (0, 10)), 6 * SECOND, 14 * SECOND, 1, streams=("endoscope",))
+
+
+@reaches("gap")
+def excerpt_of_a_camera_that_begins_behind_a_gap(world):
+    return excerpt_of(world, late(world, (0, 10)), 6 * SECOND, 14 * SECOND, 0, never=SHORT)
+
+
+def one_alone(world):
+    case = world.begin()
+    world.record(case, 0, 2, ("endoscope",))
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+    world.record(case, 2, 4, ("endoscope",))
+    return world.end(case, 20_040 * MS)
+
+
+@reaches("stream-empty")
+def excerpt_of_a_monitor_that_never_was_there(world):
+    return excerpt_of(world, one_alone(world), 6 * SECOND, 14 * SECOND, None)
+
+
+@reaches("excerpt-range-short")
+def excerpt_that_does_not_show_why_a_monitor_was_not_there(world):
+    return excerpt_of(world, one_alone(world), 11 * SECOND, 14 * SECOND, 1)
+
+
+@reaches("stream-shorter")
+def excerpt_of_time_behind_a_file(world):
+    case = world.begin(streams=world.streams(endoscope="source"))
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("vitals",))
+    return excerpt_of(world, world.end(case, 20_040 * MS), 3 * SECOND, 9 * SECOND, 0)
+
+
+@reaches()
+def excerpt_of_a_file(world):
+    case = world.begin(streams=world.streams(endoscope="source"))
+    world.record(case, 0, 1)
+    world.record(case, 1, 4, ("vitals",))
+    return excerpt_of(world, world.end(case, 20_040 * MS), 2 * SECOND, 5 * SECOND, 0)
+
+
+@reaches("stream-begins-late")
+def excerpt_of_time_said_to_be_recorded_ahead(world):
+    return excerpt_of(world, ahead(world), SECOND, 3610 * SECOND, None)
+
+
+@reaches("excerpt-range-short")
+def excerpt_of_time_said_to_be_recorded_ahead_without_its_beginning(world):
+    return excerpt_of(world, ahead(world), SECOND, 3610 * SECOND, 0)
+
+
+@reaches("totals-differ")
+def excerpt_of_all_lines_with_other_totals(world):
+    case = world.sound()
+    case.find("close").fields["totals"]["vitals"]["frames"] += 1
+    return excerpt_of(world, case, 6 * SECOND, 9 * SECOND, None)
+
+
+@reaches("segment-out-of-order")
+def excerpt_from_open_on_without_a_first_segment(world):
+    case = world.sound()
+    for step in case.of(Entry):
+        if step.type == "segment" and step.fields["stream"] == "vitals":
+            step.fields["index"] += 1
+            name = step.fields["file"]
+            step.fields |= case.file(f"segments/vitals/{step.fields['index']:08d}.jsonl.age", world.seal(name, name.encode()))
+    return excerpt_of(world, case, 6 * SECOND, 9 * SECOND, None)
+
+
+@reaches("gap-beyond-end")
+def excerpt_with_a_gap_beyond_the_end(world):
+    case = world.sound()
+    at = case.steps.index(case.find("close"))
+    case.steps.insert(at, Entry("gap", case.steps[at].mono_ns, {"stream": "vitals", "start_ns": 20 * SECOND, "end_ns": 36_000 * SECOND, "cause": "signal-lost"}))
+    return excerpt_of(world, case, 6 * SECOND, 9 * SECOND, 0)
 
 
 @reaches("rekeyed-not-opened")

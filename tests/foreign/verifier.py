@@ -426,6 +426,8 @@ class Folder:
             return self._answer("log-proof-not-used", "the audit path does not lead to the root")
         if entry["type"] != "case-closed" or entry["seq"] != index or entry["case"] != case_id:
             return self._answer("log-proof-not-used", "no end of this case")
+        if device is None or checkpoint.origin != f"kiroku/{device.name}/log":
+            return self._answer("log-proof-not-used", "of the log of another device than the case's")
         size, root = entry["size"], bytes.fromhex(entry["root"])
         by = (any(k.ml_dsa and k == device for k, _ in signed), False)
         if part is None:

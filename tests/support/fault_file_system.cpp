@@ -68,9 +68,9 @@ class FaultFileSystem::File final : public archive::WritableFile {
     return real_->try_lock();
   }
 
-  void lock() override {
+  bool lock(std::chrono::milliseconds patience) override {
     step("lock " + name(), "lock");
-    real_->lock();
+    return real_->lock(patience);
   }
 
   void unlock() noexcept override { real_->unlock(); }

@@ -15,13 +15,13 @@ namespace kiroku::test {
 inline constexpr std::int64_t kLitBegin = 1'790'000'000;  // Unix time of its first entry, and case clock 0
 inline constexpr std::int64_t kLitSecond = 1'000'000'000;
 
-/// Another ledger for each `salt`.
-inline std::vector<std::string> lit_lines(int seconds, std::int64_t salt) {
+/// Another ledger for each `salt`; `apart` are the seconds between two entries.
+inline std::vector<std::string> lit_lines(int entries, std::int64_t salt, int apart = 1) {
   std::vector<std::string> lines;
-  for (int i = 0; i < seconds; ++i) {
+  for (int i = 0; i < entries; ++i) {
     archive::CaseEntry entry;
     entry.seq = static_cast<std::uint64_t>(i);
-    entry.at = {UtcTime(std::chrono::seconds(kLitBegin + i)), i * kLitSecond};
+    entry.at = {UtcTime(std::chrono::seconds(kLitBegin + std::int64_t{i} * apart)), i * kLitSecond * apart};
     entry.body = archive::ClockEntry{true, salt, 0, 0, 0};
     lines.push_back(archive::to_line(entry));
   }

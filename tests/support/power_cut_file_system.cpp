@@ -67,7 +67,7 @@ class PowerCutFileSystem::File final : public archive::WritableFile {
   void reserve(std::uint64_t bytes) override { real_->reserve(bytes); }
   void write_behind() override { real_->write_behind(); }
   bool try_lock() override { return real_->try_lock(); }
-  void lock() override { real_->lock(); }
+  bool lock(std::chrono::milliseconds patience) override { return real_->lock(patience); }
   void unlock() noexcept override { real_->unlock(); }
 
  private:

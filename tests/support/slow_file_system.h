@@ -71,7 +71,7 @@ class SlowFileSystem final : public archive::FileSystem {
     void write_behind() override { real_->write_behind(); }
     void truncate(std::uint64_t size) override { real_->truncate(size); }
     bool try_lock() override { return real_->try_lock(); }
-    void lock() override { real_->lock(); }
+    bool lock(std::chrono::milliseconds patience) override { return real_->lock(patience); }
     void unlock() noexcept override { real_->unlock(); }
 
    private:

@@ -209,6 +209,19 @@ TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsChec
   EXPECT_THAT(own.out, HasSubstr("are as they were sealed"));
 }
 
+// The case's first line says by which plan it was recorded; what the document says beside it is its maker's.
+TEST_F(CompareProgram, OfWhetherTheCaseNamesThePlanTheCaseIsAsked) {
+  ASSERT_FALSE(compare("out.json").empty());
+  std::string text = read_text(folder() / "out.json");
+  const std::size_t at = text.find("\"names_plan\": true");
+  ASSERT_NE(at, std::string::npos);
+  write_text(folder() / "out.json", text.replace(at, 18, "\"names_plan\": null"));
+  const ProcessResult told = kiroku({"compare", case_.string(), "plan.json", "--verify", "out.json"});
+  EXPECT_EQ(told.status, 1);
+  EXPECT_THAT(told.out, HasSubstr("names a plan, and the comparison says that it names none"));
+  EXPECT_THAT(told.out, Not(HasSubstr("The case names no plan")));
+}
+
 TEST_F(CompareProgram, SaysWhatItCannotDo) {
   EXPECT_REFUSED(kiroku({"compare", case_.string()}), "name the case and the plan");
   fs::copy(case_, folder() / "copy", fs::copy_options::recursive);

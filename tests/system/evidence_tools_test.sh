@@ -65,7 +65,33 @@ expect 1 'does not cover segments/endoscope/00000000.ts.age' "$scratch/copy" "$e
 changed "checkpoints/$(ls "$case/checkpoints" | head -n 1)"
 expect 1 'does not cover checkpoints/' "$scratch/copy" "$ers"
 changed ledger.jsonl
+expect 1 'the ledger has an entry of another form' "$scratch/copy" "$ers"
+jq -c 'if .seq == 1 then .mono_ns += 1 else . end' "$case/ledger.jsonl" >"$scratch/copy/ledger.jsonl"
 expect 1 'does not cover the ledger of this case' "$scratch/copy" "$ers"
+
+# What the folder's maker wrote is neither run nor shown as it stands; what is not there, or ends too early, is not proved.
+changed ledger.jsonl
+cp "$case/ledger.jsonl" "$scratch/copy/ledger.jsonl"
+expect 0 '^PROVED by 2 links' "$scratch/copy" "$ers"
+mv "$scratch/copy/segments/endoscope/00000000.ts.age" "$scratch/away"
+expect 2 '^COULD NOT CHECK: .* are not there' "$scratch/copy" "$ers"
+mkfifo "$scratch/copy/segments/endoscope/00000000.ts.age"
+expect 1 'no plain file' "$scratch/copy" "$ers"
+rm "$scratch/copy/segments/endoscope/00000000.ts.age"
+mv "$scratch/away" "$scratch/copy/segments/endoscope/00000000.ts.age"
+cp "$(ls "$case"/checkpoints/*.note | head -n 1)" "$scratch/copy/checkpoints/1+links[\$(touch ran)].note"
+expect 1 'is no checkpoint' "$scratch/copy" "$ers"
+[[ ! -e $scratch/copy/ran ]] || fail "a note's name was run"
+rm "$scratch"/copy/checkpoints/1+*
+touch "$scratch/copy/$(printf 'x\r\033[2KPROVED by 1 links')"
+output=$(bash "$scratch/verify-evidence.sh" "$scratch/copy" "$ers" "$roots" 2>&1) && fail "a name that rewrites the terminal's line was passed over"
+! LC_ALL=C grep -q '[[:cntrl:]]' <<<"$output" || fail "control characters were shown: $(cat -v <<<"$output")"
+rm "$scratch"/copy/x*
+jq -c 'if .seq == 0 then .file = "x\r\u001b[2KPROVED by 1 links" else . end' "$case/ledger.jsonl" >"$scratch/copy/ledger.jsonl"
+expect 1 'entry of another form' "$scratch/copy" "$ers"
+jq -c 'select(.type != "close")' "$case/ledger.jsonl" >"$scratch/copy/ledger.jsonl"
+expect 1 'not one close' "$scratch/copy" "$ers"
+
 head -c 2000 "$ers" >"$scratch/cut.ers"
 expect 1 '^NOT PROVED: ' "$case" "$scratch/cut.ers"
 at=$(openssl asn1parse -inform DER -in "$ers" | awk -F: '!found && /d=6 .*OCTET STRING/ { print $1 + 10; found = 1 }')

@@ -29,6 +29,22 @@ class Light : public ProgramTest {
   }
 };
 
+TEST_F(Light, ThatCannotBeComparedHidesNoVerdict) {
+  const std::filesystem::path changed = ProgramTest::record();
+  const std::string ledger = read_text(changed / "ledger.jsonl");
+  const std::size_t second = ledger.find("\"seq\":1,");
+  ASSERT_NE(second, std::string::npos);
+  write_text(changed / "ledger.jsonl", std::string(ledger).insert(second + 7, ".0"));
+  const ProcessResult told = kiroku({"verify", changed.string(), "--light"});
+  EXPECT_EQ(told.status, 1) << told.err;
+  EXPECT_THAT(told.out, testing::AllOf(HasSubstr("TAMPERED"), HasSubstr("Light: could not check: ")));
+  const ProcessResult json = kiroku({"verify", changed.string(), "--light", "--json"});
+  EXPECT_EQ(json.status, 1);
+  const auto report = nlohmann::json::parse(json.out);
+  EXPECT_EQ(report["verdict"], "tampered");
+  EXPECT_THAT(report["light"]["error"].get<std::string>(), HasSubstr("cannot read entry 1"));
+}
+
 // Real time: a display's codes are of the machine's seconds, and a camera sees them while they pass.
 using LightRealTime = Light;
 

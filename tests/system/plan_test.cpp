@@ -320,6 +320,81 @@ TEST_F(PlanProgram, SealsEveryFileThatAPlanIsMadeOf) {
   EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 2);
 }
 
+// A header that names another file is as it was, whatever that file holds.
+TEST_F(PlanProgram, SealsTheVoxelsThatAVolumesHeaderNames) {
+  make_demo_home();
+  const std::string sound = read_text(folder() / "plan.json");
+  const std::string voxels(54, '\x05');
+  const std::string meta =
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nTransformMatrix "
+      "= 1 0 0 0 1 0 0 0 1\nOffset = 0 0 0\nElementSpacing = 2 2 2\nDimSize = 3 3 3\nElementType = "
+      "MET_SHORT\nElementDataFile = ";
+  const std::string nrrd =
+      "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nspace directions: (2,0,0) "
+      "(0,2,0) (0,0,2)\nspace origin: (0,0,0)\nsizes: 3 3 3\nendian: little\nencoding: raw\ndata file: ";
+  const auto plan = [&](const std::string& name, const std::string& volume) {
+    std::string text = sound;
+    write_text(folder() / name, text.insert(1, "\"volume\": \"" + volume + "\", "));
+  };
+  fs::create_directory(folder() / "ct");
+  for (const auto& [name, header] : {std::pair<std::string, std::string>{"mhd", meta}, {"nhdr", nrrd}}) {
+    write_text(folder() / ("ct/" + name + ".raw"), voxels);
+    write_text(folder() / ("ct/block." + name), header + name + ".raw\n");
+    plan(name + ".json", "ct/block." + name);
+    ASSERT_EQ(kiroku({"plan", "seal", name + ".json"}).status, 0);
+    auto seal = nlohmann::json::parse(read_text(folder() / (name + ".seal.json")));
+    ASSERT_EQ(seal["files"].size(), 4U);
+    EXPECT_EQ(seal["files"][2]["name"], "ct/block." + name);
+    EXPECT_EQ(seal["files"][3]["name"], "ct/" + name + ".raw");
+    EXPECT_EQ(kiroku({"plan", "verify", name + ".seal.json"}).status, 0);
+    std::string other = voxels;
+    other[7] = 6;
+    write_text(folder() / ("ct/" + name + ".raw"), other);
+    const ProcessResult changed = kiroku({"plan", "verify", name + ".seal.json"});
+    EXPECT_EQ(changed.status, 1);
+    EXPECT_THAT(changed.out, HasSubstr("ct/" + name + ".raw is not what was sealed"));
+    // A seal of an earlier version says nothing of the voxels.
+    seal["files"].erase(3);
+    write_text(folder() / (name + "-earlier.seal.json"), seal.dump());
+    const ProcessResult earlier = kiroku({"plan", "verify", name + "-earlier.seal.json"});
+    EXPECT_NE(earlier.status, 0);
+    EXPECT_THAT(earlier.out, HasSubstr("which holds the voxels of ct/block." + name + ", is not listed"));
+  }
+  for (const std::string& volume : {meta + "LIST\nmhd.raw\n", meta + "s%d.raw 1 3 1\n"}) {
+    write_text(folder() / "ct/several.mhd", volume);
+    plan("several.json", "ct/several.mhd");
+    const ProcessResult several = kiroku({"plan", "seal", "several.json"});
+    EXPECT_NE(several.status, 0);
+    EXPECT_THAT(several.err, HasSubstr("save the volume as one .mha or .nrrd file"));
+    EXPECT_FALSE(fs::exists(folder() / "several.seal.json"));
+  }
+}
+
+// Whoever wrote a seal chose its names and sizes.
+TEST_F(PlanProgram, ReadsOfASealedPlanNoMoreThanTheSealLists) {
+  make_demo_home();
+  ASSERT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 0);
+  auto seal = nlohmann::json::parse(read_text(folder() / "plan.seal.json"));
+  constexpr std::uint64_t kTooLong = std::uint64_t{1} << 42U;  // hours of hashing
+  write_text(folder() / "hole.raw", "");
+  std::error_code unable;
+  fs::resize_file(folder() / "hole.raw", kTooLong, unable);
+  if (unable) GTEST_SKIP() << "no file of 4 TiB can be made here";
+  const auto verify = [&](std::uint64_t bytes) {
+    nlohmann::json file = seal["files"][1];
+    file["name"] = "hole.raw";
+    file["bytes"] = bytes;
+    nlohmann::json named = seal;
+    named["files"].push_back(file);
+    write_text(folder() / "long.seal.json", named.dump());
+    return kiroku({"plan", "verify", "long.seal.json"});
+  };
+  const ProcessResult longer = verify(12);
+  EXPECT_EQ(longer.status, 1);
+  EXPECT_THAT(longer.out, HasSubstr("hole.raw is not what was sealed"));
+  EXPECT_THAT(verify(kTooLong).out, HasSubstr("more than 1 GiB of it is a hole"));
+}
+
 // Jaws close along x on the upper half of the cube, hold it while it is lifted a little, and lose it.
 TEST_F(PlanProgram, CarriesOutAPlanWithAGrasper) {
   write_plan(R"([

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <csignal>
+#include <sys/timex.h>
 #include <thread>
 
 #include "tests/support/eventually.h"
@@ -103,12 +104,13 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_EQ(verified(folder)["verdict"], "intact");
 
   const ProcessResult only_copy =
-      kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "10ms"});
+      kiroku({"erase", "--stream", "endoscope", "--policy", "p", "--older-than", "10ms", "--clock-is-right"});
   EXPECT_EQ(only_copy.status, 1);
   EXPECT_THAT(only_copy.err, AllOf(HasSubstr("nothing else holds it"), HasSubstr("--only-copy")));
   EXPECT_EQ(verified(folder)["verdict"], "intact");
-  const nlohmann::json erased = kiroku_json({"erase", "--json", "--stream", "endoscope", "--policy",
-                                             "room: at once", "--older-than", "10ms", "--only-copy"});
+  const nlohmann::json erased =
+      kiroku_json({"erase", "--json", "--stream", "endoscope", "--policy", "room: at once", "--older-than",
+                   "10ms", "--only-copy", "--clock-is-right"});
   ASSERT_EQ(erased["cases"].size(), 1U);
   EXPECT_GT(erased["cases"][0]["segments"], 0);
   EXPECT_EQ(erased["cases"][0]["stamped"], true);
@@ -128,8 +130,9 @@ TEST_F(Recovering, OneDamagedCaseKeepsNothingFromBeingErasedInTheOthers) {
   std::filesystem::create_directory(empty);
   std::filesystem::create_directory(cut);
   write_text(cut / "ledger.jsonl", "{\n");
-  const ProcessResult erased = kiroku({"erase", "--json", "--stream", "endoscope", "--policy",
-                                       "room: at once", "--older-than", "10ms", "--only-copy"});
+  const ProcessResult erased =
+      kiroku({"erase", "--json", "--stream", "endoscope", "--policy", "room: at once", "--older-than", "10ms",
+              "--only-copy", "--clock-is-right"});
   EXPECT_EQ(erased.status, 2);
   const nlohmann::json told = nlohmann::json::parse(erased.out);
   ASSERT_EQ(told["cases"].size(), 1U);
@@ -152,18 +155,41 @@ TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
                                          "policy = \"room: at once\"\n" +
                                          read_text(home() / "kiroku.toml"));
   EXPECT_REFUSED(kiroku({"erase", "--due", "--stream", "room"}), "--due goes by [[retention]]");
-  const ProcessResult kept = kiroku({"erase", "--due", "--json"});
+  const ProcessResult kept = kiroku({"erase", "--due", "--json", "--clock-is-right"});
   EXPECT_EQ(kept.status, 1);
   EXPECT_THAT(kept.out, HasSubstr("there is no copy of the case"));
   std::filesystem::create_directories(replica);
   std::filesystem::copy(folder, replica / folder.filename(), std::filesystem::copy_options::recursive);
-  const nlohmann::json erased = kiroku_json({"erase", "--due", "--json"});
+  const nlohmann::json erased = kiroku_json({"erase", "--due", "--json", "--clock-is-right"});
   ASSERT_EQ(erased["cases"].size(), 1U);
   EXPECT_EQ(erased["cases"][0]["stream"], "room");
   EXPECT_TRUE(std::filesystem::is_empty(folder / "segments/room"));
   EXPECT_FALSE(std::filesystem::is_empty(folder / "segments/endoscope"));
   EXPECT_EQ(verified(folder)["verdict"], "intact-with-gaps");
   EXPECT_EQ(kiroku({"erase", "--due"}).out, "Nothing is due to be erased.\n");
+}
+
+// A machine that has just started, or whose battery is empty, may believe itself years ahead.
+TEST_F(Recovering, AClockThatNobodySetErasesNothingByAge) {
+  timex state{};
+  const bool synchronised = ::adjtimex(&state) != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
+  if (synchronised) GTEST_SKIP() << "this machine's clock is synchronised";
+  const std::filesystem::path folder = record();
+  const Arguments by_age{"erase",        "--stream",     "endoscope", "--policy",
+                         "room: a week", "--older-than", "10ms",      "--only-copy"};
+  const ProcessResult kept = kiroku(by_age);
+  EXPECT_EQ(kept.status, 1);
+  EXPECT_THAT(kept.err,
+              AllOf(HasSubstr(folder.filename().string() + ": endoscope is kept: the kernel does not "
+                                                           "call this machine's clock synchronised"),
+                    HasSubstr("--clock-is-right")));
+  EXPECT_FALSE(std::filesystem::is_empty(folder / "segments/endoscope"));
+  // A person who names the case asks for no age.
+  EXPECT_EQ(kiroku({"erase", folder.filename().string(), "--stream", "endoscope", "--policy",
+                    "consent withdrawn", "--only-copy"})
+                .status,
+            0);
+  EXPECT_TRUE(std::filesystem::is_empty(folder / "segments/endoscope"));
 }
 
 }  // namespace

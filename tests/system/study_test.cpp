@@ -1,11 +1,16 @@
 // 'kiroku quality study', as a hospital uses it. The readers are made up: who answers here is this test.
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
+#include <fcntl.h>
 #include <filesystem>
 #include <functional>
 #include <set>
 #include <stdexcept>
+#include <sys/stat.h>
+#include <thread>
+#include <unistd.h>
 
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
@@ -228,6 +233,56 @@ TEST_F(StudyTest, KeepsTheKeyClosedWhereAnAnswerWasChanged) {
   EXPECT_EQ(kiroku({"quality", "study", "report", path("reading")}).status, 1);
   fs::rename(path("first.json"), path("reading/sealed.json"));
   EXPECT_EQ(kiroku({"quality", "study", "report", path("reading")}).status, 0);
+}
+
+TEST_F(StudyTest, KeepsTheKeyClosedWhereAFilmWasExchanged) {
+  make({"--repeats", "0"});
+  ASSERT_EQ(kiroku({"quality", "study", "close", path("reading"), "--incomplete"}).status, 0);
+  const std::string name = "films/" + study().at("films")[2].at("name").get<std::string>();
+  flip_byte(folder() / "reading" / name, 3000);
+  const ProcessResult told = kiroku({"quality", "study", "report", path("reading"), "-o", path("report")});
+  EXPECT_EQ(told.status, 1) << told.err;
+  EXPECT_THAT(told.out, HasSubstr(name + " was changed"));
+  EXPECT_FALSE(fs::exists(path("report")));
+}
+
+TEST_F(StudyTest, CountsHowFarReadersWereByTheirAnswers) {
+  make({"--repeats", "0"});
+  ASSERT_EQ(kiroku({"quality", "study", "close", path("reading"), "--incomplete"}).status, 0);
+  const ProcessResult told = kiroku({"quality", "study", "report", path("reading")});
+  ASSERT_EQ(told.status, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr("0 of 8 films judged"));
+  EXPECT_THAT(told.out, HasSubstr("It was closed before all was judged."));
+  std::string seal = read_text(folder() / "reading/sealed.json");
+  seal.replace(seal.find("\"answered\": 0"), 13, "\"answered\": 4");
+  write_text(path("reading/sealed.json"), seal);
+  const ProcessResult other = kiroku({"quality", "study", "report", path("reading")});
+  EXPECT_EQ(other.status, 1);
+  EXPECT_THAT(other.out,
+              HasSubstr("sealed.json says that reader 1 judged 4 of 4 films, and the answers are of 0 of 4"));
+}
+
+// Roots that are read from a pipe hold the report up behind the checks, as slow disks do.
+TEST_F(StudyTest, ReportsTheKeyAndAnswersThatItChecked) {
+  make({"--repeats", "0"});
+  ASSERT_EQ(kiroku({"quality", "study", "close", path("reading"), "--incomplete"}).status, 0);
+  const std::string pipe = path("roots.pem");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  Process process(options({"quality", "study", "report", path("reading"), "--trust", pipe}));
+  int writing = -1;
+  for (int tries = 0; tries < 600 && writing < 0; ++tries) {
+    writing = ::open(pipe.c_str(), O_WRONLY | O_NONBLOCK);
+    if (writing < 0) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  ASSERT_GE(writing, 0) << "nobody read the roots";
+  write_text(path("reading/key.age"), "another key");
+  write_text(path("reading/answers/reader-1.jsonl"), "another answer\n");
+  const std::string roots = read_text(home() / "own-authority.pem");
+  EXPECT_EQ(::write(writing, roots.data(), roots.size()), static_cast<ssize_t>(roots.size()));
+  ::close(writing);
+  const ProcessResult told = process.wait();
+  EXPECT_EQ(told.status, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr("MPEG-2 4:2:0, 4 Mbit/s"));
 }
 
 TEST_F(StudyTest, ShowsNoOtherFilms) {

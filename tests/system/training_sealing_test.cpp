@@ -302,7 +302,9 @@ TEST_F(TrainingSealing, ACertificateIsWrittenInTheLanguageThatIsAskedFor) {
     return tool({"pdftotext", file.string(), "-"}).out;
   };
   if (!has_tool("pdftotext")) GTEST_SKIP() << "pdftotext is not installed";
-  EXPECT_THAT(text_of_pdf(report::Language::kEnglish), HasSubstr("Verification report"));
+  const std::string text = text_of_pdf(report::Language::kEnglish);
+  EXPECT_THAT(text, HasSubstr("Verification report"));
+  EXPECT_THAT(text, HasSubstr("--log LOG")) << "the log took part";
   EXPECT_THAT(text_of_pdf(report::Language::kJapanese), HasSubstr("検証報告書"));
 }
 

@@ -8,6 +8,7 @@
 #include "base/number_text.h"
 #include "crypto/file_hash.h"
 #include "sim/respiration/series_fit.h"
+#include "sim/volume/image_file.h"
 #include "timestamp/small_files.h"
 #include "viewer/http/disk_room.h"
 #include "viewer/http/new_file_name.h"
@@ -43,8 +44,11 @@ void check_radiographs(const std::vector<BenchRadiograph>& radiographs,
 
 std::vector<NamedFile> files_named_by(const sim::BreathingModel& model, const fs::path& file) {
   std::vector<NamedFile> named;
-  for (const fs::path& path : sim::files_of(model, file))
-    named.push_back({path, crypto::hash_file(path).sha256});
+  const auto name = [&](const fs::path& path) { named.push_back({path, crypto::hash_file(path).sha256}); };
+  for (const fs::path& path : sim::files_of(model, file)) {
+    name(path);
+    if (const auto voxels = sim::data_file_of(path)) name(path.parent_path() / *voxels);
+  }
   return named;
 }
 

@@ -1,7 +1,6 @@
 #include "viewer/report/case_facts.h"
 
 #include <algorithm>
-#include <functional>
 #include <utility>
 
 #include "archive/format/case_folder.h"
@@ -11,9 +10,9 @@
 #include "archive/format/line_reader.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
+#include "crypto/hash.h"
 #include "crypto/hashed_source.h"
 #include "crypto/merkle_tree.h"
-#include "crypto/signed_note.h"
 
 namespace kiroku::report {
 namespace {
@@ -77,23 +76,17 @@ void take_lines(CaseFacts& facts, const crypto::ByteSource& lines, std::uint64_t
   }
 }
 
-std::optional<StoredNote> find_last_checkpoint(const CaseFolder& folder) {
-  const std::string prefix = std::string(archive::kCheckpointsFolder) + "/";
-  std::map<std::uint64_t, std::string, std::greater<>> notes;
-  for (const archive::ListedFile& listed : folder.list()) {
-    if (!listed.path.starts_with(prefix)) continue;
-    const auto size = archive::size_of_note_name(std::string_view(listed.path).substr(prefix.size()));
-    if (size) notes.emplace(*size, listed.path);
+/// The checkpoint that was judged. Whoever can write to the folder can put another one there at any time,
+/// under its name or beside it: no other one is taken.
+StoredNote read_judged(const CaseFolder& folder, const archive::JudgedNote& judged) {
+  const std::string path = archive::note_path(judged.size);
+  const archive::FileOpening opening = folder.open_file(path);
+  auto text = opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
+  if (!text || crypto::sha256(bytes_of(*text)) != judged.sha256) {
+    throw Error("cannot report on " + folder.path().string() + ": its " + path +
+                " changed after it was verified; find out what writes to it, and try again");
   }
-  for (const auto& [size, path] : notes) {
-    const archive::FileOpening opening = folder.open_file(path);
-    const auto text =
-        opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
-    if (!text) continue;
-    const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(*text, {}).text);
-    if (checkpoint) return StoredNote{path, *text, checkpoint->size, checkpoint->root};
-  }
-  return std::nullopt;
+  return {path, std::move(*text), judged.size, judged.root};
 }
 
 CaseFacts read_facts(const std::filesystem::path& path, const archive::VerificationReport* verification) {
@@ -119,7 +112,8 @@ CaseFacts read_facts(const std::filesystem::path& path, const archive::Verificat
   }
   facts.ledger = {name, trail->digest()};
   if (!facts.excerpt) facts.root = tree.root();
-  facts.last_checkpoint = find_last_checkpoint(folder);
+  if (is_judged && verification->newest_note)
+    facts.last_checkpoint = read_judged(folder, *verification->newest_note);
   return facts;
 }
 

@@ -38,8 +38,9 @@ struct CaseFacts {
   bool excerpt = false;
   NamedFile ledger;  // of an excerpt: its part of the ledger
   std::uint64_t entries = 0;
-  std::optional<crypto::Sha256Digest> root;   // of all entries; not of an excerpt, which has only some
-  std::optional<StoredNote> last_checkpoint;  // the one with the largest size that reads as a checkpoint
+  std::optional<crypto::Sha256Digest> root;  // of all entries; not of an excerpt, which has only some
+  /// The one over most entries that was judged, is signed and fits; nothing where nothing was judged.
+  std::optional<StoredNote> last_checkpoint;
   std::optional<archive::OpenEntry> opening;
   std::optional<archive::Moment> opened_at, closed_at;
   std::string close_reason;
@@ -56,7 +57,8 @@ struct CaseFacts {
 /// are no entry are passed over.
 CaseFacts read_case_facts(const std::filesystem::path& folder);
 /// Of the lines that `verification` judged, so that a document states of a case what its verdict is about.
-/// kiroku::Error where they are no longer there; lines that were written since are passed over.
+/// kiroku::Error where they, or the checkpoint over them, are no longer there; lines that were written since
+/// are passed over.
 CaseFacts read_case_facts(const std::filesystem::path& folder,
                           const archive::VerificationReport& verification);
 

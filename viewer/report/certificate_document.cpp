@@ -135,9 +135,9 @@ class CertificateMaker {
     heading("4. The copy, and how it was identified: Rule 902(14) (found by the program)");
     body("On " + utc_time(in_.made) + " the program " + in_.program +
          " verified the copy to which this certificate "
-         "belongs. It computed the SHA-256 hash (FIPS 180-4) of the " +
-         files(archive::named_files(found_)) +
-         " of the copy that entries name, and compared each with its entry. It computed the "
+         "belongs. " +
+         hashed_files() +
+         " It computed the "
          "root of the entries, and checked the device's " +
          signatures() + " over that root. The copy has " + grouped(found_.bytes) + " bytes in all.");
     add(verdict_statement(in_, Brackets::kInTheReport));
@@ -146,6 +146,28 @@ class CertificateMaker {
     blank(table, "Who ran the program, and saw this result");
     blank(table, "Who made the copy, when, from which storage");
     add(std::move(table));
+  }
+
+  /// Of a segment that was sealed anew the file has another hash than its entry states.
+  [[nodiscard]] std::string hashed_files() const {
+    const std::uint64_t named = archive::named_files(found_), anew = found_.rekeyed_segments;
+    const std::string hash = "It computed the SHA-256 hash (FIPS 180-4) of the ";
+    if (anew == 0)
+      return hash + files(named) + " of the copy that entries name, and compared each with its entry.";
+    std::string out;
+    if (named > anew) {
+      out = hash + files(named - anew) +
+            " of the copy that entries name and that are as they were recorded, and compared each with its "
+            "entry. ";
+    }
+    out += grouped(anew) + (anew == 1 ? " segment" : " segments") +
+           " of the copy were sealed anew for another reader: the file of such a segment has another hash "
+           "than its entry states. Of each of these the program computed the SHA-256 hash of the original "
+           "header, which is kept beside the file, and the payload behind the new header, and compared it "
+           "with the entry.";
+    if (found_.rekeyed_opened == anew)
+      out += " The new header of each yields the same key as the original one.";
+    return out;
   }
 
   [[nodiscard]] std::string signatures() const {

@@ -194,7 +194,9 @@ std::string witness_sentence(const ReportInput& input) {
   if (!input.verification.witnesses) return {};
   const archive::WitnessReport& witnesses = *input.verification.witnesses;
   if (witnesses.asks_for_none) return say(input.language, "witness.asks-for-none");
-  if (witnesses.note.empty()) return say(input.language, "witness.none");
+  if (witnesses.note.empty())
+    return say(input.language,
+               input.verification.excerpt ? TextKey("witness.none.excerpt") : TextKey("witness.none"));
   const std::string entries = grouped(witnesses.entries);
   if (!witnesses.witnessed.quorum) return say(input.language, "witness.not-met", {entries});
   return witnesses.holds == Holds::kEnd ? say(input.language, "witness.met", {entries})

@@ -304,7 +304,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"log-proof-differs", Check::kLog,
      "信頼する装置が署名したログの証明によれば、症例は別の形で終わっている。"},
     {"log-proof-not-used", Check::kLog,
-     "与えられたログの証明が成り立たないか、ここにあるものについて何も示さない。用いられていない。"},
+     "与えられたログの証明が成り立たないか、別の装置のログのものか、ここにあるものについて何も示さない。"
+     "用いられていない。"},
     {"log-proof-holds", Check::kLog,
      "ログの証明が成り立つ。症例は、装置がログに記したとおりに終わっている。"},
     {"carrying-on-broken", Check::kLedger,
@@ -318,7 +319,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "抜粋の示す時間が、症例の開始より前に始まるか、添えられた行の示す最後の時刻より後に始まる。"},
     {"excerpt-proof-invalid", Check::kLedger, "マークル証明が、署名された根に至らない。"},
     {"excerpt-range-short", Check::kStreams,
-     "添えられた行は、抜粋の示す時間にある系統の全区間を示していない。"},
+     "添えられた行は、抜粋の示す時間にある系統の全区間、または区間がない理由を示していない。"},
     {"excerpt-no-later-token", Check::kTime, "抜粋の最後の区間より後のタイムスタンプが含まれていない。"},
     {"rekeyed-key-differs", Check::kContents, "区間の新しいヘッダーの鍵が、元の鍵と異なる。"},
     {"rekeyed-not-opened", Check::kContents,

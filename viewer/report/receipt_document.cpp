@@ -41,8 +41,8 @@ Document make_receipt(const ReportInput& input) {
   }
   if (!facts.last_checkpoint) {
     throw UsageError(
-        "cannot make a receipt: the case has no signed checkpoint that can be read; 'kiroku report' "
-        "without --receipt tells what there is");
+        "cannot make a receipt: the case has no checkpoint that its device signed of the entries that are "
+        "there; 'kiroku report' without --receipt tells what there is");
   }
   const StoredNote& note = *facts.last_checkpoint;
   const auto words = [&](TextKey key, std::initializer_list<std::string> values = {}) {
@@ -54,7 +54,8 @@ Document make_receipt(const ReportInput& input) {
   // One page: what else is to be known stands in the report.
   Statement statement = verdict_statement(input);
   statement.remarks.clear();
-  const std::size_t limits = archive::time_remarks(input.verification).size();
+  const std::size_t limits =
+      statement.tone == Tone::kGood ? archive::time_remarks(input.verification).size() : 0;
   if (statement.tone != Tone::kGood) {
     statement.remarks.push_back(words("receipt.not-intact"));
   } else if (input.verification.time != archive::TimeProof::kExternal || limits > 0) {

@@ -138,6 +138,18 @@ std::string ReportMaker::part_known_to_log() const {
   return words("check.log.excerpt.in-part", {std::to_string(known - 1), std::to_string(known), last});
 }
 
+// A segment that was sealed anew has not the hash that its entry states: what has it is said instead.
+std::string ReportMaker::rekeyed_words() const {
+  const std::uint64_t named = archive::named_files(found_), anew = found_.rekeyed_segments;
+  const std::uint64_t opened = found_.rekeyed_opened;
+  return words("check.files.rekeyed",
+               {count(named, "one.file", "many.file"), grouped(named - std::min(anew, named)), grouped(anew),
+                opened == 0     ? words("check.files.rekeyed.not-opened")
+                : opened < anew ? words("check.files.rekeyed.some", {grouped(opened)})
+                                : words("check.files.rekeyed.same-key"),
+                held_words(), byte_size(found_.bytes)});
+}
+
 std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
   switch (answered.check) {
     case Check::kLedger:
@@ -149,6 +161,7 @@ std::string ReportMaker::yes_to(const CheckAnswer& answered) const {
       return words("check.ledger.yes",
                    {entries(), count(found_.checkpoints, "one.checkpoint", "many.checkpoint")});
     case Check::kFiles:
+      if (found_.excerpt && found_.rekeyed_segments > 0) return rekeyed_words();
       if (found_.excerpt) {
         return words("check.files.excerpt.yes", {count(archive::named_files(found_), "one.file", "many.file"),
                                                  byte_size(found_.bytes), held_words()});
@@ -247,8 +260,11 @@ void ReportMaker::add_chain() {
   }
   chain.links.push_back(
       link("chain.segments", answer(Check::kFiles),
-           words(facts.excerpt ? TextKey("chain.segments.excerpt") : TextKey("chain.segments.text"),
-                 {count(segments, "one.segment", "many.segment"), byte_size(segment_bytes)}),
+           found_.rekeyed_segments > 0
+               ? words("chain.segments.rekeyed", {count(segments, "one.segment", "many.segment"),
+                                                  byte_size(segment_bytes), grouped(found_.rekeyed_segments)})
+               : words(facts.excerpt ? TextKey("chain.segments.excerpt") : TextKey("chain.segments.text"),
+                       {count(segments, "one.segment", "many.segment"), byte_size(segment_bytes)}),
            words("chain.segments.bond")));
   chain.links.push_back(link("chain.ledger", answer(Check::kLedger), words("chain.ledger.text", {entries()}),
                              words("chain.ledger.bond")));

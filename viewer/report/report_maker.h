@@ -48,6 +48,7 @@ class ReportMaker {
   [[nodiscard]] bool only_counted() const;
   [[nodiscard]] std::string not_asked(Check check) const;
 
+  [[nodiscard]] std::string rekeyed_words() const;
   [[nodiscard]] std::string yes_to(const CheckAnswer& answered) const;
 
   /// That nothing lacks between segments, and how far the streams reach.

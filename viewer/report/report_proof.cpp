@@ -97,7 +97,8 @@ void ReportMaker::add_repeating() {
                         (carries_log_proof         ? " --proof " + std::string(kLogProofFile)
                          : in_.given.proof.empty() ? ""
                                                    : " --proof CASE.tlog-proof") +
-                        (in_.given.witnesses.empty() ? "" : " --witnesses WITNESSES.txt")}};
+                        (in_.given.witnesses.empty() ? "" : " --witnesses WITNESSES.txt") +
+                        (in_.given.identities.empty() ? "" : " -i IDENTITY.txt")}};
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));
     return add(verify);

@@ -189,6 +189,29 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "）。ほかに行、抜粋自体の文書、チェックポイント、"
      "装置の公開鍵、認証局の証明書があります（合計 "
      "{1}）。それ以外のものは所見に記します。症例のうち抜粋に含まれないファイルは検査していません。"},
+    {"check.files.rekeyed",
+     "Its lines name {0} that are here. Of these {1} are as they were recorded, and each has the hash that "
+     "the lines state. {2} were sealed anew for another reader, and have other hashes: of each of these the "
+     "original header, kept beside, and the payload together have the hash that the lines state. {3} Here "
+     "are: {4}. Beside these are the lines, the excerpt's own documents, the checkpoints, the device's "
+     "public key and certificates of authorities, {5} in all. What else is there the findings name. Files of "
+     "the case outside the excerpt were not here to be checked.",
+     "抜粋の行に記載されここにあるのは{0}です。そのうち {1} "
+     "個は記録されたときのままで、いずれも記載どおりのハッシュ値です。{2} "
+     "個は別の読み手のために封緘し直されており、ファイル自体のハッシュ値は記載と異なります。これらについては"
+     "、傍らに保存された元のヘッダーと本体を合わせたものが、記載どおりのハッシュ値です。{3}（{4}"
+     "）。ほかに行、抜粋自体の文書、チェックポイント、装置の公開鍵、認証局の証明書があります（合計 "
+     "{5}）。それ以外のものは所見に記します。症例のうち抜粋に含まれないファイルは検査していません。"},
+    {"check.files.rekeyed.same-key", "The new header of each yields the same key as the original one.",
+     "新しいヘッダーの鍵は、いずれも元のヘッダーの鍵と同じです。"},
+    {"check.files.rekeyed.some",
+     "The new header of {0} was found to yield the same key as the original one; of the others nobody saw "
+     "it.",
+     "新しいヘッダーの鍵が元の鍵と同じことを確認したのは {0} 個で、それ以外は確認していません。"},
+    {"check.files.rekeyed.not-opened",
+     "Whether the new headers yield the same keys as the original ones was not looked at: that takes the "
+     "reader's key.",
+     "新しいヘッダーの鍵が元の鍵と同じかどうかは確認していません（読み手の鍵が必要です）。"},
     {"check.streams", "Was it recorded without a break from beginning to end?",
      "始めから終わりまで途切れなく記録されたか"},
     {"check.streams.yes",
@@ -407,15 +430,21 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"chain.segments.excerpt",
      "{0}, {1} in all, which is what the excerpt holds of the case: sealed before they were hashed.",
      "{0}、計 {1}（症例のうち抜粋に含まれるもの）。封緘してからハッシュ値を取っています。"},
+    {"chain.segments.rekeyed",
+     "{0}, {1} in all, which is what the excerpt holds of the case: sealed before they were hashed. {2} of "
+     "these were sealed anew since, and are hashed with the original header, which is kept beside.",
+     "{0}、計 {1}（症例のうち抜粋に含まれるもの）。封緘してからハッシュ値を取っています。うち {2} "
+     "個はその後封緘し直されたもので、傍らに保存された元のヘッダーと合わせてハッシュ値を取ります。"},
     {"chain.segments.bond", "SHA-256 of each file stands in", "各ファイルの SHA-256 を記載"},
     {"chain.ledger", "Ledger", "台帳"},
     {"chain.ledger.text", "{0}, one a line, each numbered; together they have one Merkle root (RFC 6962).",
      "{0}（1行1件、通し番号付き）。全体で一つのマークル根（RFC 6962）を持ちます。"},
     {"chain.ledger.bond", "size and root are signed in", "件数と根に署名"},
     {"chain.checkpoints", "Checkpoints", "チェックポイント"},
-    {"chain.checkpoints.text", "{0}, signed by {1} while it recorded; the last covers {2}.",
-     "{0}。記録中に {1} が署名。最後のものは{2}を覆います。"},
-    {"chain.checkpoints.none", "No checkpoint could be read.", "読み取れるチェックポイントがありません。"},
+    {"chain.checkpoints.text", "{0}, signed by {1} while it recorded; the last that holds covers {2}.",
+     "{0}。記録中に {1} が署名。成り立つ最後のものは{2}を覆います。"},
+    {"chain.checkpoints.none", "There is no checkpoint that the device signed of these entries.",
+     "この項目に対して装置が署名したチェックポイントはありません。"},
     {"chain.checkpoints.bond", "hash of the signed note is stamped by", "署名文書のハッシュ値に押印"},
     {"chain.tokens", "Time stamps", "タイムスタンプ"},
     {"chain.tokens.text", "{0} (RFC 3161) that hold, the earliest of {1}, the latest of {2}.",
@@ -553,6 +582,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "証人は装置ログの最初の {0} 項目に連署していますが、症例の終了は含まれていません。"},
     {"witness.none", "Nothing shows that anybody cosigned what the appliance log says of this case.",
      "この症例についての装置ログの記載に、誰かが連署したことを示すものはありません。"},
+    {"witness.none.excerpt", "Nothing shows that anybody cosigned an appliance log that holds this excerpt.",
+     "この抜粋を含む装置ログに、誰かが連署したことを示すものはありません。"},
     {"witness.asks-for-none", "The policy of witnesses that was given asks for nobody.",
      "与えられた証人の方針は、誰の連署も求めていません。"},
     {"witness.name", "Witness", "証人"},
@@ -742,7 +773,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"hash.entries", "Entries in the ledger", "台帳の項目数"},
     {"hash.entries.excerpt", "Entries in the excerpt's part of the ledger", "抜粋に含まれる台帳の項目数"},
     {"hash.root", "Merkle root of the ledger", "台帳のマークル根"},
-    {"hash.checkpoint", "Last checkpoint", "最後のチェックポイント"},
+    {"hash.checkpoint", "Last checkpoint that holds", "成り立つ最後のチェックポイント"},
     {"hash.checkpoint-root", "Root that it signs", "署名された根"},
     {"hash.subject", "Sealed patient data", "封緘された患者情報"},
     {"hash.plan", "Sealed plan", "封緘された手術計画"},
@@ -904,9 +935,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"receipt.keep", "Keep it where whoever keeps the recording cannot change it.",
      "記録の保管者が書き換えられない場所に保管してください。"},
     {"receipt.not-intact",
-     "This receipt names the last checkpoint as it was found. It does not say that the recording is whole: "
+     "This receipt names the last checkpoint that holds. It does not say that the recording is whole: "
      "see the verdict above, and the report.",
-     "この控えは見つかった最後のチェックポイントを特定するもので、記録が完全であることを示すものではありませ"
+     "この控えは成り立つ最後のチェックポイントを特定するもので、記録が完全であることを示すものではありませ"
      "ん（上記の判定と検証報告書を参照）。"},
     {"qr.description", "QR code of the signed checkpoint", "署名付きチェックポイントのQRコード"},
     // -- numbers of things

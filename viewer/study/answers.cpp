@@ -17,8 +17,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr std::size_t kLargestAnswers = 64U << 20;
-
 std::string line_of(const Answer& answer, std::uint64_t number, const crypto::Sha256Digest& previous) {
   const ordered_json json{{"line", number},
                           {"utc", format_utc(answer.utc)},
@@ -63,10 +61,8 @@ bool Answer::is_whole() const {
 
 AnswersOnDisk read_answers(const std::filesystem::path& folder, const StudyOnDisk& study,
                            std::size_t reader) {
-  AnswersOnDisk found;
-  found.last = study.sha256;
   const std::filesystem::path file = folder / answers_name(reader);
-  if (!std::filesystem::exists(file)) return found;
+  if (!std::filesystem::exists(file)) return parse_answers("", file, study, reader);
   require_no_pipe(file);
   std::ifstream input(file, std::ios::binary);
   std::ostringstream all;
@@ -74,7 +70,13 @@ AnswersOnDisk read_answers(const std::filesystem::path& folder, const StudyOnDis
     throw UsageError(file.string() + " is too large for one reader's answers");
   if (std::filesystem::file_size(file) > 0) all << input.rdbuf();
   if (!input) throw IoError("read", file, EIO);
-  const std::string text = all.str();
+  return parse_answers(all.str(), file, study, reader);
+}
+
+AnswersOnDisk parse_answers(const std::string& text, const std::filesystem::path& file,
+                            const StudyOnDisk& study, std::size_t reader) {
+  AnswersOnDisk found;
+  found.last = study.sha256;
   std::set<std::string> tokens;
   for (const Showing& showing : study.study.readers.at(reader - 1).showings) tokens.insert(showing.token);
   for (std::size_t begin = 0, end = 0; (end = text.find('\n', begin)) != std::string::npos; begin = end + 1) {

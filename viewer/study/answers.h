@@ -31,6 +31,8 @@ struct Answer {
   [[nodiscard]] bool is_whole() const;
 };
 
+inline constexpr std::size_t kLargestAnswers = std::size_t{64} << 20U;
+
 /// The newest answer to each showing, by token.
 using NewestAnswers = std::map<std::string, Answer>;
 
@@ -40,8 +42,11 @@ struct AnswersOnDisk {
   crypto::Sha256Digest last{};    // hash of the last line, or of study.json before the first
   std::uint64_t whole_bytes = 0;  // of the lines; what follows was cut off in writing and never confirmed
 };
-/// The reader's answers. Each line states the hash of the one before; the first one that of study.json.
-/// kiroku::UsageError naming the line for one that this program did not write there. No file: no answers.
+/// The reader's answers, by the bytes of their file. Each line states the hash of the one before; the first
+/// one that of study.json. kiroku::UsageError naming the line for one that this program did not write there.
+AnswersOnDisk parse_answers(const std::string& text, const std::filesystem::path& name_for_errors,
+                            const StudyOnDisk& study, std::size_t reader);
+/// As they lie in the folder; likewise. No file: no answers.
 AnswersOnDisk read_answers(const std::filesystem::path& folder, const StudyOnDisk& study, std::size_t reader);
 
 /// Adds to them. One thread at a time.

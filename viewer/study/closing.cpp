@@ -1,7 +1,10 @@
 #include "viewer/study/closing.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <fstream>
+#include <iterator>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -9,7 +12,6 @@
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/file_hash.h"
-#include "viewer/study/answers.h"
 
 namespace kiroku::study {
 namespace {
@@ -34,13 +36,110 @@ crypto::FileHash hash_of(const fs::path& file) {
   return crypto::hash_file(file);
 }
 
-Check check_file(const fs::path& folder, const std::string& name, std::uint64_t bytes,
-                 const std::string& sha256) {
+/// What sealed.json, or study.json, says of a file.
+struct Listed {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::string sha256;
+};
+
+Check as_it_was(const Listed& listed, bool same) {
+  return {"file", same ? State::kHolds : State::kDiffers,
+          listed.name + (same ? " is as it was" : " was changed")};
+}
+
+/// No more is read than was there: what lies there now can be as long as one likes.
+bool has_length(const fs::path& file, std::uint64_t bytes) {
+  require_no_pipe(file);
+  std::error_code unknown;
+  const std::uintmax_t size = fs::file_size(file, unknown);
+  return unknown || size == bytes;  // reading it says why
+}
+
+Check check_film(const fs::path& folder, const Listed& listed) {
   try {
-    const crypto::FileHash now = hash_of(folder / name);
-    if (now.bytes == bytes && crypto::to_hex(now.sha256) == sha256)
-      return {"file", State::kHolds, name + " is as it was"};
-    return {"file", State::kDiffers, name + " was changed"};
+    const fs::path file = folder / listed.name;
+    return as_it_was(listed,
+                     has_length(file, listed.bytes) && crypto::to_hex(hash_of(file).sha256) == listed.sha256);
+  } catch (const Error& error) {
+    return {"file", State::kDiffers, error.what()};
+  }
+}
+
+/// The bytes of a file of the study, if they are those that are listed; whatever is made of it is made of
+/// them.
+std::optional<std::string> read_listed(const fs::path& folder, const Listed& listed) {
+  const fs::path file = folder / listed.name;
+  if (!has_length(file, listed.bytes)) return std::nullopt;
+  if (listed.bytes > kLargestAnswers) throw UsageError(file.string() + " is too large for a study's file");
+  std::ifstream input(file, std::ios::binary);
+  if (!input) throw IoError("read", file, ENOENT);
+  std::string text(listed.bytes + 1, '\0');
+  input.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (input.bad()) throw IoError("read", file, EIO);
+  text.resize(static_cast<std::size_t>(input.gcount()));
+  if (text.size() != listed.bytes || crypto::to_hex(crypto::sha256(bytes_of(text))) != listed.sha256)
+    return std::nullopt;
+  return text;
+}
+
+Progress progress_in(const Study& study, std::size_t reader, const NewestAnswers& newest) {
+  return {static_cast<std::size_t>(
+              std::ranges::count_if(newest, [](const auto& each) { return each.second.is_whole(); })),
+          study.readers.at(reader - 1).showings.size()};
+}
+
+std::string progress_text(const Progress& progress) {
+  return std::to_string(progress.answered) + " of " + std::to_string(progress.showings);
+}
+
+/// What the seal says of how far readers were is no part of their answers: whoever made the seal wrote it.
+void compare_progress(const Study& study, const std::vector<Progress>& stated, ClosedStudy& found) {
+  for (std::size_t i = 0; i < found.answers.size(); ++i)
+    found.closing.progress.push_back(progress_in(study, i + 1, found.answers[i]));
+  if (stated.size() != found.answers.size()) {
+    found.checks.push_back({"progress", State::kDiffers,
+                            "sealed.json speaks of " + std::to_string(stated.size()) +
+                                " readers, and there are " + std::to_string(found.answers.size())});
+    return;
+  }
+  for (std::size_t i = 0; i < stated.size(); ++i) {
+    const Progress& answers = found.closing.progress[i];
+    if (stated[i].answered == answers.answered && stated[i].showings == answers.showings) continue;
+    found.checks.push_back({"progress", State::kDiffers,
+                            "sealed.json says that reader " + std::to_string(i + 1) + " judged " +
+                                progress_text(stated[i]) + " films, and the answers are of " +
+                                progress_text(answers)});
+  }
+}
+
+void add_films(const fs::path& folder, const Study& study, std::vector<Check>& checks) {
+  std::vector<Check> films = check_films(folder, study);
+  std::erase_if(films, [](const Check& check) { return check.answer == State::kHolds; });
+  if (films.empty())
+    films.push_back(
+        {"films", State::kHolds,
+         "all " + std::to_string(study.films.size()) + " films are those that the study was made with"});
+  std::ranges::move(films, std::back_inserter(checks));
+}
+
+/// A check of the file, of whose bytes `found` takes what it needs.
+Check check_listed(const fs::path& folder, const StudyOnDisk& study, const Listed& listed,
+                   ClosedStudy& found) {
+  try {
+    // The study was parsed before: its hash is that of the bytes that it is made of.
+    if (listed.name == kStudyFile) return as_it_was(listed, crypto::to_hex(study.sha256) == listed.sha256);
+    const std::optional<std::string> text = read_listed(folder, listed);
+    if (!text) return as_it_was(listed, false);
+    if (listed.name == kKeyFile) {
+      found.key = to_bytes(*text);
+    } else {
+      for (std::size_t reader = 1; reader <= study.study.readers.size(); ++reader) {
+        if (listed.name == answers_name(reader))
+          found.answers.at(reader - 1) = parse_answers(*text, folder / listed.name, study, reader).newest;
+      }
+    }
+    return as_it_was(listed, true);
   } catch (const Error& error) {
     return {"file", State::kDiffers, error.what()};
   }
@@ -51,11 +150,7 @@ Check check_file(const fs::path& folder, const std::string& name, std::uint64_t 
 std::vector<Progress> progress_of(const fs::path& folder, const StudyOnDisk& study) {
   std::vector<Progress> all;
   for (std::size_t reader = 1; reader <= study.study.readers.size(); ++reader) {
-    const AnswersOnDisk answers = read_answers(folder, study, reader);
-    Progress& one = all.emplace_back();
-    one.showings = study.study.readers[reader - 1].showings.size();
-    one.answered = static_cast<std::size_t>(
-        std::ranges::count_if(answers.newest, [](const auto& each) { return each.second.is_whole(); }));
+    all.push_back(progress_in(study.study, reader, read_answers(folder, study, reader).newest));
   }
   return all;
 }
@@ -117,8 +212,10 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
     const std::optional<UtcTime> utc = parse_utc(json.at("closed_utc").get<std::string>());
     if (!utc) throw UsageError(file.string() + " does not say when the study was closed");
     found.closing.utc = *utc;
+    std::vector<Progress> stated;
     for (const ordered_json& one : json.at("readers"))
-      found.closing.progress.push_back({one.at("answered"), one.at("showings")});
+      stated.push_back({one.at("answered"), one.at("showings")});
+    found.answers.resize(study.study.readers.size());
     std::vector<std::string> missing = bound_files(study.study);
     for (const ordered_json& one : json.at("files")) {
       const std::string name = one.at("name");
@@ -126,16 +223,19 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
       const auto expected = std::ranges::find(missing, name);
       if (expected == missing.end()) throw UsageError(file.string() + " names what is no part of a study");
       missing.erase(expected);
-      found.checks.push_back(check_file(folder, name, one.at("bytes"), one.at("sha256")));
+      found.checks.push_back(check_listed(folder, study, {name, one.at("bytes"), one.at("sha256")}, found));
     }
     for (const std::string& name : missing)
       found.checks.push_back({"file", State::kDiffers, "sealed.json does not name " + name});
+    // Of answers that were changed nobody can say how far they go.
+    if (verdict_of(found.checks) == State::kHolds) compare_progress(study.study, stated, found);
   } catch (const nlohmann::json::exception& error) {
     throw UsageError(file.string() + " is no end of a study: " + error.what());
   }
-  const crypto::FileHash key = hash_of(folder / kKeyFile);
-  if (key.sha256 != study.study.key)
+  require_no_pipe(folder / kKeyFile);
+  if (found.key.empty() || crypto::sha256(found.key) != study.study.key)
     found.checks.push_back({"key", State::kDiffers, "key.age is not the one that the study was made with"});
+  add_films(folder, study.study, found.checks);
   return found;
 }
 
@@ -143,7 +243,7 @@ std::vector<Check> check_films(const fs::path& folder, const Study& study) {
   std::vector<Check> checks;
   for (const Film& film : study.films) {
     const std::string name = std::string(kFilmsFolder) + "/" + film.name;
-    checks.push_back(check_file(folder, name, film.bytes, crypto::to_hex(film.sha256)));
+    checks.push_back(check_film(folder, {name, film.bytes, crypto::to_hex(film.sha256)}));
   }
   return checks;
 }

@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "archive/storage/file_system.h"
+#include "base/bytes.h"
 #include "base/check.h"
 #include "crypto/hash.h"
+#include "viewer/study/answers.h"
 #include "viewer/study/study.h"
 
 namespace kiroku::study {
@@ -35,14 +37,18 @@ crypto::Sha256Digest close_study(archive::FileSystem& files, const std::filesyst
 
 struct Closing {
   UtcTime utc;
-  crypto::Sha256Digest sha256{};  // of sealed.json
-  std::vector<Progress> progress;
+  crypto::Sha256Digest sha256{};   // of sealed.json
+  std::vector<Progress> progress;  // by the answers
 };
-/// What sealed.json says, and a check for each file that it names, and for each film. kiroku::UsageError for
-/// a study that is not closed, and a sealed.json that is none.
+/// What sealed.json says, and a check for each file that it names, for how far it says that readers were, and
+/// for the films. kiroku::UsageError for a study that is not closed, and a sealed.json that is none.
+/// Whoever can write the folder can exchange a file at any time: `key` and `answers` are of the bytes that
+/// were compared with their hashes. Where a check differs they are not to be used, and may not be there.
 struct ClosedStudy {
   Closing closing;
   std::vector<Check> checks;
+  Bytes key;                           // as sealed
+  std::vector<NewestAnswers> answers;  // of each reader
 };
 ClosedStudy check_closed(const std::filesystem::path& folder, const StudyOnDisk& study);
 

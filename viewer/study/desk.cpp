@@ -4,12 +4,15 @@
 #include <cerrno>
 #include <fcntl.h>
 #include <string_view>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
 #include "base/ascii.h"
 #include "base/error.h"
 #include "base/foreign_json.h"
+#include "crypto/hash.h"
 #include "viewer/study/closing.h"
 #include "viewer/study/page.h"
 
@@ -72,6 +75,24 @@ std::uint64_t counted(const ordered_json& json, const char* name) {
 std::string worded(const ordered_json& json, const char* name) {
   const auto found = json.find(name);
   return found != json.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+/// Whether the open file has the bytes of the film with which the study was made.
+bool holds(const Descriptor& file, const Film& film) {
+  struct stat status {};
+  if (::fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode) ||
+      static_cast<std::uint64_t>(status.st_size) != film.bytes)
+    return false;
+  constexpr std::size_t kPiece = std::size_t{1} << 20U;
+  Bytes piece(kPiece);
+  crypto::Sha256 hash;
+  for (std::uint64_t done = 0; done < film.bytes;) {
+    const ssize_t read = ::pread(file.number(), piece.data(), piece.size(), static_cast<off_t>(done));
+    if (read <= 0) return false;
+    hash.update(ByteView(piece).first(static_cast<std::size_t>(read)));
+    done += static_cast<std::uint64_t>(read);
+  }
+  return hash.finish() == film.sha256;
 }
 
 }  // namespace
@@ -191,7 +212,13 @@ http::Response Desk::film(const std::string& token) const {
   const std::filesystem::path file = folder_ / kFilmsFolder / found->second;
   const auto opened = std::make_shared<const Descriptor>(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   if (!*opened) throw IoError("open", file, errno);
-  return respond(200, "video/mp4", http::FileBody{opened, 0, std::filesystem::file_size(file)});
+  const auto& films = study_.study.films;
+  const auto made = std::ranges::find(films, found->second, &Film::name);
+  // Days may lie between the start of this program and a reader's visit.
+  if (made == films.end() || !holds(*opened, *made))
+    return respond_error(500,
+                         "this is not the film of the study: whoever keeps the study should look into it");
+  return respond(200, "video/mp4", http::FileBody{opened, 0, made->bytes});
 }
 
 }  // namespace kiroku::study

@@ -181,6 +181,13 @@ TEST(LightJudgeTest, APicturedSecondAgreesWithItsLedger) {
   EXPECT_EQ(report.exact_shown_ns / kSecond, 9);
 }
 
+// A line of 200 bytes would take hundreds of codes, and each second of film is compared with all of them.
+TEST(LedgerLightsTest, OfALedgerWhoseEntriesStandMinutesApartForDaysAreRefused) {
+  EXPECT_NO_THROW(lights_of(test::lit_lines(1'000, 1, 600))) << "a week of silence";
+  EXPECT_NO_THROW(lights_of(test::lit_lines(40'000, 1, 20)));
+  EXPECT_THROW(lights_of(test::lit_lines(2'000, 1, 600)), Error);
+}
+
 /// Of a display whose cells say `word`, in whichever half.
 Sighting sighting_of(std::uint64_t word) {
   Sighting sighting;

@@ -233,24 +233,43 @@ TEST_F(Excerpt, WithStatedGapsIsAnIntactExcerptThatSaysSo) {
 }
 
 TEST_F(Excerpt, OfAStreamThatHasNothingShowsThatItHasNothing) {
-  archive_.clear();
-  test::SampleCase sample(archive_);
-  sample.stamp();
-  archive_.now_ns = 3 * kSecond;
-  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
-  sample.stamp();
-  archive_.now_ns = 6 * kSecond;
-  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive_.now());
-  sample.close();
-  folder_ = sample.folder();
-  ExcerptOptions options;
-  options.from_ns = 4 * kSecond;
-  options.to_ns = 5 * kSecond;
-  make(options);
-  const VerificationReport report = verify();
-  EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
-  ASSERT_EQ(report.streams.size(), 2U);
-  EXPECT_EQ(report.streams[1].segments, 0U);
+  for (const bool is_stated : {false, true}) {
+    archive_.clear();
+    fs::remove_all(excerpt());
+    test::SampleCase sample(archive_);
+    sample.stamp();
+    archive_.now_ns = 3 * kSecond;
+    sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+    if (is_stated) {
+      sample.writer().append({GapEntry{"vitals", {0, 3 * kSecond}, GapCause::kSignalLost}}, archive_.now());
+    }
+    sample.stamp();
+    archive_.now_ns = 6 * kSecond;
+    sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive_.now());
+    if (is_stated) {
+      sample.writer().append({GapEntry{"vitals", {3 * kSecond, 6 * kSecond}, GapCause::kSignalLost}},
+                             archive_.now());
+    }
+    sample.close();
+    folder_ = sample.folder();
+    ExcerptOptions options;
+    options.from_ns = 4 * kSecond;
+    options.to_ns = 5 * kSecond;
+    make(options);
+    const VerificationReport report = verify();
+    if (is_stated) {
+      EXPECT_EQ(report.verdict, Verdict::kIntactExcerpt) << details(report);
+    } else {
+      EXPECT_EQ(summary(report), "unproven\nstream-empty ledger-part.jsonl -") << details(report);
+    }
+    ASSERT_EQ(report.streams.size(), 2U);
+    EXPECT_EQ(report.streams[1].segments, 0U);
+    // Of the stream that is there nothing is missing.
+    fs::remove_all(excerpt());
+    options.streams = {"endoscope"};
+    make(options);
+    EXPECT_EQ(verify().verdict, Verdict::kIntactExcerpt) << details(verify());
+  }
 }
 
 TEST_F(Excerpt, IsNoCaseForWhoReadsOne) {
@@ -367,12 +386,16 @@ TEST_F(Excerpt, ReKeyedOpensForTheNewReaderAndProvesTheFilm) {
   VerificationReport report = verify();
   EXPECT_EQ(summary(report), "unproven\nrekeyed-not-opened segments/endoscope/00000001.ts.age 4")
       << details(report);
+  EXPECT_EQ(report.rekeyed_segments, 1U);
+  EXPECT_EQ(report.rekeyed_opened, 0U);
 
   const crypto::AgeIdentities reader{crypto::parse_identity(pair.identity_text.text())};
   VerifyOptions with_identity = archive_.options();
   with_identity.identities = &reader;
   report = verify_case(excerpt(), with_identity);
   EXPECT_EQ(summary(report), "intact-excerpt") << details(report);
+  EXPECT_EQ(report.rekeyed_segments, 1U);
+  EXPECT_EQ(report.rekeyed_opened, 1U);
 
   const auto source = crypto::open_file_source(excerpt() / "segments/endoscope/00000001.ts.age");
   EXPECT_EQ(crypto::AgeFile::open(*source, reader).plaintext_size(), 70'000U);

@@ -241,6 +241,84 @@ TEST(StreamRules, DemandsAGapWhereACameraHasNothingAtTheBeginningOrTheEnd) {
   EXPECT_THAT(codes_of(room(), {{1 * kSecond, 55 * kSecond}}, {}), IsEmpty());
 }
 
+/// Of an excerpt that states [from, to) seconds: the stream's segments, the first of the given index, and its
+/// gaps, all in seconds; `closed` at 60 s.
+std::vector<std::string> codes_of_part(std::vector<Span> segments, std::uint64_t index,
+                                       const std::vector<Span>& gaps, Span stated, bool closed,
+                                       bool from_open = false, const StreamInfo& info = room()) {
+  FindingList findings;
+  StreamRules rules(info, false, findings);
+  if (from_open) rules.begin_at_open();
+  std::uint64_t entry = 10;
+  for (const Span& each : segments) {
+    rules.take(segment(index++, {each.start_ns * kSecond, each.end_ns * kSecond}), entry++);
+  }
+  for (const Span& each : gaps) {
+    rules.take(
+        GapEntry{"room", {each.start_ns * kSecond, each.end_ns * kSecond}, GapCause::kSignalLost, false},
+        entry++);
+  }
+  rules.finish();
+  rules.check_stated_time({stated.start_ns * kSecond, stated.end_ns * kSecond},
+                          {0, 0, closed ? std::optional(60 * kSecond) : std::nullopt, std::nullopt});
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) {
+    const bool of_its_own =
+        each.code == "gap" || each.code == "segments-sparse" || each.code == "segment-too-long";
+    if (!of_its_own) codes.push_back(each.code);
+  }
+  return codes;
+}
+
+TEST(StreamRules, DemandsOfTheTimeOfAnExcerptWhatACaseMustHave) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  const auto is_short = ElementsAre("excerpt-range-short");
+  const auto ends_early = ElementsAre("stream-ends-early");
+  // Lines that begin behind the stream's first segment show nothing of the time before theirs.
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {15, 28}, false), is_short);
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {15, 18}, false), is_short) << "within the hole";
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {20, 28}, false), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{14, 20}}, {15, 28}, false), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{14, 19}}, {15, 28}, false), is_short);
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{14, 19}}, {15, 19}, false), IsEmpty()) << "all of it is stated";
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{16, 20}}, {15, 28}, false), is_short);
+  // A case may begin 2 s late, whatever part of them the excerpt states.
+  EXPECT_THAT(codes_of_part({{2, 9}}, 0, {}, {0, 8}, false), IsEmpty());
+  EXPECT_THAT(codes_of_part({{3, 9}}, 0, {}, {2, 8}, false), is_short);
+  EXPECT_THAT(codes_of_part({{3, 9}}, 0, {}, {2, 8}, false, true), ElementsAre("stream-begins-late"));
+  EXPECT_THAT(codes_of_part({{3, 9}}, 0, {}, {3, 8}, false, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({{33, 39}}, 0, {{0, 32}}, {5, 35}, false), IsEmpty());
+  // And end 10 s early.
+  EXPECT_THAT(codes_of_part({{20, 50}}, 3, {}, {25, 60}, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 49}}, 3, {}, {25, 60}, true), ends_early);
+  EXPECT_THAT(codes_of_part({{20, 49}}, 3, {}, {55, 58}, true), ends_early);
+  EXPECT_THAT(codes_of_part({{20, 49}}, 3, {}, {25, 49}, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 49}}, 3, {{49, 55}}, {25, 60}, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{30, 45}}, {25, 60}, true), ends_early);
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {{30, 45}}, {25, 45}, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 49}}, 3, {}, {25, 900}, true), ends_early) << "time beyond the case";
+  // Of a stream without a segment among the lines.
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true), is_short);
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, true), ElementsAre("stream-empty"));
+  EXPECT_THAT(codes_of_part({}, 0, {{10, 60}}, {25, 30}, true), IsEmpty());
+  EXPECT_THAT(codes_of_part({}, 0, {{10, 60}}, {5, 30}, true), is_short);
+  EXPECT_THAT(codes_of_part({}, 0, {{10, 45}}, {25, 50}, true), ends_early);
+  EXPECT_THAT(codes_of_part({}, 0, {{0, 60}}, {25, 30}, true, true), IsEmpty());
+  // Nothing of marks and of files.
+  StreamInfo marks = room();
+  marks.kind = "events";
+  marks.media = kLinesMedia;
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, false, marks), IsEmpty());
+  StreamInfo file = room();
+  file.timing = "source";
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, false, file), IsEmpty());
+  EXPECT_THAT(codes_of_part({}, 0, {}, {25, 30}, true, true, file), ElementsAre("stream-empty"));
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {15, 28}, true, false, file), IsEmpty());
+  EXPECT_THAT(codes_of_part({{20, 30}}, 0, {}, {15, 28}, false, false, file), ElementsAre("stream-shorter"));
+  EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {25, 31}, true, false, file), ElementsAre("stream-shorter"));
+}
+
 TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
   using testing::ElementsAre;
   using testing::IsEmpty;

@@ -213,14 +213,36 @@ TEST_F(ApplianceLogTest, StatesATornLastLine) {
   EXPECT_EQ(std::get<LogRecoveredEntry>(recovered.entry->body).truncated, 12U);
 }
 
-TEST_F(ApplianceLogTest, RefusesEverythingAfterAFailedFlush) {
+TEST_F(ApplianceLogTest, EntersNothingWhileItsDiskFails) {
   const auto log = open();
   log->boot("b1");
   files_.fail("sync log/ledger.jsonl", EIO);
   EXPECT_THROW(log->shutdown(), SyncError);
-  files_.heal();
   EXPECT_THROW(log->shutdown(), Error);
   EXPECT_EQ(log->size(), 1U);
+}
+
+// Two rooms share the log: the disk failed once, as one of them began a case.
+TEST_F(ApplianceLogTest, OneFailedFlushKeepsNoRoomFromItsNextCase) {
+  constexpr const char* kSecond = "20260805T101502Z-3f9c21ac";
+  const auto log = open();
+  log->case_opened(kApplianceCase, digest_of_abc());
+  const std::uint64_t before = log->size();
+  files_.fail("sync log/ledger.jsonl", EIO, 0, 1);
+  EXPECT_THROW(log->case_opened(kSecond, digest_of_abc()), SyncError);
+  EXPECT_EQ(log->case_state(kSecond), ApplianceLog::CaseState::kUnknown);
+  log->case_checkpoint(kApplianceCase, 3, digest_of_abc());
+  log->case_opened(kSecond, digest_of_abc());
+  EXPECT_EQ(log->case_state(kApplianceCase), ApplianceLog::CaseState::kOpened);
+  log->case_closed(kSecond, 9, digest_of_abc(), {});
+  log->case_closed(kApplianceCase, 9, digest_of_abc(), {});
+  EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "case-checkpoint", "case-opened", "case-closed",
+                                   "case-closed"));
+  for (std::uint64_t size = before; size <= log->size(); ++size) {
+    const auto signed_note = note(size);
+    ASSERT_TRUE(signed_note) << size;
+    EXPECT_EQ(signed_note->root, root_of_first(size));
+  }
 }
 
 TEST_F(ApplianceLogTest, ALineWhoseCheckpointFindsNoRoomIsTakenBack) {

@@ -1,13 +1,16 @@
 #include "archive/writing/ledger.h"
 
 #include <cerrno>
+#include <fcntl.h>
 #include <fstream>
 #include <iterator>
+#include <sys/file.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "archive/format/ledger_entry.h"
+#include "base/descriptor.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/temporary_folder.h"
 
@@ -280,6 +283,91 @@ TEST_F(LedgerTest, AWriteErrorThatCannotBeUndoneIsFinal) {
   EXPECT_THROW(append(*ledger, {"two"}), Error);
   files_.heal();
   EXPECT_THROW(append(*ledger, {"three"}), Error);
+}
+
+// The appliance log, that all rooms share: one failure of the disk must not end their recording for good.
+TEST_F(LedgerTest, ASharedLedgerIsOpenedAnewAfterAFailedFlush) {
+  std::vector<std::string> seen;
+  const auto ledger = Ledger::open(files_, file_, Ledger::Sharing::kShared, nullptr,
+                                   [&](std::uint64_t seq, std::string_view line) {
+                                     seen.resize(seq);
+                                     seen.emplace_back(line);
+                                   });
+  append(*ledger, {"one"});
+  files_.fail("sync ledger.jsonl", EIO, 0, 2);
+  EXPECT_THROW(append(*ledger, {"two"}), SyncError);
+  EXPECT_EQ(ledger->size(), 1U);
+  EXPECT_THROW(append(*ledger, {"three"}), SyncError) << "the disk has not come back yet";
+  EXPECT_EQ(contents(), "one\n") << "what may be lost is cut off, so that nothing stands behind it";
+  files_.forget_calls();
+  append(*ledger, {"four"});
+  EXPECT_EQ(contents(), "one\nfour\n");
+  EXPECT_THAT(seen, ElementsAre("one", "four"));
+  EXPECT_EQ(ledger->root(), root_of({"one", "four"}));
+  EXPECT_EQ(ledger->torn_bytes(), 0U) << "nobody counted on it";
+  EXPECT_THAT(files_.calls(), testing::IsSupersetOf({"open ledger.jsonl", "sync ledger.jsonl"}));
+  files_.lose_power();
+  EXPECT_EQ(contents(), "one\nfour\n");
+}
+
+TEST_F(LedgerTest, ASharedLedgerCutsNothingOffThatOthersBuiltUpon) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  append(*ledger, {"one"});
+  files_.fail("sync ledger.jsonl", EIO, 0, 1);
+  EXPECT_THROW(append(*ledger, {"two"}), SyncError);
+  append(*open(Ledger::Sharing::kShared), {"other"});
+  append(*ledger, {"three"});
+  EXPECT_EQ(contents(), "one\ntwo\nother\nthree\n");
+  EXPECT_EQ(ledger->root(), root_of({"one", "two", "other", "three"}));
+  // Nor where a checkpoint was signed over it.
+  std::uint64_t covered = 0;
+  const auto signing =
+      Ledger::open(files_, file_, Ledger::Sharing::kShared, nullptr, {}, [&] { return covered; });
+  files_.fail("sync ledger.jsonl", EIO, 0, 1);
+  EXPECT_THROW(append(*signing, {"four"}), SyncError);
+  covered = 5;
+  append(*signing, {"five"});
+  EXPECT_EQ(contents(), "one\ntwo\nother\nthree\nfour\nfive\n");
+}
+
+TEST_F(LedgerTest, ASharedLedgerThatIsNotAsItWasFlushedIsNotWrittenTo) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  append(*ledger, {"one", "two"});
+  files_.fail("sync ledger.jsonl", EIO, 0, 1);
+  EXPECT_THROW(append(*ledger, {"three"}), SyncError);
+  std::ofstream(file_) << "one\nTWO\n";
+  for (int tries = 0; tries < 2; ++tries) {
+    try {
+      append(*ledger, {"three"});
+      FAIL() << "written";
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("is not as it was before its disk failed"));
+    }
+  }
+  std::ofstream(file_) << "one\n";
+  EXPECT_THROW(append(*ledger, {"three"}), Error);
+  EXPECT_EQ(contents(), "one\n");
+}
+
+// flock needs no more than a file that may be read.
+TEST_F(LedgerTest, WhoeverLocksASharedLedgerIsToldAndNotWaitedForForEver) {
+  const auto ledger = open(Ledger::Sharing::kShared);
+  append(*ledger, {"one"});
+  {
+    const Descriptor reader(::open(file_.c_str(), O_RDONLY | O_CLOEXEC));
+    ASSERT_EQ(::flock(reader.number(), LOCK_EX | LOCK_NB), 0);
+    ledger->wait_at_most(std::chrono::milliseconds(20));
+    for (int tries = 0; tries < 2; ++tries) {
+      try {
+        append(*ledger, {"two"});
+        FAIL() << "written";
+      } catch (const LedgerHeldError& error) {
+        EXPECT_THAT(error.what(), HasSubstr("another process holds " + file_.string()));
+      }
+    }
+  }
+  append(*ledger, {"two"});
+  EXPECT_EQ(contents(), "one\ntwo\n");
 }
 
 TEST_F(LedgerTest, UsesTheReserveWhenTheDiskIsFull) {

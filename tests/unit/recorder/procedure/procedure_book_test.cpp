@@ -36,6 +36,13 @@ std::string found(const ProcedureBook& book, UtcTime at, const std::vector<std::
   return data ? data->patient_id + " " + data->description : "nobody";
 }
 
+/// As somebody else's record would be changed while another patient is in the room.
+ProcedureMessage facts(const std::string& patient, Kind kind = Kind::kFacts) {
+  ProcedureMessage message = placed(patient, {});
+  message.kind = kind;
+  return message;
+}
+
 TEST(ProcedureBook, TheLastPatientPlacedInTheRoomIsTaken) {
   ProcedureBook book;
   EXPECT_EQ(found(book, kMorning), "nobody");
@@ -47,6 +54,35 @@ TEST(ProcedureBook, TheLastPatientPlacedInTheRoomIsTaken) {
   EXPECT_EQ(found(book, kMorning + 3h, {}), "3 ") << "every message is about the room";
   EXPECT_EQ(found(book, kMorning + 3h, {"OR9"}), "nobody");
   EXPECT_EQ(found(book, kMorning + 20h), "nobody") << "too long ago";
+}
+
+// The clock of the machine is set while it waits: back by NTP, or on, from where its battery had left it.
+TEST(ProcedureBook, AClockThatIsSetBackLeavesTheLastPatientTheLast) {
+  for (const std::chrono::hours wrong : {9h, 30h, -400 * 24h}) {
+    ProcedureBook book;
+    book.take(placed("1", {"OR1"}), {kMorning + wrong, 100h});
+    book.take(planned("2", "second", {}), {kMorning + wrong, 100h});
+    ProcedureMessage corrected = placed("1", {"OR1"});
+    const auto found_at = [&](std::chrono::hours after) {
+      const auto data = book.find({{"OR1"}, 12h}, {kMorning + after, 100h + after});
+      return data ? data->patient_id + " " + data->description + data->chosen : "nobody";
+    };
+    EXPECT_THAT(found_at(1h), testing::StartsWith("1 "))
+        << "who came before the clock was set is there still";
+    EXPECT_THAT(found_at(1h), HasSubstr(format_utc(kMorning))) << "and came when it shows now";
+    book.take(placed("2", {"OR1"}), {kMorning + 1h, 101h});
+    EXPECT_THAT(found_at(2h), testing::StartsWith("2 second")) << wrong.count();
+    book.take(corrected, {kMorning + 2h, 102h});
+    EXPECT_THAT(found_at(3h), testing::StartsWith("2 ")) << "a correction brings nobody back";
+    EXPECT_THAT(book.list({{"OR1"}, 12h}, {kMorning + 3h, 103h}), testing::SizeIs(2));
+    EXPECT_EQ(found_at(20h), "nobody") << "too long ago";
+    ProcedureMessage merged = facts("2");
+    merged.replaces = "1";
+    book.take(merged, {kMorning + 3h, 103h});
+    EXPECT_THAT(found_at(4h), testing::StartsWith("2 "));
+    book.take(placed("9", {"OR2"}), {kMorning + 100h, 200h});
+    EXPECT_EQ(book.size(), 1U) << "what is old is forgotten all the same";
+  }
 }
 
 TEST(ProcedureBook, WhoMovesOnOrLeavesIsNotInTheRoomAnyMore) {
@@ -70,13 +106,6 @@ TEST(ProcedureBook, OtherFactsOfAPatientDoNotMoveThem) {
   const auto data = book.find({{"OR1"}, 12h}, kMorning + 2h);
   ASSERT_TRUE(data);
   EXPECT_EQ(data->sex, "F");
-}
-
-/// As somebody else's record would be changed while another patient is in the room.
-ProcedureMessage facts(const std::string& patient, Kind kind = Kind::kFacts) {
-  ProcedureMessage message = placed(patient, {});
-  message.kind = kind;
-  return message;
 }
 
 TEST(ProcedureBook, NobodyComesIntoARoomByWhatIsSaidOfTheirRecord) {

@@ -11,6 +11,7 @@
 #include "media/box/child.h"
 #include "tests/support/child_processes.h"
 #include "tests/support/eventually.h"
+#include "tests/support/moved_clock.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/worklist_server.h"
 
@@ -168,6 +169,26 @@ TEST(WorklistBox, HasItsLimitsBeforeANameIsLookedUp) {
   EXPECT_TRUE(test::eventually([&] { return has("Max open files", "64"); }));
   EXPECT_TRUE(test::eventually([&] { return has("Max file size", "0"); }));
   EXPECT_TRUE(test::eventually([&] { return has("Max cpu time", "60"); }));
+}
+
+// What is nearest to the right time may be no part of an answer around a wrong one.
+TEST_F(WorklistTest, AnAnswerFromBeforeTheClockWasSetIsNotChosenFrom) {
+  test::MovedClock time(now + 20h);
+  add("tomorrow", "Abe^Akiko", now + 21h);
+  server.start();
+  WorklistOptions rarely = options();
+  rarely.refresh = 10min;
+  const Worklist worklist(rarely, {}, time);
+  ASSERT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
+  time.await_waiting(1);
+  time.set_utc(now + 12h);  // within the window of both
+  EXPECT_EQ(worklist.find(time.utc()), std::nullopt);
+  EXPECT_THAT(worklist.list(time.utc()), SizeIs(0));
+  EXPECT_TRUE(worklist.find(now + 12h) == std::nullopt);
+  time.move(5s);  // it is asked again soon
+  EXPECT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
 }
 
 TEST_F(WorklistTest, SaysWhyItCannotBeAsked) {

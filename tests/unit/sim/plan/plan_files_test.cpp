@@ -20,11 +20,14 @@ class PlanFiles : public testing::Test {
   }
   [[nodiscard]] std::vector<std::string> roles() const {
     std::vector<std::string> roles;
-    for (const PlanFile& file : files_of_plan(folder_ / "plan.json"))
+    for (const PlanFile& file : files_of_plan(folder_ / "plan.json", data_file_of_))
       roles.push_back(file.role + " " + file.name);
     return roles;
   }
   test::TemporaryFolder folder_;
+  DataFileOf data_file_of_ = [](const std::filesystem::path& file) {
+    return file.extension() == ".mhd" ? std::optional<std::string>("voxels.raw") : std::nullopt;
+  };
 };
 
 TEST_F(PlanFiles, OfABreathingLungAreItsMeshLabelsAndTrace) {
@@ -35,6 +38,16 @@ TEST_F(PlanFiles, OfABreathingLungAreItsMeshLabelsAndTrace) {
   EXPECT_EQ(kind_of_plan(folder_ / "plan.json"), PlanKind::kBreathing);
   EXPECT_THAT(roles(),
               ElementsAre("plan plan.json", "mesh lung.msh", "labels labels.nii.gz", "trace rpm.csv"));
+}
+
+TEST_F(PlanFiles, OfAVolumeInTwoFilesAreBoth) {
+  std::filesystem::create_directory(folder_ / "ct");
+  for (const char* const name : {"ct/block.mhd", "ct/voxels.raw", "l.mhd", "voxels.raw"}) write(name, name);
+  write(
+      "plan.json",
+      R"({"mesh": {"organ": "liver", "labels": "l.mhd"}, "volume": "ct/block.mhd", "length_unit": "mm", "steps": []})");
+  EXPECT_THAT(roles(), ElementsAre("plan plan.json", "labels l.mhd", "labels voxels.raw",
+                                   "volume ct/block.mhd", "volume ct/voxels.raw"));
 }
 
 TEST_F(PlanFiles, WhatHasStepsOrIsNoDocumentIsAnOperation) {

@@ -83,7 +83,6 @@ class ImageFileTest : public testing::Test {
     return "";
   }
 
- private:
   test::TemporaryFolder folder_;
 };
 
@@ -152,6 +151,66 @@ TEST_F(ImageFileTest, ReadsNrrdAndMetaImage) {
              Vector3(-0.001, -0.004, 0.003))
                 .norm(),
             1e-12);
+}
+
+/// A header with the line that says where its voxels are.
+std::string detached(const std::string& header, const std::string& where) {
+  const std::string local = "ElementDataFile = LOCAL\n";
+  return header.ends_with(local) ? header.substr(0, header.size() - local.size()) + where
+                                 : header.substr(0, header.size() - 1) + where + "\n";
+}
+
+TEST_F(ImageFileTest, TellsWhichFileHoldsTheVoxels) {
+  for (const auto& [name, header] : {std::pair{"a.nrrd", kNrrd}, {"a.mha", kMetaImage}})
+    EXPECT_EQ(data_file_of(write(name, header + Nifti().values)), std::nullopt) << name;
+  EXPECT_EQ(data_file_of(write("a.nii", Nifti().text())), std::nullopt);
+  EXPECT_EQ(data_file_of(write("trace.csv", "0, 1")), std::nullopt);
+
+  std::filesystem::create_directory(folder_ / "of");
+  for (const char* const voxels : {"b.raw", "of/b.raw"}) {
+    write(voxels, Nifti().values);
+    for (const auto& [name, text] :
+         {std::pair{"b.mhd", detached(kMetaImage, std::string("ElementDataFile = ") + voxels + "\n")},
+          {"b.mha", detached(kMetaImage, std::string("ElementDataFile = ") + voxels + "\n")},
+          {"b.nhdr", detached(kNrrd, std::string("data file: ") + voxels + "\n")},
+          {"b.nrrd", detached(kNrrd, std::string("datafile: ./") + voxels + "\n")}}) {
+      const auto header = write(name, text);
+      const auto data = data_file_of(header);
+      ASSERT_TRUE(data) << name;
+      EXPECT_EQ((header.parent_path() / *data).lexically_normal(), folder_ / voxels) << name;
+      // The reader takes that file, and no other one.
+      std::string changed = Nifti().values;
+      changed[0] = 77;
+      write(voxels, changed);
+      EXPECT_EQ(read_image_file(header).values[0], 77) << name;
+      write(voxels, Nifti().values);
+    }
+  }
+}
+
+TEST_F(ImageFileTest, NamesNoFileWhereSeveralHoldTheVoxels) {
+  const std::string slice = Nifti().values.substr(0, 24);
+  for (const char* const name : {"s1.raw", "s2.raw"}) write(name, slice);
+  for (const auto& [name, text] :
+       {std::pair{"c.mhd", detached(kMetaImage, "ElementDataFile = LIST\ns1.raw\ns2.raw\n")},
+        {"d.mhd", detached(kMetaImage, "ElementDataFile = s%d.raw 1 2 1\n")},
+        {"c.nhdr", detached(kNrrd, "data file: LIST\ns1.raw\ns2.raw")},
+        {"d.nhdr", detached(kNrrd, "data file: s%d.raw 1 2 1\n")},
+        {"e.mhd", detached(kMetaImage, "ElementDataFile = " + (folder_ / "s1.raw").string() + "\n")},
+        {"e.nhdr", detached(kNrrd, "data file: " + (folder_ / "s1.raw").string() + "\n")}}) {
+    const auto header = write(name, text);
+    EXPECT_THAT([&] { (void)data_file_of(header); },
+                testing::ThrowsMessage<Error>(HasSubstr("save the volume as one .mha or .nrrd file")))
+        << name;
+  }
+}
+
+// niftilib would take the header of one file and the voxels of the other.
+TEST_F(ImageFileTest, TakesNoVoxelsFromAFileBesideACompressedOne) {
+  const auto compressed = write("f.nii.gz", Nifti().text());  // zlib reads what is not compressed as it is
+  EXPECT_EQ(read_image_file(compressed).values[1], 1);
+  write("f.nii", Nifti().text());
+  EXPECT_THAT(refusal(compressed), HasSubstr("f.nii lies beside it"));
 }
 
 TEST_F(ImageFileTest, RefusesInOneSentenceWithTheName) {

@@ -8,6 +8,7 @@
 
 #include "archive/reading/excerpt.h"
 #include "base/error.h"
+#include "crypto/encoding.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::report {
@@ -65,6 +66,50 @@ TEST_F(CaseFactsTest, LinesWrittenSinceAreNotAmongThem) {
   EXPECT_EQ(facts.root, report.lines_root);
 }
 
+/// What anybody can write: no key is needed for a note's form.
+std::string forged_note(const std::string& case_id, std::uint64_t size) {
+  const auto base64 = [](std::size_t bytes) {
+    return crypto::to_base64(Bytes(bytes, std::byte{7}), crypto::Base64Padding::kPadded);
+  };
+  return "kiroku/or3/" + case_id + "\n" + std::to_string(size) + "\n" + base64(32) + "\n\n\u2014 or3 " +
+         base64(68) + "\n";
+}
+
+// Hashing a case takes minutes in which whoever can write to its folder may put anything there.
+TEST_F(CaseFactsTest, ACheckpointPutThereSinceIsNotAmongThem) {
+  const archive::VerificationReport report = archive::verify_case(folder_, archive_.options());
+  ASSERT_EQ(report.verdict, archive::Verdict::kIntact);
+  const CaseFacts before = read_case_facts(folder_, report);
+  ASSERT_TRUE(before.last_checkpoint);
+  EXPECT_EQ(before.last_checkpoint->size, report.entries);
+  EXPECT_EQ(before.last_checkpoint->root, *report.lines_root);
+  const std::string case_id = folder_.filename().string();
+  for (const std::uint64_t size : {std::uint64_t{2}, std::uint64_t{9999}}) {
+    const std::string name = std::to_string(size);
+    write(folder_ / "checkpoints" / (std::string(8 - name.size(), '0') + name + ".note"),
+          forged_note(case_id, size));
+    const CaseFacts facts = read_case_facts(folder_, report);
+    ASSERT_TRUE(facts.last_checkpoint);
+    EXPECT_EQ(facts.last_checkpoint->text, before.last_checkpoint->text);
+    EXPECT_EQ(facts.last_checkpoint->root, before.last_checkpoint->root);
+  }
+}
+
+TEST_F(CaseFactsTest, OfACheckpointExchangedOrRemovedSinceThereAreNone) {
+  const archive::VerificationReport report = archive::verify_case(folder_, archive_.options());
+  const fs::path note = folder_ / read_case_facts(folder_, report).last_checkpoint->file;
+  write(note, forged_note(folder_.filename().string(), report.entries));
+  EXPECT_THAT([&] { (void)read_case_facts(folder_, report); },
+              ThrowsMessage<Error>(HasSubstr("changed after it was verified")));
+  fs::remove(note);
+  EXPECT_THAT([&] { (void)read_case_facts(folder_, report); },
+              ThrowsMessage<Error>(HasSubstr("changed after it was verified")));
+}
+
+TEST_F(CaseFactsTest, NobodyJudgedTheCheckpointsOfACaseThatWasNotVerified) {
+  EXPECT_FALSE(read_case_facts(folder_).last_checkpoint);
+}
+
 TEST_F(CaseFactsTest, OfAnExcerptAreThoseOfItsLinesAndItsOpening) {
   const fs::path excerpt = archive_.folder() / "excerpt";
   archive::ExcerptOptions options;
@@ -74,6 +119,8 @@ TEST_F(CaseFactsTest, OfAnExcerptAreThoseOfItsLinesAndItsOpening) {
   archive::make_excerpt(folder_, options, excerpt);
   const archive::VerificationReport report = archive::verify_case(excerpt, archive_.options());
   EXPECT_EQ(read_case_facts(excerpt, report).entries, report.entries);
+  ASSERT_TRUE(report.excerpt && read_case_facts(excerpt, report).last_checkpoint);
+  EXPECT_EQ(read_case_facts(excerpt, report).last_checkpoint->size, report.excerpt->size);
   for (const char* file : {"ledger-part.jsonl", "ledger-open.jsonl"}) {
     const std::string honest = read(excerpt / file);
     std::string other = honest;

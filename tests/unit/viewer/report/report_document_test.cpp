@@ -281,6 +281,29 @@ TEST_F(ReportDocument, OfAnExcerptSaysWhatPartItIsAndNothingOfTheRest) {
   EXPECT_THAT(text, Not(HasSubstr("Patient data")));
 }
 
+TEST_F(ReportDocument, OfARekeyedExcerptSaysWhatHasTheHashOfTheEntry) {
+  take_rekeyed_excerpt();
+  const ReportInput in = input_of_reader();
+  ASSERT_EQ(in.verification.verdict, archive::Verdict::kIntactExcerpt);
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, Not(HasSubstr("that are here, and each has the hash that they state")));
+  EXPECT_THAT(text,
+              HasSubstr("1 were sealed anew for another reader, and have other hashes: of each of these "
+                        "the original header, kept beside, and the payload together have the hash"));
+  EXPECT_THAT(text, HasSubstr("The new header of each yields the same key as the original one."));
+  EXPECT_THAT(text, HasSubstr("1 of these were sealed anew since, and are hashed with the original header"));
+  const std::string japanese = test::text_of(make_report(input_of_reader(Language::kJapanese)));
+  EXPECT_THAT(japanese, AllOf(HasSubstr("1 個は別の読み手のために封緘し直されており"),
+                              HasSubstr("新しいヘッダーの鍵は、いずれも元のヘッダーの鍵と同じです。"),
+                              Not(HasSubstr("ここにある5 ファイルは、すべて記載どおりのハッシュ値です"))));
+  // Without the key nobody gets the same answer.
+  EXPECT_THAT(text.substr(text.find("kiroku verify EXCERPT")), HasSubstr(" -i IDENTITY.txt"));
+
+  const std::string unopened = report(archive_.options());
+  EXPECT_THAT(unopened, HasSubstr("Whether the new headers yield the same keys"));
+  EXPECT_THAT(unopened, Not(HasSubstr(" -i IDENTITY")));
+}
+
 // Anybody can write a ledger that names a device.
 TEST_F(ReportDocument, OfALedgerThatNobodySignedSaysYesToNothing) {
   archive_.clear();

@@ -185,6 +185,23 @@ TEST_F(ReportDocument, CertificateOfARecordWithGapsSaysThatNotEverythingIsThere)
   EXPECT_THAT(text, Not(HasSubstr("That an outside clock confirms")));
 }
 
+// sha256sum of such a file gives another hash than its entry: nobody could swear that each was compared.
+TEST_F(ReportDocument, CertificateOfARekeyedExcerptSaysWhatHasTheEntrysHash) {
+  take_rekeyed_excerpt();
+  const ReportInput in = input_of_reader();
+  ASSERT_EQ(in.verification.verdict, archive::Verdict::kIntactExcerpt);
+  const std::uint64_t named = archive::named_files(in.verification);
+  const std::string text = test::text_of(make_certificate(in));
+  EXPECT_THAT(text,
+              Not(HasSubstr("of the " + std::to_string(named) + " files of the copy that entries name")));
+  EXPECT_THAT(text,
+              AllOf(HasSubstr("of the " + std::to_string(named - 1)),
+                    HasSubstr("of the copy that entries name and that are as they were recorded"),
+                    HasSubstr("1 segment of the copy were sealed anew for another reader: the file of such a "
+                              "segment has another hash than its entry states."),
+                    HasSubstr("The new header of each yields the same key as the original one.")));
+}
+
 TEST_F(ReportDocument, CertificateIsRefusedWhereNobodyCouldSignIt) {
   using archive::Verdict;
   for (const Verdict verdict : {Verdict::kUnproven, Verdict::kIncomplete, Verdict::kTampered}) {
@@ -209,7 +226,6 @@ TEST_F(ReportDocument, ReceiptOfACaseWithoutOutsideTimeSaysSo) {
 TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {
   if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
   change_byte("segments/endoscope/00000001.ts.age", 500);
-  change_byte("ledger.jsonl", 2);
   write("receipt.pdf", write_pdf(make_receipt(input())));
   EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
   EXPECT_THAT(tool({"pdftotext", "receipt.pdf", "-"}), HasSubstr("DOES NOT HOLD (TAMPERED)"));
@@ -218,6 +234,34 @@ TEST_F(ReportDocument, ReceiptOfATamperedCaseSaysSoOnOnePage) {
 TEST_F(ReportDocument, ReceiptWithoutACheckpointIsRefused) {
   fs::remove_all(folder_ / "checkpoints");
   EXPECT_THROW(make_receipt(input()), UsageError);
+}
+
+TEST_F(ReportDocument, ReceiptWithoutACheckpointOfTheEntriesThatAreThereIsRefused) {
+  change_byte("ledger.jsonl", 2);
+  const ReportInput in = input();
+  EXPECT_THROW(make_receipt(in), UsageError);
+  EXPECT_THAT(test::text_of(make_report(in)),
+              AllOf(HasSubstr("There is no checkpoint that the device signed of these entries."),
+                    Not(HasSubstr("Root that it signs"))));
+}
+
+// It would state a root that the device never signed.
+TEST_F(ReportDocument, NothingStatesACheckpointThatDoesNotHold) {
+  const std::string forged =
+      "kiroku/or3/" + name_in(folder_.string()) + "\n9999\n" +
+      crypto::to_base64(Bytes(32, std::byte{7}), crypto::Base64Padding::kPadded) + "\n\n\u2014 or3 " +
+      crypto::to_base64(Bytes(68, std::byte{7}), crypto::Base64Padding::kPadded) + "\n";
+  const ReportInput before = input();
+  write_in_case("checkpoints/00009999.note", forged);
+  ReportInput in = input();
+  ASSERT_EQ(in.verification.verdict, archive::Verdict::kTampered);
+  in.attachments = receipt_files(in, std::nullopt);
+  EXPECT_EQ(in.attachments[0].bytes, to_bytes(before.facts.last_checkpoint->text));
+  const std::string root = crypto::to_hex(*before.facts.root);
+  EXPECT_THAT(test::text_of(make_receipt(in)), AllOf(HasSubstr(root), Not(HasSubstr("9999.note"))));
+  EXPECT_THAT(test::text_of(make_report(in)),
+              AllOf(HasSubstr("Last checkpoint that holds | " + before.facts.last_checkpoint->file + " ("),
+                    HasSubstr("Root that it signs | " + root)));
 }
 
 }  // namespace

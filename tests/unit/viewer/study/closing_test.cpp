@@ -63,7 +63,7 @@ TEST_F(StudyClosing, BindsKeyStudyAndEveryAnswer) {
   const ClosedStudy closed = check_closed(reading_, study_);
   EXPECT_EQ(closed.closing.sha256, digest);
   EXPECT_EQ(closed.closing.utc, now());
-  EXPECT_EQ(closed.checks.size(), 4U);
+  EXPECT_EQ(closed.checks.size(), 5U) << "four files, and all films";
   EXPECT_EQ(verdict_of(closed.checks), Check::Answer::kHolds);
   EXPECT_THROW(close_study(real_, reading_, study_, now()), UsageError) << "it is closed once";
 }
@@ -82,6 +82,46 @@ TEST_F(StudyClosing, ShowsWhatWasChangedAfterwards) {
                                             HasSubstr("not the one that the study was made")));
   std::filesystem::remove(reading_ / answers_name(1));
   EXPECT_EQ(differing().size(), 4U);
+}
+
+TEST_F(StudyClosing, AsksWhetherTheFilmsAreThoseThatTheStudyWasMadeWith) {
+  answer_all();
+  close_study(real_, reading_, study_, now());
+  const std::string name = "films/" + made_.study.films[1].name;
+  std::fstream(reading_ / name, std::ios::in | std::ios::out) << "other";
+  EXPECT_THAT(differing(), testing::ElementsAre(name + " was changed"));
+  std::filesystem::resize_file(reading_ / name, std::uintmax_t{1} << 40U);  // hours of hashing
+  EXPECT_THAT(differing(), testing::ElementsAre(name + " was changed"));
+  std::filesystem::remove(reading_ / name);
+  EXPECT_EQ(differing().size(), 1U);
+}
+
+// "It was closed before all was judged" would be gone.
+TEST_F(StudyClosing, BelievesNoSealThatSaysHowFarReadersWere) {
+  AnswerBook(real_, reading_, study_, 1).add({study_.study.readers[0].showings[0].token, {3, 4}, {}, now()});
+  close_study(real_, reading_, study_, now());
+  EXPECT_EQ(check_closed(reading_, study_).closing.progress[0].answered, 1U);
+  const std::filesystem::path file = reading_ / kSealedFile;
+  std::string text;
+  std::getline(std::ifstream(file), text, '\0');
+  text.replace(text.find("\"answered\": 1"), 13, "\"answered\": 7");
+  std::ofstream(file, std::ios::trunc) << text;
+  EXPECT_THAT(differing(), testing::ElementsAre("sealed.json says that reader 1 judged 7 of 7 films, and the "
+                                                "answers are of 1 of 7"));
+  EXPECT_EQ(check_closed(reading_, study_).closing.progress[0].answered, 1U);
+}
+
+TEST_F(StudyClosing, GivesKeyAndAnswersOfTheBytesThatItCompared) {
+  answer_all();
+  close_study(real_, reading_, study_, now());
+  const ClosedStudy closed = check_closed(reading_, study_);
+  EXPECT_EQ(crypto::sha256(closed.key), study_.study.key);
+  ASSERT_EQ(closed.answers.size(), 2U);
+  EXPECT_EQ(closed.answers[0].size(), 7U);
+  EXPECT_EQ(closed.answers[1].at(study_.study.readers[1].showings[0].token).points, (std::vector<int>{3, 4}));
+  // Of the study, too, what was parsed counts, and not what lies there by now.
+  add_to(kStudyFile, " ");
+  EXPECT_THAT(differing(), testing::IsEmpty());
 }
 
 TEST_F(StudyClosing, TakesNoSealThatLeavesAnythingOut) {

@@ -2,6 +2,7 @@
 
 #include <cctype>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <set>
 #include <string>
@@ -99,6 +100,14 @@ TEST_F(StudyDesk, TellsNothingByWhichFilmsCouldBeToldApart) {
     heads.insert(head);
   }
   EXPECT_EQ(heads.size(), 1U);
+}
+
+// Days may lie between the program's start, which looks at all films, and a reader's visit.
+TEST_F(StudyDesk, ShowsNoFilmThatWasExchangedSinceItBegan) {
+  const Showing& showing = made_.study.readers[0].showings[0];
+  ASSERT_EQ(desk_->answer(asked("GET", "/films/" + showing.token)).status, 200);
+  std::fstream(reading_ / kFilmsFolder / showing.film, std::ios::in | std::ios::out) << "other";
+  EXPECT_EQ(desk_->answer(asked("GET", "/films/" + showing.token)).status, 500);
 }
 
 TEST_F(StudyDesk, StoresAnswersAndGoesOnWhereTheyEnd) {
