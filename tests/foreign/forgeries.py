@@ -2235,9 +2235,9 @@ def excerpt_from_the_middle(world):
     return excerpt(world, 11 * SECOND, 14 * SECOND, first=7)
 
 
-def excerpt_of(world, case, from_ns, to_ns, first=0):
+def excerpt_from_its_opening_on(world, case, from_ns, to_ns):
     written = case.write(world.folder / "whole")
-    return world.given(w.write_excerpt(written, world.folder / "excerpt", from_ns, to_ns, ["endoscope"], first, len(written.lines)))
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", from_ns, to_ns, ["endoscope"], 0, len(written.lines)))
 
 
 @reaches("stamped-after-close")
@@ -2245,7 +2245,7 @@ def excerpt_of_a_case_that_was_stamped_after_its_end_alone(world):
     case = world.sound()
     for token in case.of(Token)[:2]:
         case.steps.remove(token)
-    return excerpt_of(world, case, 6 * SECOND, 9 * SECOND)
+    return excerpt_from_its_opening_on(world, case, 6 * SECOND, 9 * SECOND)
 
 
 @reaches("stamped-after-close")
@@ -2253,7 +2253,7 @@ def excerpt_of_before_the_first_token(world):
     """Its case has a token before its end, but none before this part."""
     case = world.sound()
     case.steps.remove(case.of(Token)[0])
-    return excerpt_of(world, case, SECOND, 9 * SECOND)
+    return excerpt_from_its_opening_on(world, case, SECOND, 9 * SECOND)
 
 
 @reaches("stamped-after-close")
@@ -2266,7 +2266,7 @@ def excerpt_without_the_token_before_it(world):
 def excerpt_around_the_first_token(world):
     case = world.sound()
     case.steps.remove(case.of(Token)[0])
-    given = excerpt_of(world, case, SECOND, 14 * SECOND)
+    given = excerpt_from_its_opening_on(world, case, SECOND, 14 * SECOND)
     given.never = ["stamped-after-close", "first-stamped-late"]
     return given
 
@@ -2276,7 +2276,7 @@ def excerpt_of_film_of_before_the_first_token(world):
     case = stamped_late(world, 200)
     case.steps = case.steps[:case.steps.index(case.find("close"))]
     world.record(case, 40, 41)
-    return excerpt_of(world, world.end(case, 205_040 * MS), SECOND, 204 * SECOND)
+    return excerpt_from_its_opening_on(world, world.end(case, 205_040 * MS), SECOND, 204 * SECOND)
 
 
 @reaches("excerpt-malformed")
