@@ -19,6 +19,7 @@ namespace {
 
 using archive::Severity;
 using archive::TimeProof;
+using archive::TimeRemark;
 using archive::Verdict;
 using archive::VerificationReport;
 
@@ -47,12 +48,20 @@ bool has(const VerificationReport& report, std::string_view code) {
   return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
 }
 
+bool is_remarked(const VerificationReport& report, TimeRemark remark) {
+  const std::vector<TimeRemark> remarks = archive::time_remarks(report);
+  return std::ranges::find(remarks, remark) != remarks.end();
+}
+
 std::string time_words(const VerificationReport& report) {
   switch (report.time) {
     case TimeProof::kExternal:
-      return has(report, "stamped-after-close") ? "an outside time-stamping authority proves that it was "
-                                                  "there by then, not when it was recorded"
-                                                : "proved by an outside time-stamping authority";
+      return is_remarked(report, TimeRemark::kThereByThen)
+                 ? "an outside time-stamping authority proves that it was "
+                   "there by then, not when it was recorded"
+             : is_remarked(report, TimeRemark::kFirstStampedLate)
+                 ? "proved by an outside time-stamping authority; how old its beginning is, is not"
+                 : "proved by an outside time-stamping authority";
     case TimeProof::kExternalInPart:
       return "proved by an outside time-stamping authority as far as entry " +
              std::to_string(report.outside_entries - 1) + " alone; what follows rests on the recorder's word";
@@ -68,6 +77,24 @@ std::string time_words(const VerificationReport& report) {
              : "not proved: no time-stamp that could be checked";
 }
 
+/// What else is to be known of the times, a line each.
+std::string remark_words(const VerificationReport& report, TimeRemark remark) {
+  switch (remark) {
+    case TimeRemark::kThereByThen:
+      return "when it was recorded, and for how long, rests on the recorder's word";
+    case TimeRemark::kFirstStampedLate:
+      return "by the case clock it began " + format_duration(report.age_at_first_stamp_ns.value_or(0)) +
+             " before the first outside time-stamp: that it began no earlier rests on the recorder's word";
+    case TimeRemark::kEndStampedLate:
+      return "that it ended when it says rests on the recorder's word: the time-stamp over its end is later";
+    case TimeRemark::kClockDiffers:
+      return "the recorder's clock was wrong, and so is every time by it (see the findings)";
+    case TimeRemark::kLengthDiffers:
+      break;
+  }
+  return "from opening to closing the recorder's clock went on by another time than the case clock did";
+}
+
 /// UTC, and this machine's zone beside it where that is another.
 std::string both_times(UtcTime time) {
   const std::string local = format_local(time);
@@ -78,6 +105,24 @@ std::string line(const std::string& name, const std::string& text) {
   std::string label = "  " + name;
   label.resize(13, ' ');
   return label + printable(text) + "\n";
+}
+
+std::string entry_words(const archive::Bracket& first, const archive::Bracket& last) {
+  return first.first_entry == last.last_entry
+             ? "entry " + std::to_string(first.first_entry)
+             : "entries " + std::to_string(first.first_entry) + " to " + std::to_string(last.last_entry);
+}
+
+/// Where a bracket has one limit alone, it is wider than any that has two. Those without the earlier one come
+/// first, those without the later one last.
+std::string unlimited_words(const VerificationReport& report, bool earlier) {
+  const auto lacks = [&](const archive::Bracket& bracket) {
+    return !(earlier ? bracket.not_before : bracket.not_after);
+  };
+  const auto first = std::ranges::find_if(report.brackets, lacks);
+  if (first == report.brackets.end()) return "";
+  const auto last = std::ranges::find_if(report.brackets.rbegin(), report.brackets.rend(), lacks);
+  return "; " + entry_words(*first, *last) + " without " + (earlier ? "an earlier" : "a later") + " limit";
 }
 
 /// Earliest and latest time, with the entries that each is about, and the widest bracket.
@@ -105,9 +150,12 @@ std::string bracket_lines(const VerificationReport& report) {
   if (latest) {
     out += line("", "not after  " + both_times(*latest) + ", up to entry " + std::to_string(last) + whose);
   }
-  if (widest) {
-    out += line("", counted(report.brackets.size(), "bracket", "brackets") + ", the widest " +
-                        format_duration(std::chrono::nanoseconds(*widest).count()));
+  if (earliest || latest) {
+    out += line("", counted(report.brackets.size(), "bracket", "brackets") +
+                        (widest ? ", the widest of those with two limits " +
+                                      format_duration(std::chrono::nanoseconds(*widest).count())
+                                : ", none with two limits") +
+                        unlimited_words(report, true) + unlimited_words(report, false));
   }
   return out;
 }
@@ -392,6 +440,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
   out += line("time", time_words(report));
+  for (const TimeRemark remark : archive::time_remarks(report)) out += line("", remark_words(report, remark));
   out += bracket_lines(report);
   out += authority_lines(report);
   out += clock_lines(report);

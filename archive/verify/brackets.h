@@ -18,6 +18,7 @@ struct StampedToken {
   std::string root = {};  // SHA-256 of the trusted certificate that vouches for it; a ledger chooses names
   std::string file = {};  // in the case
   bool outside = false;   // of an outside authority; else the recorder's own
+  std::int64_t entered_ns = 0;  // the case clock of its entry
 
   [[nodiscard]] UtcTime earliest() const;  // gen_time - accuracy, rounded down to microseconds
   // gen_time + accuracy, rounded up. Of an authority that states whole seconds and no accuracy the second may

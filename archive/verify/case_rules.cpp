@@ -27,6 +27,10 @@ Overloaded(Functions...) -> Overloaded<Functions...>;
 constexpr std::int64_t kNsPerUs = 1'000;
 constexpr std::int64_t kUsPerSecond = 1'000'000;
 constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
+// A recorder asks for its first token when it opens a case, and again each minute: two of these intervals. A
+// token that rooms share, or an authority that is slow, is there by then. What the ledger itself states of
+// its tokens does not count: whoever makes film up states that, too.
+constexpr std::int64_t kFirstStampLateNs = 120'000'000'000;
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
@@ -96,6 +100,9 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    }
                    if (token.authority.size() <= kMaximumPathBytes) {
                      authorities_.insert(token.authority);
+                   }
+                   if (oldest_ns_) {
+                     oldest_before_token_.emplace(number, *oldest_ns_);
                    }
                    tokens_.take(token, number, entry.at.mono_ns);
                  },
@@ -244,6 +251,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
   }
   if (!scope_.wanted || scope_.wanted(segment)) {
     last_checked_segment_ = number;
+    oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
     files_->check(
         {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
   }
@@ -388,6 +396,7 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
   report_slew();
   tokens_.finish(scope_.whole_case);
   judge_wall_clock();
+  judge_first_stamp();
 }
 
 void CaseRules::judge_wall_clock() {
@@ -407,8 +416,18 @@ void CaseRules::judge_wall_clock() {
               "much; the time-stamps are not");
     }
   }
+}
+
+void CaseRules::judge_first_stamp() {
+  const std::optional<StampedToken> entered = tokens_.first_entered();
+  if (!scope_.whole_case) {
+    if (entered) {
+      judge_first_stamp_of_excerpt(*entered);
+    }
+    return;
+  }
   const std::optional<StampedToken> first = tokens_.first_after_close();
-  if (scope_.whole_case && first && closed_) {
+  if (first && closed_) {
     const std::int64_t late_us = (first->gen_time - *closed_).count();
     findings_->add(
         "stamped-after-close", {first->file, first->entry},
@@ -416,7 +435,36 @@ void CaseRules::judge_wall_clock() {
             std::to_string(std::abs(late_us) / kUsPerSecond) + " s " + (late_us < 0 ? "before" : "after") +
             " it: the case was there by then; when it was recorded, and for how long, rests on "
             "the recorder's word");
+  } else if (entered) {
+    judge_age_at_first_stamp(*entered);
   }
+}
+
+// An excerpt shows no more of its case than its lines: what its makers left out cannot bound what they chose.
+void CaseRules::judge_first_stamp_of_excerpt(const StampedToken& first) {
+  if (!last_checked_segment_ || first.entry < *last_checked_segment_) {
+    judge_age_at_first_stamp(first);
+    return;
+  }
+  findings_->add("stamped-after-close", {first.file, first.entry},
+                 "the first time-stamp of an outside authority is entered behind the excerpt's last segment, "
+                 "which is in " +
+                     at_entry(*last_checked_segment_) +
+                     ": what it holds was there by then; when it was recorded, and for how long, rests on "
+                     "the recorder's word");
+}
+
+void CaseRules::judge_age_at_first_stamp(const StampedToken& first) {
+  const auto oldest = oldest_before_token_.find(first.entry);
+  if (oldest == oldest_before_token_.end() || first.entered_ns - oldest->second <= kFirstStampLateNs) {
+    return;
+  }
+  age_at_first_stamp_ns_ = first.entered_ns - oldest->second;
+  findings_->add("first-stamped-late", {first.file, first.entry},
+                 "by the case clock recording began " +
+                     std::to_string(*age_at_first_stamp_ns_ / kNsPerUs / kUsPerSecond) +
+                     " s before the first time-stamp of an outside authority was entered: that what was "
+                     "recorded until then is no older than that rests on the recorder's word");
 }
 
 void CaseRules::judge_missing(const std::vector<MissingFile>& missing) {
@@ -501,6 +549,7 @@ void CaseRules::describe(VerificationReport& report) const {
   report.closed = closed_;
   report.time = tokens_.time(scope_.whole_case ? last_claim_ : last_checked_segment_.value_or(0));
   report.outside_entries = tokens_.outside_entries();
+  report.age_at_first_stamp_ns = age_at_first_stamp_ns_;
   report.tokens = tokens_.count();
   report.outside_tokens = tokens_.outside_count();
   report.own_tokens = tokens_.own_count();

@@ -93,6 +93,12 @@ class CaseRules {
  private:
   [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
   void judge_wall_clock();
+  /// How much of what is judged no outside token was entered before: when that was recorded, the recorder
+  /// alone says.
+  void judge_first_stamp();
+  void judge_first_stamp_of_excerpt(const StampedToken& first);
+  /// Where the first outside token is entered more than a recorder's usual while behind the oldest film.
+  void judge_age_at_first_stamp(const StampedToken& first);
   [[nodiscard]] bool is_pre_rolled() const { return opening_ && opening_->begins_ns > 0; }
   /// The UTC of `close` against that of `open` and the case clock.
   void judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number);
@@ -125,6 +131,10 @@ class CaseRules {
   std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
   std::optional<std::uint64_t> last_checked_segment_;
+  // Where the oldest segment within the scope begins, of those until now, and of those before each token.
+  std::optional<std::int64_t> oldest_ns_;
+  std::map<std::uint64_t, std::int64_t> oldest_before_token_;
+  std::optional<std::int64_t> age_at_first_stamp_ns_;
   std::set<std::uint64_t> unsigned_aftermath_;  // missed tokens and erasures behind close
   std::uint64_t claims_ = 0;                    // entries up to the last that is about no token
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since

@@ -26,6 +26,16 @@ int exit_status(Verdict verdict, bool excerpt_accepted = false);
 enum class TimeProof { kExternal, kExternalInPart, kSelfIssued, kNone };
 std::string_view time_proof_name(TimeProof proof);
 
+/// What limits the worth of a report's times, whichever TimeProof it has. Each is a finding, too; whoever
+/// tells the time says it in the same breath.
+enum class TimeRemark {
+  kThereByThen,  // stamped-after-close: it existed by then; nothing outside says how much earlier it began
+  kFirstStampedLate,  // first-stamped-late: the same of its beginning
+  kEndStampedLate,    // end-stamped-late
+  kClockDiffers,      // clock-differs
+  kLengthDiffers,     // close-utc-differs
+};
+
 struct StreamReport {
   StreamInfo info;
   std::uint64_t segments = 0, frames = 0, dropped = 0, bytes = 0;
@@ -191,6 +201,9 @@ struct VerificationReport {
   TimeProof time = TimeProof::kNone;
   std::uint64_t signed_entries = 0;   // from 0 on: those that a checkpoint covers whose signature was checked
   std::uint64_t outside_entries = 0;  // from 0 on: those that a token of an outside authority covers
+  /// How old the oldest film was when the first outside token was entered, by the case clock; only where that
+  /// is more than usual (first-stamped-late).
+  std::optional<std::int64_t> age_at_first_stamp_ns;
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
@@ -222,6 +235,9 @@ struct VerificationReport {
   std::optional<std::uint64_t> close_entry;  // of a whole case
   std::optional<UtcTime> clock_zero;         // the recorder's wall clock at 0 of the case clock, by `open`
 };
+
+/// In this order, each once.
+std::vector<TimeRemark> time_remarks(const VerificationReport& report);
 
 /// Segments that the lines name and do not say are erased; of an excerpt those that it should hold.
 std::uint64_t listed_segments(const VerificationReport& report);

@@ -72,7 +72,8 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   }
   const StampedToken stamped{
       entry,           token.checkpoint, token.gen_time, token.accuracy_ns,
-      token.authority, judged.root,      token.file,     judged.valid && judged.external};
+      token.authority, judged.root,      token.file,     judged.valid && judged.external,
+      mono_ns};
   now.stamped = stamped;
   if (judged.valid) {
     compare_clocks(token, now);
@@ -331,6 +332,11 @@ std::optional<StampedToken> TokenRules::first_after_close() const {
                          });
   const auto first = std::ranges::min_element(outside_, {}, &StampedToken::gen_time);
   return all_after && first != outside_.end() ? std::optional(*first) : std::nullopt;
+}
+
+std::optional<StampedToken> TokenRules::first_entered() const {
+  const auto first = std::ranges::min_element(outside_, {}, &StampedToken::entry);
+  return first == outside_.end() ? std::nullopt : std::optional(*first);
 }
 
 void TokenRules::finish(bool whole_case) {

@@ -66,6 +66,9 @@ class TokenRules {
   [[nodiscard]] const std::map<std::string, ClockComparison>& first_outside() const { return first_outside_; }
   /// After finish(): the earliest token of an outside authority, where all of them are over close.
   [[nodiscard]] std::optional<StampedToken> first_after_close() const;
+  /// After finish(): the token of an outside authority that is entered first. Nothing older than it is
+  /// entered behind it.
+  [[nodiscard]] std::optional<StampedToken> first_entered() const;
   /// On which signatures the valid tokens rest, each kind once.
   [[nodiscard]] const std::vector<timestamp::SignatureUse>& signatures() const { return signatures_; }
   /// Hashes of the entered token files, in order.

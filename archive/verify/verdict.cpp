@@ -1,6 +1,8 @@
 #include "archive/verify/verdict.h"
 
 #include <algorithm>
+#include <array>
+#include <utility>
 
 namespace kiroku::archive {
 
@@ -24,6 +26,22 @@ Verdict verdict_of_excerpt(Severity worst) {
   const Verdict verdict = verdict_of(worst);
   const bool intact = verdict == Verdict::kIntact || verdict == Verdict::kIntactWithGaps;
   return intact ? Verdict::kIntactExcerpt : verdict;
+}
+
+std::vector<TimeRemark> time_remarks(const VerificationReport& report) {
+  constexpr auto kByCode = std::to_array<std::pair<std::string_view, TimeRemark>>(
+      {{"stamped-after-close", TimeRemark::kThereByThen},
+       {"first-stamped-late", TimeRemark::kFirstStampedLate},
+       {"end-stamped-late", TimeRemark::kEndStampedLate},
+       {"clock-differs", TimeRemark::kClockDiffers},
+       {"close-utc-differs", TimeRemark::kLengthDiffers}});
+  std::vector<TimeRemark> remarks;
+  for (const auto& [code, remark] : kByCode) {
+    if (std::ranges::find(report.findings, code, &Finding::code) != report.findings.end()) {
+      remarks.push_back(remark);
+    }
+  }
+  return remarks;
 }
 
 std::uint64_t listed_segments(const VerificationReport& report) {

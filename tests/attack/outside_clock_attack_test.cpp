@@ -251,6 +251,29 @@ TEST_F(OutsideClocks, ACaseThatIsStampedAfterItsEndAloneSaysSo) {
   EXPECT_THAT(details(report), testing::HasSubstr("31536000 s after it"));
 }
 
+// Film of last year, and one time-stamp just before the end: nothing outside bounds how old it is.
+TEST_F(OutsideClocks, WhatWasRecordedLongBeforeTheFirstTimeStampIsSaid) {
+  for (const std::int64_t seconds : {119, 121}) {
+    archive_.clear();
+    SampleCase sample(archive_);
+    archive_.now_ns = seconds * kSecond;
+    sample.record_at_once();
+    stamp(sample, 0, 0s);
+    sample.writer().close("operator", archive_.now());
+    stamp(sample, 0, 0s);
+    sample.writer().finish(archive_.now());
+    const archive::VerificationReport report = verify(sample);
+    EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+    if (seconds == 119) {
+      EXPECT_THAT(summary(report), testing::Not(testing::HasSubstr("first-stamped-late"))) << details(report);
+      EXPECT_FALSE(report.age_at_first_stamp_ns);
+    } else {
+      EXPECT_THAT(summary(report), testing::HasSubstr("first-stamped-late tokens/")) << details(report);
+      EXPECT_EQ(report.age_at_first_stamp_ns, 121 * kSecond);
+    }
+  }
+}
+
 TEST_F(OutsideClocks, AWallClockThatIsAYearBehindIsSaidAlsoWhereNoExchangeIsStated) {
   const archive::VerificationReport report = verify(2, {0s, 0s}, 365 * 24h);
   EXPECT_THAT(summary(report), testing::HasSubstr("intact\nclock-differs ledger.jsonl 0")) << details(report);

@@ -19,7 +19,7 @@ from stamp import nanoseconds
 from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
-LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK = 11 * SECOND, 60 * SECOND, 60 * SECOND
+LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
 EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}
 CONTAINERS = {"mpeg2": "ts", "uncompressed": "mkv", "lossless": "mkv"}
@@ -262,7 +262,7 @@ class Entries:
         self.untrusted, self.valid_checkpoints, self.outside, self.no_trust = [], set(), [], False
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
-        self.last_checked = None
+        self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
 
     @property
     def origin(self):
@@ -329,6 +329,7 @@ class Entries:
             self.report("segment-in-future", entry["file"])
         if self.wanted(entry):
             self.last_checked = number
+            self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
             self.checked.append((entry, stream, entry["index"]))
 
     def _gap(self, number, entry):
@@ -424,7 +425,7 @@ class Entries:
         if valid:
             self.valid_checkpoints.add(size)
             if kind == "outside" and size > 0:
-                self.outside.append((size, root))
+                self.outside.append((number, size, root, None if self.oldest is None else entry["mono_ns"] - self.oldest))
             if timed.earliest_ns is not None and not timed.stands and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
                 round_trip = timed.latest_ns - timed.earliest_ns
                 half = (round_trip + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
@@ -493,9 +494,15 @@ class Entries:
         for gen, middle, half in self.first_comparisons.values():
             if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
                 self.report("clock-differs", "by more than a minute")
-        outside = [size for size, root in self.outside if root not in were_set]
-        if self.whole_case and self.close is not None and outside and min(outside) > self.close:
-            self.report("stamped-after-close", f"close in line {self.close}")
+        outside = [(number, size, age) for number, size, root, age in self.outside if root not in were_set]
+        if self.whole_case:
+            alone_after = self.close is not None and outside and min(size for _, size, _ in outside) > self.close
+        else:
+            alone_after = self.last_checked is not None and outside and outside[0][0] > self.last_checked
+        if alone_after:
+            self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
+        elif outside and outside[0][2] is not None and outside[0][2] > FIRST_STAMP_LATE:
+            self.report("first-stamped-late", f"line {outside[0][0]}")
 
     @property
     def recorded_from(self):

@@ -816,6 +816,53 @@ def stamped_after_the_end_alone(world):
     return world.write(case)
 
 
+def stamped_late(world, seconds, authority=None):
+    """Film of so long, and then the first token."""
+    case = world.begin(stamped=False)
+    world.record(case, 0, seconds // 5)
+    case.checkpoint()
+    case.token(authority or world.outside, seconds * SECOND + 150 * MS, gen_ns=seconds * SECOND + 140 * MS)
+    case.add("mark", seconds * SECOND + 200 * MS, commitment="0" * 64)
+    return world.end(case, seconds * SECOND + 300 * MS)
+
+
+@reaches("first-stamped-late")
+def film_of_before_the_first_token(world):
+    return world.write(stamped_late(world, 200))
+
+
+@reaches("first-stamped-late")
+def first_token_is_entered_behind_the_end(world):
+    case = world.begin(stamped=False)
+    world.record(case, 0, 40)
+    case.checkpoint()
+    case.close(200_040 * MS)
+    case.token(world.outside, 200_150 * MS, gen_ns=200_140 * MS)
+    case.checkpoint()
+    case.token(world.outside, 200_300 * MS, gen_ns=200_290 * MS)
+    case.checkpoint()
+    return world.write(case)
+
+
+@reaches()
+def an_authority_that_answers_late(world):
+    """Two minutes of film come first, but for the time that the token itself takes."""
+    return world.write(stamped_late(world, 115), never=["first-stamped-late"])
+
+
+@reaches("first-stamped-late")
+def an_authority_that_answers_too_late(world):
+    return world.write(stamped_late(world, 120))
+
+
+@reaches("first-stamped-late")
+def own_token_first(world):
+    """The recorder's own authority bounds nothing of what the outside one comes too late for."""
+    case = stamped_late(world, 200)
+    case.steps.insert(case.steps.index(case.of(Checkpoint)[0]) + 1, Token(world.own, 100 * MS, gen_ns=90 * MS))
+    return world.write(case, own=[world.own.root])
+
+
 @reaches("end-stamped-late")
 def end_stamped_later_and_asked_for_later(world):
     case = world.sound()
@@ -2186,6 +2233,50 @@ def sound_excerpt(world):
 @reaches()
 def excerpt_from_the_middle(world):
     return excerpt(world, 11 * SECOND, 14 * SECOND, first=7)
+
+
+def excerpt_of(world, case, from_ns, to_ns, first=0):
+    written = case.write(world.folder / "whole")
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", from_ns, to_ns, ["endoscope"], first, len(written.lines)))
+
+
+@reaches("stamped-after-close")
+def excerpt_of_a_case_that_was_stamped_after_its_end_alone(world):
+    case = world.sound()
+    for token in case.of(Token)[:2]:
+        case.steps.remove(token)
+    return excerpt_of(world, case, 6 * SECOND, 9 * SECOND)
+
+
+@reaches("stamped-after-close")
+def excerpt_of_before_the_first_token(world):
+    """Its case has a token before its end, but none before this part."""
+    case = world.sound()
+    case.steps.remove(case.of(Token)[0])
+    return excerpt_of(world, case, SECOND, 9 * SECOND)
+
+
+@reaches("stamped-after-close")
+def excerpt_without_the_token_before_it(world):
+    """Its lines begin behind the token that would say that it is no older."""
+    return excerpt(world, first=3)
+
+
+@reaches()
+def excerpt_around_the_first_token(world):
+    case = world.sound()
+    case.steps.remove(case.of(Token)[0])
+    given = excerpt_of(world, case, SECOND, 14 * SECOND)
+    given.never = ["stamped-after-close", "first-stamped-late"]
+    return given
+
+
+@reaches("first-stamped-late")
+def excerpt_of_film_of_before_the_first_token(world):
+    case = stamped_late(world, 200)
+    case.steps = case.steps[:case.steps.index(case.find("close"))]
+    world.record(case, 40, 41)
+    return excerpt_of(world, world.end(case, 205_040 * MS), SECOND, 204 * SECOND)
 
 
 @reaches("excerpt-malformed")

@@ -68,7 +68,7 @@ class CertificateMaker {
     heading("2. The record (found by the program)");
     const CaseFacts& facts = in_.facts;
     Table table = facts_table();
-    add_fact(table, found_.excerpt ? "Excerpt of case" : "Case", document_.identifier);
+    add_fact(table, found_.excerpt ? "Excerpt of case" : "Case", identifier_words(in_, document_.identifier));
     if (facts.opened_at) add_fact(table, "Opened, by the recorder's clock", utc_time(facts.opened_at->utc));
     if (facts.closed_at) add_fact(table, "Closed, by the recorder's clock", utc_time(facts.closed_at->utc));
     if (found_.excerpt) {
@@ -140,7 +140,7 @@ class CertificateMaker {
          " It computed the "
          "root of the entries, and checked the device's " +
          signatures() + " over that root. The copy has " + grouped(found_.bytes) + " bytes in all.");
-    add(verdict_statement(in_));
+    add(verdict_statement(in_, Brackets::kInTheReport));
     small("Stated by the person who signs:");
     Table table = facts_table();
     blank(table, "Who ran the program, and saw this result");
@@ -189,6 +189,29 @@ class CertificateMaker {
     return "Ed25519 signature (RFC 8032)";
   }
 
+  [[nodiscard]] std::string what_no_clock_says(archive::TimeRemark remark) const {
+    using archive::TimeRemark;
+    switch (remark) {
+      case TimeRemark::kThereByThen:
+        return "That an outside clock confirms any of the times above: the time stamps show by when the "
+               "record was there. When it was made, and how long that took, the recorder alone says.";
+      case TimeRemark::kFirstStampedLate:
+        return "That an outside clock confirms when recording began. By the case clock it began " +
+               case_time(found_.age_at_first_stamp_ns.value_or(0), false) +
+               " before the first time stamp; that it began no earlier, the recorder alone says.";
+      case TimeRemark::kEndStampedLate:
+        return "That recording ended when the record says: the time stamp over its end came later than that "
+               "explains.";
+      case TimeRemark::kClockDiffers:
+        return "That the times above by the recorder's clock are right: by the time stamps that clock was "
+               "wrong.";
+      case TimeRemark::kLengthDiffers:
+        break;
+    }
+    return "That the record lasted from the opening to the closing that stand above: by its case clock it "
+           "lasted another time.";
+  }
+
   void add_limits() {
     heading("5. What this does not say");
     item("Who and what is in the pictures. The verification shows that the files are as they were recorded.");
@@ -200,6 +223,7 @@ class CertificateMaker {
       item("That an outside clock confirms all of the times above: see the result in part 4.");
     if (found_.time == archive::TimeProof::kSelfIssued || found_.time == archive::TimeProof::kNone)
       item("That an outside clock confirms any of the times above: see the result in part 4.");
+    for (const archive::TimeRemark remark : archive::time_remarks(found_)) item(what_no_clock_says(remark));
     if (found_.verdict == Verdict::kIntactWithGaps || (found_.excerpt && found_.excerpt->with_gaps))
       item(
           "That everything was recorded. The record itself states what is missing; the verification report "

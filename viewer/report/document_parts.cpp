@@ -34,6 +34,14 @@ std::string verdict_sentence(Language language, Verdict verdict) {
   return say(language, "verdict.tampered.sentence");
 }
 
+/// One behind the other. Japanese has no space between two.
+std::string sentences(Language language, const std::vector<std::string>& all) {
+  std::string out;
+  for (const std::string& each : all)
+    out += (out.empty() || language == Language::kJapanese ? "" : " ") + each;
+  return out;
+}
+
 /// What decided the verdict, in words, each code once.
 std::vector<std::string> gravest_meanings(const ReportInput& input) {
   Severity worst = Severity::kNote;
@@ -84,7 +92,28 @@ Tone tone_of(Verdict verdict) {
   return Tone::kBad;
 }
 
-std::string time_sentence(const ReportInput& input) {
+namespace {
+
+std::string remark_sentence(const ReportInput& input, archive::TimeRemark remark) {
+  using archive::TimeRemark;
+  switch (remark) {
+    case TimeRemark::kThereByThen:
+      return say(input.language, "time.remark.there-by-then");
+    case TimeRemark::kFirstStampedLate:
+      return say(input.language, "time.remark.first-late",
+                 {case_time(input.verification.age_at_first_stamp_ns.value_or(0), false)});
+    case TimeRemark::kEndStampedLate:
+      return say(input.language, "time.remark.end-late");
+    case TimeRemark::kClockDiffers:
+      return say(input.language, "time.remark.clock-differs");
+    case TimeRemark::kLengthDiffers:
+      break;
+  }
+  return say(input.language, "time.remark.length-differs");
+}
+
+/// What proves the time, whatever limits the worth of that.
+std::string proof_sentence(const ReportInput& input, Brackets brackets) {
   if (input.verification.time == TimeProof::kNone) {
     const auto found = [&](std::string_view code) {
       return std::ranges::find(input.verification.findings, code, &archive::Finding::code) !=
@@ -105,14 +134,26 @@ std::string time_sentence(const ReportInput& input) {
       earliest = earliest ? std::min(*earliest, *bracket.not_before) : bracket.not_before;
     if (bracket.not_after) latest = latest ? std::max(*latest, *bracket.not_after) : bracket.not_after;
   }
-  const bool only_afterwards = std::ranges::any_of(
-      input.verification.findings,
-      [](const archive::Finding& finding) { return finding.code == "stamped-after-close"; });
+  const std::vector<archive::TimeRemark> remarks = archive::time_remarks(input.verification);
+  const bool only_afterwards = std::ranges::find(remarks, archive::TimeRemark::kThereByThen) != remarks.end();
   if (earliest && latest && !only_afterwards) {
-    return say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)});
+    std::vector<std::string> all{
+        say(input.language, "time.external", {utc_time(*earliest), utc_time(*latest)})};
+    if (brackets == Brackets::kBelow) all.push_back(say(input.language, "time.brackets-below"));
+    if (brackets == Brackets::kInTheReport) all.push_back(say(input.language, "time.brackets-elsewhere"));
+    return sentences(input.language, all);
   }
   return latest ? say(input.language, "time.external-until", {utc_time(*latest)})
                 : say(input.language, "time.none");
+}
+
+}  // namespace
+
+std::string time_sentence(const ReportInput& input, Brackets brackets) {
+  std::vector<std::string> all{proof_sentence(input, brackets)};
+  for (const archive::TimeRemark remark : archive::time_remarks(input.verification))
+    all.push_back(remark_sentence(input, remark));
+  return sentences(input.language, all);
 }
 
 std::string evidence_sentence(const ReportInput& input) {
@@ -162,12 +203,12 @@ std::string witness_sentence(const ReportInput& input) {
                                         : say(input.language, "witness.beginning", {entries});
 }
 
-Statement verdict_statement(const ReportInput& input) {
+Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
                       verdict_sentence(input.language, verdict), gravest_meanings(input)};
   if (verdict == Verdict::kTampered) return statement;
-  statement.remarks.push_back(time_sentence(input));
+  statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
   }

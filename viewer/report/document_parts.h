@@ -13,14 +13,16 @@ inline constexpr double kTextWidth = 487;
 
 std::string verdict_words(Language language, archive::Verdict verdict);
 Tone tone_of(archive::Verdict verdict);
-/// Verdict, what it means, and what is to be known with it.
-/// Whose clock says when it was, in a sentence.
-std::string time_sentence(const ReportInput& input);
+/// Where a document has the brackets of time, of which a sentence on the time speaks.
+enum class Brackets { kBelow, kInTheReport, kUnsaid };
+/// Whose clock says when it was, and what limits the worth of that.
+std::string time_sentence(const ReportInput& input, Brackets brackets = Brackets::kBelow);
 /// What the case's evidence record proves, or why nothing; "" where there is none.
 std::string evidence_sentence(const ReportInput& input);
 /// Whether what the log says of the case's end is witnessed; "" where no policy of witnesses was given.
 std::string witness_sentence(const ReportInput& input);
-Statement verdict_statement(const ReportInput& input);
+/// Verdict, what it means, and what is to be known with it.
+Statement verdict_statement(const ReportInput& input, Brackets brackets = Brackets::kBelow);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);
 /// A table without head: what a thing is called, and what it is.

@@ -54,13 +54,18 @@ Document make_receipt(const ReportInput& input) {
   // One page: what else is to be known stands in the report.
   Statement statement = verdict_statement(input);
   statement.remarks.clear();
+  const std::size_t limits =
+      statement.tone == Tone::kGood ? archive::time_remarks(input.verification).size() : 0;
   if (statement.tone != Tone::kGood) {
     statement.remarks.push_back(words("receipt.not-intact"));
-  } else if (input.verification.time != archive::TimeProof::kExternal) {
-    statement.remarks.push_back(time_sentence(input));  // a verdict alone would say that its times hold
+  } else if (input.verification.time != archive::TimeProof::kExternal || limits > 0) {
+    // A verdict alone would say that its times hold.
+    statement.remarks.push_back(time_sentence(input, Brackets::kUnsaid));
   }
   add(std::move(statement));
-  add(Paragraph{words("receipt.lead")});
+  // What the times are not worth goes before what every receipt says.
+  constexpr std::size_t kMostLimitsBesideTheLead = 1;
+  if (limits <= kMostLimitsBesideTheLead) add(Paragraph{words("receipt.lead")});
 
   Table table = facts_table();
   add_fact(table, words("case.id"), identifier_words(input, document.identifier));

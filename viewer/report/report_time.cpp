@@ -24,8 +24,11 @@ void ReportMaker::add_long_table(Table table, std::size_t size, const Row& row, 
 }
 
 std::string ReportMaker::time_lead() const {
-  if (found_.time == archive::TimeProof::kNone) return time_sentence(in_);
+  if (found_.time == archive::TimeProof::kNone) return time_sentence(in_);  // there are no brackets then
   if (found_.time == archive::TimeProof::kSelfIssued) return words("time.lead.self-issued");
+  const std::vector<archive::TimeRemark> remarks = archive::time_remarks(found_);
+  if (std::ranges::find(remarks, archive::TimeRemark::kThereByThen) != remarks.end())
+    return words("time.lead", {words("time.lead.there-by-then")});
   return words("time.lead",
                {found_.time == archive::TimeProof::kExternal
                     ? words("time.lead.external")

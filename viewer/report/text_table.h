@@ -63,11 +63,30 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "箇所は"
      "「所見」に示します。故意か故障かは、検査では判別できません。"},
     // -- time, as the statement tells it
-    {"time.external",
-     "Authorities outside the recorder time-stamped it, from {0} to {1}. Between which times each part was "
-     "written, the brackets below say.",
-     "記録装置の外部の時刻認証局が {0} から {1} "
-     "までタイムスタンプを付与しました。各部分が記録された時刻の範囲は、下の表に示します。"},
+    {"time.external", "Authorities outside the recorder time-stamped it, from {0} to {1}.",
+     "記録装置の外部の時刻認証局が {0} から {1} までタイムスタンプを付与しました。"},
+    {"time.brackets-below", "Between which times each part was written, the brackets below say.",
+     "各部分が記録された時刻の範囲は、下の表に示します。"},
+    {"time.brackets-elsewhere", "Between which times each part was written, the verification report says.",
+     "各部分が記録された時刻の範囲は、検証報告書に示します。"},
+    {"time.remark.there-by-then", "When it was recorded, and for how long, rests on the recorder's word.",
+     "いつ、どれだけの時間記録されたかは、記録装置のみに依拠します。"},
+    {"time.remark.first-late",
+     "By the case clock recording began {0} before the first time stamp: that it began no earlier rests on "
+     "the recorder's word.",
+     "症例時計によれば、記録は最初のタイムスタンプの {0} "
+     "前に始まりました。それ以前でないことは記録装置のみに依拠し"
+     "ます。"},
+    {"time.remark.end-late",
+     "That recording ended when it says rests on the recorder's word: the time stamp over its end is later.",
+     "終了に対するタイムスタンプは終了時刻より遅く、そこで終わったことは記録装置のみに依拠します。"},
+    {"time.remark.clock-differs",
+     "By the time stamps the recorder's clock was wrong, and so are all times by it.",
+     "タイムスタンプによれば記録装置の時計は誤っており、この時計による時刻もすべて誤りです。"},
+    {"time.remark.length-differs",
+     "How long it lasted, the case clock alone says: from opening to closing the recorder's clock went on by "
+     "another time.",
+     "開始から終了までに記録装置の時計が進んだ時間は症例時計と異なり、長さを示すのは症例時計のみです。"},
     {"time.external-until",
      "When it existed is proved by time-stamping authorities outside the recorder: no later than {0}.",
      "存在した時刻は、記録装置の外部の時刻認証局により証明されています（{0} 以前）。"},
@@ -623,8 +642,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"kind.audio", "sound", "音声"},
     {"kind.vitals", "vital signs", "バイタル"},
     {"kind.events", "events", "イベント"},
-    {"figure.time", "Recorded time of each stream (bars), gaps (crossed boxes) and time stamps (lines below)",
-     "各系統の記録時間（帯）、欠落（×印の枠）、タイムスタンプ（下段の線）"},
+    {"figure.time",
+     "Recorded time of each stream (bars), gaps (crossed boxes) and time stamps that hold (lines below)",
+     "各系統の記録時間（帯）、欠落（×印の枠）、成立したタイムスタンプ（下段の線）"},
     {"figure.tokens", "time stamps", "タイムスタンプ"},
     {"figure.further", "{0} further streams are not drawn; the table above lists them.",
      "このほか {0} 系統は図示していません（上の表にすべて記載）。"},
@@ -655,6 +675,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "the table says “no limit”.",
      "したがって記録の各部分は、二つの外部時刻の間の範囲に収まります。一方がない場合、表には「限界なし」と記"
      "します。"},
+    {"time.lead.there-by-then",
+     "Here every time stamp was entered behind what was recorded. So no part of the record has an earlier "
+     "limit: where one is missing, the table says “no limit”.",
+     "ここではすべてのタイムスタンプが、記録されたものより後に記入されています。したがって記録のどの部分にも"
+     "早い方の限界は"
+     "ありません。限界がない場合、表には「限界なし」と記します。"},
     {"time.lead.external-in-part",
      "So each part of the record as far as entry {0} lies in a bracket between two outside times. Where one "
      "of them is missing, the table says “no limit”. No outside clock says by when the rest was written.",

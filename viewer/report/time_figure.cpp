@@ -53,12 +53,16 @@ class TimeFigure {
     y_ += kRow;
   }
 
-  void add_tokens(const std::string& name, const std::vector<StatedToken>& tokens) {
+  /// Of the tokens those that hold, in the ledger's order: anybody can make one of any time.
+  void add_tokens(const std::string& name, const std::vector<StatedToken>& tokens,
+                  const std::vector<archive::ProvingToken>& proving) {
     label(name);
     constexpr double kWidth = 0.8;
     std::set<long> drawn;  // by place, as wide as a line
     for (const StatedToken& token : tokens) {
-      if (!token.token.exchange) continue;
+      if (!token.token.exchange ||
+          !std::ranges::binary_search(proving, token.entry, {}, &archive::ProvingToken::entry))
+        continue;
       const std::int64_t at = token.token.exchange->answered_ns;
       if (is_part_ && (at < begin_ || at > end_)) continue;
       const double x = x_of(at);
@@ -145,7 +149,7 @@ Figure time_figure(const archive::VerificationReport& verification, const CaseFa
   for (const auto& stream : verification.streams) {
     if (rows++ < kMostStreamsDrawn) figure.add_stream(stream, gaps[stream.info.name]);
   }
-  figure.add_tokens(say(language, "figure.tokens"), facts.tokens);
+  figure.add_tokens(say(language, "figure.tokens"), facts.tokens, verification.proving_tokens);
   return figure.finish(say(language, "figure.time"));
 }
 

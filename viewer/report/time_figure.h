@@ -15,7 +15,8 @@ namespace kiroku::report {
 inline constexpr std::size_t kMostStreamsDrawn = 32;
 
 /// On the case's clock, from its beginning; of an excerpt its time alone. `width` in points. Of the first
-/// kMostStreamsDrawn streams. Gaps are drawn as crossed boxes at least as wide as can be seen.
+/// kMostStreamsDrawn streams, and of time stamps those that hold. Gaps are drawn as crossed boxes at least as
+/// wide as can be seen.
 Figure time_figure(const archive::VerificationReport& verification, const CaseFacts& facts, Language language,
                    double width);
 

@@ -51,8 +51,26 @@ ANSWERS = {"Yes": "はい", "Yes, with stated gaps": "はい（記載された�
            "Could not be checked": "確認できない", "Not finished": "未完了", "Not checked": "未検査", "No": "いいえ"}
 GOOD, IN_PART = {"Yes", "Yes, with stated gaps"}, {"In part", "Only from inside"}
 LINKS = ("segments", "ledger", "checkpoints", "tokens", "authority")
+# What limits the worth of the times, by finding: what kiroku-verify, report and receipt in English, in Japanese, and the certificate's limits say.
+TIME_REMARKS = {
+    "stamped-after-close": ("when it was recorded, and for how long, rests", "When it was recorded, and for how long, rests", "いつ、どれだけの時間記録されたかは、記録装置のみに",
+                            "That an outside clock confirms any of the times above: the time stamps"),
+    "first-stamped-late": ("by the case clock it began", "By the case clock recording began", "症例時計によれば、記録は最初の", "That an outside clock confirms when recording began"),
+    "end-stamped-late": ("that it ended when it says rests", "That recording ended when it says rests", "そこで終わったことは記録装置のみに",
+                         "That recording ended when the record says"),
+    "clock-differs": ("the recorder's clock was wrong", "By the time stamps the recorder's clock was wrong", "タイムスタンプによれば記録装置の時計は",
+                      "That the times above by the recorder's clock are right"),
+    "close-utc-differs": ("from opening to closing the recorder's clock", "How long it lasted, the case clock alone says", "長さを示すのは症例時計のみです",
+                          "That the record lasted from the opening to the closing"),
+}
+# Folders of which each reader must say what its time is not worth, and those whose sentence says no such thing.
+BY_TIME = {"sound", "stamped_after_the_end_alone", "wall_clock_wrong", "ended_a_year_later", "end_stamped_later", "film_of_before_the_first_token",
+           "excerpt_of_a_case_that_was_stamped_after_its_end_alone", "excerpt_of_film_of_before_the_first_token"}
 # A shell takes a second and more for each.
-BY_SCRIPTS = {"sound", "sound_excerpt", "changed_line", "note_of_a_stranger", "other_device", "no_token", "being_recorded", "bit_flipped", "excerpt_without_its_segment"}
+REMARKS_OF_SCRIPTS = {"stamped-after-close": "when it was recorded, and for how long, rests", "first-stamped-late": "that it began no earlier rests",
+                      "end-stamped-late": "that recording ended there rests"}
+BY_SCRIPTS = {"stamped_after_the_end_alone", "film_of_before_the_first_token", "excerpt_of_a_case_that_was_stamped_after_its_end_alone",
+              "excerpt_of_film_of_before_the_first_token", "sound", "sound_excerpt", "changed_line", "note_of_a_stranger", "other_device", "no_token", "being_recorded", "bit_flipped", "excerpt_without_its_segment"}
 
 
 class Page:
@@ -62,13 +80,13 @@ class Page:
         module = scratch / "chain.mjs"
         subprocess.run([stage / "node_modules/.bin/esbuild", ROOT / "viewer/web/src/verification/chain.ts", "--format=esm", f"--outfile={module}", "--log-level=error"],
                        check=True)
-        self.script = (f"import {{ chainOf }} from '{module}'; import {{ readFileSync }} from 'node:fs';"
+        self.script = (f"import {{ chainOf, wordsOfTime }} from '{module}'; import {{ readFileSync }} from 'node:fs';"
                        "const all = JSON.parse(readFileSync(0, 'utf8'));"
-                       "console.log(JSON.stringify(all.map((one) => chainOf(one).map((link) => [link.name, link.state]))));")
+                       "console.log(JSON.stringify(all.map((one) => [chainOf(one).map((link) => [link.name, link.state]), wordsOfTime(one)])));")
 
     def chains(self, reports):
         done = subprocess.run(["node", "--input-type=module", "-e", self.script], input=json.dumps(reports), capture_output=True, text=True, check=True)
-        return [dict(chain) for chain in json.loads(done.stdout)]
+        return [(dict(chain), words) for chain, words in json.loads(done.stdout)]
 
 
 @dataclasses.dataclass
@@ -82,8 +100,10 @@ class Told:
     documents: dict        # by language: (word, tone, answers, links)
     pdf: str | None
     certified: bool
-    scripts: int | None
+    scripts: tuple | None  # exit status, and all that they say
+    papers: dict           # texts by name, of those that were made: en, ja, receipt-en, receipt-ja, certificate
     chain: dict | None = None
+    page_time: list | None = None   # keys of the page's sentences on the time
 
 
 def plain(fragment):
@@ -136,8 +156,9 @@ class Readers:
         (folder / "verify.sh").write_text(re.search(rf"^```bash{kind}\n(.*?)^```$", page, re.M | re.S)[1], "utf-8")
         (folder / "roots.pem").write_text("".join(given.roots))
         (folder / "device").write_text("".join(f"{key}\n" for key in given.devices))
-        return subprocess.run(["bash", folder / "verify.sh", given.path, folder / "roots.pem", folder / "device"], capture_output=True, text=True,
-                              timeout=10 * LONGEST_WAIT_S).returncode
+        done = subprocess.run(["bash", folder / "verify.sh", given.path, folder / "roots.pem", folder / "device"], capture_output=True, text=True,
+                              timeout=10 * LONGEST_WAIT_S)
+        return done.returncode, done.stdout
 
     def told(self, name, make):
         """Nothing of a folder that the report refuses, as of a log."""
@@ -163,8 +184,12 @@ class Readers:
             self.ask(given, "report", *options, "--by", "Dr. Sato", "-o", out / "en.pdf")
             pdf = subprocess.run(["pdftotext", "-raw", out / "en.pdf", "-"], capture_output=True, text=True, check=True).stdout if shutil.which("pdftotext") else None
             certified = self.ask(given, "report", "--certificate", *options, "-o", out / "certificate.html").returncode == 0
+            if name in BY_TIME:
+                for language in ("en", "ja"):
+                    self.ask(given, "report", "--receipt", *options, "--language", language, "-o", out / f"receipt-{language}.html")
             scripts = self.by_scripts(given, folder) if name in BY_SCRIPTS else None
-            return Told(name, json.loads(as_json.stdout), as_json.returncode, in_words.stdout, in_words.returncode, documents, pdf, certified, scripts)
+            return Told(name, json.loads(as_json.stdout), as_json.returncode, in_words.stdout, in_words.returncode, documents, pdf, certified, scripts,
+                        {path.stem: plain(path.read_text("utf-8")) for path in out.glob("*.html")})
         finally:
             shutil.rmtree(folder)
 
@@ -211,9 +236,34 @@ def contradictions(told):
         yield f"{verdict}: the report answers {answers}"
     if told.certified != (tone == "good"):
         yield f"{verdict}: a certificate was {'' if told.certified else 'not '}made"
-    if told.scripts is not None and told.scripts in (0, 4) and verdict != ("intact-excerpt" if told.scripts == 4 else "intact"):
-        yield f"{verdict}: the scripts with stock tools leave with {told.scripts}"
+    if told.scripts is not None and told.scripts[0] in (0, 4) and verdict != ("intact-excerpt" if told.scripts[0] == 4 else "intact"):
+        yield f"{verdict}: the scripts with stock tools leave with {told.scripts[0]}"
+    yield from contradictions_of_time(told)
     yield from contradictions_of_page(told, answers, links)
+
+
+def contradictions_of_time(told):
+    """What the time is not worth is said by every reader, or by none."""
+    codes, tampered = {each["code"] for each in told.report["findings"]}, told.report["verdict"] == "tampered"
+    for code, (words, english, japanese, certificate) in TIME_REMARKS.items():
+        # A report of a changed case tells no time.
+        expected = [("words", told.words, words)] + ([] if tampered else [(name, told.papers.get(name), japanese if name.endswith("ja") else english)
+                                                                          for name in ("en", "ja", "receipt-en", "receipt-ja", "certificate")])
+        expected += [("certificate's limits", told.papers.get("certificate"), certificate)]
+        if told.scripts is not None and told.scripts[0] in (0, 4) and code in REMARKS_OF_SCRIPTS:
+            expected += [("scripts", told.scripts[1], REMARKS_OF_SCRIPTS[code])]
+        if told.page_time is not None:
+            expected += [("page", " ".join(told.page_time), f"timeRemark.{code}")]
+        for reader, text, sentence in expected:
+            # A receipt of what is not whole says that, and no time.
+            if text is None or (reader.startswith("receipt") and told.documents["en"][1] != "good"):
+                continue
+            sentence = "\n" + 13 * " " + sentence if reader == "words" else sentence
+            if (sentence in text) != (code in codes):
+                yield f"of {code} the {reader} says {'nothing' if code in codes else 'what nobody found'}"
+    for name in ("receipt-en", "certificate"):
+        if "the brackets below" in told.papers.get(name, ""):
+            yield f"the {name} speaks of brackets, and has none"
 
 
 def contradictions_of_page(told, answers, links):
@@ -246,7 +296,8 @@ def chosen(every):
         if name in BY_SCRIPTS or not codes or not set(codes) <= seen or at % 16 == 0:
             some.append((name, codes, make))
         seen |= set(codes)
-    return some[::3]
+    some = some[::3]
+    return some + [one for one in forgeries.ALL if one[0] in BY_TIME and one not in some]
 
 
 def main():
@@ -267,12 +318,12 @@ def main():
         page = given.page and (given.page / "node_modules/.bin/esbuild").exists() and shutil.which("node")
         if page:
             for told, chain in zip(all_told, Page(given.page.resolve(), scratch).chains([one.report for one in all_told])):
-                told.chain = chain
+                told.chain, told.page_time = chain
         else:
             left_out.append("the page is not built: its chain of proof is left out")
     if given.only:
         for told in all_told:
-            print(told.words, *told.documents["en"], told.chain, told.certified, told.scripts, sep="\n")
+            print(told.words, *told.documents["en"], told.chain, told.page_time, told.certified, told.scripts, sep="\n")
     wrong = [f"{told.name}: {each}" for told in all_told for each in contradictions(told)]
     print("\n".join(wrong))
     print(*left_out, sep="\n")

@@ -471,6 +471,11 @@ TEST_F(ReportDocument, TheFigureOfAnExcerptHasTheTimesOfTheCaseAndNothingFromOut
   in.facts.tokens.front().token.exchange = {3 * kNs, 3 * kNs};
   in.facts.gaps.push_back({"endoscope", {2 * kNs, 3 * kNs}, archive::GapCause::kSignalLost});
   EXPECT_EQ(told().second, 4U + 1U + 6U) << "what is of its time";
+  // Anybody can make a token of any time.
+  in.facts.tokens.push_back(in.facts.tokens.front());
+  in.facts.tokens.back().entry += 1'000;
+  in.facts.tokens.back().token.exchange = {2 * kNs, 2 * kNs};
+  EXPECT_EQ(told().second, 4U + 1U + 6U) << "what does not hold";
 }
 
 TEST_F(ReportDocument, OfAnExcerptThatReachesTheEndDoesNotSayThatTheEndIsNotPartOfIt) {

@@ -314,6 +314,86 @@ TEST_F(ReportDocument, OfACaseThatWasStampedAfterItsEndAloneSaysNoBeginning) {
   const std::string text = test::text_of(make_report(in));
   EXPECT_THAT(text, testing::Not(HasSubstr("time-stamped it, from ")));
   EXPECT_THAT(text, HasSubstr("no later than "));
+  EXPECT_THAT(text, HasSubstr("When it was recorded, and for how long, rests on the recorder's word."));
+  EXPECT_THAT(text, HasSubstr("So no part of the record has an earlier limit"));
+  EXPECT_THAT(text, testing::Not(HasSubstr("lies in a bracket between two outside times")));
+}
+
+// Who holds a receipt or a certificate alone reads no findings.
+TEST_F(ReportDocument, EveryDocumentSaysWhatItsTimeIsNotWorth) {
+  struct Limit {
+    std::string code, english, japanese, certificate;
+  };
+  const std::vector<Limit> limits = {
+      {"stamped-after-close", "When it was recorded, and for how long, rests on the recorder's word.",
+       "いつ、どれだけの時間記録されたかは", "That an outside clock confirms any of the times above:"},
+      {"first-stamped-late", "By the case clock recording began 0:03:20 before the first time stamp:",
+       "記録は最初のタイムスタンプの 0:03:20 前に始まりました",
+       "That an outside clock confirms when recording began. By the case clock it began 0:03:20 before"},
+      {"end-stamped-late", "That recording ended when it says rests on the recorder's word",
+       "そこで終わったことは記録装置のみに依拠します", "That recording ended when the record says"},
+      {"clock-differs", "By the time stamps the recorder's clock was wrong, and so",
+       "タイムスタンプによれば記録装置の時計は誤っており",
+       "That the times above by the recorder's clock are right"},
+      {"close-utc-differs", "How long it lasted, the case clock alone says", "長さを示すのは症例時計のみです",
+       "That the record lasted from the opening to the closing"}};
+  for (const Limit& stated : limits) {
+    ReportInput in = input();
+    in.verification.time = archive::TimeProof::kExternal;
+    in.verification.age_at_first_stamp_ns = 200'000'000'000;
+    in.verification.findings.push_back({stated.code, archive::Severity::kNote, {}, {}, {}, "why"});
+    for (const Limit& each : limits) {
+      const auto says = [&](const std::string& words) {
+        return each.code == stated.code ? testing::Matcher<std::string>(HasSubstr(words))
+                                        : testing::Matcher<std::string>(Not(HasSubstr(words)));
+      };
+      in.language = Language::kEnglish;
+      EXPECT_THAT(test::text_of(make_report(in)), says(each.english)) << stated.code;
+      EXPECT_THAT(test::text_of(make_receipt(in)), says(each.english)) << stated.code;
+      EXPECT_THAT(test::text_of(make_certificate(in)), AllOf(says(each.english), says(each.certificate)))
+          << stated.code;
+      in.language = Language::kJapanese;
+      EXPECT_THAT(test::text_of(make_report(in)), says(each.japanese)) << stated.code;
+      EXPECT_THAT(test::text_of(make_receipt(in)), says(each.japanese)) << stated.code;
+    }
+  }
+}
+
+TEST_F(ReportDocument, AReceiptWithAllThatItsTimeIsNotWorthHasOnePage) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  const std::vector<std::vector<std::string>> cases = {
+      {"first-stamped-late"},
+      {"first-stamped-late", "end-stamped-late", "clock-differs", "close-utc-differs"},
+      {"stamped-after-close", "clock-differs", "close-utc-differs"}};
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    for (const std::vector<std::string>& codes : cases) {
+      ReportInput in = input(archive_.options(), language);
+      in.verification.time = archive::TimeProof::kExternal;
+      for (const std::string& code : codes)
+        in.verification.findings.push_back({code, archive::Severity::kNote, {}, {}, {}, "why"});
+      write("receipt.pdf", write_pdf(make_receipt(in)));
+      EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"))
+          << codes.size() << codes.front();
+    }
+  }
+}
+
+TEST_F(ReportDocument, SpeaksOfTheBracketsWhereTheyStand) {
+  ReportInput in = input();
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("the brackets below say."));
+  EXPECT_THAT(test::text_of(make_certificate(in)),
+              AllOf(HasSubstr("the verification report says."), Not(HasSubstr("brackets below"))));
+  in.verification.findings.push_back({"clock-differs", archive::Severity::kNote, {}, {}, {}, "why"});
+  EXPECT_THAT(test::text_of(make_receipt(in)),
+              AllOf(HasSubstr("time-stamped it, from "), Not(HasSubstr("Between which times"))));
+}
+
+// Whoever makes a case chooses its identifier.
+TEST_F(ReportDocument, CertificateSaysThatTheIdentifiersTimeIsAnother) {
+  ReportInput in = input();
+  in.verification.case_id = "20150805T091502Z-3f9c21ab";
+  EXPECT_THAT(test::text_of(make_certificate(in)), HasSubstr("Case | 20150805T091502Z-3f9c21ab, "));
 }
 
 TEST_F(ReportDocument, CarriesTheFilesAlongThatItsProofOfTimeRestsOn) {

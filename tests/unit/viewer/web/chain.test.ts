@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { Finding, Severity, Timeline, VerificationReport } from '@/api/types';
 import { readFileSync } from 'node:fs';
 import { messages } from '@/i18n/messages';
-import { byGravity, chainOf, linkOf, momentOf, wordsOfChain } from '@/verification/chain';
+import { byGravity, chainOf, isThereByThen, linkOf, momentOf, wordsOfChain, wordsOfTime } from '@/verification/chain';
 
 const finding = (code: string, severity: Severity, more: Partial<Finding> = {}): Finding => ({
   code,
@@ -58,15 +58,28 @@ describe('The chain of proof', () => {
       wordsOfChain(report([], { time, ...more }))
         .map((key) => messages.en[key])
         .join(' ');
-    expect(told('external')).toContain('an outside authority says when');
+    expect(told('external')).toContain('an outside authority says by when');
     expect(told('external-in-part')).toContain('Of the later ones nobody outside');
     expect(told('self-issued')).toContain('No outside clock stands behind it');
     expect(told('none')).toContain('No time-stamp here shows');
     for (const time of kTimes) {
       expect(told(time)).toContain('the device signs the ledger');
       expect(told(time, { signed_entries: 0 })).not.toContain('signs the ledger');
-      expect(told(time).includes('an outside authority says when')).toBe(time === 'external');
+      expect(told(time).includes('an outside authority says by when')).toBe(time === 'external');
     }
+  });
+
+  it('says beside the time what it is not worth', () => {
+    const told = (...codes: string[]) => wordsOfTime(report(codes.map((code) => finding(code, 'note'))));
+    expect(told('frames-dropped')).toEqual(['timeWhat.external']);
+    expect(told('stamped-after-close')).toEqual(['timeWhat.external-until', 'timeRemark.stamped-after-close']);
+    expect(told('clock-differs', 'first-stamped-late')).toEqual(['timeWhat.external', 'timeRemark.first-stamped-late', 'timeRemark.clock-differs']);
+    expect(told('end-stamped-late', 'close-utc-differs')).toEqual(['timeWhat.external', 'timeRemark.end-stamped-late', 'timeRemark.close-utc-differs']);
+    const selfIssued = report([finding('close-utc-differs', 'note')], { time: 'self-issued' });
+    expect(wordsOfTime(selfIssued)).toEqual(['timeWhat.self-issued', 'timeRemark.close-utc-differs']);
+    expect(isThereByThen(selfIssued)).toBe(false);
+    expect(isThereByThen(report([finding('stamped-after-close', 'note')]))).toBe(true);
+    expect(messages.en['timeWhat.external-until']).not.toContain('proven by');
   });
 
   it('holds where nothing was found', () => {

@@ -40,9 +40,16 @@ export const casesEn = {
   'time.not-judged': 'not judged',
   'time.none': 'no authority',
   'timeWhat.external': 'Time is proven by an outside authority.',
+  'timeWhat.external-until': 'An outside authority proves that it was there by then, not when it was recorded.',
   'timeWhat.external-in-part': 'An outside authority covers only the first entries of the ledger. When what follows was written rests on the recorder’s word.',
   'timeWhat.self-issued': 'Time-stamps are self-issued: they prove the order of things, but no outside clock stands behind them.',
   'timeWhat.none': 'Nothing outside the device says when this was recorded.',
+  'timeRemark.stamped-after-close': 'When it was recorded, and for how long, rests on the recorder’s word.',
+  'timeRemark.first-stamped-late': 'It began well before the first outside time-stamp. That it began no earlier than it says rests on the recorder’s word.',
+  'timeRemark.end-stamped-late': 'The time-stamp over its end is later than that end explains. That recording ended there rests on the recorder’s word.',
+  'timeRemark.clock-differs': 'By the outside time-stamps the recorder’s clock was wrong. So is every time by it.',
+  'timeRemark.close-utc-differs':
+    'From opening to closing the recorder’s clock went on by another time than the case clock. How long it lasted, the case clock alone says.',
 } as const;
 
 export const casesJa: Record<keyof typeof casesEn, string> = {
@@ -84,7 +91,13 @@ export const casesJa: Record<keyof typeof casesEn, string> = {
   'time.not-judged': '未判定',
   'time.none': '認証局なし',
   'timeWhat.external': '時刻は外部の認証局により証明されています。',
+  'timeWhat.external-until': '外部の認証局が証明するのは、その時までに存在したことであり、いつ記録されたかではありません。',
   'timeWhat.external-in-part': '外部の認証局が証明するのは台帳の最初の部分だけです。それ以降が書かれた時刻は記録装置のみに依拠します。',
   'timeWhat.self-issued': 'タイムスタンプは自己発行です。順序は証明しますが、外部の時計による裏付けはありません。',
   'timeWhat.none': 'いつ記録されたかを示すものが装置の外にありません。',
+  'timeRemark.stamped-after-close': 'いつ、どれだけの時間記録されたかは、記録装置のみに依拠します。',
+  'timeRemark.first-stamped-late': '外部の最初のタイムスタンプよりかなり前に始まっています。記載より前に始まっていないことは、記録装置のみに依拠します。',
+  'timeRemark.end-stamped-late': '終了に対するタイムスタンプは、記載された終了時刻より遅いものです。そこで記録が終わったことは、記録装置のみに依拠します。',
+  'timeRemark.clock-differs': '外部のタイムスタンプによれば、記録装置の時計は誤っていました。この時計によるすべての時刻も誤りです。',
+  'timeRemark.close-utc-differs': '開始から終了までに記録装置の時計が進んだ時間は、症例時計と異なります。記録の長さを示すのは症例時計のみです。',
 };

@@ -37,6 +37,7 @@ const kByCode: Record<string, LinkName> = {
   'end-not-stamped': 'tokens',
   'end-stamped-late': 'tokens',
   'stamped-after-close': 'tokens',
+  'first-stamped-late': 'tokens',
   'clock-contradicted': 'tokens',
   'authority-clock-differs': 'tokens',
   'authority-clock-set': 'tokens',
@@ -136,6 +137,20 @@ const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (name === 'ledger' && report.excerpt === null && report.signed_entries < report.entries) ||
   (name === 'tokens' && (report.tokens === 0 || report.time === 'none')) ||
   (name === 'authority' && report.time !== 'external');
+
+// What limits the worth of a case's times, as every reader says it beside the time (archive/verify/report.h, TimeRemark).
+const kTimeRemarks = ['stamped-after-close', 'first-stamped-late', 'end-stamped-late', 'clock-differs', 'close-utc-differs'] as const;
+
+const isFound = (report: VerificationReport, code: string): boolean => report.findings.some((one) => one.code === code);
+
+/** Whether it is proved by when the record was there, and nothing outside says when it was made. */
+export const isThereByThen = (report: VerificationReport): boolean => report.time === 'external' && isFound(report, 'stamped-after-close');
+
+/** Whose clock says when the case was recorded, in sentences, and what limits the worth of that. */
+export const wordsOfTime = (report: VerificationReport): MessageKey[] => [
+  isThereByThen(report) ? 'timeWhat.external-until' : `timeWhat.${report.time}`,
+  ...kTimeRemarks.filter((code) => isFound(report, code)).map((code) => `timeRemark.${code}` as const),
+];
 
 /** What the chain is made of, in sentences: who signed it, and whose clock stands behind its time. */
 export const wordsOfChain = (report: VerificationReport): MessageKey[] => [

@@ -13,7 +13,7 @@ import { may } from '@/shell/rights';
 import { announce, attempt, session } from '@/shell/state';
 import { verdictSign } from '@/shell/verdict';
 import { nameWithKind } from '@/verification/authority_kind';
-import { byGravity, chainOf, linkOf, type LinkName, momentOf, severityText, wordsOfChain } from '@/verification/chain';
+import { byGravity, chainOf, isThereByThen, linkOf, type LinkName, momentOf, severityText, wordsOfChain, wordsOfTime } from '@/verification/chain';
 import { ChainDrawing } from '@/verification/chain_drawing';
 import { FindingText } from '@/verification/finding_text';
 
@@ -55,7 +55,7 @@ function Brackets({ report }: { report: VerificationReport }) {
     utc ? `${formatMoment(utc)}${authority ? ` (${nameWithKind(authority, kind)})` : ''}` : t('bracket.unknown');
   return (
     <section class="card table-card" aria-labelledby="brackets">
-      <h2 id="brackets">{t('bracket.title')}</h2>
+      <h2 id="brackets">{t(isThereByThen(report) ? 'bracket.titleUntil' : 'bracket.title')}</h2>
       <p class="muted">{t('bracket.what')}</p>
       <div class="table-scroll" tabIndex={0} role="region" aria-labelledby="brackets">
         <table class="table">
@@ -219,7 +219,11 @@ function Report({ id, report, timeline, about }: { id: string; report: Verificat
           <h2 id="verdict">{t(`verdict.${report.verdict}`)}</h2>
           <p>{t(`verdictWhat.${report.verdict}`)}</p>
           <p class="muted">{t('verify.when', { moment: formatMoment(report.verified) })}</p>
-          <p class="muted">{t(`timeWhat.${report.time}`)}</p>
+          <p class="muted">
+            {wordsOfTime(report)
+              .map((key) => t(key))
+              .join(' ')}
+          </p>
         </div>
         {!isFleet() && (
           <div class="banner-end">
