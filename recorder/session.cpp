@@ -215,7 +215,11 @@ Session::State::State(SessionOptions asked)
     vitals.push_back(std::move(opened));
   }
   declare(events_info(options.event_recipients), options.event_recipients);
-  if (options.pointing) declare(pointing_info(options.event_recipients), options.event_recipients);
+  if (options.pointing) {
+    const crypto::AgeRecipients& of_pointing =
+        options.pointing_recipients.empty() ? options.event_recipients : options.pointing_recipients;
+    declare(pointing_info(of_pointing), of_pointing);
+  }
 
   writing.archive = options.archive;
   writing.key = options.key;

@@ -85,8 +85,9 @@ struct SessionOptions {
   std::string device_name;
   std::vector<StreamRequest> video;
   std::vector<StreamRequest> vitals;
-  crypto::AgeRecipients event_recipients;  // for the events stream and the subject
-  bool pointing = false;  // whether people may point on live pictures, for the same recipients
+  crypto::AgeRecipients event_recipients;     // for the events stream and the subject
+  bool pointing = false;                      // whether people may point on live pictures
+  crypto::AgeRecipients pointing_recipients;  // of where they do; none: those of events
   std::optional<Bytes> subject;
   /// Why streams of `video` have the profiles that they have; events where a case begins at once.
   std::vector<ProfileDecision> profile_decisions;

@@ -32,6 +32,8 @@
 #include "apps/kirokud/room_resumption.h"
 #include "apps/kirokud/room_setup.h"
 #include "apps/kirokud/servers.h"
+#include "apps/kirokud/successor.h"
+#include "archive/format/pointing_stream.h"
 #include "archive/storage/file_system.h"
 #include "archive/storage/recording_lock.h"
 #include "archive/writing/appliance_log.h"
@@ -105,12 +107,6 @@ DaemonSetup read_configuration(const std::filesystem::path& file) {
           parse_consent_configuration(text_of(text), file.string())};
 }
 
-/// Whether the program's file was replaced by a newer one: a package was upgraded.
-bool was_replaced() {
-  std::error_code ignored;
-  return std::filesystem::read_symlink("/proc/self/exe", ignored).string().ends_with(" (deleted)");
-}
-
 /// A disk that cannot be asked is told of; it must not end what is being recorded.
 void watch_disk(recorder::Daemon& daemon) {
   try {
@@ -131,7 +127,7 @@ void watch_hardware(HardwareWatch& hardware, bool recorded) {
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
-                  HardwareWatch& hardware) {
+                  HardwareWatch& hardware, Successor& successor) {
   DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
@@ -141,7 +137,7 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     descriptors.look();
     watch_hardware(hardware, daemon.recording());
-    if (!daemon.recording() && was_replaced())
+    if (!daemon.recording() && successor.is_ready())
       return "a newer version was installed and nothing is being recorded";
   }
 }
@@ -189,8 +185,12 @@ int run(const Request& request) {
         if (!stream.is_video) check_senders(stream.source);
       }
       if (room.procedure.hl7) check_senders(room.procedure.hl7->listen);
+      static_cast<void>(recipients.of(kEventsRecipients));
+      static_cast<void>(recipients.of(std::string(archive::kPointingStream)));
     }
     static_cast<void>(hook_token(home, configuration));
+    for (const std::string& sentence : idle_retention(configuration))
+      print_error("kirokud", "warning: " + file.string() + ": " + sentence);
     std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
@@ -200,12 +200,13 @@ int run(const Request& request) {
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
   recorder::DaemonOptions options;
-  const TellWithout without = [&options](const std::string& why) {
-    options.problems.push_back("recording goes on, but " + why);
-    spdlog::error("{}", printable(options.problems.back()));
+  const auto tell = [&options](const std::string& sentence) {
+    options.problems.push_back(sentence);
+    spdlog::error("{}", printable(sentence));
   };
+  const TellWithout without = [&tell](const std::string& why) { tell("recording goes on, but " + why); };
   const WritableHome shared(home, without);  // by all rooms
-  log_configuration(file, home, *shared.log);
+  log_configuration(file, home, *shared.log, tell);
 
   // Asked before the first source: an upgrade while a case runs then finds the decoder of this version at
   // hand.
@@ -254,7 +255,9 @@ int run(const Request& request) {
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    reason = watch(daemon, inboxes, signals, hardware);
+    Successor successor({"--check", "--home", home.folder().string(), "--config", file.string()},
+                        [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); });
+    reason = watch(daemon, inboxes, signals, hardware, successor);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.

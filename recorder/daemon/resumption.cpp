@@ -148,7 +148,7 @@ std::optional<RunningCase> ResumptionPlanner::newest_of(const ResumeRule& rule) 
 std::optional<nanoseconds> ResumptionPlanner::logged_opening(const std::string& case_id) const {
   std::optional<nanoseconds> opened;
   bool this_boot = false;
-  archive::for_each_log_line(context_.archive / "log", [&](const archive::LogLine& line) {
+  const auto visit = [&](const archive::LogLine& line) {
     if (line.type != "boot" && (line.type != "case-opened" || !may_tell_of(line.json, case_id))) return;
     const archive::LogEntryParse parse = archive::parse_log_entry(line.json);
     if (!parse.entry) return;
@@ -157,7 +157,12 @@ std::optional<nanoseconds> ResumptionPlanner::logged_opening(const std::string& 
     } else if (this_boot) {
       opened = nanoseconds(parse.entry->at.mono_ns);
     }
-  });
+  };
+  try {
+    archive::for_each_log_line(context_.archive / "log", visit);
+  } catch (const Error&) {
+    return {};  // a boot may stand in the line that cannot be read; the wall clock decides
+  }
   return opened;
 }
 
