@@ -85,8 +85,9 @@ struct SessionOptions {
   std::string device_name;
   std::vector<StreamRequest> video;
   std::vector<StreamRequest> vitals;
-  crypto::AgeRecipients event_recipients;  // for the events stream and the subject
-  bool pointing = false;  // whether people may point on live pictures, for the same recipients
+  crypto::AgeRecipients event_recipients;     // for the events stream and the subject
+  bool pointing = false;                      // whether people may point on live pictures
+  crypto::AgeRecipients pointing_recipients;  // of where they do; none: those of events
   std::optional<Bytes> subject;
   /// Why streams of `video` have the profiles that they have; events where a case begins at once.
   std::vector<ProfileDecision> profile_decisions;
@@ -164,7 +165,9 @@ class Session {
                     const CaseIdentity& identity = {});
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
-  SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
+  /// `closing` once, when that is over: what follows waits for disks and for authorities.
+  SessionResult run(const std::function<void(const SessionStatus&)>& progress = {},
+                    const std::function<void()>& closing = {});
   /// From any thread or a signal handler; the close reason is "operator".
   void stop() noexcept;
   /// The same with another close reason. From any thread; the first reason stands.

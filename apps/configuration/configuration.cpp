@@ -1,11 +1,14 @@
 #include "apps/configuration/configuration.h"
 
+#include <algorithm>
+
 #include "apps/common/format.h"
 #include "apps/configuration/consent_configuration.h"
 #include "apps/configuration/room_configuration.h"
 #include "apps/configuration/table_reader.h"
 #include "apps/configuration/viewer_configuration.h"
 #include "base/error.h"
+#include "base/joined.h"
 
 namespace kiroku::apps {
 
@@ -46,10 +49,18 @@ void read_recording(const toml::table& table, const std::string& file, Configura
   reader.refuse_unknown_keys();
 }
 
+/// Rooms must have been read: a name that is mistyped would leave its stream open to everybody in
+/// recipients.txt.
 void read_recipients(const toml::table& table, const std::string& file, Configuration& into) {
   TableReader reader(table, "[recipients]", file);
+  const std::vector<std::string> known = names_with_recipients(into);
   for (const auto& [key, node] : table) {
     const std::string stream(key.str());
+    if (std::ranges::find(known, stream) == known.end()) {
+      reader.refuse(key.source(), "[recipients] names the stream '" + stream + "', which " +
+                                      (into.rooms.empty() ? "is never recorded" : "no [[room]] records") +
+                                      "; known are " + joined(known));
+    }
     reader.text(stream, [&](const std::string& text) { into.recipients[stream] = text; });
   }
 }
@@ -103,11 +114,11 @@ Configuration parse_configuration(std::string_view text, const std::string& name
     if (const toml::table* table = top.table(key)) read(*table, name_for_errors, configuration);
   };
   section("recording", read_recording);
-  section("recipients", read_recipients);
   section("evidence", read_evidence);
   configuration.authorities = read_authorities(top, AuthorityUse::kOfAppliance);
   read_daemon(top, configuration);
   read_rooms(top, configuration);
+  section("recipients", read_recipients);
   read_profile_rules(top, configuration);
   read_retention_rules(top, configuration.retention);
   ConsentConfiguration consent;

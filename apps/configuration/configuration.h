@@ -31,7 +31,8 @@ struct Configuration {
   std::chrono::nanoseconds segment = std::chrono::seconds(2);
   std::chrono::nanoseconds stamp_every = std::chrono::seconds(60);
   std::chrono::nanoseconds source_timeout = std::chrono::seconds(5);
-  std::map<std::string, std::string> recipients;  // stream to recipients file, relative to the home
+  /// Stream to recipients file, relative to the home; of kEventsRecipients the patient is, too.
+  std::map<std::string, std::string> recipients;
   std::vector<AuthorityConfiguration> authorities;
   std::vector<ProfileForConfiguration> profile_for;
   // Of an unattended recorder.
@@ -46,6 +47,14 @@ struct Configuration {
 /// Throws kiroku::UsageError "<name_for_errors>:<line>:<column>: …" for what is no TOML, an unknown key, a
 /// wrong type or a value out of its range.
 Configuration parse_configuration(std::string_view toml, const std::string& name_for_errors);
+
+/// What may have recipients of its own: the streams of every room, or without rooms those of `kiroku record`;
+/// those of `kiroku train`; "events", the operator's marks and the patient; "pointing".
+std::vector<std::string> names_with_recipients(const Configuration& configuration);
+inline constexpr const char* kEventsRecipients = "events";
+/// A sentence for each [[retention]] of which nothing that is recorded now will ever be due: mistyped, or for
+/// cases of before.
+std::vector<std::string> idle_retention(const Configuration& configuration);
 
 /// The text `kiroku init` writes.
 std::string_view default_configuration_text();

@@ -1,6 +1,7 @@
 #include "apps/configuration/room_configuration.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <linux/input-event-codes.h>
 
@@ -10,6 +11,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
 #include "recorder/session.h"
+#include "recorder/session_request.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::apps {
@@ -208,6 +210,12 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
     if (room.rules.pre_roll > std::chrono::hours(1))
       throw UsageError("'pre_roll' is '" + text + "': at most 1h");
   });
+  if (room.rules.pre_roll >= room.rules.longest_case) {
+    const toml::node* node = reader.find("pre_roll");
+    if (node == nullptr) node = reader.find("longest_case");
+    reader.refuse(node->source(),
+                  "'pre_roll' is not shorter than 'longest_case': each case would end as it begins");
+  }
   reader.text("start_on_signal", [&](const std::string& text) { room.rules.start_on_signal = text; });
   reader.text("signal_lasts", [&](const std::string& text) {
     room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
@@ -353,6 +361,73 @@ void read_profile_rules(TableReader& top, Configuration& into) {
       reader.refuse(entry.source(), "there are two [[recording.profile_for]] named '" + read.rule.name + "'");
     into.profile_for.push_back(std::move(read));
   });
+}
+
+namespace {
+
+// As `kiroku record` and `kiroku train` name their streams.
+constexpr std::array<std::string_view, 4> kOfRecord{"endoscope", "room", "fluoroscopy", "vitals"};
+constexpr std::array<std::string_view, 2> kOfTraining{"training", "forces"};
+
+/// `with_second`: also what archives the same pictures in a second form.
+std::vector<std::string> streams_of_rooms(const Configuration& configuration, bool with_second) {
+  std::vector<std::string> names;
+  const auto add = [&names](const std::string& name) {
+    if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+  };
+  for (const RoomConfiguration& room : configuration.rooms) {
+    for (const StreamConfiguration& stream : room.streams) {
+      if (with_second)
+        std::ranges::for_each(names_of(stream), add);
+      else
+        add(stream.name);
+    }
+  }
+  if (configuration.rooms.empty()) names.assign(kOfRecord.begin(), kOfRecord.end());
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::string> names_with_recipients(const Configuration& configuration) {
+  std::vector<std::string> names = streams_of_rooms(configuration, false);
+  names.insert(names.end(), kOfTraining.begin(), kOfTraining.end());
+  names.emplace_back(kEventsRecipients);
+  names.emplace_back(archive::kPointingStream);
+  return names;
+}
+
+std::vector<std::string> idle_retention(const Configuration& configuration) {
+  std::vector<std::string> names = streams_of_rooms(configuration, true);
+  if (configuration.rooms.empty()) {
+    for (const std::string_view first : kOfRecord) {
+      for (const recorder::Profile form :
+           {recorder::Profile::kMpeg2, recorder::Profile::kUncompressed, recorder::Profile::kLossless})
+        names.push_back(recorder::second_name(std::string(first), form));
+    }
+  }
+  names.insert(names.end(), kOfTraining.begin(), kOfTraining.end());
+  names.emplace_back(kEventsRecipients);
+  names.emplace_back(archive::kPointingStream);
+  std::vector<std::string> purposes{recorder::events_info({}).purpose, recorder::pointing_info({}).purpose};
+  for (const RoomConfiguration& room : configuration.rooms) {
+    for (const StreamConfiguration& stream : room.streams) purposes.push_back(stream.purpose);
+  }
+  std::vector<std::string> idle;
+  for (const RetentionRule& rule : configuration.retention.rules) {
+    const bool by_name = !rule.stream.empty();
+    // Without rooms purposes are those of streams, of marks and of training, which nobody chooses.
+    if (!by_name && configuration.rooms.empty()) continue;
+    const std::vector<std::string>& known = by_name ? names : purposes;
+    const std::string& stated = by_name ? rule.stream : rule.purpose;
+    if (std::ranges::find(known, stated) != known.end()) continue;
+    idle.push_back(std::string("[[retention]] is for the ") + (by_name ? "stream" : "purpose") + " '" +
+                   stated +
+                   "', which nothing that is recorded here has: by this rule only cases of before "
+                   "may ever be erased. There are " +
+                   joined(known));
+  }
+  return idle;
 }
 
 std::vector<recorder::ProfileRule> profile_rules_for(const Configuration& configuration,

@@ -45,7 +45,8 @@ recorder::SessionResult record_case(
   options.log = writable.log.get();
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  log_configuration(home.configuration_file(), home, *writable.log);
+  log_configuration(home.configuration_file(), home, *writable.log,
+                    [](const std::string& sentence) { print_error("kiroku", "warning: " + sentence); });
   recover_first(writable, authorities, lock);
   warn_if_silent(writable.key);
 

@@ -26,6 +26,7 @@
 #include "apps/kiroku/store.h"
 #include "archive/format/boot_quote.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "crypto/pkcs8.h"
 #include "crypto/secret.h"
 #include "crypto/signing_key.h"
@@ -281,6 +282,17 @@ Check check_recipients(const Home& home, const Configuration& configuration) {
   }
   return {Health::kGood, "recipients",
           std::to_string(recipients.usual().size()) + " can open what is recorded, none of them this machine",
+          ""};
+}
+
+Check check_retention(const Configuration& configuration) {
+  const std::vector<std::string> idle = idle_retention(configuration);
+  if (!idle.empty()) {
+    return {Health::kWarning, "retention", joined(idle, "; "),
+            "look at the names in kiroku.toml, or leave the rule while such cases are there"};
+  }
+  return {Health::kGood, "retention",
+          std::to_string(configuration.retention.rules.size()) + " rule(s), each for what is recorded here",
           ""};
 }
 
@@ -555,6 +567,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
               [&] { return check_hardware(home); });
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
+  if (!configuration.retention.rules.empty()) out.add(check_retention(configuration));
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
   out.add(check_locked_memory());
   out.add(check_clock());

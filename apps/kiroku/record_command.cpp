@@ -188,6 +188,7 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   add(options.video, "fluoroscopy", request.fluoroscopy);
   add(options.vitals, "vitals", request.vitals);
   for (const std::string& also : request.also) add_second(options.video, also);
+  options.event_recipients = recipients.of(kEventsRecipients);
   recipients.require_all_used(request.recipients_for);
   if (request.microphone) {
     if (options.video.empty()) {
@@ -200,7 +201,6 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   }
   options.archive = home.archive();
   options.device_name = home.device().name();
-  options.event_recipients = recipients.usual();
   if (request.subject) options.subject = load_subject(*request.subject);
   if (request.worklist) options.subject = listed_subject(worklist_of(configuration, *request.worklist));
   if (options.subject && !request.profile) choose_profile(options, configuration);

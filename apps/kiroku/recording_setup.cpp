@@ -12,9 +12,9 @@
 
 namespace kiroku::apps {
 
-WritableHome::WritableHome(const Home& its_home)
+WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
     : home(its_home),
-      trust(home.trust()),
+      trust(home.trust(without)),
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
       log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
@@ -49,14 +49,23 @@ void RecipientChoice::require_all_used(const std::vector<std::string>& asked) co
   }
 }
 
-void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log) {
+void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log,
+                       const std::function<void(const std::string& sentence)>& tell) {
   const crypto::Sha256Digest digest = crypto::sha256(read_small_file(file, "the configuration"));
   std::string last;
-  archive::for_each_log_line(home.log_folder(), [&](const archive::LogLine& line) {
-    if (line.type != "config-changed") return;
-    const auto entry = nlohmann::json::parse(line.json, nullptr, false);
-    if (entry.is_object()) last = entry.value("sha256", "");
-  });
+  std::string damage =
+      archive::for_each_readable_log_line(home.log_folder(), [&](const archive::LogLine& line) {
+        if (line.type != "config-changed") return;
+        const auto entry = nlohmann::json::parse(line.json, nullptr, false);
+        if (entry.is_object()) last = entry.value("sha256", "");
+      });
+  if (!damage.empty()) {
+    tell("the appliance log is damaged, or a newer version wrote it: " + damage +
+         ". Cases are recorded, and entered behind it; but the log proves nothing from that line on, and "
+         "nothing is erased or held. End the recorder and put that line back from a copy of the log (store, "
+         "replica, backup), or install the newer version again; 'kiroku log --verify' tells more");
+    last.clear();
+  }
   if (last != crypto::to_hex(digest)) log.config_changed(digest);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -19,8 +20,8 @@ namespace kiroku::apps {
 /// `home` must outlive it. What its members refer to stays; each is as thread-safe as its own header says.
 struct WritableHome {
   /// Asks for the key's passphrase if it has one. Throws kiroku::Error where the key, the trusted roots or
-  /// the appliance log cannot be used; of the queue, a warning says so.
-  explicit WritableHome(const Home& its_home);
+  /// the appliance log cannot be used; of the queue, a warning says so. `without` as of Home::trust().
+  explicit WritableHome(const Home& its_home, const TellWithout& without = {});
 
   const Home& home;
   timestamp::TrustStore trust;
@@ -37,6 +38,7 @@ class RecipientChoice {
                   const std::vector<std::string>& asked);
   /// recipients.txt's.
   [[nodiscard]] const crypto::AgeRecipients& usual() const { return default_; }
+  /// Also of kEventsRecipients and "pointing".
   [[nodiscard]] crypto::AgeRecipients of(const std::string& stream);
   /// What was asked for on the command line must be about a stream that of() was called for.
   void require_all_used(const std::vector<std::string>& asked) const;
@@ -47,8 +49,10 @@ class RecipientChoice {
   std::vector<std::string> used_;
 };
 
-/// Enters the configuration's hash into the log where it is not the last one the log knows.
-void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log);
+/// Enters the configuration's hash into the log where it is not the last one the log knows. A log of which a
+/// line cannot be read keeps nobody from recording: `tell` hears which, and what to do.
+void log_configuration(const std::filesystem::path& file, const Home& home, archive::ApplianceLog& log,
+                       const std::function<void(const std::string& sentence)>& tell);
 
 /// For one stream, with the limits of [recording]. `tell` is called from any thread.
 std::shared_ptr<recorder::SourceGuard> guard_for(const Configuration& configuration,

@@ -32,6 +32,8 @@
 #include "apps/kirokud/room_resumption.h"
 #include "apps/kirokud/room_setup.h"
 #include "apps/kirokud/servers.h"
+#include "apps/kirokud/successor.h"
+#include "archive/format/pointing_stream.h"
 #include "archive/storage/file_system.h"
 #include "archive/storage/recording_lock.h"
 #include "archive/writing/appliance_log.h"
@@ -68,13 +70,13 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// What a recorder that died left behind comes first. Where a room may go on with it, no authority is waited
-/// for.
+/// What a recorder that died left behind comes first. No authority is waited for: until the rooms are there
+/// nobody can begin a case.
 void recover_first(const WritableHome& shared, const Authorities& authorities,
                    const archive::RecordingLock& lock, recorder::ResumptionPlanner& resumption) {
   RecoveryWishes wishes;
   wishes.carry_on = [&](const archive::CutOffCase& cut) { return resumption.carry_on(cut); };
-  wishes.stamp_later = resumption.may_resume();
+  wishes.stamp_later = true;
   for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock, wishes)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
@@ -105,12 +107,6 @@ DaemonSetup read_configuration(const std::filesystem::path& file) {
           parse_consent_configuration(text_of(text), file.string())};
 }
 
-/// Whether the program's file was replaced by a newer one: a package was upgraded.
-bool was_replaced() {
-  std::error_code ignored;
-  return std::filesystem::read_symlink("/proc/self/exe", ignored).string().ends_with(" (deleted)");
-}
-
 /// A disk that cannot be asked is told of; it must not end what is being recorded.
 void watch_disk(recorder::Daemon& daemon) {
   try {
@@ -131,7 +127,7 @@ void watch_hardware(HardwareWatch& hardware, bool recorded) {
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
-                  HardwareWatch& hardware) {
+                  HardwareWatch& hardware, Successor& successor) {
   DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
@@ -141,7 +137,7 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     descriptors.look();
     watch_hardware(hardware, daemon.recording());
-    if (!daemon.recording() && was_replaced())
+    if (!daemon.recording() && successor.is_ready())
       return "a newer version was installed and nothing is being recorded";
   }
 }
@@ -189,7 +185,12 @@ int run(const Request& request) {
         if (!stream.is_video) check_senders(stream.source);
       }
       if (room.procedure.hl7) check_senders(room.procedure.hl7->listen);
+      static_cast<void>(recipients.of(kEventsRecipients));
+      static_cast<void>(recipients.of(std::string(archive::kPointingStream)));
     }
+    static_cast<void>(hook_token(home, configuration));
+    for (const std::string& sentence : idle_retention(configuration))
+      print_error("kirokud", "warning: " + file.string() + ": " + sentence);
     std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
@@ -198,8 +199,14 @@ int run(const Request& request) {
   const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  const WritableHome shared(home);  // by all rooms
-  log_configuration(file, home, *shared.log);
+  recorder::DaemonOptions options;
+  const auto tell = [&options](const std::string& sentence) {
+    options.problems.push_back(sentence);
+    spdlog::error("{}", printable(sentence));
+  };
+  const TellWithout without = [&tell](const std::string& why) { tell("recording goes on, but " + why); };
+  const WritableHome shared(home, without);  // by all rooms
+  log_configuration(file, home, *shared.log, tell);
 
   // Asked before the first source: an upgrade while a case runs then finds the decoder of this version at
   // hand.
@@ -208,20 +215,21 @@ int run(const Request& request) {
         "sources are decoded without a box, beside the device key: {}; cases are recorded all the same",
         printable(why));
   }
-  const Authorities authorities(home, configuration, {});
+  const Authorities authorities(home, configuration, {}, without);
   RoomResumption resumption(home, configuration);
   recover_first(shared, authorities, lock, resumption.planner());
-  recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
   std::atomic<int> left = 0;
   options.listener = listener_for(home, left);
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
+  const TellWithout told_already = [](const std::string& /*why*/) {};
   Inboxes inboxes;
   LookingOn looking_on;
   for (const RoomConfiguration& room : configuration.rooms) {
-    of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
+    of_rooms.push_back(
+        std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}, told_already));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
                                     setup.viewer.listen.empty() ? nullptr : &looking_on));
     options.rooms.back().procedure = procedure_of(room, inboxes);
@@ -247,7 +255,9 @@ int run(const Request& request) {
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    reason = watch(daemon, inboxes, signals, hardware);
+    Successor successor({"--check", "--home", home.folder().string(), "--config", file.string()},
+                        [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); });
+    reason = watch(daemon, inboxes, signals, hardware, successor);
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.

@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include "apps/kirokud/catalogue_note.h"
+#include "archive/format/pointing_stream.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
@@ -41,8 +42,10 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   }
   plan.session.archive = home.archive();
   plan.session.device_name = home.device().name();
-  plan.session.event_recipients = recipients.usual();
+  plan.session.event_recipients = recipients.of(kEventsRecipients);
   plan.session.pointing = looking_on != nullptr;
+  const std::string pointing(archive::kPointingStream);
+  if (configuration.recipients.contains(pointing)) plan.session.pointing_recipients = recipients.of(pointing);
   plan.session.segment_duration = configuration.segment;
   plan.session.stamp_interval = configuration.stamp_every;
   plan.session.authorities = authorities.named();

@@ -45,7 +45,7 @@ fs::path seal_attempt(const Home& home, const fs::path& folder, const std::strin
   recorder::SessionOptions options;
   options.archive = home.archive();
   options.device_name = home.device().name();
-  options.event_recipients = recipients.usual();
+  options.event_recipients = recipients.of(kEventsRecipients);
   options.segment_duration = configuration.segment;
   options.stamp_interval = configuration.stamp_every;
   ordered_json training = facts;

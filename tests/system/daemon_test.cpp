@@ -1,6 +1,9 @@
 #include <csignal>
 #include <cstring>
 #include <thread>
+#include <utility>  // Boost 1.74 forgets it before its awaitable
+
+#include <boost/asio.hpp>
 
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
@@ -38,6 +41,12 @@ class Daemon : public ProgramTest {
     Process::Options started = options(arguments);
     started.command.front() = built_file("kirokud");
     return started;
+  }
+  /// The configuration but for its table of recipients, which init writes empty.
+  [[nodiscard]] static std::string without_recipients(std::string text) {
+    constexpr std::string_view kTable = "\n[recipients]\n";
+    text.replace(text.find(kTable), kTable.size(), "\n");
+    return text;
   }
   /// Waits until `status` says of the only room what is wanted.
   template <typename Condition>
@@ -169,6 +178,56 @@ TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
   EXPECT_EQ(document["steps"][0]["done"]["mark"], "now look around");
 }
 
+TEST_F(Daemon, RecordsWithoutWhatRecordingDoesNotNeed) {
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::acceptor taken(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "listen = \"127.0.0.1:" +
+                                         std::to_string(taken.local_endpoint().port()) +
+                                         "\"\nhook_token_file = \"hook-token\"\n");
+  write_text(home() / "authority" / "serial", "");
+  write_text(home() / "own-authority.pem", "-----BEGIN CERTIFICATE-----\ndamaged\n");
+  const ProcessResult checked = run_process(kirokud({"--check"}));
+  EXPECT_EQ(checked.status, 2) << checked.out;
+  EXPECT_THAT(checked.err, HasSubstr("hook-token"));
+
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room")) << daemon.out();
+  const nlohmann::json problems = kiroku_json({"status", "--json"})["problems"];
+  EXPECT_THAT(problems.get<std::vector<std::string>>(),
+              testing::UnorderedElementsAre(HasSubstr("own-authority.pem"), HasSubstr("serial"),
+                                            HasSubstr("without the hook: "),
+                                            HasSubstr("without metrics and the hook: ")))
+      << problems;
+  EXPECT_THAT(kiroku({"status"}).out, HasSubstr("recording goes on without the hook"));
+  const std::string id = kiroku_json({"case", "start", "--json"})["case"];
+  EXPECT_TRUE(until([](const nlohmann::json& room) { return room["missed"].get<int>() > 0; }));
+  EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], id);
+}
+
+// One that accepts connections and never answers is the worst.
+TEST_F(Daemon, IsThereAtOnceAfterACrashThoughAnAuthorityDoesNotAnswer) {
+  boost::asio::io_context context;
+  const boost::asio::ip::tcp::acceptor silent(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") +
+                                         "[[authority]]\nname = \"silent\"\nurl = \"http://127.0.0.1:" +
+                                         std::to_string(silent.local_endpoint().port()) +
+                                         "/\"\ntotal_timeout = \"60s\"\n");
+  std::string id;
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room")) << daemon.out();
+    id = kiroku_json({"case", "start", "--json"})["case"];
+    EXPECT_TRUE(
+        until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 0; }));
+    daemon.signal(SIGKILL);
+    daemon.wait();
+  }
+  Process daemon(kirokud());
+  EXPECT_TRUE(daemon.wait_for("recording for 1 room", std::chrono::seconds(30))) << daemon.out();
+  EXPECT_THAT(daemon.out(), HasSubstr("case " + id + " was cut off by a crash and is closed now"));
+  EXPECT_TRUE(eventually([&] { return kiroku({"case", "start"}).status == 0; }));
+}
+
 TEST_F(Daemon, SealsWhatTheHospitalSaysOfAProcedureAndTellsItNowhereElse) {
   if (!has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
   WorklistServer server(folder() / "worklist");
@@ -252,6 +311,93 @@ TEST_F(Daemon, OnlyOneOnAHome) {
   const ProcessResult second = run_process(kirokud());
   EXPECT_EQ(second.status, 2);
   EXPECT_THAT(second.err, HasSubstr("another recorder (process "));
+}
+
+// One bit of the appliance log is wrong: what it proves suffers, and the operation is recorded.
+TEST_F(Daemon, ALogWithADamagedLineIsToldAndRecordedOn) {
+  const std::filesystem::path log = home() / "archive/log/ledger.jsonl";
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+    EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+  std::string text = read_text(log);
+  const std::size_t at = text.find("\"case-opened\"");
+  ASSERT_NE(at, std::string::npos);
+  text[at] = '#';
+  write_text(log, text);
+  Process daemon(kirokud());
+  ASSERT_TRUE(
+      daemon.wait_for("the appliance log is damaged, or a newer version wrote it: cannot read line "));
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  const std::string id = kiroku_json({"case", "start", "--json"})["case"];
+  EXPECT_TRUE(until([](const nlohmann::json& room) { return room["streams"][0]["frames"].get<int>() > 0; }));
+  EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+  daemon.signal(SIGTERM);
+  EXPECT_EQ(daemon.wait().status, 0);
+  EXPECT_THAT(read_text(home() / "archive" / id / "ledger.jsonl"), HasSubstr(R"("type":"close")"));
+  const ProcessResult recorded = kiroku({"record", "--duration", "00:00:01", "--endoscope",
+                                         "synthetic:endoscope?size=64x48&rate=10&speed=max"});
+  EXPECT_EQ(recorded.status, 0);
+  EXPECT_THAT(recorded.err, HasSubstr("warning: the appliance log is damaged"));
+  EXPECT_NE(kiroku({"log", "--verify"}).status, 0) << "and nobody is told that it is whole";
+}
+
+// An upgrade while a mistake stands in the configuration, which nobody noticed as the recorder ran on.
+TEST_F(Daemon, StaysWhereANewerVersionRefusesTheConfiguration) {
+  const std::filesystem::path programs = folder() / "programs", program = programs / "kirokud";
+  std::filesystem::create_directory(programs);
+  std::filesystem::copy_file(built_file("kirokud"), program);
+  std::filesystem::copy_file(built_file("kiroku-decoder"), programs / "kiroku-decoder");
+  Process::Options started = kirokud();
+  started.command.front() = program;
+  Process daemon(started);
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  const std::string good = read_text(home() / "kiroku.toml");
+  write_text(home() / "kiroku.toml", good + "longest_cas = \"8h\"\n");
+  const auto upgrade = [&] {
+    std::filesystem::copy_file(built_file("kirokud"), programs / "new");
+    std::filesystem::rename(programs / "new", program);
+  };
+  upgrade();
+  ASSERT_TRUE(daemon.wait_for("--check does not take the configuration"));
+  EXPECT_EQ(kiroku_json({"status", "--json"})["rooms"][0]["state"], "idle");
+  write_text(home() / "kiroku.toml", good);
+  ASSERT_TRUE(daemon.wait_for("a newer version was installed and nothing is being recorded"));
+  EXPECT_EQ(daemon.wait().status, 0);
+}
+
+// What few may see is named by a stream, or nobody is told that all may.
+TEST_F(Daemon, SealsMarksAndPatientToWhomTheyAreFor) {
+  const std::string good = read_text(home() / "kiroku.toml");
+  write_text(home() / "kiroku.toml", "[recipients]\nendoscop = \"few.txt\"\n" + without_recipients(good));
+  EXPECT_THAT(run_process(kirokud({"--check"})).err,
+              HasSubstr("[recipients] names the stream 'endoscop', which no [[room]] records"));
+  const std::string few = kiroku({"init", "--demo", "--home", path("few")}).out;
+  std::filesystem::copy_file(path("few/recipients.txt"), home() / "few.txt");
+  write_text(home() / "kiroku.toml",
+             "[[retention]]\nstream = \"rom\"\nafter = \"1d\"\npolicy = \"p\"\n"
+             "[recipients]\nevents = \"few.txt\"\n" +
+                 without_recipients(good));
+  const ProcessResult checked = run_process(kirokud({"--check"}));
+  EXPECT_EQ(checked.status, 0);
+  EXPECT_THAT(checked.err, HasSubstr("warning: "));
+  EXPECT_THAT(checked.err, HasSubstr("[[retention]] is for the stream 'rom'"));
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  write_text(path("subject.json"), R"({"patient":{"id":"7"}})");
+  const std::string id = kiroku_json({"case", "start", "--subject", path("subject.json"), "--json"})["case"];
+  EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+  daemon.signal(SIGTERM);
+  daemon.wait();
+  const std::string subject = (home() / "archive" / id / "subject.json.age").string();
+  EXPECT_NE(kiroku({"unseal", subject, "--identity", (home() / "identity.txt").string(), "-o", "-"}).status,
+            0);
+  EXPECT_THAT(kiroku({"unseal", subject, "--identity", path("few/identity.txt"), "-o", "-"}).out,
+              HasSubstr("\"7\""));
 }
 
 TEST_F(Daemon, ChecksItsConfiguration) {

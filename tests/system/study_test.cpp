@@ -1,7 +1,6 @@
 // 'kiroku quality study', as a hospital uses it. The readers are made up: who answers here is this test.
 
 #include <algorithm>
-#include <chrono>
 #include <csignal>
 #include <fcntl.h>
 #include <filesystem>
@@ -9,7 +8,6 @@
 #include <set>
 #include <stdexcept>
 #include <sys/stat.h>
-#include <thread>
 #include <unistd.h>
 
 #include <boost/asio/connect.hpp>
@@ -18,6 +16,7 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/http.hpp>
 
+#include "tests/support/eventually.h"
 #include "tests/support/textured_film.h"
 #include "tests/system/program_test.h"
 
@@ -270,11 +269,10 @@ TEST_F(StudyTest, ReportsTheKeyAndAnswersThatItChecked) {
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   Process process(options({"quality", "study", "report", path("reading"), "--trust", pipe}));
   int writing = -1;
-  for (int tries = 0; tries < 600 && writing < 0; ++tries) {
-    writing = ::open(pipe.c_str(), O_WRONLY | O_NONBLOCK);
-    if (writing < 0) std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  }
-  ASSERT_GE(writing, 0) << "nobody read the roots";
+  ASSERT_TRUE(eventually([&] {
+    writing = ::open(pipe.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    return writing >= 0;
+  })) << "nobody reads the roots";
   write_text(path("reading/key.age"), "another key");
   write_text(path("reading/answers/reader-1.jsonl"), "another answer\n");
   const std::string roots = read_text(home() / "own-authority.pem");

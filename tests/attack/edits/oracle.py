@@ -223,6 +223,23 @@ def _wanted_of(stream, entries, shown, document):
             yield entry
 
 
+def _lacking_in(document, entries, shown):
+    """Holes before segments on the lines of the excerpt's live streams, by all lines of the case, that reach into its time."""
+    begin, end = document["from_ns"], document["to_ns"]
+    live = [s["name"] for s in entries[0]["streams"] if s["timing"] == "arrival" and (s["kind"], s["media"]) != ("events", "application/jsonl")]
+    for name in [name for name in document["streams"] if name in live]:
+        segments = [e for e in entries if _is_segment(e) and e["stream"] == name]
+        gaps = [(e["start_ns"], e["end_ns"]) for e in entries if e["type"] == "gap" and e.get("stream") == name and "of" not in e
+                and isinstance(e.get("start_ns"), int) and isinstance(e.get("end_ns"), int)]
+        for one, other in zip(segments, segments[1:]):
+            at = one["end_ns"]
+            for start, stop in sorted(gaps):
+                if start <= at + MS:
+                    at = max(at, stop)
+            if other in shown and min(other["start_ns"], end) - max(at, begin) > MS:
+                yield f"intact-excerpt, where {name} has a hole from {at} to {other['start_ns']} ns that no gap states"
+
+
 def _of_an_excerpt(edited, said):
     if said.verdict not in INTACT:
         return
@@ -258,6 +275,7 @@ def _of_an_excerpt(edited, said):
         count = sum(e["stream"] == name for e in wanted)
         if held.get(name) != count:
             yield f"says {held.get(name)} segments of {name}, where it holds {count}"
+    yield from _lacking_in(document, entries, shown)
     if document["case"] != entries[0]["case"]:
         yield "intact-excerpt, of another case"
     log = said.report["log"]

@@ -224,6 +224,54 @@ std::string uncommented_example() {
   return example;
 }
 
+// A mistyped name sealed its stream to everybody in recipients.txt.
+TEST(Configuration, RecipientsAreOfWhatIsRecorded) {
+  const auto with = [](const std::string& name) {
+    return refusal("[recipients]\n" + name + " = \"recipients-few.txt\"\n" + kRuleRoom);
+  };
+  EXPECT_EQ(with("endoscope"), "accepted");
+  EXPECT_EQ(with("vitals"), "accepted");
+  EXPECT_EQ(with("events"), "accepted") << "marks and the patient";
+  EXPECT_EQ(with("pointing"), "accepted");
+  EXPECT_EQ(with("endoscop"),
+            "k.toml:2:1: [recipients] names the stream 'endoscop', which no [[room]] records; known are "
+            "endoscope, vitals, training, forces, events, pointing");
+  EXPECT_THAT(with("room"), HasSubstr("which no [[room]] records")) << "`kiroku record` knows it";
+  const auto without_rooms = [](const std::string& name) {
+    return refusal("[recipients]\n" + name + " = \"recipients-few.txt\"\n");
+  };
+  for (const char* name : {"room", "endoscope", "fluoroscopy", "vitals", "training", "events"})
+    EXPECT_EQ(without_rooms(name), "accepted");
+  EXPECT_THAT(without_rooms("rom"), HasSubstr("k.toml:2:1: [recipients] names the stream 'rom'"));
+}
+
+TEST(Configuration, RetentionOfWhatNothingRecordsIsTold) {
+  const auto idle = [](const std::string& rule, const std::string& rooms) {
+    return idle_retention(parse_configuration(
+        "[[retention]]\nafter = \"1d\"\npolicy = \"p\"\n" + rule + "\n" + rooms, "k.toml"));
+  };
+  for (const char* good : {"stream = \"endoscope\"", "purpose = \"vitals\"", "stream = \"events\""})
+    EXPECT_THAT(idle(good, kRuleRoom), testing::IsEmpty()) << good;
+  EXPECT_THAT(
+      idle("stream = \"endoscop\"", kRuleRoom),
+      testing::ElementsAre(testing::AllOf(HasSubstr("the stream 'endoscop'"), HasSubstr("endoscope"))));
+  EXPECT_THAT(idle("purpose = \"quality\"", kRuleRoom),
+              testing::ElementsAre(HasSubstr("the purpose 'quality'")));
+  EXPECT_THAT(idle("stream = \"room\"", ""), testing::IsEmpty());
+  EXPECT_THAT(idle("stream = \"room-lossless\"", ""), testing::IsEmpty());
+  EXPECT_THAT(idle("stream = \"rom\"", ""), testing::SizeIs(1));
+}
+
+TEST(Configuration, ACaseIsLongerThanWhatWasRecordedAheadOfIt) {
+  const auto with = [](const std::string& rules) {
+    return refusal("[[room]]\nname = \"or-1\"\n" + rules +
+                   "[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:pattern\"\n");
+  };
+  EXPECT_EQ(with("pre_roll = \"44m\"\nlongest_case = \"45m\"\n"), "accepted");
+  EXPECT_THAT(with("pre_roll = \"1h\"\nlongest_case = \"45m\"\n"),
+              HasSubstr("k.toml:3:12: 'pre_roll' is not shorter than 'longest_case'"));
+}
+
 TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
   EXPECT_EQ(refusal("[[retention]]\nafter = \"1d\"\npolicy = \"p\"\n"),
             "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
