@@ -3,6 +3,7 @@ include(GNUInstallDirs)
 install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer deploy/systemd/kiroku-evidence.service deploy/systemd/kiroku-evidence.timer deploy/systemd/kiroku-witness.service deploy/systemd/kiroku-witness.timer deploy/systemd/kiroku-ship.service deploy/systemd/kiroku-fleet-index.service deploy/systemd/kiroku-fleet-index.timer deploy/systemd/kiroku-fleet-verify.service deploy/systemd/kiroku-fleet-serve.service deploy/systemd/kiroku-report.service deploy/systemd/kiroku-planning.service
         deploy/systemd/kiroku-training.service deploy/systemd/kiroku-awake.service DESTINATION lib/systemd/system)
 install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES deploy/package/needrestart.conf DESTINATION /etc/needrestart/conf.d RENAME kiroku.conf)
 install(FILES sim/haptics/haptic_plugin.h DESTINATION include/kiroku)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
@@ -27,5 +28,5 @@ set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, debconf (>= 0.5) | debconf-2.0, libav
 set(CPACK_DEBIAN_PACKAGE_RECOMMENDS "fonts-dejavu-core, fonts-ipafont-gothic, ca-certificates, libosmesa6, libtss2-tcti-device0t64 | libtss2-tcti-device0")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
-    "${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postinst;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/prerm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postrm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/config;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/templates")
+    "${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postinst;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/prerm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/postrm;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/config;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/templates;${CMAKE_CURRENT_SOURCE_DIR}/deploy/package/conffiles")
 include(CPack)

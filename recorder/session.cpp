@@ -450,7 +450,8 @@ std::string Session::begin(std::optional<Bytes> subject, const std::optional<cry
   return s.writer->case_id();
 }
 
-SessionResult Session::run(const std::function<void(const SessionStatus&)>& progress) {
+SessionResult Session::run(const std::function<void(const SessionStatus&)>& progress,
+                           const std::function<void()>& closing) {
   State& s = *state_;
   s.ledger_writer->start();
   for (const auto& lane : s.lanes) lane->start();
@@ -471,6 +472,7 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
       next_progress_ns = now + std::chrono::nanoseconds(kProgressInterval).count();
     }
   }
+  if (closing) closing();
   const LedgerWriter::Ended ended = s.finish_lanes();
   // A write that failed while the rest was brought in changes the reason.
   if (const std::string trouble = s.problems.close_reason(); !trouble.empty()) reason = trouble;

@@ -164,7 +164,9 @@ class Session {
                     const CaseIdentity& identity = {});
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
-  SessionResult run(const std::function<void(const SessionStatus&)>& progress = {});
+  /// `closing` once, when that is over: what follows waits for disks and for authorities.
+  SessionResult run(const std::function<void(const SessionStatus&)>& progress = {},
+                    const std::function<void()>& closing = {});
   /// From any thread or a signal handler; the close reason is "operator".
   void stop() noexcept;
   /// The same with another close reason. From any thread; the first reason stands.

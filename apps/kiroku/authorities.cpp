@@ -15,10 +15,20 @@ std::string names_of(const Configuration& configuration) {
   return out;
 }
 
+/// In the place of one that cannot be opened: what it does not stamp is missed, and wanted later.
+class UnusableAuthority final : public timestamp::StampSource {
+ public:
+  explicit UnusableAuthority(std::string why) : why_(std::move(why)) {}
+  Bytes ask(ByteView /*query*/) override { throw timestamp::AuthorityError(why_); }
+
+ private:
+  std::string why_;
+};
+
 }  // namespace
 
 Authorities::Authorities(const Home& home, const Configuration& configuration,
-                         const std::vector<std::string>& wanted) {
+                         const std::vector<std::string>& wanted, const TellWithout& without) {
   const auto& all = configuration.authorities;
   if (all.empty()) {
     throw UsageError(
@@ -44,10 +54,22 @@ Authorities::Authorities(const Home& home, const Configuration& configuration,
       named_.back().shared_patience = authority.shared_patience;
       continue;
     }
+    named_.push_back({authority.name, embedded_source(home, without)});
+  }
+}
+
+std::shared_ptr<timestamp::StampSource> Authorities::embedded_source(const Home& home,
+                                                                     const TellWithout& without) {
+  try {
     if (!embedded_) {
       embedded_ = std::make_unique<timestamp::Authority>(timestamp::Authority::open(home.authority_folder()));
     }
-    named_.push_back({authority.name, timestamp::embedded_stamp_source(*embedded_)});
+    return timestamp::embedded_stamp_source(*embedded_);
+  } catch (const Error& error) {
+    if (!without) throw;
+    const std::string why = std::string("the embedded authority cannot be used: ") + error.what();
+    without(why);
+    return std::make_shared<UnusableAuthority>(why);
   }
 }
 

@@ -16,11 +16,16 @@ namespace kiroku::apps {
 class Authorities {
  public:
   /// Those of kiroku.toml, or only the `wanted` ones. Throws kiroku::UsageError for a name that is not
-  /// configured, and where there is none at all.
-  Authorities(const Home& home, const Configuration& configuration, const std::vector<std::string>& wanted);
+  /// configured, and where there is none at all; kiroku::Error where the embedded authority cannot be opened.
+  /// With `without` that is told to it instead, and each time-stamp of this authority is missed.
+  Authorities(const Home& home, const Configuration& configuration, const std::vector<std::string>& wanted,
+              const TellWithout& without = {});
   [[nodiscard]] const std::vector<recorder::NamedAuthority>& named() const { return named_; }
 
  private:
+  [[nodiscard]] std::shared_ptr<timestamp::StampSource> embedded_source(const Home& home,
+                                                                        const TellWithout& without);
+
   std::unique_ptr<timestamp::Authority> embedded_;
   std::vector<recorder::NamedAuthority> named_;
 };

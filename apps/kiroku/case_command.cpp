@@ -99,7 +99,8 @@ void add_case_command(Command& program) {
     one.explain(
         "Exit status 0 says that the case is closed; with --no-wait that it is ending, and no more. Where it "
         "could not be closed, as on a disk that fails, the status is 2, and the recorder's next start closes "
-        "it.");
+        "it. Where an error ended the case and the recorder would begin another one by itself, this ends the "
+        "operation: none begins any more.");
     one.on_run([request] {
       return ask(*request, {{"do", "stop"}, {"wait", !request->no_wait}},
                  request->no_wait ? "ending" : "closed");

@@ -51,6 +51,8 @@ std::vector<std::string> cases_beginning(const fs::path& archive, const std::str
   return found;
 }
 
+constexpr const char* kOwnRoots = "the roots of the home's own authority";
+
 /// Whether a file is there and says anything but blank lines and '#' comments.
 bool says_anything(const fs::path& file, const char* what) {
   std::error_code failed;
@@ -170,16 +172,34 @@ std::vector<fs::path> Home::outside_root_files() const {
 
 std::vector<fs::path> Home::own_root_files() const {
   std::vector<fs::path> files;
-  for (const fs::path& file : {own_authority_file(), authority_folder() / "ca.pem"}) {
-    if (says_anything(file, "the roots of the home's own authority")) files.push_back(file);
+  for (const fs::path& file : possible_own_root_files()) {
+    if (says_anything(file, kOwnRoots)) files.push_back(file);
   }
   return files;
 }
 
-timestamp::TrustStore Home::trust() const {
+std::vector<fs::path> Home::possible_own_root_files() const {
+  return {own_authority_file(), authority_folder() / "ca.pem"};
+}
+
+timestamp::TrustStore Home::trust(const TellWithout& without) const {
   timestamp::TrustStore trust;
-  for (const fs::path& file : outside_root_files()) trust.add_trusted_file(file);
-  for (const fs::path& file : own_root_files()) trust.add_own_authority_file(file);
+  const auto attempt = [&](const auto& add) {
+    try {
+      add();
+    } catch (const Error& error) {
+      if (!without) throw;
+      without(std::string("the roots of time-stamping authorities are not all there: ") + error.what());
+    }
+  };
+  attempt([&] {
+    for (const fs::path& file : outside_root_files()) trust.add_trusted_file(file);
+  });
+  for (const fs::path& file : possible_own_root_files()) {
+    attempt([&] {
+      if (says_anything(file, kOwnRoots)) trust.add_own_authority_file(file);
+    });
+  }
   return trust;
 }
 

@@ -22,6 +22,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,6 +36,9 @@
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::apps {
+
+/// Hears what recording goes on without, and why.
+using TellWithout = std::function<void(const std::string& sentence)>;
 
 /// Where everything of a home lies.
 class Home {
@@ -104,12 +108,15 @@ class Home {
   /// were made before there was an own-authority.pem have that root in trust.pem: by this certificate, and by
   /// the name of every embedded authority, it counts as the home's own all the same.
   [[nodiscard]] std::vector<std::filesystem::path> own_root_files() const;
-  /// All of them.
-  [[nodiscard]] timestamp::TrustStore trust() const;
+  /// All of them. With `without` a file that cannot be used is left out, and told to it in a sentence:
+  /// whoever records goes on, and misses the time-stamps that no other root vouches for. Else throws
+  /// kiroku::Error.
+  [[nodiscard]] timestamp::TrustStore trust(const TellWithout& without = {}) const;
   /// Whether the folder is a case of this home's archive, links resolved.
   [[nodiscard]] bool holds(const std::filesystem::path& case_folder) const;
 
  private:
+  [[nodiscard]] std::vector<std::filesystem::path> possible_own_root_files() const;
   std::filesystem::path folder_;
 };
 

@@ -12,9 +12,9 @@
 
 namespace kiroku::apps {
 
-WritableHome::WritableHome(const Home& its_home)
+WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
     : home(its_home),
-      trust(home.trust()),
+      trust(home.trust(without)),
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
       log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,

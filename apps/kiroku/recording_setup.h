@@ -19,8 +19,8 @@ namespace kiroku::apps {
 /// `home` must outlive it. What its members refer to stays; each is as thread-safe as its own header says.
 struct WritableHome {
   /// Asks for the key's passphrase if it has one. Throws kiroku::Error where the key, the trusted roots or
-  /// the appliance log cannot be used; of the queue, a warning says so.
-  explicit WritableHome(const Home& its_home);
+  /// the appliance log cannot be used; of the queue, a warning says so. `without` as of Home::trust().
+  explicit WritableHome(const Home& its_home, const TellWithout& without = {});
 
   const Home& home;
   timestamp::TrustStore trust;

@@ -3,6 +3,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/format.h"
 #include "archive/storage/file_system.h"
+#include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "recorder/checkpoint_stamper.h"
@@ -68,7 +69,10 @@ std::vector<CaseRecovery> recover_home(const WritableHome& writable,
 }
 
 std::string recovery_text(const CaseRecovery& recovery) {
-  std::string out = "case " + printable(recovery.case_id) + " " + outcome_text(recovery) + "\n";
+  const bool is_ahead = recovery.case_id.starts_with(archive::kStandbyPrefix);
+  std::string out = is_ahead ? "what was recorded ahead in " + printable(recovery.case_id) +
+                                   " could not be removed and is left as it is\n"
+                             : "case " + printable(recovery.case_id) + " " + outcome_text(recovery) + "\n";
   const auto line = [&out](const std::string& text) { out += "  " + printable(text) + "\n"; };
   if (recovery.segments > 0 || recovery.tokens > 0) line(found_text(recovery));
   if (!recovery.truncated.empty()) line("cut off: " + recovery.truncated);

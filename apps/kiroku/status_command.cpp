@@ -83,11 +83,20 @@ void print_room(const json& room, std::string& out) {
     out += "  " + paint(Colour::kRed, "a case was cut off and is not carried on: nothing is recorded here") +
            "\n";
   }
+  const bool tries_again = room.value("tries_again", false);
   if (room.value("ended_by_error", false)) {
+    const std::string what_follows =
+        tries_again
+            ? "another one begins by itself as soon as that works, and takes the patient over; 'kiroku "
+              "case stop' ends the operation"
+            : "begin another one where the operation goes on";
+    out += "  " + paint(Colour::kRed, "an error ended the case: nothing is recorded here; " + what_follows) +
+           "\n";
+  } else if (tries_again) {
     out += "  " +
            paint(Colour::kRed,
-                 "an error ended the case: nothing is recorded here; begin another one where the "
-                 "operation goes on") +
+                 "a case was cut off: nothing is recorded here; another one carries it on as soon as that "
+                 "works; 'kiroku case stop' ends the operation") +
            "\n";
   }
   if (recording) {
@@ -138,6 +147,8 @@ void print_room(const json& room, std::string& out) {
 std::string page(const json& status) {
   std::string out;
   for (const json& room : status["rooms"]) print_room(room, out);
+  for (const json& problem : status.value("problems", json::array()))
+    out += paint(Colour::kRed, printable(problem.get<std::string>())) + "\n";
   const json& disk = status["disk"];
   out += "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
   if (disk["hours_left"].is_number()) {

@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <exception>
+#include <utility>
 
 #include <spdlog/spdlog.h>
 
@@ -12,6 +13,8 @@
 namespace kiroku::apps {
 namespace {
 
+// What the recovery of cases left to be asked for waits no longer than it must.
+constexpr std::chrono::seconds kFirstPause{1};
 constexpr std::chrono::seconds kLateStampInterval{15};
 
 }  // namespace
@@ -33,7 +36,8 @@ LateStamper::~LateStamper() {
 
 void LateStamper::run() {
   std::unique_lock lock(mutex_);
-  while (!changed_.wait_for(lock, kLateStampInterval, [this] { return ending_; })) {
+  std::chrono::seconds pause = kFirstPause;
+  while (!changed_.wait_for(lock, std::exchange(pause, kLateStampInterval), [this] { return ending_; })) {
     lock.unlock();
     try {
       for (const auto& each : stamping_.work_off(recorder::LateStamping::Patience::kAllPauses).stamped) {

@@ -68,13 +68,13 @@ void set_up_logging() {
   spdlog::set_default_logger(logger);
 }
 
-/// What a recorder that died left behind comes first. Where a room may go on with it, no authority is waited
-/// for.
+/// What a recorder that died left behind comes first. No authority is waited for: until the rooms are there
+/// nobody can begin a case.
 void recover_first(const WritableHome& shared, const Authorities& authorities,
                    const archive::RecordingLock& lock, recorder::ResumptionPlanner& resumption) {
   RecoveryWishes wishes;
   wishes.carry_on = [&](const archive::CutOffCase& cut) { return resumption.carry_on(cut); };
-  wishes.stamp_later = resumption.may_resume();
+  wishes.stamp_later = true;
   for (const archive::CaseRecovery& each : recover_home(shared, authorities.named(), lock, wishes)) {
     std::istringstream lines(recovery_text(each));
     for (std::string line; std::getline(lines, line);) spdlog::warn("{}", line);
@@ -190,6 +190,7 @@ int run(const Request& request) {
       }
       if (room.procedure.hl7) check_senders(room.procedure.hl7->listen);
     }
+    static_cast<void>(hook_token(home, configuration));
     std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
@@ -198,7 +199,12 @@ int run(const Request& request) {
   const EndSignals signals;
   const archive::RecordingLock lock =
       archive::RecordingLock::take(archive::real_file_system(), home.archive());
-  const WritableHome shared(home);  // by all rooms
+  recorder::DaemonOptions options;
+  const TellWithout without = [&options](const std::string& why) {
+    options.problems.push_back("recording goes on, but " + why);
+    spdlog::error("{}", printable(options.problems.back()));
+  };
+  const WritableHome shared(home, without);  // by all rooms
   log_configuration(file, home, *shared.log);
 
   // Asked before the first source: an upgrade while a case runs then finds the decoder of this version at
@@ -208,20 +214,21 @@ int run(const Request& request) {
         "sources are decoded without a box, beside the device key: {}; cases are recorded all the same",
         printable(why));
   }
-  const Authorities authorities(home, configuration, {});
+  const Authorities authorities(home, configuration, {}, without);
   RoomResumption resumption(home, configuration);
   recover_first(shared, authorities, lock, resumption.planner());
-  recorder::DaemonOptions options;
   options.archive = home.archive();
   options.warn_below_hours = configuration.storage.warn_below_hours;
   std::atomic<int> left = 0;
   options.listener = listener_for(home, left);
   // Each room asks over connections of its own: a source of stamps belongs to one thread at a time.
   std::vector<std::unique_ptr<Authorities>> of_rooms;
+  const TellWithout told_already = [](const std::string& /*why*/) {};
   Inboxes inboxes;
   LookingOn looking_on;
   for (const RoomConfiguration& room : configuration.rooms) {
-    of_rooms.push_back(std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}));
+    of_rooms.push_back(
+        std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}, told_already));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
                                     setup.viewer.listen.empty() ? nullptr : &looking_on));
     options.rooms.back().procedure = procedure_of(room, inboxes);

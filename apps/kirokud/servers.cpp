@@ -75,32 +75,58 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
   return server;
 }
 
+void go_on_without(const std::string& what, const std::exception& why, recorder::Daemon& daemon) {
+  const std::string sentence = "recording goes on without " + what + ": " + why.what();
+  spdlog::error("{}", printable(sentence));
+  daemon.add_problem(sentence);
+}
+
+std::filesystem::path hook_token_file(const Home& home, const Configuration& configuration) {
+  return home.folder() / configuration.daemon.hook_token_file;
+}
+
 }  // namespace
+
+std::string hook_token(const Home& home, const Configuration& configuration) {
+  if (configuration.daemon.hook_token_file.empty()) return "";
+  if (configuration.daemon.listen_address.empty())
+    throw UsageError(
+        "[daemon] has a hook_token_file and no listen, so that there is nowhere to ask the hook");
+  const Bytes text = read_small_file(hook_token_file(home, configuration), "the hook's token");
+  std::string token(text_of(text));
+  token.erase(token.find_last_not_of(" \r\n") + 1);
+  if (token.size() < 16) throw UsageError("the hook's token must have at least 16 characters");
+  return token;
+}
 
 std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
                                                  recorder::Daemon& daemon) {
-  if (configuration.daemon.listen_address.empty()) return {};
   recorder::HttpServerOptions options;
   options.address = configuration.daemon.listen_address;
   options.port = configuration.daemon.listen_port;
-  if (!configuration.daemon.hook_token_file.empty()) {
-    const std::filesystem::path file = home.folder() / configuration.daemon.hook_token_file;
-    const Bytes token = read_small_file(file, "the hook's token");
-    if (is_open_to_others(file)) {
+  try {
+    options.token = hook_token(home, configuration);
+    if (const auto file = hook_token_file(home, configuration);
+        !options.token.empty() && is_open_to_others(file))
       spdlog::warn("the hook's token can be read by others than its owner: chmod 600 {}, and take another",
                    printable(file.string()));
-    }
-    options.token = std::string(text_of(token));
-    options.token.erase(options.token.find_last_not_of(" \r\n") + 1);
-    if (options.token.size() < 16) throw UsageError("the hook's token must have at least 16 characters");
+  } catch (const std::exception& error) {
+    go_on_without("the hook", error, daemon);
   }
+  if (options.address.empty()) return {};
   options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
+  options.healthy = [&daemon] { return daemon.healthy(); };
   options.metrics = [&daemon] { return daemon.metrics(); };
   options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
     return daemon.hook(room, action, body);
   };
-  return behind_the_recording(
-      [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });
+  try {
+    return behind_the_recording(
+        [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });
+  } catch (const std::exception& error) {
+    go_on_without("metrics and the hook", error, daemon);
+    return {};
+  }
 }
 
 std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
@@ -110,7 +136,7 @@ std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configurati
   try {
     return open_viewer(home, configuration, asked, shared, looking_on, daemon);
   } catch (const std::exception& error) {
-    spdlog::error("recording goes on without the viewer: {}", printable(error.what()));
+    go_on_without("the viewer", error, daemon);
     return {};
   }
 }

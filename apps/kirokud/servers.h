@@ -16,13 +16,16 @@ namespace kiroku::apps {
 /// How long the viewer's requests may take to their end once kirokud ends.
 inline constexpr std::chrono::seconds kLongestEndOfViewer{20};
 
-/// Metrics and the hook; null where no address is configured. Throws kiroku::UsageError for a token that
-/// cannot be used.
+/// The hook's token; "" where there is to be no hook. Throws kiroku::Error for one that cannot be used.
+std::string hook_token(const Home& home, const Configuration& configuration);
+
+/// Metrics and the hook; null where no address is configured, or it cannot be listened on. That, and a token
+/// that cannot be used, so that there are metrics alone, ends no recorder: it is told, also to the daemon.
 std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
                                                  recorder::Daemon& daemon);
 
 /// The viewer with live pictures; null where none is configured or it cannot be served: that ends no
-/// recorder.
+/// recorder, and is told likewise.
 std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
                                              const ViewerConfiguration& asked, const WritableHome& shared,
                                              LookingOn& looking_on, recorder::Daemon& daemon);

@@ -477,12 +477,12 @@ bool is_finished(const FileReading& files, const fs::path& folder, const Recover
   }
 }
 
-CaseRecovery refused(const fs::path& folder, const Error& error) {
+CaseRecovery refused(const fs::path& folder, const std::string& problem) {
   CaseRecovery result;
   result.case_id = folder.filename().string();
   result.folder = folder;
   result.outcome = CaseRecovery::Outcome::kRefused;
-  result.problem = error.what();
+  result.problem = problem;
   return result;
 }
 
@@ -519,7 +519,7 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
         continue;
       }
     } catch (const IoError& error) {
-      results.push_back(refused(folder, error));
+      results.push_back(refused(folder, error.what()));
       continue;
     }
     if (is_hidden) {
@@ -531,9 +531,12 @@ std::vector<CaseRecovery> recover_archive(FileSystem& files, const RecoveryOptio
   for (const fs::path& folder : hidden) {
     results.push_back(remove_hidden(files, folder));
   }
-  const std::uint64_t ahead = remove_abandoned_standby(files, options.archive);
-  if (ahead > 0 && options.log != nullptr) {
-    options.log->pre_roll_discarded(ahead, {});
+  const AbandonedStandby ahead = remove_abandoned_standby(files, options.archive);
+  if (ahead.segments > 0 && options.log != nullptr) {
+    options.log->pre_roll_discarded(ahead.segments, {});
+  }
+  for (const auto& [folder, problem] : ahead.left) {
+    results.push_back(refused(folder, problem));
   }
   for (const fs::path& folder : unfinished) {
     results.push_back(Recovery(files, options, folder).run());

@@ -6,6 +6,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/segment_media.h"
 #include "archive/storage/file_system.h"
+#include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
 
@@ -68,19 +69,27 @@ std::unique_ptr<SegmentWriter> StandbyFolder::begin_segment(std::size_t stream_i
 
 void StandbyFolder::discard(const FileReference& file) { files_.remove(path_of(file)); }
 
-std::uint64_t remove_abandoned_standby(FileSystem& files, const fs::path& archive) {
-  std::uint64_t segments = 0;
+AbandonedStandby remove_abandoned_standby(FileSystem& files, const fs::path& archive) {
+  AbandonedStandby result;
   std::vector<fs::path> abandoned;
   for (const std::string& name : files.names_in(archive)) {
-    if (name.starts_with(kStandbyPrefix) && files.is_folder(archive / name)) {
+    if (name.starts_with(kStandbyPrefix)) {
       abandoned.push_back(archive / name);
     }
   }
   for (const fs::path& folder : abandoned) {
-    segments += files_below(files, folder);
-    remove_tree(files, folder);
+    try {
+      if (!files.is_folder(folder)) {
+        continue;
+      }
+      const std::uint64_t segments = files_below(files, folder);
+      remove_tree(files, folder);
+      result.segments += segments;
+    } catch (const Error& error) {
+      result.left.push_back({folder, error.what()});
+    }
   }
-  return segments;
+  return result;
 }
 
 }  // namespace kiroku::archive

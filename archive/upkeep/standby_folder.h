@@ -46,8 +46,17 @@ class StandbyFolder {
   std::vector<crypto::AgeRecipients> recipients_;
 };
 
-/// Removes what recorders that died left; returns how many segments were in it. Only when nobody records into
-/// the archive. Throws kiroku::IoError.
-std::uint64_t remove_abandoned_standby(FileSystem& files, const std::filesystem::path& archive);
+/// What is gone of recorders that died, and what could not be removed.
+struct AbandonedStandby {
+  struct Left {
+    std::filesystem::path folder;
+    std::string problem;
+  };
+  std::uint64_t segments = 0;  // in what was removed
+  std::vector<Left> left;
+};
+/// Removes what recorders that died left. A folder that cannot be removed keeps no other one. Only when
+/// nobody records into the archive. Throws kiroku::IoError where the archive cannot be listed.
+AbandonedStandby remove_abandoned_standby(FileSystem& files, const std::filesystem::path& archive);
 
 }  // namespace kiroku::archive

@@ -12,6 +12,7 @@
 //   {"do":"subject","room":"or-1","subject":{…}}     {"ok":true,"case":"…"}
 //       of the case that runs; or "procedure" as above
 //   {"do":"stop","room":"or-1","wait":true}          {"ok":true,"case":"…"}
+//       also between cases, where the next one would begin by itself ("tries_again" of the status)
 //   {"do":"mark","room":"or-1","text":"…"}           {"ok":true}
 //   anything that cannot be done                     {"ok":false,"error":"one sentence"}
 //

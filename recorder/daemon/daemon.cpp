@@ -202,9 +202,14 @@ struct Daemon::State {
   }
 
   static void act_on_press(Room& room, const FootswitchOptions& asked) {
-    const RoomState state = room.status().state;
+    const RoomStatus now = room.status();
+    const bool toggles = asked.action == PressAction::kStartStop;
+    // Whoever presses at the moment when a rule begins a case wants one, and has one.
+    if (toggles && now.state == RoomState::kStarting && !now.tries_again)
+      throw UsageError("room " + room.name() + " is just beginning a case");
+    // An operation that the recorder goes on with by itself is running as far as anybody at the table knows.
     const bool starts =
-        asked.action == PressAction::kStart || (asked.action == PressAction::kStartStop && !is_busy(state));
+        asked.action == PressAction::kStart || (toggles && !is_busy(now.state) && !now.tries_again);
     if (asked.action == PressAction::kMark) {
       room.mark(asked.mark);
     } else if (asked.action == PressAction::kProfile) {
@@ -303,6 +308,7 @@ struct Daemon::State {
             {"resumed", status.resumed},
             {"not_resumed", status.not_resumed},
             {"ended_by_error", status.ended_by_error},
+            {"tries_again", status.tries_again},
             {"subject", subject_state_name(status.subject)},
             {"profile_rule", status.profile_rule},
             {"procedure", procedure},
@@ -330,6 +336,11 @@ struct Daemon::State {
     return out;
   }
 
+  [[nodiscard]] std::vector<std::string> problems() const {
+    const std::lock_guard guard(problems_mutex);
+    return options.problems;
+  }
+
   [[nodiscard]] ordered_json status() const {
     ordered_json all = ordered_json::array();
     for (const std::unique_ptr<Room>& one : rooms) {
@@ -341,6 +352,7 @@ struct Daemon::State {
             {"disk", disk_json()},
             {"clock", clock_json()},
             {"uptime_s", std::llround(up.count())},
+            {"problems", problems()},
             {"hardware_silent", options.hardware_silent ? options.hardware_silent() : std::string()}};
   }
 
@@ -349,6 +361,7 @@ struct Daemon::State {
   std::vector<std::optional<double>> configured;
   std::vector<std::unique_ptr<Room>> rooms;
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
+  mutable std::mutex problems_mutex;                                              // of the options' problems
   std::mutex disk_mutex;
   bool warned_of_disk = false;
 };
@@ -356,6 +369,11 @@ struct Daemon::State {
 Daemon::Daemon(DaemonOptions options) : state_(std::make_unique<State>(std::move(options))) {}
 Daemon::~Daemon() = default;
 void Daemon::close() { state_->close(); }
+
+void Daemon::add_problem(const std::string& sentence) {
+  const std::lock_guard guard(state_->problems_mutex);
+  state_->options.problems.push_back(sentence);
+}
 
 ordered_json Daemon::handle(const json& request) {
   const std::string what = required_text(request, "do");

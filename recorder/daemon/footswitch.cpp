@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <ctime>
 #include <fcntl.h>
 #include <filesystem>
 #include <linux/input.h>
@@ -146,6 +147,10 @@ struct Footswitch::State {
 
   /// Until the end, which it returns true for; throws kiroku::Error where the device is lost.
   bool read_presses(const Descriptor& device) {
+    // What is no input device says its times by the wall clock, as input devices do that are not asked.
+    const int monotonic = CLOCK_MONOTONIC;
+    event_clock = ::ioctl(device.number(), EVIOCSCLOCKID, &monotonic) == 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME;
+    last_deed.reset();
     std::array<input_event, 64> events{};
     for (;;) {
       std::array<pollfd, 2> waiting{pollfd{device.number(), POLLIN, 0}, pollfd{end.number(), POLLIN, 0}};
@@ -161,12 +166,13 @@ struct Footswitch::State {
       for (std::size_t i = 0; i < count; ++i) {
         if (events.at(i).type != EV_KEY || events.at(i).code != options.key || events.at(i).value != kPress)
           continue;
-        press();
+        press(time_of(events.at(i)));
       }
     }
   }
 
-  void press() {
+  /// `pressed_at`, by the clock of the device's events; 0: it does not say.
+  void press(std::chrono::nanoseconds pressed_at) {
     const Clock::Time now = time.now();
     if (last_press && now - *last_press < options.bounce) return;
     last_press = now;
@@ -174,11 +180,28 @@ struct Footswitch::State {
       const std::lock_guard guard(mutex);
       ++presses;
     }
+    // Who presses again because nothing seems to happen does not want the opposite. A mark is of a moment.
+    if (options.action != PressAction::kMark && last_deed && pressed_at >= last_deed->first &&
+        pressed_at < last_deed->second) {
+      if (tell) tell("a press of the footswitch did nothing: the one before it was still being acted on");
+      return;
+    }
+    const std::chrono::nanoseconds begun = event_time_now();
     try {
       pressed();
     } catch (const std::exception& error) {
       if (tell) tell(std::string("a press of the footswitch did nothing: ") + error.what());
     }
+    last_deed = {begun, event_time_now()};
+  }
+
+  [[nodiscard]] static std::chrono::nanoseconds time_of(const input_event& event) {
+    return std::chrono::seconds(event.input_event_sec) + std::chrono::microseconds(event.input_event_usec);
+  }
+  [[nodiscard]] std::chrono::nanoseconds event_time_now() const {
+    timespec now{};
+    ::clock_gettime(event_clock, &now);
+    return std::chrono::seconds(now.tv_sec) + std::chrono::nanoseconds(now.tv_nsec);
   }
 
   /// Whether the end came within the time; waits no longer once something changed.
@@ -209,7 +232,10 @@ struct Footswitch::State {
   bool opened = false;
   std::string problem;
   std::uint64_t presses = 0;
-  std::optional<Clock::Time> last_press;  // the thread's
+  // The thread's: the clock of the device's events, and by it when the last press was acted on.
+  clockid_t event_clock = CLOCK_REALTIME;
+  std::optional<std::pair<std::chrono::nanoseconds, std::chrono::nanoseconds>> last_deed;
+  std::optional<Clock::Time> last_press;
   std::thread thread;
 };
 

@@ -51,7 +51,8 @@ struct FootswitchStatus {
 /// Waits for presses, from a thread of its own. Every function may be called from any thread.
 class Footswitch {
  public:
-  /// Called for each press from the footswitch's thread; presses meanwhile wait. What it throws is told.
+  /// Called for each press from the footswitch's thread. A press that was made while another was acted on
+  /// does nothing, and is told; marks wait their turn. What it throws is told.
   using Pressed = std::function<void()>;
   /// Hears when the device is lost, cannot be opened, or is there again.
   using Tell = std::function<void(const std::string& sentence)>;

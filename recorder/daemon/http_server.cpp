@@ -97,7 +97,10 @@ struct HttpServer::State {
     if (request.method == "GET" && target == "/metrics") {
       return respond(200, "text/plain; version=0.0.4; charset=utf-8", options.metrics());
     }
-    if (request.method == "GET" && target == "/healthz") return respond(200, "text/plain", "ok\n");
+    if (request.method == "GET" && target == "/healthz") {
+      const bool healthy = !options.healthy || options.healthy();
+      return healthy ? respond(200, "text/plain", "ok\n") : respond(503, "text/plain", "a room hangs\n");
+    }
     constexpr std::string_view kRooms = "/rooms/";
     if (!target.starts_with(kRooms) || options.token.empty()) {
       return refuse(404, "there is nothing at this address");

@@ -2,7 +2,7 @@
 // program (a room control, a button) starts and stops cases.
 //
 //   GET  /metrics                                    text/plain; version=0.0.4
-//   GET  /healthz                                    200 "ok"
+//   GET  /healthz                                    200 "ok"; 503 where a room's thread hangs
 //   POST /rooms/<room>/start | stop | mark           with "Authorization: Bearer <token>"; the body of mark
 //   is
 //                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
@@ -27,6 +27,7 @@ struct HttpServerOptions {
   std::uint16_t port = 0;  // 0: any free one
   std::string token;       // empty: there is no hook
   std::function<std::string()> metrics;
+  std::function<bool()> healthy = {};  // null: always
   /// (room, "start" | "stop" | "mark", body); what it throws becomes status 409.
   std::function<nlohmann::ordered_json(const std::string&, const std::string&, const std::string&)> hook;
   /// Hears of wrong tokens, ever more rarely; may be empty.

@@ -43,6 +43,11 @@ bool may_tell_of(std::string_view line, std::string_view type) {
   return line.find("\"" + std::string(type) + "\"") != std::string_view::npos;
 }
 
+/// Nobody wanted the case ended, and no rule did: somebody restarted the recorder, or an error ended it.
+bool is_unwanted_end(const std::string& close_reason) {
+  return close_reason == "shutdown" || close_reason == "disk-full" || close_reason.starts_with("error: ");
+}
+
 }  // namespace
 
 MachineTime machine_time() { return {utc_now(), read_clock(CLOCK_MONOTONIC), read_clock(CLOCK_BOOTTIME)}; }
@@ -140,13 +145,6 @@ std::optional<RunningCase> ResumptionPlanner::newest_of(const ResumeRule& rule) 
   return running;
 }
 
-bool ResumptionPlanner::may_resume() const {
-  return std::any_of(rules_.begin(), rules_.end(), [this](const ResumeRule& rule) {
-    const auto running = newest_of(rule);
-    return running && !running->ending;
-  });
-}
-
 std::optional<nanoseconds> ResumptionPlanner::logged_opening(const std::string& case_id) const {
   std::optional<nanoseconds> opened;
   bool this_boot = false;
@@ -217,13 +215,27 @@ std::string ResumptionPlanner::carry_on(const archive::CutOffCase& cut) {
   return "";
 }
 
+void ResumptionPlanner::tell_of_end(const ResumeRule& rule, const Facts& facts) const {
+  const TimeSinceCut since =
+      time_since(facts.cut, context_.now(), context_.boot_id, logged_opening(facts.cut.case_id));
+  if (since.elapsed && *since.elapsed >= rule.within) return;
+  tell(rule.room, "case " + facts.cut.case_id + " was ended (" + facts.close_reason +
+                      ") while its operation went on, and is not carried on. Begin a case by hand where the "
+                      "operation goes on");
+}
+
 std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   const auto rule =
       std::find_if(rules_.begin(), rules_.end(), [&](const ResumeRule& each) { return each.room == room; });
   if (rule == rules_.end()) return {};
   const auto running = newest_of(*rule);
-  if (!running || running->ending) return {};
+  if (!running) return {};
   const auto facts = facts_of(context_.archive / running->case_id);
+  if (facts && is_unwanted_end(facts->close_reason)) {
+    tell_of_end(*rule, *facts);
+    return {};
+  }
+  if (running->ending) return {};
   if (!facts || facts->close_reason.empty() || facts->named.size == 0) {
     tell(room, "case " + running->case_id +
                    " was cut off and is not carried on, since it could not be brought to its end. Begin a "

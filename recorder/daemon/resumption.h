@@ -90,11 +90,10 @@ class ResumptionPlanner {
   };
   ResumptionPlanner(Context context, std::vector<ResumeRule> rules);
 
-  /// Whether any room may have a case to carry on: then nothing should keep the start.
-  [[nodiscard]] bool may_resume() const;
   /// For RecoveryOptions::carry_on.
   std::string carry_on(const archive::CutOffCase& cut);
-  /// After recovery: what the room shall begin with. Each refusal is told.
+  /// After recovery: what the room shall begin with. Each refusal is told; so is a case that was ended less
+  /// than ResumeRule::within ago by a shutdown, or by an error, while its operation went on.
   std::optional<Resumption> of(const std::string& room);
 
  private:
@@ -108,6 +107,7 @@ class ResumptionPlanner {
                                     const Facts& facts) const;
   [[nodiscard]] std::string refusal_by_history(const ResumeRule& rule, const Facts& newest,
                                                std::chrono::nanoseconds& recorded) const;
+  void tell_of_end(const ResumeRule& rule, const Facts& facts) const;
   void tell(const std::string& room, const std::string& sentence) const;
 
   const Context context_;

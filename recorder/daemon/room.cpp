@@ -63,9 +63,14 @@ struct Room::State {
     std::optional<Bytes> subject;
     std::optional<crypto::Sha256Digest> sealed_plan;
     CaseIdentity identity;
-    Profiles profiles;         // of the case that it goes on with, as that ended
-    std::string first_reason;  // why the operation's first case was begun
+    Profiles profiles;                   // of the case that it goes on with, as that ended
+    std::string first_reason;            // why the operation's first case was begun
+    std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
     std::promise<std::string> begun;
+    /// Nobody asked for it: a rule begins it, or the recorder goes on with an operation.
+    [[nodiscard]] bool is_by_itself() const {
+      return reason == "schedule" || reason == "signal" || reason == "resumed" || reason == "after-error";
+    }
   };
 
   void shut_down() {
@@ -117,9 +122,24 @@ struct Room::State {
     }
   }
 
+  /// With the mutex held: what is to begin now, as wanted_request() says. From here on the room is starting:
+  /// a start that came while this one is carried out would begin a case by itself when this one has ended.
+  std::unique_ptr<Request> next_request() {
+    std::unique_ptr<Request> taken = wanted_request();
+    if (taken) take(*taken);
+    return taken;
+  }
+
+  /// With the mutex held.
+  void take(const Request& taken) {
+    status.state = RoomState::kStarting;
+    starts_by_itself = taken.is_by_itself();
+    stopped_meanwhile.clear();
+  }
+
   /// With the mutex held: what a person or a rule asked for; else the case that is to be carried on, or the
   /// one after an error.
-  std::unique_ptr<Request> next_request() {
+  std::unique_ptr<Request> wanted_request() {
     if (request) {
       // Somebody's own case takes the place of the one that would be carried on.
       resume.reset();
@@ -141,6 +161,7 @@ struct Room::State {
     taken->sealed_plan = resume->plan;
     taken->profiles = resume->profiles;
     taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
+    taken->before = resume->recorded;
     return taken;
   }
 
@@ -190,24 +211,26 @@ struct Room::State {
     if (!plan.running) return;
     try {
       const auto& earlier = asked.identity.carries_on;
-      plan.running->begins(
-          {asked.identity.case_id, earlier ? earlier->case_id : "", asked.first_reason, false});
+      RunningCase running{asked.identity.case_id, earlier ? earlier->case_id : "", asked.first_reason, false};
+      // Should the case not come to be, the operation's newest is the one that the error ended.
+      if (asked.reason == "after-error") running.carries_on = last_case();
+      plan.running->begins(running);
     } catch (const std::exception& error) {
       tell_problem("after a crash this case would not be carried on: " + std::string(error.what()));
     }
+  }
+
+  [[nodiscard]] std::string last_case() const {
+    const std::lock_guard guard(mutex);
+    return status.case_id;
   }
 
   /// Before a case is ended by somebody or by a rule: a recorder that is cut off from here on carries nothing
   /// on.
   void note_end() {
     if (!plan.running) return;
-    std::string id;
-    {
-      const std::lock_guard guard(mutex);
-      id = status.case_id;
-    }
     try {
-      plan.running->ends(id);
+      plan.running->ends(last_case());
     } catch (const std::exception& error) {
       tell_problem("if the recorder crashes now, the case that is being ended is carried on: " +
                    std::string(error.what()));
@@ -227,7 +250,7 @@ struct Room::State {
     before = {};
     if (!asked.identity.carries_on) return;
     ++status.resumed;
-    before = resume->recorded;
+    before = asked.before;
     resume.reset();
   }
 
@@ -260,13 +283,15 @@ struct Room::State {
     }
     std::string reason;
     try {
-      end(running->run([&](const SessionStatus& now) {
-        if (now.begun) {
-          follow(*running, now, reason);
-        } else {
-          reason = begin_if_wanted(*running, now);
-        }
-      }));
+      end(running->run(
+          [&](const SessionStatus& now) {
+            if (now.begun) {
+              follow(*running, now, reason);
+            } else {
+              reason = begin_if_wanted(*running, now);
+            }
+          },
+          [this] { closes(); }));
     } catch (const std::exception& error) {
       end_badly(error.what());
     }
@@ -288,6 +313,7 @@ struct Room::State {
           taken = std::make_unique<Request>();
           taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
           taken->identity.case_id = archive::new_case_id(time.utc());
+          take(*taken);
         }
       }
     }
@@ -305,9 +331,12 @@ struct Room::State {
     } catch (const std::exception& error) {
       retry.failed(time.now());
       tell_problem("no case could be begun: " + std::string(error.what()) + retry.next_try());
+      clear_note_if_stopped_meanwhile();
+      set_state(RoomState::kStandby, "");
       taken->begun.set_exception(std::current_exception());
       return "";
     }
+    beat();
     {
       const std::lock_guard guard(mutex);
       status.state = RoomState::kRecording;
@@ -316,6 +345,7 @@ struct Room::State {
       take_identity(*taken);
     }
     if (listener.note) listener.note(beginning_text(*taken, id));
+    end_if_stopped_meanwhile(running);
     // What was recorded ahead is archived as it was; from here on as decided.
     for (const ProfileDecision& decision : decisions) running.decide_profile(decision);
     state_missing_subject(running);
@@ -417,6 +447,7 @@ struct Room::State {
       refuse_start(asked, error.what());
       return;
     }
+    beat();
     {
       const std::lock_guard guard(mutex);
       session = running;
@@ -426,10 +457,12 @@ struct Room::State {
       if (ending) running->stop("shutdown");
     }
     if (listener.note) listener.note(beginning_text(asked, running->case_id()));
+    end_if_stopped_meanwhile(*running);
     state_missing_subject(*running);
     asked.begun.set_value(running->case_id());
     try {
-      end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.first_reason); }));
+      end(running->run([&](const SessionStatus& now) { follow(*running, now, asked.first_reason); },
+                       [this] { closes(); }));
     } catch (const std::exception& error) {
       end_badly(error.what());
     }
@@ -441,6 +474,7 @@ struct Room::State {
                  (plan.rules.schedule.empty() && asked.reason != "resumed" && asked.reason != "after-error"
                       ? ""
                       : retry.next_try()));
+    clear_note_if_stopped_meanwhile();
     set_state(RoomState::kIdle, "");
     asked.begun.set_exception(std::current_exception());
   }
@@ -462,9 +496,56 @@ struct Room::State {
     tell_new_problem(now);
   }
 
+  /// Closing is counted from here on, which may take longer than a room that records may be silent.
   void want_end() {
     const std::lock_guard guard(mutex);
     end_wanted = true;
+    if (status.state == RoomState::kRecording) status.state = RoomState::kClosing;
+  }
+
+  /// Recording is over, for whatever reason. What was recorded ahead is no case, and is discarded.
+  void closes() {
+    beat();
+    const std::lock_guard guard(mutex);
+    if (status.state == RoomState::kRecording) status.state = RoomState::kClosing;
+  }
+
+  /// Somebody ended the operation while its next case was being made.
+  void end_if_stopped_meanwhile(Session& running) {
+    std::string reason;
+    {
+      const std::lock_guard guard(mutex);
+      reason = std::exchange(stopped_meanwhile, "");
+    }
+    if (reason.empty()) return;
+    want_end();
+    note_end();
+    running.stop(reason);
+  }
+
+  /// With the mutex held: whether the operation whose case was cut off, or was ended by an error, goes on
+  /// with another case by itself.
+  [[nodiscard]] bool tries_again() {
+    return resume || again || (status.ended_by_error && start_rules.schedule_wants_a_case(time.utc()));
+  }
+
+  /// With the mutex held: no case begins by itself any more in the place of the one that ended.
+  void give_up_operation() {
+    resume.reset();
+    again.reset();
+    status.ended_by_error = false;
+    start_rules.stopped_by_person();
+  }
+
+  /// Of whatever case the room's note tells, the next start of the recorder carries nothing on.
+  void clear_note() {
+    if (!plan.running) return;
+    try {
+      if (const auto noted = plan.running->read()) plan.running->clear(noted->case_id);
+    } catch (const std::exception& error) {
+      tell_problem("if the recorder starts again now, the operation that was ended may be carried on: " +
+                   std::string(error.what()));
+    }
   }
 
   /// With the mutex held.
@@ -503,13 +584,14 @@ struct Room::State {
         listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
       }
       if (listener.closed) listener.closed(result);
-      forget(result.case_id);
       if (by_itself && result.close_reason != "sources-ended") {
         const std::chrono::nanoseconds lasted(result.last.now_ns - result.last.begins_ns);
         if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())
           tell_problem("case " + result.case_id + " ended by itself (" + result.close_reason + ")" + follows);
       }
+      if (!is_unfinished_operation(result.close_reason)) forget(result.case_id);
     }
+    beat();
     {
       const std::lock_guard guard(mutex);
       session.reset();
@@ -525,6 +607,22 @@ struct Room::State {
     }
     changed.notify_all();
     if (result.case_id.empty() && by_itself) tell_problem("recording ahead ended: " + result.close_reason);
+  }
+
+  /// The case that was being made did not come to be, and somebody had ended its operation.
+  void clear_note_if_stopped_meanwhile() {
+    const bool stopped = [this] {
+      const std::lock_guard guard(mutex);
+      return !stopped_meanwhile.empty();
+    }();
+    if (stopped) clear_note();
+  }
+
+  /// Nobody wanted the case ended, so that a recorder that starts again soon tells of it
+  /// (ResumptionPlanner::of).
+  [[nodiscard]] bool is_unfinished_operation(const std::string& close_reason) const {
+    const std::lock_guard guard(mutex);
+    return again || close_reason == "shutdown";
   }
 
   void end_badly(const std::string& why) {
@@ -577,9 +675,41 @@ struct Room::State {
 
   void set_state(RoomState state, const std::string& reason) {
     beat();
-    const std::lock_guard guard(mutex);
-    status.state = state;
-    if (!reason.empty()) status.reason = reason;
+    {
+      const std::lock_guard guard(mutex);
+      status.state = state;
+      if (!reason.empty()) status.reason = reason;
+    }
+    changed.notify_all();
+  }
+
+  [[nodiscard]] bool is_free() const {
+    return status.state == RoomState::kIdle || status.state == RoomState::kStandby;
+  }
+  /// Of a case that records or is being closed.
+  [[nodiscard]] bool has_case() const {
+    return status.state == RoomState::kRecording || status.state == RoomState::kClosing;
+  }
+
+  /// Ends an operation between its cases. `lock` holds the mutex.
+  std::string stop_between_cases(std::unique_lock<std::mutex>& lock, const std::string& reason, bool wait) {
+    if (resume && status.case_id.empty()) status.case_id = resume->earlier.case_id;
+    std::string id = status.case_id;
+    const bool starting = status.state == RoomState::kStarting;
+    give_up_operation();
+    if (starting) stopped_meanwhile = reason;
+    lock.unlock();
+    clear_note();
+    if (listener.note) listener.note("the operation of case " + id + " is ended: no case carries it on");
+    lock.lock();
+    if (!wait) return id;
+    changed.wait(lock, [this] { return is_free(); });
+    if (starting) id = status.case_id;
+    if (left_open.case_id == id) {
+      throw Error("no case begins by itself any more, but case " + id +
+                  " could not be closed: the recorder's next start brings it to its end");
+    }
+    return id;
   }
 
   const RoomPlan plan;
@@ -613,6 +743,10 @@ struct Room::State {
   std::string begun_for;
   std::optional<crypto::Sha256Digest> plan_of_case;
   bool after_error_too = false, end_wanted = false;
+  // Of the case that is being made: whether nobody asked for it, and why it is to end as soon as it has
+  // begun.
+  bool starts_by_itself = false;
+  std::string stopped_meanwhile;
   std::shared_ptr<Session> session;  // while a case runs
   RoomStatus status;
   RateMeter rate;
@@ -636,10 +770,10 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
   {
     const std::lock_guard guard(state_->mutex);
     if (state_->ending) throw Error("the recorder is being shut down");
-    const bool free = state_->status.state == RoomState::kIdle || state_->status.state == RoomState::kStandby;
-    if (!free || state_->request) {
+    if (state_->has_case())
       throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);
-    }
+    if (!state_->is_free() || state_->request)
+      throw UsageError("room " + name() + " is recording already: a case is just beginning");
     state_->request = std::make_unique<State::Request>();
     state_->request->reason = reason;
     state_->request->subject = std::move(subject);
@@ -651,15 +785,25 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
 }
 
 std::string Room::stop(const std::string& reason, bool wait) {
-  if (!running_case().empty()) state_->note_end();
   std::unique_lock lock(state_->mutex);
-  if (state_->status.state != RoomState::kRecording) throw UsageError("room " + name() + " is not recording");
+  if (state_->has_case()) {
+    lock.unlock();
+    state_->note_end();
+    lock.lock();
+  }
+  if (!state_->has_case()) {
+    const bool starting = state_->status.state == RoomState::kStarting;
+    const bool goes_on = starting ? state_->starts_by_itself : state_->tries_again();
+    if (!goes_on) throw UsageError("room " + name() + " is not recording");
+    return state_->stop_between_cases(lock, reason, wait);
+  }
   std::string id = state_->status.case_id;
+  // Also while it is being closed: whatever ended it, nothing goes on with it.
   state_->end_wanted = true;
   const std::uint64_t before = state_->status.cases;
   state_->session->stop(reason);
   state_->status.state = RoomState::kClosing;
-  state_->start_rules.stopped_by_person();
+  state_->give_up_operation();
   if (wait) {
     state_->changed.wait(lock, [&] { return state_->status.cases > before; });
     // Whoever waits for the end goes on to what needs a closed case.
@@ -717,6 +861,7 @@ std::string Room::running_case() const {
 RoomStatus Room::status() const {
   const std::lock_guard guard(state_->mutex);
   RoomStatus status = state_->status;
+  status.tries_again = state_->tries_again();
   if (state_->plan.procedure) status.procedure = state_->plan.procedure->ways();
   if (state_->session) status.session = state_->session->status();
   return status;

@@ -56,6 +56,7 @@ struct RoomStatus {
   std::uint64_t resumed = 0;                   // cases that carry on another, since the room was made
   bool not_resumed = false;                    // a case was cut off, nothing carries it on, none began since
   bool ended_by_error = false;                 // the last case was, nobody wanted it, and none began since
+  bool tries_again = false;                    // a case that goes on with the last one begins by itself
   std::uint64_t cases = 0;                     // ended since the room was made
   double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
   double last_bytes_per_second = 0;            // the same of the case before, at its end
@@ -94,8 +95,10 @@ class Room {
   /// What could be done here now, to choose from; none where nothing is configured. Returns at once.
   [[nodiscard]] std::vector<ProcedureData> procedures() const;
   /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
-  /// of the schedule no new one is begun until the next window. Throws kiroku::UsageError if none runs, and
-  /// kiroku::Error if it was waited for and could not be closed.
+  /// of the schedule no new one is begun until the next window. Where none runs and one would go on with the
+  /// last one by itself (RoomStatus::tries_again), ends the operation: none does any more, also after another
+  /// start of the recorder. Throws kiroku::UsageError if there is neither, and kiroku::Error if it was waited
+  /// for and could not be closed.
   std::string stop(const std::string& reason, bool wait);
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
   void mark(const std::string& text);

@@ -30,7 +30,7 @@ class RunningNote {
   void begins(const RunningCase& running);
   /// Before that case is ended. Of another case nothing is changed.
   void ends(const std::string& case_id);
-  /// After that case was closed. Likewise.
+  /// After that case was closed, unless its operation goes on. Likewise.
   void clear(const std::string& case_id);
 
  private:

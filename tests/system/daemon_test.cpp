@@ -1,6 +1,9 @@
 #include <csignal>
 #include <cstring>
 #include <thread>
+#include <utility>  // Boost 1.74 forgets it before its awaitable
+
+#include <boost/asio.hpp>
 
 #include "tests/support/build_paths.h"
 #include "tests/support/child_processes.h"
@@ -167,6 +170,56 @@ TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
   EXPECT_EQ(document["case"]["names_plan"], true);
   EXPECT_EQ(document["steps"][1]["done"]["end_from"], "mark");
   EXPECT_EQ(document["steps"][0]["done"]["mark"], "now look around");
+}
+
+TEST_F(Daemon, RecordsWithoutWhatRecordingDoesNotNeed) {
+  boost::asio::io_context context;
+  boost::asio::ip::tcp::acceptor taken(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "listen = \"127.0.0.1:" +
+                                         std::to_string(taken.local_endpoint().port()) +
+                                         "\"\nhook_token_file = \"hook-token\"\n");
+  write_text(home() / "authority" / "serial", "");
+  write_text(home() / "own-authority.pem", "-----BEGIN CERTIFICATE-----\ndamaged\n");
+  const ProcessResult checked = run_process(kirokud({"--check"}));
+  EXPECT_EQ(checked.status, 2) << checked.out;
+  EXPECT_THAT(checked.err, HasSubstr("hook-token"));
+
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room")) << daemon.out();
+  const nlohmann::json problems = kiroku_json({"status", "--json"})["problems"];
+  EXPECT_THAT(problems.get<std::vector<std::string>>(),
+              testing::UnorderedElementsAre(HasSubstr("own-authority.pem"), HasSubstr("serial"),
+                                            HasSubstr("without the hook: "),
+                                            HasSubstr("without metrics and the hook: ")))
+      << problems;
+  EXPECT_THAT(kiroku({"status"}).out, HasSubstr("recording goes on without the hook"));
+  const std::string id = kiroku_json({"case", "start", "--json"})["case"];
+  EXPECT_TRUE(until([](const nlohmann::json& room) { return room["missed"].get<int>() > 0; }));
+  EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], id);
+}
+
+// One that accepts connections and never answers is the worst.
+TEST_F(Daemon, IsThereAtOnceAfterACrashThoughAnAuthorityDoesNotAnswer) {
+  boost::asio::io_context context;
+  const boost::asio::ip::tcp::acceptor silent(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") +
+                                         "[[authority]]\nname = \"silent\"\nurl = \"http://127.0.0.1:" +
+                                         std::to_string(silent.local_endpoint().port()) +
+                                         "/\"\ntotal_timeout = \"60s\"\n");
+  std::string id;
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room")) << daemon.out();
+    id = kiroku_json({"case", "start", "--json"})["case"];
+    EXPECT_TRUE(
+        until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 0; }));
+    daemon.signal(SIGKILL);
+    daemon.wait();
+  }
+  Process daemon(kirokud());
+  EXPECT_TRUE(daemon.wait_for("recording for 1 room", std::chrono::seconds(30))) << daemon.out();
+  EXPECT_THAT(daemon.out(), HasSubstr("case " + id + " was cut off by a crash and is closed now"));
+  EXPECT_TRUE(eventually([&] { return kiroku({"case", "start"}).status == 0; }));
 }
 
 TEST_F(Daemon, SealsWhatTheHospitalSaysOfAProcedureAndTellsItNowhereElse) {

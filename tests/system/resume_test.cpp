@@ -110,6 +110,7 @@ TEST_F(Resuming, WhatSomebodyEndedIsNotCarriedOn) {
     ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
     EXPECT_EQ(kiroku({"case", "start"}).status, 0);
     ASSERT_TRUE(until_segment());
+    EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
     daemon.signal(SIGTERM);
     EXPECT_EQ(daemon.wait().status, 0);
   }
@@ -118,6 +119,29 @@ TEST_F(Resuming, WhatSomebodyEndedIsNotCarriedOn) {
   EXPECT_EQ(room()["state"], "idle");
   EXPECT_EQ(room()["not_resumed"], false);
   EXPECT_EQ(cases(), 1U);
+}
+
+// As needrestart does after a library was upgraded.
+TEST_F(Resuming, ARecorderThatIsRestartedWhileItRecordsSaysThatNothingIsCarriedOn) {
+  std::string first;
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+    ASSERT_TRUE(until_segment());
+    first = room()["case"];
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_EQ(room()["state"], "idle");
+  EXPECT_EQ(room()["not_resumed"], true);
+  EXPECT_THAT(room()["problem"], HasSubstr("case " + first + " was ended (shutdown) while its operation"));
+  EXPECT_EQ(cases(), 1U);
+  EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+  EXPECT_EQ(room()["not_resumed"], false);
+  EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
 }
 
 TEST_F(Resuming, WithoutTheRuleNothingIsCarriedOn) {

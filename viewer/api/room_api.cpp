@@ -146,7 +146,9 @@ class RoomAskings {
       const bool is_free = state == "idle" || state == "standby";
       const bool starts = question.at("do") == "start";
       if (starts && !is_free) throw Refusal(409, "room " + name + " is recording already");
-      if (!starts && is_free) throw Refusal(409, "room " + name + " is not recording");
+      // Stopping ends an operation between its cases, too.
+      const bool ends_operation = question.at("do") == "stop" && room.value("tries_again", false);
+      if (!starts && is_free && !ends_operation) throw Refusal(409, "room " + name + " is not recording");
       return;
     }
     throw Refusal(409, "there is no room named '" + name + "'");

@@ -62,6 +62,15 @@ TEST_F(HomeRoots, OfAnAuthorityThatWasMadeAnewStayTheOwnOnes) {
   EXPECT_EQ(judged(home_.trust()), TimeAuthority::kOwn) << "the former one, beside the new one";
 }
 
+TEST_F(HomeRoots, ThatCannotBeUsedAreToldAndLeftOutWhereRecordingGoesOn) {
+  write("own-authority.pem", "-----BEGIN CERTIFICATE-----\ndamaged\n-----END CERTIFICATE-----\n");
+  EXPECT_THROW(home_.trust(), Error);
+  std::vector<std::string> told;
+  const auto trust = home_.trust([&told](const std::string& sentence) { told.push_back(sentence); });
+  EXPECT_THAT(told, ElementsAre(HasSubstr("own-authority.pem")));
+  EXPECT_EQ(judged(trust), TimeAuthority::kOwn) << "by the certificate that is there";
+}
+
 TEST_F(HomeRoots, ThatAreNoCertificatesAreRefused) {
   write("trust.pem", "<html>502 Bad Gateway</html>");
   EXPECT_THROW(home_.trust(), Error);

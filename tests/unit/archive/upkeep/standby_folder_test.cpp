@@ -5,6 +5,7 @@
 
 #include "archive/storage/file_system.h"
 #include "crypto/age_file.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::archive {
@@ -63,9 +64,23 @@ TEST_F(StandbyFolderTest, WhatADeadRecorderLeftIsCountedAndRemovedAndNothingElse
   record(*dead, 0, 0);
   record(*dead, 0, 1);
   std::filesystem::create_directory(archive_ / "20260805T091502Z-3f9c21ab");
-  EXPECT_EQ(remove_abandoned_standby(real_file_system(), archive_.path()), 2U);
+  EXPECT_EQ(remove_abandoned_standby(real_file_system(), archive_.path()).segments, 2U);
   EXPECT_EQ(entries(), 1U);
-  EXPECT_EQ(remove_abandoned_standby(real_file_system(), archive_.path()), 0U);
+  EXPECT_EQ(remove_abandoned_standby(real_file_system(), archive_.path()).segments, 0U);
+}
+
+TEST_F(StandbyFolderTest, AFolderThatCannotBeListedKeepsNoOther) {
+  const auto dead = make();
+  record(*dead, 0, 0);
+  std::filesystem::create_directory(archive_ / ".standby-00000000");
+  test::FaultFileSystem faults(archive_.path());
+  faults.fail_reading("list .standby-00000000", test::FaultFileSystem::ReadFault::kFails);
+  const AbandonedStandby found = remove_abandoned_standby(faults, archive_.path());
+  EXPECT_EQ(found.segments, 1U);
+  ASSERT_EQ(found.left.size(), 1U);
+  EXPECT_EQ(found.left[0].folder, archive_ / ".standby-00000000");
+  EXPECT_THAT(found.left[0].problem, testing::HasSubstr(".standby-00000000"));
+  EXPECT_EQ(entries(), 1U);
 }
 
 }  // namespace

@@ -2,9 +2,12 @@
 // device can be asked (its name, its keys) is not tested.
 #include "recorder/daemon/footswitch.h"
 
+#include <algorithm>
 #include <atomic>
+#include <ctime>
 #include <fcntl.h>
 #include <filesystem>
+#include <future>
 #include <linux/input.h>
 #include <mutex>
 #include <sys/ioctl.h>
@@ -19,6 +22,7 @@
 #include "base/error.h"
 #include "recorder/daemon/daemon.h"
 #include "tests/support/eventually.h"
+#include "tests/support/fault_file_system.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/recording.h"
 #include "tests/support/temporary_folder.h"
@@ -55,6 +59,12 @@ class Pedal {
     event.type = type;
     event.code = code;
     event.value = value;
+    if (tells_time) {
+      timespec now{};
+      ::clock_gettime(CLOCK_REALTIME, &now);
+      event.input_event_sec = now.tv_sec;
+      event.input_event_usec = now.tv_nsec / 1000;
+    }
     ASSERT_EQ(::write(descriptor_, &event, sizeof event), static_cast<ssize_t>(sizeof event));
   }
   void press(std::uint16_t key = kKey) const {
@@ -71,6 +81,8 @@ class Pedal {
     return ::ioctl(descriptor_, FIONREAD, &left) == 0 && left == 0;
   }
   [[nodiscard]] std::string path() const { return path_.string(); }
+
+  bool tells_time = false;  // when it was pressed, as a real device does
 
  private:
   std::filesystem::path path_;
@@ -131,6 +143,57 @@ TEST_F(FootswitchTest, ContactsThatBounceAreOnePress) {
   ASSERT_TRUE(test::eventually([&] { return presses == 2; }));
 }
 
+// A case may take seconds to begin. Whoever presses again because nothing seems to happen does not want it
+// ended.
+TEST_F(FootswitchTest, APressWhileTheOneBeforeIsActedOnDoesNothing) {
+  pedal.tells_time = true;
+  pedal.plug_in();
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
+  std::atomic<int> acted = 0;
+  const auto act = [&] {
+    ++acted;
+    released.wait();
+  };
+  const Footswitch footswitch(options(), act, [this](const std::string& said) { tell(said); });
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return acted == 1; }));
+  pedal.press();
+  pedal.press();
+  release.set_value();
+  EXPECT_TRUE(test::eventually([&] { return footswitch.status().presses == 3; }, 10s));
+  EXPECT_TRUE(test::eventually(
+      [&] {
+        const std::lock_guard guard(mutex);
+        return std::ranges::count_if(told, [](const std::string& said) {
+                 return said.find("was still being acted on") != std::string::npos;
+               }) == 2;
+      },
+      10s));
+  EXPECT_EQ(acted, 1);
+  pedal.press();
+  EXPECT_TRUE(test::eventually([&] { return acted == 2; })) << "the next one counts";
+}
+
+TEST_F(FootswitchTest, MarksWaitTheirTurn) {
+  pedal.tells_time = true;
+  pedal.plug_in();
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
+  std::atomic<int> acted = 0;
+  const Footswitch footswitch(options(PressAction::kMark),
+                              [&] {
+                                ++acted;
+                                released.wait();
+                              },
+                              {});
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return acted == 1; }));
+  pedal.press();
+  release.set_value();
+  EXPECT_TRUE(test::eventually([&] { return acted == 2; }));
+}
+
 TEST_F(FootswitchTest, IsLookedForUntilItIsThereAndAgainWhenItIsLost) {
   std::atomic<int> presses = 0;
   const Footswitch footswitch(
@@ -185,6 +248,36 @@ TEST_F(FootswitchTest, APressThatCannotBeActedOnIsTold) {
     return !told.empty();
   }));
   EXPECT_EQ(told[0], "a press of the footswitch did nothing: room or-1 is not recording");
+}
+
+TEST_F(FootswitchTest, APressAfterAnErrorEndsTheOperationAndTheNextBeginsOne) {
+  const test::RecorderBench bench;
+  test::FaultFileSystem faults(bench.options().archive);
+  pedal.plug_in();
+  RoomPlan plan;
+  plan.name = "or-1";
+  plan.session = bench.options();
+  plan.session.files = &faults;
+  plan.session.video.push_back(bench.stream("camera", "synthetic:pattern?size=64x48&rate=20"));
+  plan.rules.resume_within = 10min;
+  plan.footswitches = {options()};
+  DaemonOptions asked;
+  test::MovedClock time;
+  asked.time = &time;
+  asked.rooms.push_back(std::move(plan));
+  asked.archive = bench.options().archive;
+  Daemon daemon(std::move(asked));
+  const auto room = [&] { return daemon.handle({{"do", "status"}})["rooms"][0]; };
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
+  faults.fail("sync", EIO);
+  ASSERT_TRUE(test::eventually([&] { return room()["state"] == "idle" && room()["tries_again"] == true; }));
+  faults.heal();
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return room()["tries_again"] == false; }));
+  EXPECT_EQ(room()["state"], "idle");
+  pedal.press();
+  EXPECT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
 }
 
 TEST_F(FootswitchTest, StartsMarksAndStopsARoom) {

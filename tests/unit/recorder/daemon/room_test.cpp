@@ -2,19 +2,24 @@
 
 #include <atomic>
 #include <fstream>
+#include <future>
 #include <mutex>
 #include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
+#include "recorder/daemon/daemon.h"
 #include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/moved_clock.h"
+#include "tests/support/observed_file_system.h"
 #include "tests/support/recording.h"
 #include "tests/support/stuck_source.h"
+#include "tests/support/switched_authority.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -582,6 +587,163 @@ TEST_F(RoomTest, AfterADiskErrorAnotherCaseBeginsWhereTheRoomMayGoOn) {
   EXPECT_EQ(status.subject, SubjectState::kCarriedOver);
   room.stop("operator", true);
   EXPECT_EQ(bench.read(bench.options().archive / status.case_id).subject(), R"({"patient":{"id":"7"}})");
+}
+
+// A start that waited for the one before it to be carried out would begin a case by itself when that one has
+// ended: the next patient's, under the name that was given for this one.
+TEST_F(RoomTest, AStartWhileAnotherBeginsIsRefusedAndBeginsNothingLater) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    std::promise<void> release;
+    const std::shared_future<void> released = release.get_future().share();
+    std::atomic<bool> making = false;
+    test::ObservedFileSystem slow([&](const std::filesystem::path& file) {
+      if (file.string().find("/.new-") == std::string::npos) return;
+      making = true;
+      released.wait();
+    });
+    RoomPlan ahead = plan({kCamera});
+    ahead.session.files = &slow;
+    ahead.rules.pre_roll = pre_roll;
+    Room room(std::move(ahead), listener());
+    const RoomState waits = pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle;
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == waits; }));
+    const std::size_t before = bench.cases();
+    const auto start = [&room] { return room.start("operator"); };
+    auto first = std::async(std::launch::async, start);
+    ASSERT_TRUE(test::eventually([&] { return making.load(); }));
+    EXPECT_EQ(room.status().state, RoomState::kStarting);
+    auto second = std::async(std::launch::async, start);
+    EXPECT_TRUE(test::eventually([&] { return second.wait_for(0s) == std::future_status::ready; }, 5s));
+    release.set_value();
+    EXPECT_EQ(room.stop("operator", true), first.get());
+    EXPECT_THROW(second.get(), UsageError);
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == waits; }));
+    EXPECT_EQ(bench.cases(), before + 1);
+  }
+}
+
+class ClosingRoom : public RoomTest {
+ protected:
+  /// A room whose cases wait for an authority when they are closed.
+  [[nodiscard]] RoomPlan slow_plan() {
+    RoomPlan slow = plan({kCamera});
+    std::shared_ptr<timestamp::StampSource>& source = slow.session.authorities.at(0).source;
+    authority = std::make_shared<test::SwitchedAuthority>(source);
+    authority->held = true;
+    source = authority;
+    return slow;
+  }
+  [[nodiscard]] DaemonOptions options(RoomPlan slow) {
+    DaemonOptions asked;
+    asked.archive = bench.options().archive;
+    asked.time = &time;
+    asked.listener = listener();
+    asked.rooms.push_back(std::move(slow));
+    return asked;
+  }
+  static std::string state(Daemon& daemon) { return daemon.handle({{"do", "status"}})["rooms"][0]["state"]; }
+  /// A room that records may be silent for half a minute, and then systemd hears nothing of any room.
+  void expect_healthy_while_it_closes(Daemon& daemon) {
+    EXPECT_TRUE(test::eventually([&] { return state(daemon) == "closing"; }, 20s)) << state(daemon);
+    time.move(2min);
+    EXPECT_TRUE(daemon.healthy());
+    time.move(10min);
+    EXPECT_FALSE(daemon.healthy()) << "no authority takes so long";
+  }
+  std::shared_ptr<test::SwitchedAuthority> authority;
+};
+
+TEST_F(ClosingRoom, ARoomThatARuleEndsIsClosing) {
+  RoomPlan bounded = slow_plan();
+  bounded.rules.longest_case = 1s;
+  Daemon daemon(options(std::move(bounded)));
+  daemon.handle({{"do", "start"}});
+  expect_healthy_while_it_closes(daemon);
+  authority->release();
+  EXPECT_TRUE(test::eventually([&] { return state(daemon) == "idle"; }));
+}
+
+TEST_F(ClosingRoom, ARoomThatAnErrorEndsIsClosingAndWhoStopsItThenEndsTheOperation) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan failing = slow_plan();
+  failing.session.files = &faults;
+  failing.rules.resume_within = 10min;
+  Daemon daemon(options(std::move(failing)));
+  const std::string id = daemon.handle({{"do", "start"}})["case"];
+  faults.fail("create " + id + "/segments", ENOSPC);
+  expect_healthy_while_it_closes(daemon);
+  faults.heal();
+  EXPECT_EQ(daemon.handle({{"do", "stop"}, {"wait", false}})["case"], id);
+  authority->release();
+  ASSERT_TRUE(test::eventually([&] { return state(daemon) == "idle"; }));
+  const nlohmann::json room = daemon.handle({{"do", "status"}})["rooms"][0];
+  EXPECT_EQ(room["reason"], "disk-full");
+  EXPECT_EQ(room["tries_again"], false);
+  EXPECT_EQ(room["ended_by_error"], false);
+}
+
+TEST_F(RoomTest, WhoStopsAfterAnErrorEndsTheOperation) {
+  test::FaultFileSystem faults(bench.options().archive);
+  RoomPlan failing = plan({kCamera});
+  failing.session.files = &faults;
+  failing.rules.resume_within = 10min;
+  const auto note =
+      std::make_shared<RunningNote>(archive::real_file_system(), bench.options().archive, "or-1");
+  failing.running = note;
+  Room room(std::move(failing), listener(), time);
+  const std::string first = room.start("operator", to_bytes(bytes_of(R"({"patient":{"id":"7"}})")));
+  EXPECT_FALSE(room.status().tries_again);
+  faults.fail("sync", EIO);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
+  EXPECT_TRUE(room.status().tries_again);
+  ASSERT_TRUE(note->read());
+  EXPECT_EQ(room.stop("operator", false), first);
+  EXPECT_FALSE(room.status().tries_again);
+  EXPECT_FALSE(room.status().ended_by_error);
+  EXPECT_FALSE(note->read()) << "nor does the recorder's next start carry it on";
+  EXPECT_THROW(room.stop("operator", false), UsageError) << "it is ended already";
+  faults.heal();
+  for (int looks = 0; looks < 3; ++looks) {
+    time.await_waiting(1);
+    EXPECT_EQ(room.status().state, RoomState::kIdle);
+    time.move(1min);
+  }
+  time.await_waiting(1);
+  EXPECT_EQ(bench.cases(), 1U);
+}
+
+TEST_F(RoomTest, WhoStopsWhileTheCaseAfterAnErrorIsMadeEndsThatOne) {
+  std::atomic<bool> broken = false, held = false, making = false;
+  test::ObservedFileSystem files([&](const std::filesystem::path& file) {
+    if (broken) throw IoError("make", file, EIO);
+    if (held && file.string().find("/.new-") != std::string::npos) {
+      making = true;
+      held.wait(true);
+    }
+  });
+  RoomPlan failing = plan({kCamera});
+  failing.session.files = &files;
+  failing.rules.resume_within = 10min;
+  Room room(std::move(failing), listener(), time);
+  const std::string first = room.start("operator");
+  broken = true;
+  ASSERT_TRUE(test::eventually([&] { return room.status().tries_again; }));
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kIdle; }));
+  held = true;
+  broken = false;
+  time.await_waiting(1);
+  time.move(5s);
+  ASSERT_TRUE(test::eventually([&] { return making.load(); }));
+  auto stopped = std::async(std::launch::async, [&room] { return room.stop("operator", true); });
+  EXPECT_TRUE(test::eventually([&] { return !room.status().tries_again; }, 5s));
+  held = false;
+  held.notify_all();
+  const std::string second = stopped.get();
+  EXPECT_NE(second, first);
+  EXPECT_EQ(room.status().state, RoomState::kIdle);
+  EXPECT_EQ(room.status().case_id, second);
+  EXPECT_EQ(room.status().reason, "operator");
+  EXPECT_FALSE(room.status().tries_again);
 }
 
 TEST_F(RoomTest, RecordingAheadThatFailsIsNoCase) {

@@ -224,6 +224,25 @@ TEST_F(HttpServerTest, RefusesARequestThatCouldHideAnotherAndReadsNoFurther) {
   EXPECT_EQ(called, "");
 }
 
+TEST(HttpServer, HealthIsThatOfTheRooms) {
+  std::atomic<bool> healthy = true;
+  HttpServerOptions options;
+  options.healthy = [&healthy] { return healthy.load(); };
+  const HttpServer server(std::move(options));
+  const auto status = [&server] {
+    asio::io_context context;
+    asio::ip::tcp::socket socket(context);
+    socket.connect({asio::ip::make_address("127.0.0.1"), server.port()});
+    asio::write(socket, asio::buffer(std::string("GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n")));
+    std::string received;
+    asio::read_until(socket, asio::dynamic_buffer(received), "\r\n");
+    return received.substr(0, received.find("\r\n"));
+  };
+  EXPECT_THAT(status(), StartsWith("HTTP/1.1 200"));
+  healthy = false;
+  EXPECT_THAT(status(), StartsWith("HTTP/1.1 503"));
+}
+
 TEST_F(HttpServerTest, RefusesAChunkWithExtensionsAndReadsNoFurther) {
   const std::string hidden =
       "POST /rooms/or-1/start HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer a token of some length\r\n\r\n";

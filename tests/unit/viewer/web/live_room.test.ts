@@ -31,6 +31,7 @@ const room = (state: string, ...streams: StreamStatus[]): RoomStatus => ({
   resumed: 0,
   not_resumed: false,
   ended_by_error: false,
+  tries_again: false,
   subject: 'none',
   profile_rule: '',
   procedure: [],

@@ -20,6 +20,10 @@ export const roomsEn = {
   'rooms.tokensOf': '{n} received, {missed} missed',
   'rooms.noRecorder': 'No recorder is running on this appliance.',
   'rooms.carriesOn': 'Carries on case {id}, which was cut off',
+  'rooms.triesAgain': 'Nothing is recorded. Another case begins by itself as soon as that works, and takes the patient over. Where the operation is over, end it.',
+  'rooms.endOperation': 'End the operation',
+  'rooms.endTitle': 'End the operation in {room}?',
+  'rooms.endWhat': 'No other case begins by itself any more.',
   'rooms.unboxed': '{name} is decoded without a box, beside the device key: kiroku doctor says why',
   'rooms.stream': 'Stream',
   'rooms.signal': 'Signal',
@@ -65,6 +69,7 @@ export const roomsEn = {
   'appliance.up': 'running for {time}',
   'appliance.hardware': 'Key in hardware',
   'appliance.hardwareSilent': 'does not sign',
+  'appliance.without': 'Goes on without',
   'appliance.hardwareToDo': 'Recording goes on, and cases are unproven until it signs again. Tell whoever keeps the recorder.',
 } as const;
 
@@ -89,6 +94,10 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'rooms.tokensOf': '{n} 件取得、{missed} 件未取得',
   'rooms.noRecorder': 'この装置で記録プログラムが動いていません。',
   'rooms.carriesOn': '中断された症例 {id} を引き継いでいます',
+  'rooms.triesAgain': '記録されていません。可能になり次第、同じ患者の次の症例が自動的に始まります。手術が終わっている場合は、手術を終了してください。',
+  'rooms.endOperation': '手術を終了',
+  'rooms.endTitle': '{room} の手術を終了しますか？',
+  'rooms.endWhat': '以後、次の症例は自動的に始まりません。',
   'rooms.unboxed': '{name} は隔離されずに、装置鍵と同じプログラム内でデコードされています。理由は kiroku doctor が示します',
   'rooms.stream': 'ストリーム',
   'rooms.signal': '信号',
@@ -134,5 +143,6 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'appliance.up': '稼働時間 {time}',
   'appliance.hardware': 'ハードウェア内の鍵',
   'appliance.hardwareSilent': '署名していません',
+  'appliance.without': '使えないもの',
   'appliance.hardwareToDo': '記録は続いています。再び署名するまで、症例は「証明不足」となります。記録装置の管理担当者に知らせてください。',
 };

@@ -112,6 +112,11 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
         </p>
       )}
       {recording && room.carries_on !== '' && <p>{t('rooms.carriesOn', { id: room.carries_on })}</p>}
+      {idle && room.tries_again && (
+        <p class="problem">
+          <Icon name="alarm" /> {t('rooms.triesAgain')}
+        </p>
+      )}
       {room.problem !== '' && (
         <p class="problem">
           <Icon name="alarm" /> {room.problem}
@@ -188,10 +193,18 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
           {mayControl && (
             <div class="room-controls">
               {idle ? (
-                <button type="button" class="button button-record" onClick={() => (asking.value = true)}>
-                  <Icon name="record" filled />
-                  {t('rooms.start')}
-                </button>
+                <>
+                  <button type="button" class="button button-record" onClick={() => (asking.value = true)}>
+                    <Icon name="record" filled />
+                    {t('rooms.start')}
+                  </button>
+                  {room.tries_again && (
+                    <button type="button" class="button" onClick={() => (stopping.value = true)}>
+                      <Icon name="stop" filled />
+                      {t('rooms.endOperation')}
+                    </button>
+                  )}
+                </>
               ) : (
                 <>
                   <form
@@ -241,8 +254,8 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
         />
       )}
       {stopping.value && (
-        <Dialog title={t('rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
-          <p>{t('rooms.stopWhat')}</p>
+        <Dialog title={t(idle ? 'rooms.endTitle' : 'rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
+          <p>{t(idle ? 'rooms.endWhat' : 'rooms.stopWhat')}</p>
           <div class="dialog-end">
             <button
               type="button"
@@ -252,7 +265,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
                 void act(() => api.stop(room.room), t('rooms.stopped', { room: room.room }));
               }}
             >
-              {t('rooms.stop')}
+              {t(idle ? 'rooms.endOperation' : 'rooms.stop')}
             </button>
           </div>
         </Dialog>
@@ -294,6 +307,17 @@ function Appliance({ status }: { status: ApplianceStatus }) {
           <small class="muted">{t('appliance.up', { time: formatTime(status.uptime_s * kSecond) })}</small>
         </span>
       </div>
+      {status.problems.map((problem) => (
+        <div key={problem} class="fact">
+          <Icon name="alarm" />
+          <span>
+            <small>{t('appliance.without')}</small>
+            <strong class="state-bad" lang="en">
+              {problem}
+            </strong>
+          </span>
+        </div>
+      ))}
       {status.hardware_silent && (
         <div class="fact">
           <Icon name="unproven" />
