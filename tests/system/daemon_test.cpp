@@ -364,7 +364,6 @@ TEST_F(Daemon, StaysWhereANewerVersionRefusesTheConfiguration) {
   };
   upgrade();
   ASSERT_TRUE(daemon.wait_for("--check does not take the configuration"));
-  EXPECT_EQ(kiroku_json({"status", "--json"})["rooms"][0]["state"], "idle");
   write_text(home() / "kiroku.toml", good);
   ASSERT_TRUE(daemon.wait_for("a newer version was installed and nothing is being recorded"));
   EXPECT_EQ(daemon.wait().status, 0);
