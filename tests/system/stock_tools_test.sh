@@ -25,7 +25,7 @@ page=$source/docs/how-to/verify-with-stock-tools.md
 awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify.sh"
 awk '/^```bash excerpt$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify-excerpt.sh"
 lines=$(wc -l <"$scratch/verify.sh") excerpt_lines=$(wc -l <"$scratch/verify-excerpt.sh")
-((lines > 20 && lines <= 250)) || fail "the script for cases has $lines lines; it must have at most 250"
+((lines > 20 && lines <= 260)) || fail "the script for cases has $lines lines; it must have at most 260"
 ((excerpt_lines > 20 && excerpt_lines <= 295)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 295"
 
 "$kiroku" init --demo >/dev/null
