@@ -20,7 +20,8 @@ export const roomsEn = {
   'rooms.tokensOf': '{n} received, {missed} missed',
   'rooms.noRecorder': 'No recorder is running on this appliance.',
   'rooms.carriesOn': 'Carries on case {id}, which was cut off',
-  'rooms.triesAgain': 'Nothing is recorded. Another case begins by itself as soon as that works, and takes the patient over. Where the operation is over, end it.',
+  'rooms.triesAgain':
+    'Nothing is recorded. Another case begins by itself as soon as that works, and takes the patient over. Where the operation is over, end it.',
   'rooms.endOperation': 'End the operation',
   'rooms.endTitle': 'End the operation in {room}?',
   'rooms.endWhat': 'No other case begins by itself any more.',
