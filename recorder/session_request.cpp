@@ -113,7 +113,7 @@ archive::StreamInfo events_info(const crypto::AgeRecipients& recipients) {
   info.media = "application/jsonl";
   info.source = "operator";
   info.profile = "jsonl";
-  info.purpose = "marks of the operator";
+  info.purpose = kEventsPurpose;
   info.recipients = names_of(recipients);
   return info;
 }
@@ -122,7 +122,7 @@ archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients) {
   archive::StreamInfo info = events_info(recipients);
   info.name = archive::kPointingStream;
   info.source = "viewer";
-  info.purpose = "where people pointed on live pictures";
+  info.purpose = kPointingPurpose;
   return info;
 }
 

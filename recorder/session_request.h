@@ -30,6 +30,8 @@ SourceAddress checked_address(const StreamRequest& request, const SessionOptions
 
 /// What the ledger's first entry says of a stream (docs/reference/format.md).
 archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddress& address, bool video);
+inline constexpr const char* kEventsPurpose = "marks of the operator";
+inline constexpr const char* kPointingPurpose = "where people pointed on live pictures";
 archive::StreamInfo events_info(const crypto::AgeRecipients& recipients);
 archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients);
 

@@ -409,7 +409,7 @@ std::vector<std::string> idle_retention(const Configuration& configuration) {
   names.insert(names.end(), kOfTraining.begin(), kOfTraining.end());
   names.emplace_back(kEventsRecipients);
   names.emplace_back(archive::kPointingStream);
-  std::vector<std::string> purposes{recorder::events_info({}).purpose, recorder::pointing_info({}).purpose};
+  std::vector<std::string> purposes{recorder::kEventsPurpose, recorder::kPointingPurpose};
   for (const RoomConfiguration& room : configuration.rooms) {
     for (const StreamConfiguration& stream : room.streams) purposes.push_back(stream.purpose);
   }

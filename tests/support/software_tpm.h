@@ -32,6 +32,7 @@ class SoftwareTpm {
 
   /// As after power is back: what it holds for good is there, what it was asked to load is not.
   void start() {
+    // Nobody reads what it logs: at a higher level it would stop answering once the pipe is full.
     Process::Options run;
     run.command = {"/usr/bin/swtpm",
                    "socket",
@@ -45,7 +46,7 @@ class SoftwareTpm {
                    "--flags",
                    "startup-clear",
                    "--log",
-                   "fd=1,level=5"};
+                   "fd=1,level=1"};
     process_.emplace(run);
     while (!accepts()) {
       if (process_->wait_for("rror", std::chrono::seconds(0))) break;
