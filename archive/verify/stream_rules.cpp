@@ -526,7 +526,8 @@ void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines)
   if (!lines.closed_ns) {
     return;
   }
-  const std::int64_t last_ns = end_ns_.value_or(from_open_ ? lines.recorded_from_ns : gaps_.front().start_ns);
+  const bool has_gap = !from_open_ && !gaps_.empty();
+  const std::int64_t last_ns = end_ns_.value_or(has_gap ? gaps_.front().start_ns : lines.recorded_from_ns);
   const auto early = uncovered({last_ns, *lines.closed_ns});
   if (lacks(early, kEarlyEndToleranceNs)) {
     findings_->add("stream-ends-early", place,
