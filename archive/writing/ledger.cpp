@@ -126,6 +126,7 @@ void Ledger::repair() {
   unsure_.clear();
   tree_ = {};
   bytes_ = 0;
+  last_line_.clear();
   covered_ = covered_when_opened_;
   try {
     read_new_lines();
@@ -161,6 +162,10 @@ void Ledger::take_back(std::uint64_t size, bool another) {
   const std::uint64_t before = bytes_;
   tree_ = {};
   bytes_ = 0;
+  last_line_.clear();
+  if (mine_ && mine_->size > size) {
+    mine_.reset();
+  }
   read_new_lines(size);
   torn_bytes_ += another ? before - bytes_ : 0;
 }
@@ -172,15 +177,57 @@ void Ledger::accept(std::string_view line) {
   if (known_ && tree_.size() == known_->size && tree_.root() != known_->root) {
     throw Error(file_.string() + " is not as it was before its disk failed: verify it before writing to it");
   }
+  if (sharing_ == Sharing::kShared) {
+    last_line_ = line;
+  }
   if (visitor_) {
     visitor_(seq, line);
   }
+}
+
+bool Ledger::still_stands(const ReadableFile& input) const {
+  if (last_line_.empty()) {
+    return true;
+  }
+  std::string there(last_line_.size() + 1, '\0');
+  std::size_t count = 0;
+  const std::uint64_t begin = bytes_ - there.size();
+  while (count < there.size()) {
+    const std::size_t more =
+        input.read_at(begin + count, std::as_writable_bytes(std::span(there).subspan(count)));
+    if (more == 0) {
+      return false;
+    }
+    count += more;
+  }
+  return there.ends_with('\n') && there.starts_with(last_line_);
+}
+
+void Ledger::read_anew() {
+  known_ = mine_;
+  tree_ = {};
+  bytes_ = 0;
+  last_line_.clear();
+  try {
+    read_new_lines();
+    if (known_ && tree_.size() < known_->size) {
+      throw Error(file_.string() + " lacks lines that were entered: verify it before writing to it");
+    }
+  } catch (const Error& error) {
+    failure_ = error.what();
+    throw;
+  }
+  known_.reset();
 }
 
 // Whoever reads has the lock, so that the file does not grow meanwhile. What stands behind its last line is
 // cut off: only once all of it was read.
 void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
   const ReadableFile input = files_->open_to_read(file_);
+  if (!still_stands(input)) {
+    read_anew();
+    return;
+  }
   std::vector<char> buffer(kReadBytes);
   std::string rest;  // of a line that goes on in the next buffer
   std::uint64_t read_until = bytes_;
@@ -276,6 +323,9 @@ void Ledger::append(const MakeLines& make_lines) {
   write_durably(text);
   for (const std::string& line : lines) {
     accept(line);
+  }
+  if (sharing_ == Sharing::kShared) {
+    mine_ = Known{tree_.size(), tree_.root()};
   }
   torn_bytes_ = 0;
 }

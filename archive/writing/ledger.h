@@ -105,6 +105,10 @@ class Ledger {
   void take_lock();
   /// With the lock, of a file that was opened anew.
   void repair();
+  /// Whether the line that was read last is still where it was. Another process cuts off a line of its own
+  /// that it could not flush, and this one may have read it before.
+  [[nodiscard]] bool still_stands(const ReadableFile& input) const;
+  void read_anew();
   /// Those beyond `most` are cut off.
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
   [[nodiscard]] bool was_never_flushed(std::string_view line) const;
@@ -140,6 +144,9 @@ class Ledger {
     crypto::Sha256Digest root{};
   };
   std::optional<Known> known_;  // what must stand in the file again
+  // Of a shared one:
+  std::optional<Known> mine_;  // after the last lines that were appended by this object
+  std::string last_line_;      // that was read or appended
   std::chrono::milliseconds patience_ = std::chrono::seconds(10);
   bool is_held_up_ = false;
 };

@@ -330,6 +330,32 @@ TEST_F(LedgerTest, ASharedLedgerCutsNothingOffThatOthersBuiltUpon) {
   EXPECT_EQ(contents(), "one\ntwo\nother\nthree\nfour\nfive\n");
 }
 
+// Another process that read the line, and has not written behind it, must not sign over it.
+TEST_F(LedgerTest, ALineThatItsWriterCutsOffIsForgottenByWhoeverReadIt) {
+  for (const std::string& instead : std::vector<std::string>{"t", "quite another line"}) {
+    std::filesystem::remove(file_);
+    const auto ledger = open(Ledger::Sharing::kShared);
+    append(*ledger, {"one"});
+    const auto other = open(Ledger::Sharing::kShared);
+    append(*other, {"two"});
+    ledger->catch_up();
+    files_.fail("sync ledger.jsonl", EIO, 0, 1);
+    EXPECT_THROW(append(*ledger, {"lost"}), SyncError);
+    other->catch_up();
+    EXPECT_EQ(other->size(), 3U);
+    append(*ledger, {instead});
+    append(*other, {"behind it"});
+    EXPECT_EQ(contents(), "one\ntwo\n" + instead + "\nbehind it\n");
+    EXPECT_EQ(other->root(), root_of({"one", "two", instead, "behind it"}));
+    EXPECT_EQ(other->size(), 4U);
+    // What it entered itself must still be there.
+    std::ofstream(file_, std::ios::trunc) << "one\n";
+    EXPECT_THROW(append(*other, {"no more"}), Error);
+    EXPECT_THROW(append(*other, {"nor now"}), Error);
+    EXPECT_EQ(contents(), "one\n");
+  }
+}
+
 TEST_F(LedgerTest, ASharedLedgerThatIsNotAsItWasFlushedIsNotWrittenTo) {
   const auto ledger = open(Ledger::Sharing::kShared);
   append(*ledger, {"one", "two"});
