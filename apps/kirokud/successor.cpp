@@ -41,23 +41,28 @@ bool Successor::is_ready() {
   if (!own_file().ends_with(kDeleted) || !fs::exists(program_, ignored)) return false;
   const auto now = std::chrono::steady_clock::now();
   if (child_ == 0) {
-    if (!refused_ || now - asked_ >= kAskAgain) ask();
+    if (refused_ && now - asked_ < kAskAgain) return false;
+    ask();
+    if (child_ == 0) refuse(" --check cannot be started");
     return false;
   }
+  const bool is_of_now = now - asked_ <= kPatience;
   std::optional<int> status = answer();
-  if (!status && now - asked_ > kPatience) {
+  if (!status && !is_of_now) {
     end_child();
     status = -1;
   }
-  if (status == 0) return true;
-  if (status) {
-    if (!refused_ && tell_)
-      tell_("a newer version was installed, and " + program_.string() +
-            " --check does not take the configuration: this one goes on recording; mend the configuration, "
-            "and the newer one takes over by itself");
-    refused_ = true;
-  }
+  // What was answered long ago, while a case ran, is asked again: the configuration may be another by now.
+  if (status == 0) return is_of_now;
+  if (status) refuse(" --check does not take the configuration");
   return false;
+}
+
+void Successor::refuse(const std::string& why) {
+  if (!refused_ && tell_)
+    tell_("a newer version was installed, and " + program_.string() + why +
+          ": this one goes on recording; mend that, and the newer one takes over by itself");
+  refused_ = true;
 }
 
 // What it says goes to the journal, once.

@@ -27,6 +27,8 @@ class Successor {
 
  private:
   void ask();
+  /// Tells why once.
+  void refuse(const std::string& why);
   /// The exit status of the child, once it has ended.
   std::optional<int> answer();
   void end_child();

@@ -535,8 +535,10 @@ bool Daemon::healthy() const {
 }
 
 bool Daemon::recording() const {
-  return std::any_of(state_->rooms.begin(), state_->rooms.end(),
-                     [](const std::unique_ptr<Room>& room) { return is_busy(room->status().state); });
+  return std::any_of(state_->rooms.begin(), state_->rooms.end(), [](const std::unique_ptr<Room>& room) {
+    const RoomStatus now = room->status();
+    return is_busy(now.state) || now.tries_again;
+  });
 }
 
 }  // namespace kiroku::recorder

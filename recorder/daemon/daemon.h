@@ -59,6 +59,8 @@ class Daemon {
   void watch_disk();
   /// Whether every room's thread is alive.
   [[nodiscard]] bool healthy() const;
+  /// Also between the cases of an operation that the recorder goes on with by itself: it would not after a
+  /// restart.
   [[nodiscard]] bool recording() const;
 
  private:

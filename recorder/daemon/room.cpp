@@ -537,15 +537,17 @@ struct Room::State {
     start_rules.stopped_by_person();
   }
 
-  /// Of whatever case the room's note tells, the next start of the recorder carries nothing on.
-  void clear_note() {
-    if (!plan.running) return;
+  /// Of whatever case the room's note tells, the next start of the recorder carries nothing on. A sentence
+  /// for tell_problem() where that failed, else "".
+  [[nodiscard]] std::string clear_note() const {
+    if (!plan.running) return "";
     try {
       if (const auto noted = plan.running->read()) plan.running->clear(noted->case_id);
     } catch (const std::exception& error) {
-      tell_problem("if the recorder starts again now, the operation that was ended may be carried on: " +
-                   std::string(error.what()));
+      return "if the recorder starts again now, the operation that was ended may be carried on: " +
+             std::string(error.what());
     }
+    return "";
   }
 
   /// With the mutex held.
@@ -615,7 +617,8 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       return !stopped_meanwhile.empty();
     }();
-    if (stopped) clear_note();
+    if (!stopped) return;
+    if (const std::string trouble = clear_note(); !trouble.empty()) tell_problem(trouble);
   }
 
   /// Nobody wanted the case ended, so that a recorder that starts again soon tells of it
@@ -698,14 +701,19 @@ struct Room::State {
     const bool starting = status.state == RoomState::kStarting;
     give_up_operation();
     if (starting) stopped_meanwhile = reason;
+    // Where nothing is being begun the note goes before anybody else can begin a case, whose note it would
+    // be.
+    std::string trouble = starting ? "" : clear_note();
     lock.unlock();
-    clear_note();
-    if (listener.note) listener.note("the operation of case " + id + " is ended: no case carries it on");
+    if (starting) trouble = clear_note();
+    if (!trouble.empty()) tell_problem(trouble);
+    if (listener.note && !id.empty())
+      listener.note("the operation of case " + id + " is ended: no case carries it on");
     lock.lock();
     if (!wait) return id;
     changed.wait(lock, [this] { return is_free(); });
     if (starting) id = status.case_id;
-    if (left_open.case_id == id) {
+    if (!id.empty() && left_open.case_id == id) {
       throw Error("no case begins by itself any more, but case " + id +
                   " could not be closed: the recorder's next start brings it to its end");
     }

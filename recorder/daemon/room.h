@@ -62,7 +62,8 @@ struct RoomStatus {
   double last_bytes_per_second = 0;            // the same of the case before, at its end
 };
 
-/// What a room tells the world; called from the room's thread. Must not call the room.
+/// What a room tells the world; called from the room's thread, or from that of whoever ends an operation
+/// between its cases. Must not call the room.
 struct RoomListener {
   std::function<void(const std::string& sentence)> note;    // something happened
   std::function<void(const std::string& sentence)> warn;    // something a person should see

@@ -272,9 +272,11 @@ TEST_F(FootswitchTest, APressAfterAnErrorEndsTheOperationAndTheNextBeginsOne) {
   ASSERT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
   faults.fail("sync", EIO);
   ASSERT_TRUE(test::eventually([&] { return room()["state"] == "idle" && room()["tries_again"] == true; }));
+  EXPECT_TRUE(daemon.recording()) << "no upgrade may end the recorder now: it would not go on with it";
   faults.heal();
   pedal.press();
   ASSERT_TRUE(test::eventually([&] { return room()["tries_again"] == false; }));
+  EXPECT_FALSE(daemon.recording());
   EXPECT_EQ(room()["state"], "idle");
   pedal.press();
   EXPECT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
