@@ -57,9 +57,8 @@ void read_recipients(const toml::table& table, const std::string& file, Configur
   for (const auto& [key, node] : table) {
     const std::string stream(key.str());
     if (std::ranges::find(known, stream) == known.end()) {
-      reader.refuse(key.source(), "[recipients] names the stream '" + stream + "', which " +
-                                      (into.rooms.empty() ? "is never recorded" : "no [[room]] records") +
-                                      "; known are " + joined(known));
+      reader.refuse(key.source(), "[recipients] names the stream '" + stream +
+                                      "', which nothing here records; known are " + joined(known));
     }
     reader.text(stream, [&](const std::string& text) { into.recipients[stream] = text; });
   }

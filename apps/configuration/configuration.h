@@ -48,8 +48,8 @@ struct Configuration {
 /// wrong type or a value out of its range.
 Configuration parse_configuration(std::string_view toml, const std::string& name_for_errors);
 
-/// What may have recipients of its own: the streams of every room, or without rooms those of `kiroku record`;
-/// those of `kiroku train`; "events", the operator's marks and the patient; "pointing".
+/// What may have recipients of its own: the streams of every room, of `kiroku record` and of `kiroku train`;
+/// "events", the operator's marks and the patient; "pointing".
 std::vector<std::string> names_with_recipients(const Configuration& configuration);
 inline constexpr const char* kEventsRecipients = "events";
 /// A sentence for each [[retention]] of which nothing that is recorded now will ever be due: mistyped, or for

@@ -391,6 +391,9 @@ std::vector<std::string> streams_of_rooms(const Configuration& configuration, bo
 
 std::vector<std::string> names_with_recipients(const Configuration& configuration) {
   std::vector<std::string> names = streams_of_rooms(configuration, false);
+  for (const std::string_view name : kOfRecord) {
+    if (std::ranges::find(names, name) == names.end()) names.emplace_back(name);
+  }
   names.insert(names.end(), kOfTraining.begin(), kOfTraining.end());
   names.emplace_back(kEventsRecipients);
   names.emplace_back(archive::kPointingStream);
