@@ -41,15 +41,20 @@ LightQuestion light_question(const std::filesystem::path& folder, const archive:
   return question;
 }
 
-/// What stands in the way of comparing light hides no verdict.
+/// What stands in the way of comparing light hides no verdict. That may be the folder's own doing, also where
+/// it reads as wrong usage: a ledger that is gone, a stream that was renamed.
 LightOutcome read_light(const VerifyExtras& extras, const LightQuestion& question) {
+  const auto told = [](int status, const Error& error) {
+    const ordered_json json{{"error", error.what()}};
+    return LightOutcome{status, "Light: could not check: " + printable(error.what()) + "\n",
+                        json.dump(-1, ' ', false, ordered_json::error_handler_t::replace)};
+  };
   try {
     return extras.read_light(question);
-  } catch (const UsageError&) {
-    throw;
+  } catch (const UsageError& error) {
+    return told(kRefused, error);
   } catch (const Error& error) {
-    return {kNoAnswer, "Light: could not check: " + std::string(error.what()) + "\n",
-            ordered_json{{"error", error.what()}}.dump()};
+    return told(kNoAnswer, error);
   }
 }
 

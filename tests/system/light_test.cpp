@@ -43,6 +43,10 @@ TEST_F(Light, ThatCannotBeComparedHidesNoVerdict) {
   const auto report = nlohmann::json::parse(json.out);
   EXPECT_EQ(report["verdict"], "tampered");
   EXPECT_THAT(report["light"]["error"].get<std::string>(), HasSubstr("cannot read entry 1"));
+
+  const ProcessResult mistyped = kiroku({"verify", changed.string(), "--light", "--light-stream", "rom"});
+  EXPECT_EQ(mistyped.status, 1);
+  EXPECT_THAT(mistyped.out, HasSubstr("TAMPERED"));
 }
 
 // Real time: a display's codes are of the machine's seconds, and a camera sees them while they pass.
