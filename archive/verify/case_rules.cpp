@@ -316,7 +316,7 @@ void CaseRules::take_close(const CloseEntry& close, const CaseEntry& entry, std:
 // A recorder puts the beginning where its oldest segment begins. People read from it for how long something
 // was recorded before anybody decided.
 void CaseRules::judge_pre_roll(std::int64_t from_ns) {
-  if (!is_pre_rolled() || from_ns > opened_ns_) {
+  if (!is_pre_rolled() || from_ns >= opened_ns_) {
     return;
   }
   std::optional<std::int64_t> oldest_ns;
@@ -450,8 +450,8 @@ void CaseRules::judge_first_stamp_of_excerpt(const StampedToken& first) {
                  "the first time-stamp of an outside authority is entered behind the excerpt's last segment, "
                  "which is in " +
                      at_entry(*last_checked_segment_) +
-                     ": what it holds was there by then; when it was recorded, and for how long, rests on "
-                     "the recorder's word");
+                     ": before that nobody outside had seen any of it; when it was recorded, and for how "
+                     "long, rests on the recorder's word");
 }
 
 void CaseRules::judge_age_at_first_stamp(const StampedToken& first) {

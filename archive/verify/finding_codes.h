@@ -150,9 +150,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "ledger states of it: whether recording ended at close rests on the recorder's word"},
     {"stamped-after-close", Severity::kNote,
      "no token of an outside authority is over anything before close, or, of an excerpt, entered before its "
-     "last segment: they show that it was there by then; when it was recorded, and for how long, rests on "
-     "the "
-     "recorder's word"},
+     "last segment: when it was recorded, and for how long, rests on the recorder's word"},
     {"first-stamped-late", Severity::kNote,
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
      "the beginning of what was recorded: that what came before that token is no older rests on the "

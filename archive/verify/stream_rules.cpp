@@ -482,7 +482,7 @@ bool StreamRules::shows_all_of(std::int64_t from_ns, std::int64_t to_ns, const L
 void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines) const {
   const Span asked{std::max(stated.start_ns, lines.recorded_from_ns),
                    std::min(stated.end_ns, lines.closed_ns.value_or(stated.end_ns))};
-  if (of_marks_ || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
+  if (of_marks_ || asked.end_ns <= asked.start_ns || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
     return;
   }
   const bool from_first = from_open_ || first_index_ == 0U;

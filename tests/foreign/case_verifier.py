@@ -510,7 +510,7 @@ class Entries:
 
     def judge_pre_roll(self, begin):
         """Whether something is there of the time before `open`, from `begin` on."""
-        if not self.opening or "begins_ns" not in self.opening or begin > self.opening["mono_ns"]:
+        if not self.opening or "begins_ns" not in self.opening or begin >= self.opening["mono_ns"]:
             return
         firsts = [at for s in self.streams.values() if not s.of_marks for at in [s.begin] * bool(s.segments) + [gap[0] for gap in s.gaps]]
         if firsts and min(firsts) - self.opening["begins_ns"] > LATE_BEGIN and min(firsts) > begin:

@@ -27,7 +27,8 @@ std::string ReportMaker::time_lead() const {
   if (found_.time == archive::TimeProof::kNone) return time_sentence(in_);  // there are no brackets then
   if (found_.time == archive::TimeProof::kSelfIssued) return words("time.lead.self-issued");
   const std::vector<archive::TimeRemark> remarks = archive::time_remarks(found_);
-  if (std::ranges::find(remarks, archive::TimeRemark::kThereByThen) != remarks.end())
+  if (found_.time == archive::TimeProof::kExternal &&
+      std::ranges::find(remarks, archive::TimeRemark::kThereByThen) != remarks.end())
     return words("time.lead", {words("time.lead.there-by-then")});
   return words("time.lead",
                {found_.time == archive::TimeProof::kExternal

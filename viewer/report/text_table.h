@@ -676,11 +676,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "したがって記録の各部分は、二つの外部時刻の間の範囲に収まります。一方がない場合、表には「限界なし」と記"
      "します。"},
     {"time.lead.there-by-then",
-     "Here every time stamp was entered behind what was recorded. So no part of the record has an earlier "
-     "limit: where one is missing, the table says “no limit”.",
-     "ここではすべてのタイムスタンプが、記録されたものより後に記入されています。したがって記録のどの部分にも"
-     "早い方の限界は"
-     "ありません。限界がない場合、表には「限界なし」と記します。"},
+     "Here every time stamp of an outside authority was entered behind what was recorded. So none of them is "
+     "an earlier limit of any part of the record: where one is missing, the table says “no limit”.",
+     "ここでは外部の認証局のタイムスタンプがすべて、記録されたものより後に記入されています。したがって記録の"
+     "どの部分にも"
+     "外部の早い方の限界はありません。限界がない場合、表には「限界なし」と記します。"},
     {"time.lead.external-in-part",
      "So each part of the record as far as entry {0} lies in a bracket between two outside times. Where one "
      "of them is missing, the table says “no limit”. No outside clock says by when the rest was written.",

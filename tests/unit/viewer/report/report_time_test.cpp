@@ -315,7 +315,7 @@ TEST_F(ReportDocument, OfACaseThatWasStampedAfterItsEndAloneSaysNoBeginning) {
   EXPECT_THAT(text, testing::Not(HasSubstr("time-stamped it, from ")));
   EXPECT_THAT(text, HasSubstr("no later than "));
   EXPECT_THAT(text, HasSubstr("When it was recorded, and for how long, rests on the recorder's word."));
-  EXPECT_THAT(text, HasSubstr("So no part of the record has an earlier limit"));
+  EXPECT_THAT(text, HasSubstr("So none of them is an earlier limit of any part of the record"));
   EXPECT_THAT(text, testing::Not(HasSubstr("lies in a bracket between two outside times")));
 }
 
@@ -357,6 +357,20 @@ TEST_F(ReportDocument, EveryDocumentSaysWhatItsTimeIsNotWorth) {
       EXPECT_THAT(test::text_of(make_receipt(in)), says(each.japanese)) << stated.code;
     }
   }
+}
+
+// That the rest has no outside time at all is the graver of the two.
+TEST_F(ReportDocument, OfTimeThatIsExternalInPartTheRestIsSpokenOfFirst) {
+  ReportInput in = input();
+  in.verification.findings.push_back({"stamped-after-close", archive::Severity::kNote, {}, {}, {}, "why"});
+  in.verification.time = archive::TimeProof::kExternal;
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("Here every time stamp of an outside authority was entered behind"));
+  in.verification.time = archive::TimeProof::kExternalInPart;
+  in.verification.outside_entries = 1;
+  EXPECT_THAT(test::text_of(make_report(in)),
+              AllOf(HasSubstr("No outside clock says by when the rest was written"),
+                    Not(HasSubstr("Here every time stamp"))));
 }
 
 TEST_F(ReportDocument, AReceiptWithAllThatItsTimeIsNotWorthHasOnePage) {
