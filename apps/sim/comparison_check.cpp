@@ -94,15 +94,12 @@ std::vector<Check> check_plan(const ComparisonRequest& request, const compare::P
 std::vector<Check> check_outputs(const compare::Provenance& made, const fs::path& folder) {
   using Answer = Check::Answer;
   std::vector<Check> checks;
+  KnownHashes hashes;
   for (const compare::NamedFile& output : made.outputs) {
     // Only beside the document: a name that leads elsewhere is none of ours.
     const fs::path name = fs::path(output.name).filename();
     try {
-      // No more is read than was made: what lies there now can be as long as one likes.
-      std::error_code unknown;
-      const std::uintmax_t size = fs::file_size(folder / name, unknown);
-      const bool same = (unknown || size == output.bytes) &&
-                        hashed(output.role, output.name, folder / name).sha256 == output.sha256;
+      const bool same = hashes.is({output.role, output.name, output.bytes, output.sha256}, folder / name);
       checks.push_back({output.role, same ? Answer::kHolds : Answer::kDiffers,
                         name.string() + (same ? " is as it was made" : " was changed since")});
     } catch (const Error& error) {

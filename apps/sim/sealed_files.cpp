@@ -1,8 +1,6 @@
 #include "apps/sim/sealed_files.h"
 
 #include <algorithm>
-#include <map>
-#include <optional>
 #include <string>
 
 #include "apps/common/step_line.h"
@@ -16,36 +14,24 @@ namespace kiroku::apps {
 
 namespace fs = std::filesystem;
 
-namespace {
-
-/// Whoever wrote a list chose its names: each file is read once, under however many names, and only where it
-/// is as long as it should be. A hole takes no room on the disk and can be as long as one likes.
-class KnownHashes {
- public:
-  /// kiroku::Error for what cannot be read.
-  bool is(const SealedFile& listed, const fs::path& path) {
-    std::error_code unknown;
-    if (!fs::is_regular_file(path, unknown)) return hashed("", "", path).sha256 == listed.sha256;  // says why
-    const fs::path real = fs::canonical(path, unknown);
-    if (unknown) throw IoError("read", path, unknown.value());
-    const archive::ReadableFile file = archive::real_reading().open_to_read(real);
-    if (file.size() != listed.bytes) return false;
-    if (file.hole_bytes() > archive::kMostBytesInHoles) {
-      throw Error("cannot check " + path.string() +
-                  ": more than 1 GiB of it is a hole, which can be as long as one likes");
-    }
-    const auto inode = file.shared_inode();
-    std::optional<crypto::Sha256Digest>& known =
-        by_file_[inode ? std::to_string(inode->first) + ":" + std::to_string(inode->second) : real.string()];
-    if (!known) known = hashed("", "", real).sha256;
-    return *known == listed.sha256;
+bool KnownHashes::is(const SealedFile& listed, const fs::path& path) {
+  std::error_code unknown;
+  if (!fs::is_regular_file(path, unknown)) return hashed("", "", path).sha256 == listed.sha256;  // says why
+  const fs::path real = fs::canonical(path, unknown);
+  if (unknown) throw IoError("read", path, unknown.value());
+  const archive::ReadableFile file = archive::real_reading().open_to_read(real);
+  if (file.size() != listed.bytes) return false;
+  if (file.hole_bytes() > archive::kMostBytesInHoles) {
+    throw Error("cannot check " + path.string() +
+                ": more than 1 GiB of it is a hole, which can be as long as one likes");
   }
-
- private:
-  std::map<std::string, std::optional<crypto::Sha256Digest>> by_file_;
-};
-
-}  // namespace
+  const auto inode = file.shared_inode();
+  const std::string key =
+      inode ? std::to_string(inode->first) + ":" + std::to_string(inode->second) : real.string();
+  const auto known = by_file_.find(key);
+  if (known != by_file_.end()) return known->second == listed.sha256;
+  return by_file_.emplace(key, hashed("", "", real).sha256).first->second == listed.sha256;
+}
 
 PlanSeal seal_of_plan(const fs::path& plan_file, const std::string& plan_name) {
   PlanSeal seal{plan_name, {}};

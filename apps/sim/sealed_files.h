@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,17 @@
 #include "apps/kiroku/stamped_file.h"
 
 namespace kiroku::apps {
+
+/// Whoever wrote a list chose its names: each file is read once, under however many names, and only where it
+/// is as long as it should be. A hole takes no room on the disk and can be as long as one likes.
+class KnownHashes {
+ public:
+  /// Whether the file is the one listed. kiroku::Error for what cannot be read.
+  bool is(const SealedFile& listed, const std::filesystem::path& path);
+
+ private:
+  std::map<std::string, crypto::Sha256Digest> by_file_;
+};
 
 /// The seal that the plan has as its files are now. kiroku::Error for files that are not there.
 PlanSeal seal_of_plan(const std::filesystem::path& plan_file, const std::string& plan_name);

@@ -1,6 +1,8 @@
 #include "apps/verify/judging.h"
 
 #include <algorithm>
+#include <tuple>
+#include <utility>
 
 #include "apps/common/file.h"
 #include "apps/common/progress.h"
@@ -19,16 +21,24 @@ unsigned parse_threads(const std::optional<std::string>& text) {
   return unsigned(std::stoul(*text));
 }
 
+constexpr const char* kAlgorithms = "the policy of algorithms";
+constexpr const char* kWitnesses = "the policy of witnesses";
+
+/// A policy, and the hash of what it was read from.
+template <typename Policy>
+std::pair<Policy, crypto::Sha256Digest> take_policy(const std::filesystem::path& file, const char* what) {
+  const Bytes text = read_small_file(file, what);
+  return {Policy::parse(text_of(text), file.string()), crypto::sha256(text)};
+}
+
 }  // namespace
 
 evidence::Policy read_policy(const std::filesystem::path& file) {
-  const Bytes text = read_small_file(file, "the policy of algorithms");
-  return evidence::Policy::parse(text_of(text), file.string());
+  return take_policy<evidence::Policy>(file, kAlgorithms).first;
 }
 
 crypto::WitnessPolicy read_witnesses(const std::filesystem::path& file) {
-  const Bytes text = read_small_file(file, "the policy of witnesses");
-  return crypto::WitnessPolicy::parse(text_of(text), file.string());
+  return take_policy<crypto::WitnessPolicy>(file, kWitnesses).first;
 }
 
 void add_judging_options(Command& command, JudgingRequest& request, const VerifyExtras& extras) {
@@ -87,16 +97,11 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
     log_proof_ = {*request.log_proof,
                   std::string(text_of(read_small_file(*request.log_proof, "the proof from the log")))};
   }
-  if (request.policy) {
-    const Bytes text = read_small_file(*request.policy, "the policy of algorithms");
-    policy_ = evidence::Policy::parse(text_of(text), *request.policy);
-    policy_hash_ = crypto::sha256(text);
-  }
-  if (request.witnesses) {
-    const Bytes text = read_small_file(*request.witnesses, "the policy of witnesses");
-    witnesses_ = crypto::WitnessPolicy::parse(text_of(text), *request.witnesses);
-    witnesses_hash_ = crypto::sha256(text);
-  }
+  if (request.policy)
+    std::tie(policy_, policy_hash_) = take_policy<evidence::Policy>(*request.policy, kAlgorithms);
+  if (request.witnesses)
+    std::tie(witnesses_, witnesses_hash_) =
+        take_policy<crypto::WitnessPolicy>(*request.witnesses, kWitnesses);
   threads_ = parse_threads(request.threads);
 }
 

@@ -388,14 +388,7 @@ std::vector<CurveFit> find_curves(const OrganSurface& surface, const SearchRange
   };
   const auto different = [&](const std::vector<Solved>& found, std::size_t most) {
     constexpr double kSame = 0.08;  // of the organ's radius
-    std::vector<Solved> kept;
-    for (const Solved& one : found) {
-      const bool known = std::ranges::any_of(kept, [&](const Solved& other) {
-        return way_between_m(surface, other.camera, one.camera) < kSame * surface.radius_m;
-      });
-      if (!known && kept.size() < most) kept.push_back(one);
-    }
-    return kept;
+    return different_places(surface, found, kSame, most);
   };
   const auto best_of = [](const std::vector<Solved>& all, std::size_t most) {
     std::vector<Camera> cameras;

@@ -18,14 +18,6 @@ bool is_outlined(const OutlineFit& fit) {
          fit.agreement >= kHeldAgreement && fit.seen >= kHeldSeen;
 }
 
-Picture mirrored(const Picture& picture) {
-  Picture mirror(picture.width, picture.height);
-  const cv::Mat from(picture.height, picture.width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.data()));
-  cv::Mat to(mirror.height, mirror.width, CV_8UC3, mirror.rgb.data());
-  cv::flip(from, to, 1);
-  return mirror;
-}
-
 Picture scaled_down(const Picture& picture, int lesser_side) {
   const int side = std::min(picture.width, picture.height);
   if (side <= lesser_side) return picture;

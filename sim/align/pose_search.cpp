@@ -246,17 +246,6 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
     std::ranges::stable_sort(fits, {}, &OutlineFit::misfit_px);
     return fits;
   };
-  // What comes to the same place is one, by that share of the organ's radius.
-  const auto different = [&](const std::vector<OutlineFit>& fits, double same, std::size_t most) {
-    std::vector<OutlineFit> kept;
-    for (const OutlineFit& fit : fits) {
-      const bool known = std::ranges::any_of(kept, [&](const OutlineFit& other) {
-        return way_between_m(surface_, other.camera, fit.camera) < same * surface_.radius_m;
-      });
-      if (!known && kept.size() < most) kept.push_back(fit);
-    }
-    return kept;
-  };
   const auto cameras_of = [](const auto& all) {
     std::vector<Camera> cameras;
     for (const auto& each : all) cameras.push_back(each.camera);
@@ -272,11 +261,12 @@ std::vector<OutlineFit> PoseSearch::find(const Picture& picture, const Cover& co
   // The best few to their end.
   constexpr std::size_t kFinished = 12;
   constexpr double kNearlySame = 0.04, kSame = 0.08;
-  const std::vector<OutlineFit> begun = different(fitted(cameras, coarse), kNearlySame, kFinished);
+  const std::vector<OutlineFit> begun =
+      different_places(surface_, fitted(cameras, coarse), kNearlySame, kFinished);
   OutlineFitOptions fine;
   fine.rounds = 10;
   fine.spacing_px = 5;
-  return different(fitted(cameras_of(begun), fine), kSame, kFinished);
+  return different_places(surface_, fitted(cameras_of(begun), fine), kSame, kFinished);
 }
 
 }  // namespace kiroku::sim

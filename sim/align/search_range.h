@@ -1,6 +1,7 @@
 // From where an organ is looked for when nothing is known of its place. Functions are pure and thread-safe.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "sim/align/organ_surface.h"
@@ -24,5 +25,20 @@ Camera camera_before(const OrganSurface& surface, const Eigen::Matrix3d& to_view
 
 /// Where a picture of so many pixels begins and ends before that camera: half_extent and centre.
 void set_picture(Camera& camera, const Pinhole& pinhole, int width, int height);
+
+/// The best of `found`, which come best first and each have a `camera`: of those that come to the same place,
+/// by that share of the organ's radius, the first; so many at most.
+template <typename Found>
+std::vector<Found> different_places(const OrganSurface& surface, const std::vector<Found>& found, double same,
+                                    std::size_t most) {
+  std::vector<Found> kept;
+  for (const Found& one : found) {
+    const bool known = std::ranges::any_of(kept, [&](const Found& other) {
+      return way_between_m(surface, other.camera, one.camera) < same * surface.radius_m;
+    });
+    if (!known && kept.size() < most) kept.push_back(one);
+  }
+  return kept;
+}
 
 }  // namespace kiroku::sim

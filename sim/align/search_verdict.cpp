@@ -15,6 +15,15 @@ bool rivals(const OutlineFit& other, const OutlineFit& best) {
 
 }  // namespace
 
+Picture mirrored(const Picture& picture) {
+  Picture mirror(picture.width, picture.height);
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x)
+      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, mirror.pixel(x, y));
+  }
+  return mirror;
+}
+
 bool explains(const OutlineFit& fit) {
   return fit.misfit_px <= kMisfitPx && fit.supported >= kSupported && fit.agreement >= kAgreement &&
          fit.share_in_picture >= kShare && !is_covered(fit);

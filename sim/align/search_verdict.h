@@ -25,6 +25,9 @@ struct SearchVerdict {
   double rival_px = 0;             // misfit of what spoke against the best, or of the next best; 0 for none
 };
 
+/// The mirror image, left for right, in which no place may explain what is seen as well.
+Picture mirrored(const Picture& picture);
+
 /// `fits` and `mirrors`: the places found in a picture and in its mirror image, the best first. A place in
 /// the mirror image refuses the picture wherever it stands in its order: places under cover may stand before
 /// it.

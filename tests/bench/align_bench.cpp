@@ -39,6 +39,7 @@
 #include "base/error.h"
 #include "sim/align/lens_pictures.h"
 #include "sim/align/organ_track.h"
+#include "sim/align/search_verdict.h"
 #include "tests/bench/endoscope_film.h"
 #include "tests/bench/render_bench.h"
 #include "tests/support/barrel_lens.h"
@@ -120,15 +121,6 @@ bool has_truth(const std::string& condition) {
   return std::ranges::none_of(kWithout, [&](const char* each) { return condition.starts_with(each); });
 }
 
-Picture mirror_of(const Picture& picture) {
-  Picture made(picture.width, picture.height);
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x)
-      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, made.pixel(x, y));
-  }
-  return made;
-}
-
 /// Some pictures of a film, as large as the rendered ones.
 std::vector<Picture> pictures_of(const std::string& clip) {
   std::vector<Picture> pictures;
@@ -179,7 +171,7 @@ Sequence rendered(EndoscopeScene& scene, std::uint32_t seed, const std::string& 
     if (condition == "shine" || everything) look.shine = shines;
     made.truth.push_back(look.camera);
     Picture picture = scene.picture(look);
-    if (condition == "mirrored") picture = mirror_of(picture);
+    if (condition == "mirrored") picture = mirrored(picture);
     if (condition == "barrel") picture = BarrelLens{}.through(picture);
     made.pictures.push_back(std::move(picture));
   }

@@ -360,21 +360,12 @@ Bands bands_of(const Patient& patient, const Canvas& canvas) {
   return made;
 }
 
-Picture mirror_of(const Picture& picture) {
-  Picture made(picture.width, picture.height);
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x)
-      std::copy_n(picture.pixel(picture.width - 1 - x, y), 3, made.pixel(x, y));
-  }
-  return made;
-}
-
 /// (b) What --align auto does of the first picture: the place that it holds for the best, whatever its
 /// verdict.
 std::optional<Laid> by_outline(const Patient& patient, const Bands& bands, const SearchRange& range) {
   const double begun = processor_seconds();
   const PoseSearch search(patient.surface, range);
-  const Picture mirror = mirror_of(bands.picture);
+  const Picture mirror = mirrored(bands.picture);
   const Cover mirror_cover = cover_of(mirror);
   const std::vector<OutlineFit> fits = search.find(bands.picture, bands.cover, bands.cells, bands.pinhole);
   const SearchVerdict verdict =

@@ -232,7 +232,6 @@ ClosedStudy check_closed(const fs::path& folder, const StudyOnDisk& study) {
   } catch (const nlohmann::json::exception& error) {
     throw UsageError(file.string() + " is no end of a study: " + error.what());
   }
-  require_no_pipe(folder / kKeyFile);
   if (found.key.empty() || crypto::sha256(found.key) != study.study.key)
     found.checks.push_back({"key", State::kDiffers, "key.age is not the one that the study was made with"});
   add_films(folder, study.study, found.checks);
