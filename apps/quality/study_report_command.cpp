@@ -115,10 +115,8 @@ void add_study_report_command(Command& study) {
   command.flag("--force", request->force, "replaces an earlier report in the output folder");
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
-      "First it looks whether answers and key are as they were when the study was closed, and the films "
-      "those "
-      "that the study was made with, and what its time-stamps say. If anything differs it says so, and the "
-      "key stays closed.");
+      "First it looks whether answers, key and films are as they were when the study was closed, and what "
+      "its time-stamps say. If anything differs it says so, and the key stays closed.");
   command.explain(
       "For each coding and question: how often each point was given, median, share of 4 and 5, and kappa of "
       "the "

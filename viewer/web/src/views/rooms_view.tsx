@@ -262,7 +262,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
               class="button button-danger"
               onClick={() => {
                 stopping.value = false;
-                void act(() => api.stop(room.room), t('rooms.stopped', { room: room.room }));
+                void act(() => api.stop(room.room), t(idle ? 'rooms.ended' : 'rooms.stopped', { room: room.room }));
               }}
             >
               {t(idle ? 'rooms.endOperation' : 'rooms.stop')}
