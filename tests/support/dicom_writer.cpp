@@ -91,6 +91,12 @@ void write_dicom(const std::filesystem::path& file, const DicomSlice& slice) {
   put_number(DCM_PixelRepresentation, slice.is_signed ? 1 : 0);
   require(dataset.putAndInsertUint16Array(DCM_PixelData, slice.stored.data(), slice.stored.size()),
           "put pixels");
+  // Its JPEG-LS encoder keeps room for the pixels alone, and writes beyond that where header and padding are
+  // larger.
+  constexpr std::size_t kLeastOfJpegLs = 512;
+  if (slice.compression == DicomCompression::kJpegLs && slice.stored.size() < kLeastOfJpegLs)
+    throw std::runtime_error("DCMTK codes no picture of fewer than " + std::to_string(kLeastOfJpegLs) +
+                             " pixels in JPEG-LS without writing beyond its memory");
   const E_TransferSyntax syntax = syntax_of(slice.compression);
   if (slice.compression != DicomCompression::kNone) {
     require(dataset.chooseRepresentation(syntax, nullptr), "compress");

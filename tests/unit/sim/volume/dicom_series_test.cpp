@@ -32,8 +32,11 @@ class DicomSeriesTest : public testing::Test {
   [[nodiscard]] std::filesystem::path folder() const { return folder_.path(); }
 
   /// A slice at this place, its pixels those of field().
-  static DicomSlice slice_at(const Vector3& position_mm, const Eigen::Matrix3d& direction, int number) {
+  [[nodiscard]] DicomSlice slice_at(const Vector3& position_mm, const Eigen::Matrix3d& direction,
+                                    int number) const {
     DicomSlice slice;
+    slice.rows = rows_;
+    slice.columns = columns_;
     slice.position_mm = position_mm;
     slice.along_row = direction.col(0);
     slice.down_column = direction.col(1);
@@ -89,6 +92,8 @@ class DicomSeriesTest : public testing::Test {
       }
     }
   }
+
+  std::uint16_t rows_ = 3, columns_ = 4;  // of every slice
 
  private:
   test::TemporaryFolder folder_;
@@ -160,6 +165,7 @@ TEST_F(DicomSeriesTest, CountsPaddingAndMakesItAir) {
 }
 
 TEST_F(DicomSeriesTest, ReadsWhatScannersCompress) {
+  rows_ = columns_ = 24;
   for (const DicomCompression compression :
        {DicomCompression::kRunLength, DicomCompression::kJpegLossless, DicomCompression::kJpegLs}) {
     write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
