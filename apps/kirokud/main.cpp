@@ -127,10 +127,11 @@ void watch_hardware(HardwareWatch& hardware, bool recorded) {
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
-                  HardwareWatch& hardware, Successor& successor) {
+                  HardwareWatch& hardware, Successor& successor, const std::function<void()>& tend_servers) {
   DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
+    tend_servers();
     if (const int signal = signals.wait(kTick); signal != 0)
       return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
@@ -250,19 +251,22 @@ int run(const Request& request) {
     const recorder::ControlServer control(
         home.control_socket(configuration),
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
-    const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
-    std::unique_ptr<viewer::Viewer> viewer =
+    const std::unique_ptr<KeptHttp> http = serve_http(home, configuration, daemon);
+    std::unique_ptr<KeptViewer> viewer =
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     Successor successor({"--check", "--home", home.folder().string(), "--config", file.string()},
                         [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); });
-    reason = watch(daemon, inboxes, signals, hardware, successor);
+    reason = watch(daemon, inboxes, signals, hardware, successor, [&] {
+      http->tend();
+      viewer->tend();
+    });
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.
     daemon.close();
-    if (viewer && !ends_in_time(std::move(viewer))) {
+    if (!ends_in_time(std::move(viewer))) {
       late.reset();
       spdlog::error("a request to the viewer does not come to its end within {} s: it is cut off",
                     kLongestEndOfViewer.count());

@@ -375,6 +375,11 @@ void Daemon::add_problem(const std::string& sentence) {
   state_->options.problems.push_back(sentence);
 }
 
+void Daemon::remove_problem(const std::string& sentence) {
+  const std::lock_guard guard(state_->problems_mutex);
+  std::erase(state_->options.problems, sentence);
+}
+
 ordered_json Daemon::handle(const json& request) {
   const std::string what = required_text(request, "do");
   if (what == "status") return state_->status();

@@ -24,7 +24,7 @@ struct DaemonOptions {
   /// Why the device's key in hardware does not sign, one sentence; empty where it does, or there is none.
   /// Must not wait for the hardware; called by any thread. May be null.
   std::function<std::string()> hardware_silent;
-  /// What the recorder goes on without since its start, each a sentence for people.
+  /// What the recorder goes on without, each a sentence for people.
   std::vector<std::string> problems;
   const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
@@ -42,6 +42,8 @@ class Daemon {
 
   /// One more of DaemonOptions::problems.
   void add_problem(const std::string& sentence);
+  /// One that holds no more.
+  void remove_problem(const std::string& sentence);
   /// A request of recorder/daemon/control_server.h and its answer. Throws kiroku::Error for one that cannot
   /// be done.
   nlohmann::ordered_json handle(const nlohmann::json& request);

@@ -202,6 +202,11 @@ TEST_F(Daemon, RecordsWithoutWhatRecordingDoesNotNeed) {
   const std::string id = kiroku_json({"case", "start", "--json"})["case"];
   EXPECT_TRUE(until([](const nlohmann::json& room) { return room["missed"].get<int>() > 0; }));
   EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], id);
+
+  // The port is free after all.
+  taken.close();
+  EXPECT_TRUE(daemon.wait_for("no more: recording goes on without metrics and the hook"));
+  EXPECT_EQ(kiroku_json({"status", "--json"})["problems"].size(), 3U);
 }
 
 // One that accepts connections and never answers is the worst.
