@@ -406,6 +406,7 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   }
   keep_vouched_for();
   contents_.device = device;
+  contents_.was_case_devices = contents_.was_case_devices || device == case_device_;
   signer_.reset();
   device_.reset();
   try {
@@ -494,10 +495,24 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   if (log == nullptr || !opening) {
     return;
   }
-  log_ = log;
   case_id_ = opening->case_id;
   const auto found = log->cases.find(case_id_);
-  if (found == log->cases.end() || !found->second.opened) {
+  const bool knows = found != log->cases.end() && found->second.opened;
+  // What another device's log says, or does not say, speaks neither for the case nor against it.
+  if (knows && !log->opened_by_case_device) {
+    findings_->add("log-of-another-device", in_log(*found->second.opened),
+                   "the appliance log was another device's when it says that the case was opened, and " +
+                       opening->device + " signed the case: whether its own log knows it was not checked");
+    return;
+  }
+  if (!knows && !log->was_case_devices && !log->device.empty()) {
+    findings_->add("log-of-another-device", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log is of " + log->device + ", and " + opening->device +
+                       " signed the case: whether its own log knows it was not checked; give that one");
+    return;
+  }
+  log_ = log;
+  if (!knows) {
     unknown_ = true;
   } else {
     known_ = &found->second;
@@ -509,12 +524,6 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
     }
     std::stable_sort(roots_.begin(), roots_.end(),
                      [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
-  }
-  // Whoever holds the keys of two devices can have the one's log tell of the other's case.
-  if (known_ != nullptr && !log->opened_by_case_device) {
-    findings_->add("log-of-another-device", in_log(*known_->opened),
-                   "the appliance log was another device's when it says that the case was opened, and " +
-                       opening->device + " signed the case: whether its own log knows it was not checked");
   }
   if (log->root_at_head != opening->appliance_log_root) {
     findings_->add("log-head-differs", in_ledger(0),
@@ -588,7 +597,7 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : roots_at(size)) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
     const bool is_its = fits(each.root);
-    if (is_its && log_->opened_by_case_device) {
+    if (is_its) {
       if (!log_->doubted.contains(each.entry)) known_entries_ = std::max(known_entries_, size);
       const bool by_ml_dsa = each.entry < log_->vouched_for.ml_dsa;
       const bool by_hardware = each.entry < log_->vouched_for.hardware;
@@ -610,9 +619,7 @@ std::optional<CaseInLog> LogComparison::told() const {
     return std::nullopt;
   }
   // What nobody signed in time, anybody who can write to the disk can have added.
-  const auto signed_then = [&](std::uint64_t entry) {
-    return log_->opened_by_case_device && !log_->doubted.contains(entry);
-  };
+  const auto signed_then = [&](std::uint64_t entry) { return !log_->doubted.contains(entry); };
   CaseInLog told;
   told.entries = known_entries_;
   told.opening = known_ != nullptr && signed_then(*known_->opened);

@@ -79,6 +79,8 @@ struct LogContents {
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
   bool opened_by_case_device = false;
+  /// The log was its device's at any time.
+  bool was_case_devices = false;
   std::optional<UtcTime> begins;
   bool gave_up = false;  // so many lines are no entries that the rest was not read: nothing follows from it
 };

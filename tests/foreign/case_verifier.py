@@ -644,8 +644,11 @@ class AgainstLog:
         if log:
             log.consents.report_of(entries.opening["case"] if entries.opening else None, report)
         if log and entries.opening:
-            if self.known and self.known.device != entries.opening["device"]:
-                report("log-of-another-device", entries.opening["device"])
+            device = entries.opening["device"]
+            if self.known.device != device if self.known else log.devices and device not in log.devices:
+                report("log-of-another-device", device)
+                self.log = self.known = None  # it speaks neither for the case nor against it
+                return
             if self.known and self.known.erased:
                 report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
@@ -664,7 +667,7 @@ class AgainstLog:
 
     def vouched(self, ledger):
         """The most lines whose root the case's own device states in its log under a signature by its ML-DSA key, and by its hardware."""
-        if not self.known or self.known.device != self.entries.opening["device"]:
+        if not self.known:
             return 0, 0
         try:
             device = self.log.folder.known_device(note.parse_key(self.known.device))

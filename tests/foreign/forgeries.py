@@ -1741,6 +1741,20 @@ def known_to_the_log_of_another_device(world):
     return with_log(world, device=world.stranger, devices=[world.device.key, world.stranger.key])
 
 
+@reaches("log-of-another-device")
+def unknown_to_the_log_of_another_device(world):
+    def change(log, written):
+        del log.steps[2:]
+    return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
+@reaches("log-of-another-device")
+def accused_by_the_log_of_another_device(world):
+    def change(log, written):
+        log.signed("case-checkpoint", 82 * SECOND, case=written.case.id, size=2, root="0" * 64)
+    return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
 @reaches("log-head-differs")
 def opened_over_another_log(world):
     return with_log(world, head=(1, "0" * 64))

@@ -119,6 +119,7 @@ class LogRead:
         self.ledger = Ledger(data, "appliance-log", 2, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
+        self.devices = set()   # every key that the log named as its device's
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -135,7 +136,9 @@ class LogRead:
                 if kind != "boot" and entry["mono_ns"] < mono:
                     report("clock-went-back", f"line {number} of the log")
                 mono = entry["mono_ns"]
-                named = entry["device"] if kind in ("boot", "device-key-changed") else named
+                if kind in ("boot", "device-key-changed"):
+                    named = entry["device"]
+                    self.devices.add(named)
                 if kind not in FOLLOWED_BY_NONE:
                     since_note += kind != "recovered"
                     to_be_followed.append(number)

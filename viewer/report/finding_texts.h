@@ -275,7 +275,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"consent-not-entered", Check::kLog,
      "どの項目にも記されていない、封印された同意の記載または書面がある。"},
     {"log-of-another-device", Check::kLog,
-     "装置ログは、症例の開始を記した時点で別の装置のものであった。署名した装置自身のログは確かめていない。"},
+     "装置ログが別の装置のものである、または症例の開始を記した時点でそうであった。"
+     "署名した装置自身のログは確かめていない。"},
     {"log-algorithm-ended", Check::kLog,
      "与えられた方針では、装置ログが拠るアルゴリズムがもう有効でない。装置ログとの一致は何も証明しない。"},
     {"log-doubted", Check::kLog,
