@@ -142,8 +142,7 @@ struct Stating {
         recipients(load_recipients(home.recipients_file())),
         words(read_words(request)),
         key(home.signing_key()),
-        log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                        home.device().name())),
+        log(open_log(home, key)),
         turn(home.archive()),
         consents(standing_consents(home)) {
     if (log->case_state(name) == archive::ApplianceLog::CaseState::kUnknown) {

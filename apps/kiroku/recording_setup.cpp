@@ -65,6 +65,8 @@ void log_configuration(const std::filesystem::path& file, const Home& home, arch
          "nothing is erased or held. End the recorder and put that line back from a copy of the log (store, "
          "replica, backup), or install the newer version again; 'kiroku log --verify' tells more");
     last.clear();
+  } else if (const std::string changed = log.damage(); !changed.empty()) {
+    tell(changed + ". Cases are recorded, and entered behind it");
   }
   if (last != crypto::to_hex(digest)) log.config_changed(digest);
 }

@@ -126,8 +126,7 @@ int run(const Request& request) {
   const timestamp::TrustStore trust = home.trust();
   const crypto::SigningKey key = home.signing_key();
   const std::string device_name = home.device().name();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, device_name);
+  const auto log = open_log(home, key);
   LateStamping stamping(authorities.named(), {.archive = home.archive(),
                                               .key = &key,
                                               .device_name = device_name,

@@ -50,8 +50,7 @@ void enter_use(const Home& home, const std::filesystem::path& case_folder, const
   }
   const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
   const crypto::SigningKey key = home.signing_key();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
+  const auto log = open_log(home, key);
   const archive::ErasingTurn turn(home.archive());
   const std::string why_not = archive::why_not_consented(standing_consents(home), case_id, purpose);
   if (!why_not.empty()) throw UsageError(why_not + ": nothing was handed out");

@@ -277,6 +277,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-tail-unsigned", Severity::kUnproven,
      "no checkpoint covers the log, or several of its newest entries: nobody signed them"},
     {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},
+    {"log-damage-stated", Severity::kTampered,
+     "the log says itself that lines of it were changed after they were signed"},
     {"log-case-open", Severity::kNote, "the log knows no end of a case"},
     {"log-case-erased", Severity::kNote,
      "the log says that the whole case was erased, and here it is: a copy that was kept, or an erasure that "

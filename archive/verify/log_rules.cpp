@@ -329,7 +329,9 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
       !std::holds_alternative<DeviceAttestationEntry>(entry.body) &&
       !std::holds_alternative<DeviceHardwareSilentEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
-    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
+    const bool comes_with_the_next = std::holds_alternative<LogRecoveredEntry>(entry.body) ||
+                                     std::holds_alternative<LogDamageEntry>(entry.body);
+    since_note_ += comes_with_the_next ? 0U : 1U;
     to_be_followed_.push_back(number);
     if (to_be_followed_.size() > 2) {
       to_be_followed_.pop_front();
@@ -343,6 +345,13 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                  [&](const DeviceMlDsaEntry& added) { judge_ml_dsa_key(added.ml_dsa, number); },
                  [&](const DeviceHardwareEntry& added) { judge_hardware_key(added.hardware, number); },
+                 [&](const LogDamageEntry& damage) {
+                   findings_->add("log-damage-stated", in_ledger(number),
+                                  at_entry(number) + " of the log says that the first " +
+                                      std::to_string(damage.size) +
+                                      " entries were not, or not all, those over which its checkpoint "
+                                      "was signed: they were changed on the disk before that");
+                 },
                  [&](const CaseOpenedEntry& opened) {
                    LoggedCase* known = logged(opened.case_id);
                    if (known != nullptr) {

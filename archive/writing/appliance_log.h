@@ -46,6 +46,11 @@ class ApplianceLog {
   ~ApplianceLog();
   [[nodiscard]] const std::filesystem::path& folder() const;
 
+  /// Why the lines that were there when the log was opened are not those that its newest checkpoint by this
+  /// device is over, one sentence; "" where they are. The next entry states it in the log, so that what is
+  /// signed from then on hides nothing.
+  [[nodiscard]] std::string damage() const;
+
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
   // then sign a checkpoint. They throw kiroku::IoError and LedgerHeldError; after a
   // failed fsync the next one opens the log anew (ledger.h).

@@ -1843,6 +1843,14 @@ def log_signed_later(world):
     return the_log(world, change)
 
 
+@reaches("log-damage-stated")
+def log_that_was_changed(world):
+    def change(log, written):
+        log.add("damage-found", 90 * SECOND, size=3, stated_root="0" * 64, root="1" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
 @reaches("log-tail-unsigned")
 def log_unsigned(world):
     def change(log, written):

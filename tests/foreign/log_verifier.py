@@ -140,7 +140,7 @@ class LogRead:
                     named = entry["device"]
                     self.devices.add(named)
                 if kind not in FOLLOWED_BY_NONE:
-                    since_note += kind != "recovered"
+                    since_note += kind not in ("recovered", "damage-found")
                     to_be_followed.append(number)
                 if kind in ("boot", "device-key-changed") and (device is None or str(device) != entry["device"]):
                     try:
@@ -160,6 +160,8 @@ class LogRead:
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
                 if kind == "device-hardware-added":
                     self._judge_hardware_key(entry["hardware"], device, report)
+                if kind == "damage-found":
+                    report("log-damage-stated", f"line {number}")
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
