@@ -8,6 +8,7 @@
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_histories.h"
 #include "base/error.h"
+#include "base/number_text.h"
 
 namespace kiroku::archive {
 
@@ -578,7 +579,7 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
     const bool broken = log_->accusing > head_;
     findings_->add(
         "log-silent", {"log/" + std::string(kLedgerFile)},
-        "the case was opened over " + std::to_string(head_) + " entries of the appliance log, and " +
+        "the case was opened over " + counted(head_, "entry", "entries") + " of the appliance log, and " +
             (broken
                  ? std::string("lines of the log given are broken or lack, of which one may tell of it")
                  : "known devices signed no more than " + std::to_string(log_->accusing) +

@@ -1090,7 +1090,10 @@ def _root_stated(folder, size):
 
 def _read_small(path):
     """Of a file of which nothing is said if it cannot be read: a sparse one may be larger than any memory."""
-    return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    try:
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    except OSError:
+        return b""
 
 
 def _judge_reach(folder, entries, document, selected, lines):

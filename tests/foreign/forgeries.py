@@ -3351,7 +3351,7 @@ def a_case_beside_a_log_with_quotes(world):
     return dataclasses.replace(log, path=case, log=log.path, as_log=False, never=["boot-quotes-hold"])
 
 
-@reaches("boot-quote-of-elsewhere")
+@reaches("log-not-sound")
 def a_quote_replayed_in_a_case_s_log(world):
     """What was forged in the log is told of the case, too."""
     given = quoted(world, lambda log, tpm: replay(log))
