@@ -517,7 +517,7 @@ TEST_F(EvidenceAttack, ALogThatRestsOnWhatEndedSpeaksNeitherForACaseNorAgainstIt
   const std::string lines = read_file(archive_.log_folder() / "ledger.jsonl");
   const std::string boot = lines.substr(0, lines.find('\n'));
   const std::string shutdown =
-      R"({"type":"shutdown","seq":1,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000})";
+      R"({"type":"shutdown","seq":1,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})";
   write_file(log / "ledger.jsonl", boot + "\n" + shutdown + "\n");
   crypto::MerkleFrontier tree;
   tree.append(crypto::merkle_leaf_hash(bytes_of(boot)));
