@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
@@ -45,9 +46,11 @@ bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntr
                              const crypto::VerifierKey& device, const FileReading& files = real_reading());
 
 /// Compares a case with the one before it and the one after it, where they lie beside it in one archive
-/// folder. Reads their ledgers once each, in constant memory. `folder` is the case's, `open` and
-/// `close_reason` ("" where there is none) are what its ledger says.
+/// folder. Reads their ledgers twice each at most, in constant memory. `folder` is the case's, `open` and
+/// `close_reason` ("" where there is none) are what its ledger says, `devices` are those whose further keys
+/// are known. Anybody can put something into the place of another case: only lines that the device of `open`
+/// signed there speak against this one.
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
-                       FindingList& findings);
+                       const std::vector<crypto::VerifierKey>& devices, FindingList& findings);
 
 }  // namespace kiroku::archive

@@ -237,6 +237,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
      "decrypt, or that changed while it was checked"},
     {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
+    {"file-of-a-system", Severity::kNote,
+     "a file that nothing names and that operating systems leave behind by themselves, by its name: nobody "
+     "recorded it"},
     {"file-not-regular", Severity::kTampered,
      "a symbolic link, a special file or a second name of another file"},
     {"name-clash", Severity::kTampered, "two names differ only in case"},
@@ -268,6 +271,17 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the log knows a case that is not in the archive and was not erased; what begins with another line, or "
      "is "
      "an excerpt, is not the case"},
+    {"log-silent", Severity::kUnproven,
+     "the log says nothing of the case that could be checked: nothing of it that a known device signed goes "
+     "beyond the state over which the case was opened, or its lines are not sound"},
+    {"log-not-sound", Severity::kUnproven,
+     "beside a case: lines of the log are not as they were signed, lack, or say what no recorder enters; "
+     "what "
+     "the "
+     "broken ones said of the case was not checked"},
+    {"log-not-tidy", Severity::kNote,
+     "beside a case: something is wrong in the log's folder that hides no line of the log: a name, or a "
+     "checkpoint that does not hold"},
     {"cases-not-looked-for", Severity::kNote,
      "the log was verified alone: whether the cases that it knows are still there was not checked"},
     {"log-signed-late", Severity::kUnproven,
@@ -379,6 +393,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "this case and the one that it carries on, or that carries it on, do not fit each other"},
     {"carried-on-not-here", Severity::kNote,
      "the case that this one carries on, or that carries this one on, does not lie beside it"},
+    {"carried-on-not-compared", Severity::kNote,
+     "something else lies in the place of that case, or less of it, or what its device did not sign: they "
+     "were "
+     "not compared"},
     {"carrying-on-holds", Severity::kNote,
      "this case and the one that it carries on, or that carries it on, name each other"},
     // -- excerpts
@@ -415,6 +433,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "by the policy given, an algorithm on which the case rests counts no more, and no evidence record of "
      "outside "
      "authorities holds that began before"},
+    // -- of the format
+    {"format-newer", Severity::kUnproven,
+     "the case or the excerpt is of a later version of the format than this program knows: nothing was "
+     "checked"},
     // -- of the list itself
     {"more-findings", Severity::kNote,
      "so many findings, of one code or of all together, that the rest is only counted"},

@@ -130,9 +130,15 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
                                      const std::string& response) {
   const Place place{token.file, entry};
   if (!checkpoints_->has(token.checkpoint)) {
-    findings_->add(
-        "checkpoint-missing", {note_path(token.checkpoint), entry},
-        note_path(token.checkpoint) + " is not there, which the token of " + at_entry(entry) + " is over");
+    const Place of_note{note_path(token.checkpoint), entry};
+    if (checkpoints_->all_listed()) {
+      findings_->add("checkpoint-missing", of_note,
+                     of_note.file + " is not there, which the token of " + at_entry(entry) + " is over");
+    } else {
+      findings_->add("file-unreadable", of_note,
+                     std::string(kCheckpointsFolder) + " cannot be read, so " + of_note.file +
+                         " was not checked, which the token of " + at_entry(entry) + " is over");
+    }
     return {};
   }
   const std::optional<std::string> note = read_note(*folder_, token.checkpoint, entry, *findings_);

@@ -16,7 +16,8 @@ import strict_json
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
-from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
+from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, is_newer, number_of, outside_notes, parse_entry, sha256_of,
+                      size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
@@ -439,7 +440,7 @@ class Entries:
             self.report("file-hash-differs", entry["file"])
             return None, "", None
         if entry["checkpoint"] not in self.folder.note_sizes:
-            self.report("checkpoint-missing", entry["file"])
+            self.report("checkpoint-missing" if self.folder.all_listed else "file-unreadable", entry["file"])
             return None, "", None
         name = f"checkpoints/{entry['checkpoint']:08d}.note"
         data = self.folder.read(name, LARGEST_NOTE)
@@ -635,7 +636,7 @@ class AgainstLog:
     """A case beside what the appliance log says of it."""
 
     def __init__(self, log, entries, report):
-        self.log, self.entries, self.report = log, entries, report
+        self.log, self.entries, self.report, self.silent = log, entries, report, False
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
         for name, number in log.held_and_erased if log else ():
@@ -645,6 +646,10 @@ class AgainstLog:
             log.consents.report_of(entries.opening["case"] if entries.opening else None, report)
         if log and entries.opening:
             device = entries.opening["device"]
+            if not (self.known.device if self.known else any(log.devices)):
+                report("log-silent", "no line names a device")
+                self.log = self.known = None
+                return
             if self.known.device != device if self.known else log.devices and device not in log.devices:
                 report("log-of-another-device", device)
                 self.log = self.known = None  # it speaks neither for the case nor against it
@@ -652,8 +657,11 @@ class AgainstLog:
             if self.known and self.known.erased:
                 report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
+            self.head, self.signed = stated["size"], log.signed_by_known(device, log.folder.trust.devices)
             if log.root_at(stated["size"]) != stated["root"]:
-                report("log-head-differs", f"at {stated['size']} entries")
+                self.silent = self.signed < self.head
+                if not self.silent:
+                    report("log-head-differs", f"at {stated['size']} entries")
 
     def knows_beyond(self, size):
         return bool(self.known and any(root.size > size for root in self.known.roots))
@@ -684,8 +692,15 @@ class AgainstLog:
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
-            beginning = whole and len(ledger) == 1 and covered == 0
-            self.report("log-case-not-entered" if beginning else "log-case-unknown", self.entries.opening["case"])
+            if whole and len(ledger) == 1 and covered == 0:
+                self.report("log-case-not-entered", self.entries.opening["case"])
+            elif self.log.beside_a_case()[1] and self.signed > self.head:
+                self.report("log-case-unknown", self.entries.opening["case"])
+            else:
+                self.silent = True
+        if self.silent:
+            self.report("log-silent", f"{self.signed} lines are signed")
+        if self.known is None:
             return
         if hashlib.sha256(first_line).hexdigest() != self.known.opening_line:
             self._add("log-opening-differs", self.known.opened, covered >= 1, "open")
@@ -727,11 +742,13 @@ def verify_case(path, trust):
         folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [], None, True)
         return Judgement(folder.findings)
     newest = max(folder.note_sizes, default=0)
+    if _is_newer_case(folder, data):
+        return Judgement([("format-newer", "ledger.jsonl")])
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
     entries = Entries(folder, True)
     log = LogRead(trust.log, trust) if trust.log else None
     if log:
-        folder.findings += log.folder.findings
+        folder.findings += log.beside_a_case()[0]
     for number, entry in enumerate(ledger.entries):
         entries.take(number, entry)
         size = number + 1
@@ -769,6 +786,22 @@ def verify_case(path, trust):
     return Judgement(folder.findings)
 
 
+def _is_newer_case(folder, data):
+    """Whether the first line names a later version, and the smallest checkpoint is of these lines: nobody changed it into another."""
+    lines = data.split(b"\n")[:-1]
+    size = min(folder.note_sizes, default=0)
+    return bool(lines) and is_newer(lines[0], "case") and 0 < size <= len(lines) and _root_stated(folder, size) == merkle.root([merkle.leaf(line) for line in lines[:size]])
+
+
+def _is_newer_excerpt(folder, document):
+    """Likewise of an excerpt: by its proof the first line is that of the tree to which its lines lead."""
+    opening, size = _read_small(folder.path / "ledger-open.jsonl"), document["size"]
+    line = opening.split(b"\n")[0]
+    if b"\n" not in opening or not is_newer(line, "case") or size not in folder.note_sizes:
+        return False
+    return merkle.root_by_inclusion(merkle.leaf(line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) == _root_stated(folder, size) != b""
+
+
 def _judge_end(folder, ledger, entries, comparison, newest):
     count, close, covered = len(ledger), entries.close, folder.covered
     if ledger.torn:
@@ -778,6 +811,8 @@ def _judge_end(folder, ledger, entries, comparison, newest):
         folder.report("open-missing", "no whole line")
     if close is None:
         folder.report("not-closed", "there is no close")
+    elif not folder.all_listed or folder.unread > covered:
+        pass   # what could not be read is said, and whether it covers the end nobody knows
     elif covered <= close:
         folder.report("close-not-covered", f"line {close}")
     elif covered < count:
@@ -839,27 +874,47 @@ def _judge_carrying_on(folder, path, entries):
     later = ANNOUNCES.fullmatch(entries.close_entry["reason"]) if entries.close_entry else None
 
     def other(case):
-        """Lines and entries of the case that lies beside this one."""
+        """Lines and entries of the case that lies beside this one, up to a line that is too long."""
         try:
             lines = (path.parent / case / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
         except OSError:
             return None
+        lines = lines[:next((i for i, line in enumerate(lines) if len(line) > LARGEST_LINE), len(lines))]
         found = []
         for line in lines:
             try:
-                found.append(strict_json.parse(line))
-            except strict_json.Malformed:
+                found.append(parse_entry(line, "case-ledger", 4))
+            except (strict_json.Malformed, schema.Unfit):
                 found.append(None)
         return lines, found
-
-    def says(holds):
-        folder.report("carrying-on-holds" if holds else "carrying-on-broken", "the case beside it")
 
     def root_of(lines, size):
         return merkle.root([merkle.leaf(line) for line in lines[:size]]).hex() if len(lines) >= size else None
 
+    def is_signed(case, lines, least):
+        """Whether this case's device signed what lies there as that case, by its smallest note of at least so many lines."""
+        if entries.device is None:
+            return False
+        notes = path.parent / case / "checkpoints"
+        sizes = sorted(size for size in (size_of_note(f"checkpoints/{name}") for name in (os.listdir(notes) if notes.is_dir() else ())) if size and size >= least)
+        if not sizes or len(lines) < sizes[0]:
+            return False
+        try:
+            checkpoint = note.parse_checkpoint(_read_small(notes / f"{sizes[0]:08d}.note"))
+        except note.Malformed:
+            return False
+        device = folder.known_device(entries.device)
+        theirs = [s for s in checkpoint.signatures if s[:2] == (device.name, device.id)]
+        holds = bool(theirs) and note.holds(device.public, checkpoint.text, theirs[0][2])
+        holds = holds and not (device.ml_dsa and not device.by_ml_dsa(checkpoint)) and not (device.hardware and device.by_hardware(checkpoint) is False)
+        stated = (checkpoint.origin, checkpoint.size, checkpoint.root.hex())
+        return holds and stated == (f"kiroku/{device.name}/{case}", sizes[0], root_of(lines, sizes[0]))
+
     def begins(found, case):
-        return bool(found and found[0] and found[0].get("type") == "open" and found[0]["case"] == case and found[0]["device"] == opening["device"])
+        return bool(found and found[0] and found[0]["type"] == "open" and found[0]["case"] == case and found[0]["device"] == opening["device"])
+
+    def says(holds, by_device):
+        folder.report("carrying-on-holds" if holds else "carrying-on-broken" if by_device else "carried-on-not-compared", "the case beside it")
 
     if carried:
         case, size, root = carried[1], int(carried[2]), carried[3]
@@ -868,9 +923,11 @@ def _judge_carrying_on(folder, path, entries):
             folder.report("carried-on-not-here", case)
         else:
             lines, found = beside
-            closes = [e for e in found[:size] if e and e.get("type") == "close"]
+            closes = [e for e in found[:size] if e and e["type"] == "close"]
             announced = ANNOUNCES.fullmatch(closes[-1]["reason"]) if closes else None
-            says(root_of(lines, size) == root and announced is not None and announced[1] == opening["case"] and begins(found, case))
+            same = root_of(lines, size) == root
+            # The very lines that this one names speak for themselves.
+            says(same and announced is not None and announced[1] == opening["case"] and begins(found, case), same or len(lines) >= size and is_signed(case, lines, size))
     if later:
         beside = other(later[1])
         if beside is None:
@@ -880,7 +937,8 @@ def _judge_carrying_on(folder, path, entries):
             source = next((s["source"] for s in found[0]["streams"] if s["name"] == "events"), "") if begins(found, later[1]) else ""
             named = CARRIES_ON.fullmatch(source)
             own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
-            says(named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3])
+            holds = named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3]
+            says(holds, holds or is_signed(later[1], lines, 1))
 
 
 class PartOfLedger(Ledger):
@@ -912,7 +970,9 @@ def verify_excerpt(path, trust):
         if document["to_ns"] <= document["from_ns"] or document["size"] <= document["first_entry"]:
             raise strict_json.Malformed("a range is empty")
     except (strict_json.Malformed, schema.Unfit) as e:
-        return Judgement([("excerpt-malformed", str(e))], True)
+        return Judgement([("format-newer" if is_newer(text[:-1], "excerpt") else "excerpt-malformed", str(e))], True)
+    if _is_newer_excerpt(folder, document):
+        return Judgement([("format-newer", "ledger-open.jsonl")], True)
     first, size, begin, end = document["first_entry"], document["size"], document["from_ns"], document["to_ns"]
     report, selected, present = folder.report, set(), {f.path for f in folder.listing}
 
@@ -952,7 +1012,9 @@ def verify_excerpt(path, trust):
             return entries.judge_authority(file)
         return "named" if file.kind == "folder" and entries.is_folder(file.path) else "unnamed"
 
-    folder.judge_names(judge)
+    # Without the lines nothing says what is named.
+    if not any(code == "file-unreadable" and text.startswith(("ledger-open.jsonl: ", "ledger-part.jsonl: ")) for code, text in folder.findings):
+        folder.judge_names(judge)
     entries.check_device_file()
     return Judgement(folder.findings, True)
 
@@ -997,7 +1059,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
             lines_begin = entries.last_mono
             if trust.log and entries.opening:
                 log = LogRead(trust.log, trust)
-                folder.findings += log.folder.findings
+                folder.findings += log.beside_a_case()[0]
             comparison = AgainstLog(log, entries, report)
         if number + 1 in folder.note_sizes:
             entries.mono_at[number + 1] = entries.last_mono
@@ -1006,7 +1068,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
         report("excerpt-malformed", "the last line is not whole")
     if len(lines) != size:
         report("excerpt-malformed", "the lines do not end where excerpt.json says")
-    if size not in folder.note_sizes:
+    if size not in folder.note_sizes and folder.all_listed:
         report("checkpoint-missing", "nothing covers the lines")
     if signed_root and lines.left is not None and len(lines) == size and lines.root(size) != signed_root:
         report("excerpt-proof-invalid", "the root of the lines")
@@ -1028,7 +1090,10 @@ def _root_stated(folder, size):
 
 def _read_small(path):
     """Of a file of which nothing is said if it cannot be read: a sparse one may be larger than any memory."""
-    return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    try:
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    except OSError:
+        return b""
 
 
 def _judge_reach(folder, entries, document, selected, lines):

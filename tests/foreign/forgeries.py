@@ -1344,6 +1344,90 @@ def unreadable(world):
     return world.given(written.folder, unprivileged=True)
 
 
+@reaches("file-unreadable")
+def unreadable_newest_checkpoint(world):
+    written = world.sound().write(world.folder)
+    max((written.folder / "checkpoints").iterdir()).chmod(0)
+    return dataclasses.replace(world.given(written.folder, unprivileged=True), never=["ledger-not-covered", "close-not-covered", "token-not-covered"])
+
+
+@reaches("file-unreadable")
+def excerpt_with_unreadable_lines(world):
+    given = excerpt(world)
+    (given.path / "ledger-part.jsonl").chmod(0)
+    return dataclasses.replace(given, unprivileged=True, never=["file-unnamed"])
+
+
+@reaches("file-unreadable")
+def excerpt_with_an_unreadable_beginning(world):
+    given = excerpt(world)
+    (given.path / "ledger-open.jsonl").chmod(0)
+    return dataclasses.replace(given, unprivileged=True, never=["file-unnamed"])
+
+
+def with_files_of_systems(world, *names):
+    written = world.sound().write(world.folder)
+    for name in names:
+        (written.folder / name).parent.mkdir(exist_ok=True)
+        (written.folder / name).write_bytes(b"x")
+    return world.given(written.folder)
+
+
+@reaches("file-of-a-system")
+def looked_at_by_other_systems(world):
+    return dataclasses.replace(with_files_of_systems(world, ".DS_Store", "segments/.DS_Store", "checkpoints/Thumbs.db", "desktop.ini", "@eaDir/ledger.jsonl@SynoEAStream",
+                                                     "segments/endoscope/00000000.ts.age:Zone.Identifier"), never=["file-unnamed"])
+
+
+@reaches("file-unnamed")
+def files_that_only_seem_to_be_of_a_system(world):
+    return dataclasses.replace(with_files_of_systems(world, "film.DS_Store", "Thumbs.db.ts.age", ":Zone.Identifier"), never=["file-of-a-system"])
+
+
+@reaches("file-unnamed")
+def file_with_the_name_of_a_system_s_folder(world):
+    return dataclasses.replace(with_files_of_systems(world, "@eaDir"), never=["file-of-a-system"])
+
+
+@reaches("format-newer")
+def case_of_a_later_version(world):
+    case = world.sound()
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    return dataclasses.replace(world.write(case), never=["entry-malformed"])
+
+
+@reaches("entry-malformed", "ledger-changed")
+def case_changed_into_one_of_a_later_version(world):
+    written = world.sound().write(world.folder)
+    path = written.folder / "ledger.jsonl"
+    path.write_bytes(path.read_bytes().replace(b"kiroku-case/1", b"kiroku-case/3", 1))
+    return dataclasses.replace(world.given(written.folder), never=["format-newer"])
+
+
+@reaches("format-newer")
+def excerpt_of_a_later_version(world):
+    def change(document, files):
+        document["format"] = "kiroku-excerpt/2"
+    return excerpt(world, change=change)
+
+
+@reaches("entry-malformed")
+def excerpt_changed_into_one_of_a_later_version(world):
+    given = excerpt(world)
+    path = given.path / "ledger-open.jsonl"
+    path.write_bytes(path.read_bytes().replace(b"kiroku-case/1", b"kiroku-case/3", 1))
+    return dataclasses.replace(given, never=["format-newer"])
+
+
+@reaches("format-newer")
+def excerpt_of_a_case_of_a_later_version(world):
+    case = world.sound()
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    written = case.write(world.folder / "whole")
+    tokens = [i for i, line in enumerate(written.lines) if b'"type":"token"' in line]
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", 6 * SECOND, 9 * SECOND, ["endoscope"], tokens[0], len(written.lines)))
+
+
 @reaches("authority-file-malformed")
 def authority_of_nonsense(world):
     case = world.sound()
@@ -1429,7 +1513,173 @@ def log_with_its_cases(world):
 def unknown_to_the_log(world):
     def change(log, written):
         del log.steps[2:]
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
     return with_log(world, change)
+
+
+OF_A_LOG_THAT_ACCUSES = ["log-case-unknown", "log-head-differs", "file-unnamed", "entry-malformed", "ledger-changed", "ledger-cut", "checkpoint-malformed",
+                         "checkpoint-signature-invalid", "outside-note-rolled-back"]
+
+
+def with_faulty_log(world, harm, change=None, judge=with_log, **more):
+    """A sound case that the log knows to its end, beside a copy of the log in which something else is wrong."""
+    def used(log, written):
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    given = judge(world, change or used, **more)
+    harm(given.log or given.path)
+    return dataclasses.replace(given, never=[] if given.as_log else OF_A_LOG_THAT_ACCUSES)
+
+
+def change_byte(path, at):
+    data = bytearray(path.read_bytes())
+    data[at] ^= 1
+    path.write_bytes(bytes(data))
+
+
+def last_line(log):
+    return (log / "ledger.jsonl").read_bytes()[:-1].rfind(b"\n") + 1
+
+
+@reaches("log-silent")
+def log_from_before_the_case(world):
+    def change(log, written):
+        del log.steps[2:]
+    return with_faulty_log(world, lambda log: None, change)
+
+
+@reaches("log-silent")
+def log_shorter_than_open_states(world):
+    return with_faulty_log(world, lambda log: None, lambda log, written: log.steps.__delitem__(slice(2, None)), head=(9, "0" * 64))
+
+
+def unsigned_log(world, *lines):
+    """Anybody writes a log in the device's name."""
+    made = world.sound()
+    written = made.write(world.folder)
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    for kind, fields in lines:
+        log.add(kind, 60 * SECOND, **fields)
+    log.write(world.folder, "log")
+    return dataclasses.replace(world.given(written.folder, log=world.folder / "log"), never=OF_A_LOG_THAT_ACCUSES)
+
+
+@reaches("log-silent")
+def log_that_nobody_signed(world):
+    return unsigned_log(world)
+
+
+@reaches("log-silent", "log-tail-unsigned")
+def longer_log_that_nobody_signed(world):
+    return unsigned_log(world, *[("access", {"case": "*", "what": "unlocked", "who": "sato"})] * 3)
+
+
+@reaches("log-silent", "log-tail-unsigned")
+def excerpt_beside_a_log_that_nobody_signed(world):
+    given = unsigned_log(world, *[("access", {"case": "*", "what": "unlocked", "who": "sato"})] * 3)
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"))
+    return dataclasses.replace(given, path=part.path)
+
+
+@reaches("log-silent")
+def log_of_the_device_that_a_stranger_signed_on(world):
+    """What the device signed of it ends before the case; whoever carried it on is not trusted."""
+    def change(log, written):
+        del log.steps[2:]
+        for step in log.of(Checkpoint):
+            step.signer = world.device
+        log.signer = world.stranger
+        log.signed("device-key-changed", 70 * SECOND, device=str(world.stranger.key))
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return with_faulty_log(world, lambda log: None, change)
+
+
+@reaches("log-not-sound")
+def log_with_a_changed_line_about_something_else(world):
+    return with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40))
+
+
+@reaches("ledger-changed")
+def log_itself_with_a_changed_line(world):
+    return with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40), judge=the_log)
+
+
+@reaches("log-not-sound", "log-silent")
+def log_whose_line_of_the_opening_is_broken(world):
+    def harm(log):
+        change_byte(log / "ledger.jsonl", (log / "ledger.jsonl").read_bytes().index(b"case-opened"))
+    return with_faulty_log(world, harm)
+
+
+@reaches("log-not-sound", "log-silent")
+def log_whose_first_line_is_broken(world):
+    """No other line names the device."""
+    given = with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", (log / "ledger.jsonl").read_bytes().index(b"boot_id")))
+    return dataclasses.replace(given, never=[*given.never, "log-of-another-device"])
+
+
+@reaches("log-not-sound")
+def log_with_an_entry_of_a_newer_type(world):
+    return with_faulty_log(world, lambda log: None, lambda log, written: log.signed("quota-stated", 90 * SECOND, case="*", n=1))
+
+
+@reaches("log-not-sound")
+def log_copied_before_its_newest_checkpoint(world):
+    return with_faulty_log(world, lambda log: (log / "ledger.jsonl").write_bytes((log / "ledger.jsonl").read_bytes()[:last_line(log)]))
+
+
+@reaches("log-not-sound")
+def log_whose_last_line_is_zeros(world):
+    def harm(log):
+        data, at = (log / "ledger.jsonl").read_bytes(), last_line(log)
+        (log / "ledger.jsonl").write_bytes(data[:at] + bytes(len(data) - at))
+    return with_faulty_log(world, harm)
+
+
+@reaches("log-not-sound")
+def log_older_than_a_kept_note(world):
+    kept_elsewhere = []
+
+    def harm(log):
+        newest = max((log / "checkpoints").iterdir())
+        kept_elsewhere.extend(kept(world, newest.read_bytes()))
+        newest.unlink()
+        (log / "ledger.jsonl").write_bytes((log / "ledger.jsonl").read_bytes()[:last_line(log)])
+    given = with_faulty_log(world, harm)
+    return dataclasses.replace(given, against=kept_elsewhere)
+
+
+@reaches("log-not-sound")
+def excerpt_beside_a_log_with_a_changed_line(world):
+    cases = []
+
+    def change(log, written):
+        cases.append(written)
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    given = with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40), change)
+    tokens = [i for i, line in enumerate(cases[0].lines) if b'"type":"token"' in line]
+    part = w.write_excerpt(cases[0], world.folder / "part", 6 * SECOND, 9 * SECOND, ["endoscope"], tokens[0], len(cases[0].lines))
+    return dataclasses.replace(given, path=part)
+
+
+@reaches("log-not-tidy")
+def log_with_a_checkpoint_that_does_not_hold(world):
+    return with_faulty_log(world, lambda log: change_byte(max((log / "checkpoints").iterdir()), -10))
+
+
+@reaches("log-not-tidy")
+def log_with_a_file_that_nothing_names(world):
+    return with_faulty_log(world, lambda log: (log / "notes.txt").write_bytes(b"x"))
+
+
+@reaches("file-of-a-system")
+def log_that_somebody_looked_at(world):
+    return with_faulty_log(world, lambda log: (log / ".DS_Store").write_bytes(b"Bud1"))
+
+
+@reaches("file-of-a-system")
+def log_itself_that_somebody_looked_at(world):
+    return with_faulty_log(world, lambda log: (log / "checkpoints/Thumbs.db").write_bytes(b"x"), judge=the_log)
 
 
 @reaches("log-case-not-entered", "not-closed")
@@ -2232,6 +2482,40 @@ def not_announced(world):
 @reaches("carried-on-not-here")
 def carried_on_alone(world):
     return world.given(operation(world, later_only=True)[1].folder)
+
+
+def beside_a_later_case(world, harm):
+    """A sound case that carries another one on, and what became of that one's folder."""
+    earlier, later = operation(world)
+    harm(earlier.folder)
+    return dataclasses.replace(world.given(later.folder), never=["carrying-on-broken"])
+
+
+@reaches("carried-on-not-compared")
+def carries_on_a_case_with_one_bit_changed(world):
+    return beside_a_later_case(world, lambda folder: change_byte(folder / "ledger.jsonl", 300))
+
+
+@reaches("carried-on-not-compared")
+def carries_on_a_case_of_which_the_beginning_was_copied(world):
+    return beside_a_later_case(world, lambda folder: (folder / "ledger.jsonl").write_bytes((folder / "ledger.jsonl").read_bytes()[:2000]))
+
+
+@reaches("carried-on-not-compared")
+def carries_on_what_anybody_wrote(world):
+    return beside_a_later_case(world, lambda folder: (folder / "ledger.jsonl").write_bytes(b"hello\n"))
+
+
+@reaches("carried-on-not-compared")
+def is_carried_on_by_what_anybody_wrote(world):
+    earlier, later = operation(world)
+    (later.folder / "ledger.jsonl").write_bytes(b"hello\n")
+    return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-broken"])
+
+
+@reaches("carrying-on-broken")
+def is_carried_on_from_others(world):
+    return world.given(operation(world, root="0" * 64)[0].folder)
 
 
 # Excerpts
@@ -3075,7 +3359,7 @@ def a_case_beside_a_log_with_quotes(world):
     return dataclasses.replace(log, path=case, log=log.path, as_log=False, never=["boot-quotes-hold"])
 
 
-@reaches("boot-quote-of-elsewhere")
+@reaches("log-not-sound")
 def a_quote_replayed_in_a_case_s_log(world):
     """What was forged in the log is told of the case, too."""
     given = quoted(world, lambda log, tpm: replay(log))

@@ -67,9 +67,13 @@ const kByPrefix: readonly [string, LinkName][] = [
   ['token-', 'tokens'],
 ];
 
+/** Of the appliance log beside the case: it says nothing of the case's own files. */
+const isOfLog = (finding: Finding): boolean => finding.file?.startsWith('log/') ?? false;
+
 export function linkOf(finding: Finding): LinkName {
   const exact = kByCode[finding.code];
-  if (exact) return exact;
+  if (exact && !(isOfLog(finding) && !finding.code.startsWith('log-'))) return exact;
+  if (isOfLog(finding)) return 'ledger';
   // A file that is missing or changed breaks the link it belongs to.
   if (finding.code.startsWith('file-') && finding.file) {
     if (/(^|\/)tokens\//.test(finding.file)) return 'tokens';
@@ -118,7 +122,7 @@ const kOfOthers = /^(log|consent|access|boot|measured-boot|case-missing|erased-w
 /** Whether the ledger's lines are not what was signed: then nobody signed which files there were, and what was stamped were other lines. */
 const isLedgerChanged = (report: VerificationReport): boolean =>
   report.findings.some(
-    (one) => one.severity === 'tampered' && !kOfOthers.test(one.code) && (linkOf(one) === 'ledger' || /^(checkpoint|outside)-/.test(one.code)),
+    (one) => one.severity === 'tampered' && !kOfOthers.test(one.code) && !isOfLog(one) && (linkOf(one) === 'ledger' || /^(checkpoint|outside)-/.test(one.code)),
   );
 
 /** Whether what the link says is true only if something holds that does not. */
