@@ -102,6 +102,9 @@ std::string remark_sentence(const ReportInput& input, archive::TimeRemark remark
     case TimeRemark::kFirstStampedLate:
       return say(input.language, "time.remark.first-late",
                  {case_time(input.verification.age_at_first_stamp_ns.value_or(0), false)});
+    case TimeRemark::kEnteredLate:
+      return say(input.language, "time.remark.entered-late",
+                 {case_time(input.verification.entered_late_ns.value_or(0), false)});
     case TimeRemark::kEndStampedLate:
       return say(input.language, "time.remark.end-late");
     case TimeRemark::kClockDiffers:
