@@ -74,7 +74,7 @@ std::string time_words(const VerificationReport& report) {
   }
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
-  return has(report, "ledger-changed")
+  return has(report, "ledger-changed") || has(report, "excerpt-no-later-token")
              ? "not proved: no time-stamp that could be checked is over the entries that are here"
              : "not proved: no time-stamp that could be checked";
 }
