@@ -61,6 +61,8 @@ std::string time_words(const VerificationReport& report) {
                    "there by then, not when it was recorded"
              : is_remarked(report, TimeRemark::kFirstStampedLate)
                  ? "proved by an outside time-stamping authority; how old its beginning is, is not"
+             : is_remarked(report, TimeRemark::kEnteredLate)
+                 ? "proved by an outside time-stamping authority; how old some of it is, is not"
                  : "proved by an outside time-stamping authority";
     case TimeProof::kExternalInPart:
       return "proved by an outside time-stamping authority as far as entry " +
@@ -72,7 +74,7 @@ std::string time_words(const VerificationReport& report) {
   }
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
-  return has(report, "ledger-changed")
+  return has(report, "ledger-changed") || has(report, "excerpt-no-later-token")
              ? "not proved: no time-stamp that could be checked is over the entries that are here"
              : "not proved: no time-stamp that could be checked";
 }
@@ -85,6 +87,10 @@ std::string remark_words(const VerificationReport& report, TimeRemark remark) {
     case TimeRemark::kFirstStampedLate:
       return "by the case clock it began " + format_duration(report.age_at_first_stamp_ns.value_or(0)) +
              " before the first outside time-stamp: that it began no earlier rests on the recorder's word";
+    case TimeRemark::kEnteredLate:
+      return "by the case clock some of it ended " + format_duration(report.entered_late_ns.value_or(0)) +
+             " before the outside time-stamp in front of its entry: that it is no older rests on the "
+             "recorder's word";
     case TimeRemark::kEndStampedLate:
       return "that it ended when it says rests on the recorder's word: the time-stamp over its end is later";
     case TimeRemark::kClockDiffers:

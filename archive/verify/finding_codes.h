@@ -143,7 +143,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "trips, stated slews, 2 s and 0.05 %, and so, over the same time and the same way, does that of another "
      "outside authority"},
     {"authority-clock-differs", Severity::kUnproven,
-     "the same of one outside authority alone: its clock was set, or the case clock is made up"},
+     "the same of one outside authority alone, or of several where a step or a slew may explain it: a clock "
+     "was set, or the case clock is made up"},
     {"end-stamped-late", Severity::kNote,
      "the first token over the end is more than 2 s later than the case clock of close explains, whatever "
      "the "
@@ -153,10 +154,14 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "last segment: when it was recorded, and for how long, rests on the recorder's word"},
     {"first-stamped-late", Severity::kNote,
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
-     "the beginning of what was recorded: that what came before that token is no older rests on the "
-     "recorder's word"},
+     "the beginning of what was recorded: that this is no older rests on the recorder's word"},
+    {"segments-entered-late", Severity::kNote,
+     "a counted segment of a stream that is recorded as it comes is entered behind an outside token that "
+     "was entered more than two minutes, by the case clock, after the segment ends: that it is no older "
+     "rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
-     "the same of one outside authority, while another one's clock went on as the case clock did"},
+     "the same of one outside authority, while another one's clock went on as the case clock did, and not as "
+     "that one's"},
     {"clock-disagreement", Severity::kUnproven,
      "the same between tokens that are self-issued or not trusted, where no stated step of the wall clock "
      "explains it: it was probably set"},

@@ -264,6 +264,7 @@ class Entries:
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
+        self.oldest_live, self.last_token, self.entered_behind = None, None, []   # of those recorded as they come; (end, line of the token before)
 
     @property
     def origin(self):
@@ -331,6 +332,10 @@ class Entries:
         if self.wanted(entry):
             self.last_checked = number
             self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
+            if stream.info["timing"] == "arrival" and "time_base" in entry and not stream.of_marks:
+                self.oldest_live = min(entry["start_ns"], entry["start_ns"] if self.oldest_live is None else self.oldest_live)
+                if self.last_token:
+                    self.entered_behind.append((max(entry["end_ns"], self.recorded_from), self.last_token))
             self.checked.append((entry, stream, entry["index"]))
 
     def _gap(self, number, entry):
@@ -398,6 +403,7 @@ class Entries:
         self.named.add(entry["file"])
         self.authorities.add(entry["authority"])
         self.tokens += 1
+        self.last_token = number
         self.token_hashes[number] = entry["sha256"]
         size, authority, file = entry["checkpoint"], entry["authority"], entry["file"]
         if file not in (f"tokens/{size:08d}.{authority}.tsr", f"tokens/{size:08d}.{authority}.ers"):
@@ -426,7 +432,7 @@ class Entries:
         if valid:
             self.valid_checkpoints.add(size)
             if kind == "outside" and size > 0:
-                self.outside.append((number, size, root, None if self.oldest is None else entry["mono_ns"] - self.oldest))
+                self.outside.append((number, size, root, self.oldest, entry["mono_ns"]))
             if timed.earliest_ns is not None and not timed.stands and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
                 round_trip = timed.latest_ns - timed.earliest_ns
                 half = (round_trip + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
@@ -483,7 +489,7 @@ class Entries:
             self.judge_pre_roll(self.opening.get("begins_ns", 0))
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
-        were_set = self.clocks.finish()
+        were_set = self.clocks.finish(self.from_open)
         if self.tokens == 0:
             self.report("no-token", "there is no token")
         elif self.no_trust:
@@ -495,15 +501,22 @@ class Entries:
         for gen, middle, half in self.first_comparisons.values():
             if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
                 self.report("clock-differs", "by more than a minute")
-        outside = [(number, size, age) for number, size, root, age in self.outside if root not in were_set]
+        outside = [(number, size, oldest, mono_ns) for number, size, root, oldest, mono_ns in self.outside if root not in were_set]
         if self.whole_case:
-            alone_after = self.close is not None and outside and min(size for _, size, _ in outside) > self.close
+            alone_after = self.close is not None and outside and min(size for _, size, _, _ in outside) > self.close
         else:
             alone_after = self.last_checked is not None and outside and outside[0][0] > self.last_checked
         if alone_after:
             self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
-        elif outside and outside[0][2] is not None and outside[0][2] > FIRST_STAMP_LATE:
-            self.report("first-stamped-late", f"line {outside[0][0]}")
+        elif outside:
+            oldest = [at for at in (outside[0][2], self.oldest_live) if at is not None]
+            if oldest and outside[0][3] - min(oldest) > FIRST_STAMP_LATE:
+                self.report("first-stamped-late", f"line {outside[0][0]}")
+        for end_ns, token in self.entered_behind:
+            entered = [mono_ns for number, _, _, mono_ns in outside if number <= token]
+            if entered and entered[-1] - end_ns > FIRST_STAMP_LATE:
+                self.report("segments-entered-late", f"behind line {token}")
+                break
 
     @property
     def recorded_from(self):

@@ -784,6 +784,82 @@ def one_clock_set(world):
     return both_authorities(world, 60 * SECOND, 0)
 
 
+def left_out(world, accuracy_s=1, slow=False):
+    """Ninety seconds of six and a half minutes are left out, and both authorities say so; the second's time is right to so much, or is stated to have come slowly."""
+    case = world.begin(stamped=False)
+
+    def real(mono_ns):
+        return mono_ns - 10 * MS + (90 * SECOND if mono_ns > 150 * SECOND else 0)
+
+    def second(mono_ns, **token):
+        case.token(world.second, mono_ns, **{"gen_ns": real(mono_ns), "accuracy_s": accuracy_s, **token})
+    second(80 * MS)
+    case.token(world.outside, 100 * MS, gen_ns=90 * MS)
+    sizes = {}
+    for minute in range(1, 6):
+        world.record(case, 12 * (minute - 1), 12 * minute)
+        case.checkpoint()
+        sizes[minute] = len([s for s in case.steps if not isinstance(s, Checkpoint)])
+        at = 60 * minute * SECOND + 100 * MS
+        case.token(world.outside, at, gen_ns=real(at))
+        if not slow:
+            second(at + 20 * MS)
+        elif minute in (3, 5):  # asked for two minutes before, and answered in between
+            second(at + 200 * MS, gen_ns=60 * minute * SECOND, size=sizes[minute - 2],
+                   fields={"asked_ns": 60 * (minute - 2) * SECOND + 350 * MS, "answered_ns": at + 150 * MS})
+    case.close(300_400 * MS)
+    case.checkpoint()
+    second(300_500 * MS, asked=False)
+    case.token(world.outside, 300_550 * MS, gen_ns=real(300_550 * MS), asked=False)
+    case.checkpoint()
+    return case
+
+
+def both_roots(world):
+    return {"roots": [world.outside.root, world.second.root], "never": ["authority-clock-set"]}
+
+
+@reaches("clock-contradicted")
+def film_left_out_beside_two_clocks(world):
+    return world.write(left_out(world), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def a_clock_right_to_a_minute_clears_nothing(world):
+    return world.write(left_out(world, accuracy_s=60), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def a_slow_answer_clears_nothing(world):
+    return world.write(left_out(world, slow=True), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def two_clocks_set_at_different_times(world):
+    """Each is as the case clock where the other is not: neither clears it."""
+    case = world.begin(stamped=False)
+    for i, (first, later) in enumerate([(0, 0), (0, 60), (60, 60)]):
+        world.record(case, 4 * i, 4 * i + 4)
+        case.checkpoint()
+        at = 20 * (i + 1) * SECOND
+        case.token(world.second, at + 100 * MS, gen_ns=at + 90 * MS + later * SECOND)
+        case.token(world.outside, at + 200 * MS, gen_ns=at + 190 * MS + first * SECOND)
+    return world.write(world.end(case, 60_300 * MS, gen_ns=120_440 * MS), **both_roots(world))
+
+
+@reaches("clock-disagreement")
+def own_clock_of_which_the_last_difference_is_not_stated(world):
+    """From the token before, more than is stated; from the first one, no more than that."""
+    case = world.begin(stamped=False)
+    for at, says in ((10, 10_000), (20, 21_900), (30, 34_500)):
+        world.record(case, (at - 10) // 5, at // 5)
+        case.checkpoint()
+        case.token(world.own, at * SECOND + 100 * MS, gen_ns=says * MS + 90 * MS, accuracy_s=0)
+        if at == 10:
+            case.add("clock", 15 * SECOND, synchronised=True, offset_ns=0, error_ns=250_000, step_ns=3 * SECOND)
+    return world.write(world.end(case, 30_300 * MS, authority=world.own, gen_ns=34_940 * MS, accuracy_s=0), roots=[], own=[world.own.root])
+
+
 @reaches("authority-clock-differs")
 def one_clock_alone(world):
     case = world.sound()
@@ -861,6 +937,76 @@ def own_token_first(world):
     case = stamped_late(world, 200)
     case.steps.insert(case.steps.index(case.of(Checkpoint)[0]) + 1, Token(world.own, 100 * MS, gen_ns=90 * MS))
     return world.write(case, own=[world.own.root])
+
+
+def entered_at_once(world, seconds, first_token=True, **begin):
+    """Film of so long, all of which is entered behind a token that comes at its end."""
+    case = world.begin(stamped=first_token, **begin)
+    at = seconds * SECOND
+    case.checkpoint()
+    case.token(world.outside, at + 100 * MS, gen_ns=at + 90 * MS)
+    for i in range(seconds // 5):
+        for name, count in (("endoscope", 125), ("vitals", 5)):
+            case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"{name} {i}", f"{name} {i}\n".encode()), count, mono_ns=at + 200 * MS + i)
+    return world.end(case, at + 500 * MS)
+
+
+@reaches("first-stamped-late", "segments-entered-late")
+def old_film_behind_the_first_token(world):
+    return world.write(entered_at_once(world, 200, first_token=False))
+
+
+@reaches("segments-entered-late")
+def old_film_in_the_midst(world):
+    """A token at the beginning says nothing of film that is entered behind a later one."""
+    return world.write(entered_at_once(world, 200), never=["first-stamped-late"])
+
+
+@reaches()
+def a_slow_disk(world):
+    return world.write(entered_at_once(world, 115, first_token=False), never=["first-stamped-late", "segments-entered-late"])
+
+
+@reaches()
+def old_film_without_an_outside_token_in_front_of_it(world):
+    """It has no earlier limit that could be read as its own."""
+    case = world.begin()
+    world.record(case, 0, 40)
+    for i, segment in enumerate(s for s in case.steps if isinstance(s, Entry) and s.type == "segment"):
+        segment.mono_ns = 200 * SECOND + i
+    return world.write(world.end(case, 200_100 * MS), never=["first-stamped-late", "segments-entered-late"])
+
+
+@reaches()
+def marks_that_are_entered_at_the_end(world):
+    case = world.begin()
+    world.record(case, 0, 40)
+    case.checkpoint()
+    case.token(world.outside, 200_100 * MS, gen_ns=200_090 * MS)
+    line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(world.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+    case.add("mark", 200_110 * MS, commitment=commitment)
+    case.segment("events", 0, 10 * SECOND, 12 * SECOND, world.seal("events", line), 1, mono_ns=200_120 * MS)
+    return world.write(world.end(case, 200_130 * MS), never=["first-stamped-late", "segments-entered-late"])
+
+
+def ahead(world, seconds):
+    """Film of before `open`, entered behind the first token."""
+    case = entered_at_once(world, seconds, first_token=False)
+    case.steps[0].mono_ns, case.steps[0].fields["begins_ns"] = seconds * SECOND, 1
+    case.find("clock").mono_ns = seconds * SECOND + MS
+    return world.write(case, never=["segments-entered-late"])
+
+
+@reaches("first-stamped-late")
+def recorded_long_ahead_behind_the_first_token(world):
+    return ahead(world, 200)
+
+
+@reaches()
+def recorded_ahead_behind_the_first_token(world):
+    given = ahead(world, 60)
+    given.never.append("first-stamped-late")
+    return given
 
 
 @reaches("end-stamped-late")
@@ -2583,6 +2729,43 @@ def excerpt_of_film_of_before_the_first_token(world):
     case.steps = case.steps[:case.steps.index(case.find("close"))]
     world.record(case, 40, 41)
     return excerpt_from_its_opening_on(world, world.end(case, 205_040 * MS), SECOND, 204 * SECOND)
+
+
+@reaches("segments-entered-late")
+def excerpt_of_old_film_in_the_midst(world):
+    case = entered_at_once(world, 200)
+    return excerpt_of(world, case, 20 * SECOND, 60 * SECOND, 0, streams=("endoscope",))
+
+
+def slewed(world, gained=20):
+    """Of its second minute both authorities' clocks have so many seconds less; that the case clock is slewed is stated before the first token."""
+    case = world.begin(stamped=False)
+    case.add("clock", 5 * MS, synchronised=True, offset_ns=0, error_ns=250_000, step_ns=0, rate_ppb=83_333_000)
+    world.record(case, 0, 12)
+    for at, says in ((60, 60), (120, 120 - gained), (180, 180 - gained)):
+        case.checkpoint()
+        for i, authority in enumerate((world.outside, world.second)):
+            case.token(authority, at * SECOND + 100 * (i + 1) * MS, gen_ns=says * SECOND + 100 * (i + 1) * MS - 10 * MS)
+        if at < 180:
+            world.record(case, at // 5, at // 5 + 12)
+    case.close(180_400 * MS)
+    case.checkpoint()
+    case.token(world.outside, 180_500 * MS, gen_ns=(180 - gained) * SECOND + 490 * MS)
+    case.checkpoint()
+    return case
+
+
+@reaches("authority-clock-differs")
+def excerpt_that_does_not_show_a_slew(world):
+    """The case is intact; what states the slew lies before the lines."""
+    given = excerpt_of(world, slewed(world, 9), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
+    given.never = ["clock-contradicted"]
+    return given
+
+
+@reaches("clock-contradicted")
+def excerpt_of_more_than_a_slew(world):
+    return excerpt_of(world, slewed(world, 20), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
 
 
 @reaches("excerpt-malformed")

@@ -74,6 +74,7 @@ describe('The chain of proof', () => {
     expect(told('frames-dropped')).toEqual(['timeWhat.external']);
     expect(told('stamped-after-close')).toEqual(['timeWhat.external-until', 'timeRemark.stamped-after-close']);
     expect(told('clock-differs', 'first-stamped-late')).toEqual(['timeWhat.external', 'timeRemark.first-stamped-late', 'timeRemark.clock-differs']);
+    expect(told('segments-entered-late')).toEqual(['timeWhat.external', 'timeRemark.segments-entered-late']);
     expect(told('end-stamped-late', 'close-utc-differs')).toEqual(['timeWhat.external', 'timeRemark.end-stamped-late', 'timeRemark.close-utc-differs']);
     const selfIssued = report([finding('close-utc-differs', 'note')], { time: 'self-issued' });
     expect(wordsOfTime(selfIssued)).toEqual(['timeWhat.self-issued', 'timeRemark.close-utc-differs']);

@@ -38,6 +38,7 @@ const kByCode: Record<string, LinkName> = {
   'end-stamped-late': 'tokens',
   'stamped-after-close': 'tokens',
   'first-stamped-late': 'tokens',
+  'segments-entered-late': 'tokens',
   'clock-contradicted': 'tokens',
   'authority-clock-differs': 'tokens',
   'authority-clock-set': 'tokens',
@@ -143,7 +144,7 @@ const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (name === 'authority' && report.time !== 'external');
 
 // What limits the worth of a case's times, as every reader says it beside the time (archive/verify/report.h, TimeRemark).
-const kTimeRemarks = ['stamped-after-close', 'first-stamped-late', 'end-stamped-late', 'clock-differs', 'close-utc-differs'] as const;
+const kTimeRemarks = ['stamped-after-close', 'first-stamped-late', 'segments-entered-late', 'end-stamped-late', 'clock-differs', 'close-utc-differs'] as const;
 
 const isFound = (report: VerificationReport, code: string): boolean => report.findings.some((one) => one.code === code);
 
