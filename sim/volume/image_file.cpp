@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "sim/volume/image_integrity.h"
 #include "sim/volume/itk_image.h"
+#include "sim/volume/nifti_header.h"
 
 namespace kiroku::sim {
 namespace {
@@ -78,6 +79,11 @@ ImageFile read_image_file(const std::filesystem::path& file) {
     image.grid.spacing_m[at] = header.spacing_mm[axis] / 1000;
     image.grid.origin_m[at] = header.origin_mm[axis] / 1000;
     image.grid.direction.col(at) = Vector3(header.direction[axis].data());
+  }
+  if (ending->format == ImageFormat::kNifti) {
+    const std::string remark =
+        remark_on_placements(NiftiHeader::read(open_gzip(file.string()), file.string()), what);
+    if (!remark.empty()) image.findings.push_back(remark);
   }
   // Before memory for the voxels is asked for.
   make_sound(image.grid, what);
