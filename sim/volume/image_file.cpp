@@ -81,8 +81,12 @@ ImageFile read_image_file(const std::filesystem::path& file) {
     image.grid.direction.col(at) = Vector3(header.direction[axis].data());
   }
   if (ending->format == ImageFormat::kNifti) {
-    const std::string remark =
-        remark_on_placements(NiftiHeader::read(open_gzip(file.string()), file.string()), what);
+    const NiftiHeader nifti = NiftiHeader::read(open_gzip(file.string()), file.string());
+    // ITK converts the distances between voxels then, and not where the first one is.
+    constexpr int kUnstated = 0, kMillimetres = 2;
+    if (nifti.unit() != kUnstated && nifti.unit() != kMillimetres)
+      throw Error(what + ": its unit of length is not the millimetre; save it in mm");
+    const std::string remark = remark_on_placements(nifti, what);
     if (!remark.empty()) image.findings.push_back(remark);
   }
   // Before memory for the voxels is asked for.

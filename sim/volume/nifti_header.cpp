@@ -74,6 +74,11 @@ Eigen::Vector3d NiftiHeader::size() const {
   return size;
 }
 
+int NiftiHeader::unit() const {
+  constexpr int kOfLength = 7;  // the rest of xyzt_units is of time
+  return (first_ ? bytes_[123] : number<std::int32_t>(500)) & kOfLength;
+}
+
 NiftiHeader::Placement NiftiHeader::qform() const {
   Placement placement;
   placement.stated = first_ ? number<std::int16_t>(252) > 0 : number<std::int32_t>(344) > 0;  // qform_code

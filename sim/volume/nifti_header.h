@@ -48,6 +48,8 @@ class NiftiHeader {
   };
   [[nodiscard]] Placement qform() const;
   [[nodiscard]] Placement sform() const;
+  /// Of length: 2 is the millimetre; 0 where the file does not say it.
+  [[nodiscard]] int unit() const;
   /// Voxels along i, j and k.
   [[nodiscard]] Eigen::Vector3d size() const;
 

@@ -215,20 +215,15 @@ TEST_F(ImageFileTest, TakesUnitsOfLengthAsTheyAreStated) {
     EXPECT_TRUE(scaled.origin_m.isApprox(times * grid.origin_m)) << unit;
   }
   EXPECT_TRUE(of("a.mha", meta_in("cm")).spacing_m.isApprox(10 * of("a.mha", kMetaImage).spacing_m));
-  const Grid in_mm = read_image_file(write("a.nii", Nifti().text())).grid;
-  for (const auto& [unit, times] : {std::pair{char{1}, 0.001}, {char{3}, 1000.0}, {char{0}, 1.0}}) {
-    for (const bool by_qform : {false, true}) {
-      Nifti nifti;
-      nifti.unit = unit;
-      nifti.affine *= times;
-      nifti.offset_mm *= times;
-      nifti.qform_offset_mm *= float(times);
-      nifti.qform_code = by_qform ? 1 : 0;
-      nifti.sform_code = by_qform ? 0 : 1;
-      const Grid grid_in = read_image_file(write("a.nii", nifti.text())).grid;
-      EXPECT_TRUE(grid_in.spacing_m.isApprox(in_mm.spacing_m, 1e-5)) << int(unit) << grid_in.spacing_m;
-      EXPECT_TRUE(grid_in.origin_m.isApprox(in_mm.origin_m, 1e-5)) << int(unit) << grid_in.origin_m;
-    }
+  // ITK takes the distances of such a file, and the first voxel a thousand times nearer.
+  for (const auto& [unit, times] : {std::pair{char{1}, 0.001}, {char{3}, 1000.0}}) {
+    Nifti nifti;
+    nifti.unit = unit;
+    nifti.affine *= times;
+    nifti.qform_offset_mm *= float(times);
+    nifti.qform_code = 1;
+    nifti.sform_code = 0;
+    EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("not the millimetre; save it in mm"));
   }
   EXPECT_THAT(refusal(write("a.nrrd", nrrd_in("\"in\" \"in\" \"in\"") + Nifti().values)),
               HasSubstr("its unit of length is 'in', which is not known; save it in mm"));
