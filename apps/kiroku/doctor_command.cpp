@@ -17,6 +17,7 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
+#include "apps/configuration/room_overlap.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/group_advice.h"
@@ -272,8 +273,12 @@ Check check_hardware(const Home& home) {
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {
-  RecipientChoice recipients(home, configuration, {});
-  for (const auto& [stream, file] : configuration.recipients) static_cast<void>(recipients.of(stream));
+  const RecipientChoice recipients(home, configuration, {});
+  recipients.require_all_files();
+  if (const std::vector<std::string> idle = idle_recipients(configuration); !idle.empty()) {
+    return {Health::kWarning, "recipients", joined(idle, "; "),
+            "write the name of what is recorded; or take the line away, if `kiroku record` is not used here"};
+  }
   std::error_code ignored;
   if (fs::exists(home.identity_file(), ignored)) {
     return {Health::kWarning, "recipients",
@@ -294,6 +299,13 @@ Check check_retention(const Configuration& configuration) {
   return {Health::kGood, "retention",
           std::to_string(configuration.retention.rules.size()) + " rule(s), each for what is recorded here",
           ""};
+}
+
+Check check_rooms(const Configuration& configuration) {
+  const std::vector<std::string> shared = shared_by_rooms(configuration.rooms);
+  if (shared.empty()) return {Health::kGood, "rooms", "no room has what is another's", ""};
+  return {Health::kWarning, "rooms", joined(shared, "; "),
+          "look at [[room]] in kiroku.toml, and leave it if that is meant"};
 }
 
 Check check_decoders() {
@@ -568,6 +580,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
   if (!configuration.retention.rules.empty()) out.add(check_retention(configuration));
+  if (configuration.rooms.size() > 1) out.add(check_rooms(configuration));
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
   out.add(check_locked_memory());
   out.add(check_clock());

@@ -40,6 +40,10 @@ crypto::AgeRecipients RecipientChoice::of(const std::string& stream) {
   return found == by_stream_.end() ? default_ : load_recipients(found->second);
 }
 
+void RecipientChoice::require_all_files() const {
+  for (const auto& [stream, file] : by_stream_) static_cast<void>(load_recipients(file));
+}
+
 void RecipientChoice::require_all_used(const std::vector<std::string>& asked) const {
   for (const std::string& text : asked) {
     const std::string stream = text.substr(0, text.find('='));

@@ -40,6 +40,8 @@ class RecipientChoice {
   [[nodiscard]] const crypto::AgeRecipients& usual() const { return default_; }
   /// Also of kEventsRecipients and "pointing".
   [[nodiscard]] crypto::AgeRecipients of(const std::string& stream);
+  /// Throws kiroku::Error for a file that is named and cannot be read, whether or not its stream is recorded.
+  void require_all_files() const;
   /// What was asked for on the command line must be about a stream that of() was called for.
   void require_all_used(const std::vector<std::string>& asked) const;
 

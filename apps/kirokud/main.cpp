@@ -178,6 +178,8 @@ int run(const Request& request) {
   const DaemonSetup setup = read_configuration(file);
   const Configuration& configuration = setup.recorder;
   require_consent_of_home(home, file, setup.consent);
+  RecipientChoice(home, configuration, {}).require_all_files();
+  const std::vector<std::string> doubts = doubts_of(configuration);
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});
@@ -190,8 +192,10 @@ int run(const Request& request) {
       static_cast<void>(recipients.of(std::string(archive::kPointingStream)));
     }
     static_cast<void>(hook_token(home, configuration));
-    for (const std::string& sentence : idle_retention(configuration))
-      print_error("kirokud", "warning: " + file.string() + ": " + sentence);
+    for (const auto& sentences : {idle_retention(configuration), doubts}) {
+      for (const std::string& sentence : sentences)
+        print_error("kirokud", "warning: " + file.string() + ": " + sentence);
+    }
     std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
@@ -205,6 +209,7 @@ int run(const Request& request) {
     options.problems.push_back(sentence);
     spdlog::error("{}", printable(sentence));
   };
+  for (const std::string& sentence : doubts) tell(file.string() + ": " + sentence);
   const TellWithout without = [&tell](const std::string& why) { tell("recording goes on, but " + why); };
   const WritableHome shared(home, without);  // by all rooms
   log_configuration(file, home, *shared.log, tell);

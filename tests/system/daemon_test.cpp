@@ -404,6 +404,33 @@ TEST_F(Daemon, SealsMarksAndPatientToWhomTheyAreFor) {
               HasSubstr("\"7\""));
 }
 
+// The file of a name that no room records was never looked at, and nobody heard that it sealed nothing.
+TEST_F(Daemon, TellsOfRecipientsThatNoRoomUses) {
+  const std::string good = without_recipients(read_text(home() / "kiroku.toml"));
+  const auto with = [&](const std::string& name) {
+    write_text(home() / "kiroku.toml", "[recipients]\n" + name + " = \"few.txt\"\n" + good);
+    return run_process(kirokud({"--check"}));
+  };
+  for (const char* const name : {"fluoroscopy", "training", "vitals"}) {
+    const ProcessResult without_file = with(name);
+    EXPECT_EQ(without_file.status, 2) << name;
+    EXPECT_THAT(without_file.err, HasSubstr("few.txt")) << name;
+    EXPECT_NE(run_process(kirokud()).status, 0) << name;
+  }
+  EXPECT_THAT(kiroku({"doctor"}).out, testing::ContainsRegex("BAD +recipients: .*few.txt"));
+  std::filesystem::copy_file(home() / "recipients.txt", home() / "few.txt");
+  EXPECT_EQ(with("training").err, "");
+  const ProcessResult told = with("fluoroscopy");
+  const std::string sentence = "[recipients] names the stream 'fluoroscopy', which no [[room]] records";
+  EXPECT_EQ(told.status, 0);
+  EXPECT_THAT(told.err, testing::AllOf(HasSubstr("warning: "), HasSubstr(sentence)));
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("recipients: " + sentence));
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for(sentence));
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_THAT(kiroku_json({"status", "--json"})["problems"].dump(), HasSubstr(sentence));
+}
+
 TEST_F(Daemon, ChecksItsConfiguration) {
   EXPECT_EQ(run_process(kirokud({"--check"})).status, 0);
   write_text(path("bad.toml"),
