@@ -6,6 +6,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/common/terminal.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
 #include "archive/format/case_layout.h"
@@ -246,8 +247,7 @@ void log_access(const std::optional<Home>& home, const fs::path& case_folder, co
   if (!home || !home->holds(case_folder)) return;
   try {
     const crypto::SigningKey key = home->signing_key();
-    const auto log = archive::ApplianceLog::open(archive::real_file_system(), home->log_folder(), key,
-                                                 home->device().name());
+    const auto log = open_log(*home, key);
     log->access(fs::canonical(case_folder).filename().string(), what, user_name());
   } catch (const Error& error) {
     print_error("kiroku",
