@@ -17,6 +17,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/standing_holds.h"

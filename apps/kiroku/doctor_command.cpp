@@ -22,6 +22,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/group_advice.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
@@ -362,6 +363,15 @@ Check check_disk(const Home& home) {
   return {Health::kGood, "disk", finding, ""};
 }
 
+/// Another disk in the place of the archive's, or none, has another log.
+Check check_log(const Home& home) {
+  const std::string why = why_another_log(home);
+  if (why.empty())
+    return {Health::kGood, "appliance log", "it goes on from the newest checkpoint that the home keeps", ""};
+  return {Health::kBad, "appliance log", why,
+          "mount the archive's disk, or put the log back, and start kirokud"};
+}
+
 Check check_locked_memory() {
   rlimit limit{};
   ::getrlimit(RLIMIT_MEMLOCK, &limit);
@@ -517,6 +527,7 @@ recorder::DiskHours disk_hours(const Home& home, const Configuration& configurat
   recorder::DiskHours left;
   if (status) {
     const nlohmann::json& disk = status->at("disk");
+    if (!disk.is_object()) throw Error("kirokud cannot look at the archive");
     if (disk.at("hours_left").is_number()) left.hours = disk.at("hours_left").get<double>();
     left.assumes = disk.value("hours_assume", "");
     return left;
@@ -582,6 +593,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   if (!configuration.retention.rules.empty()) out.add(check_retention(configuration));
   if (configuration.rooms.size() > 1) out.add(check_rooms(configuration));
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
+  out.examine("appliance log", "look at the disk of the archive", [&] { return check_log(home); });
   out.add(check_locked_memory());
   out.add(check_clock());
   out.add(check_decoders());

@@ -10,6 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/storage/file_system.h"

@@ -6,6 +6,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/common/terminal.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
 #include "archive/format/case_layout.h"

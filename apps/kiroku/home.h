@@ -16,6 +16,7 @@
 //   shipping-*.sqlite  what is in a store      store-credentials  the store's keys, mode 0600
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
+//   newest-log.note  the appliance log's newest checkpoint, beside the archive's disk (kept_log.h)
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
 // Immutable; thread-safe.
@@ -78,6 +79,8 @@ class Home {
   [[nodiscard]] std::filesystem::path newest_witnessed_note() const {
     return folder_ / "witnessed" / "log.note";
   }
+  /// The newest checkpoint that was signed of the log.
+  [[nodiscard]] std::filesystem::path newest_log_note() const { return folder_ / "newest-log.note"; }
   [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }

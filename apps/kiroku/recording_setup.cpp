@@ -4,7 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/command_line.h"
 #include "apps/common/file.h"
+#include "apps/kiroku/kept_log.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/storage/file_system.h"
 #include "base/error.h"
@@ -17,8 +19,15 @@ WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
       trust(home.trust(without)),
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
-      log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                      home.device().name())) {}
+      another_log(why_another_log(home)),
+      log(open_log(home, key)) {
+  if (another_log.empty()) return;
+  if (without) {
+    without(another_log);
+  } else {
+    print_error("kiroku", "warning: " + another_log);
+  }
+}
 
 RecipientChoice::RecipientChoice(const Home& home, const Configuration& configuration,
                                  const std::vector<std::string>& asked)

@@ -11,6 +11,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"

@@ -1,6 +1,7 @@
 #include "apps/kiroku/standing_consents.h"
 
 #include "apps/common/file.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/witnessed_note.h"
 #include "archive/format/case_folder.h"
@@ -33,6 +34,7 @@ ConsentConfiguration consent_configuration(const Home& home) {
 }
 
 archive::Consents standing_consents(const Home& home) {
+  require_same_log(home);
   return archive::read_consents(home.log_folder(), home.device(), home_witnessed_checkpoint(home));
 }
 

@@ -89,6 +89,17 @@ std::string hook_token(const Home& home, const Configuration& configuration) {
   return token;
 }
 
+std::string viewer_certificate_problem(const Home& home, const ViewerConfiguration& asked) {
+  if (asked.listen.empty() || asked.certificate.empty()) return "";
+  try {
+    static_cast<void>(viewer_certificate(home, asked.listen, (home.folder() / asked.certificate).string(),
+                                         (home.folder() / asked.key).string()));
+    return "";
+  } catch (const std::exception& error) {
+    return std::string("recording would go on without the viewer: ") + error.what();
+  }
+}
+
 std::unique_ptr<KeptHttp> serve_http(const Home& home, const Configuration& configuration,
                                      recorder::Daemon& daemon) {
   std::string token;

@@ -20,6 +20,9 @@ inline constexpr std::chrono::seconds kLongestEndOfViewer{20};
 /// The hook's token; "" where there is to be no hook. Throws kiroku::Error for one that cannot be used.
 std::string hook_token(const Home& home, const Configuration& configuration);
 
+/// Why the viewer's certificate cannot be used, a sentence; "" where it can, or there is to be none.
+std::string viewer_certificate_problem(const Home& home, const ViewerConfiguration& asked);
+
 using KeptHttp = KeptServer<recorder::HttpServer>;
 using KeptViewer = KeptServer<viewer::Viewer>;
 

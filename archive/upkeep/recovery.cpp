@@ -27,6 +27,9 @@ namespace fs = std::filesystem;
 
 /// "" where no legal hold of the case stands. Throws kiroku::Error where nobody can tell.
 std::string why_held_now(const RecoveryOptions& options, const std::string& case_id) {
+  if (!options.may_erase) {
+    return "the appliance log is another one, so that nobody can tell what is held";
+  }
   if (options.log == nullptr) {
     return "";
   }

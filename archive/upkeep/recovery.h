@@ -45,7 +45,9 @@ struct RecoveryOptions {
   std::string device_name;
   std::string boot_id;          // of the machine as it runs now: another one means that power was lost
   ApplianceLog* log = nullptr;  // may be null (tests)
-  CheckpointStamper stamp;      // may be empty: then `token-missed` says so
+  /// False where nobody knows by the log what is held: what is left of an erasure that was cut off stays.
+  bool may_erase = true;
+  CheckpointStamper stamp;  // may be empty: then `token-missed` says so
   /// Tokens that lie in a case without an entry are entered only if they are valid under these roots. Null:
   /// any that is over its checkpoint.
   const timestamp::TrustStore* trust = nullptr;

@@ -359,6 +359,9 @@ struct ApplianceLog::State {
     if (text.size > 0 && (!files.exists(file) || !own_checkpoint(text.size))) {
       crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
       reserve.write_durably(file, bytes_of(written.note));
+      if (keep_note) {
+        keep_note(written.note);
+      }
       if (device.hardware()) {
         silence = std::move(written.hardware_silent);
         silence_stated = silence_stated && !silence.empty();
@@ -414,6 +417,7 @@ struct ApplianceLog::State {
   bool silence_stated = false;
   std::optional<LogDamageEntry> damage;
   bool damage_stated = false;
+  std::function<void(std::string_view note)> keep_note;  // may be null
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
   std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
@@ -589,6 +593,22 @@ ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) con
   const std::lock_guard guard(state_->mutex);
   const auto found = state_->cases.find(case_id);
   return found == state_->cases.end() ? CaseState::kUnknown : found->second;
+}
+
+void ApplianceLog::keep_notes(std::function<void(std::string_view note)> keep) {
+  const std::lock_guard guard(state_->mutex);
+  const Ledger::Turn turn(*state_->ledger);
+  state_->keep_note = std::move(keep);
+  const std::uint64_t newest = newest_note(state_->folder);
+  if (newest == 0) {
+    return;
+  }
+  const FileOpening opening = CaseFolder::open(state_->folder).open_file(note_path(newest));
+  const std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (note) {
+    state_->keep_note(*note);
+  }
 }
 
 void ApplianceLog::checkpoint() {

@@ -110,6 +110,10 @@ class ApplianceLog {
   enum class CaseState { kUnknown, kOpened, kClosed };
   /// What the log says of a case, as this object last saw it.
   [[nodiscard]] CaseState case_state(const std::string& case_id) const;
+  /// Has `keep` called with the newest checkpoint's note, and with each from now on, once it lies in
+  /// checkpoints/ durably and before any other process appends: somebody keeps it elsewhere. Must neither
+  /// throw nor call the log.
+  void keep_notes(std::function<void(std::string_view note)> keep);
   /// Signs the present state into checkpoints/, if no note of that size is there. Throws kiroku::Error where
   /// that would sign a statement which its own writer did not sign.
   void checkpoint();

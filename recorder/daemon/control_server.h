@@ -44,6 +44,9 @@ class ControlServer {
   /// Listens on `socket`; one that a dead process left behind is replaced. Throws kiroku::Error where a
   /// living process answers there, or the path is too long or cannot be written.
   ControlServer(std::filesystem::path socket, ControlHandler handler);
+  /// Throws kiroku::UsageError where nothing could listen on `socket`: its path is too long, its folder is
+  /// not there (but below /run, where a service's is made as it starts), or something else lies in its place.
+  static void check(const std::filesystem::path& socket);
   /// Waits for answers under way.
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;

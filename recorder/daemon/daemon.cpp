@@ -5,7 +5,9 @@
 #include <mutex>
 #include <sstream>
 #include <sys/statvfs.h>
+#include <system_error>
 #include <thread>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -30,10 +32,20 @@ struct DiskState {
   std::uint64_t free_bytes = 0, total_bytes = 0;
 };
 
-DiskState disk_of(const std::filesystem::path& folder) {
+/// Nothing where it cannot be asked, with a sentence that says why: rooms are told of, started and stopped
+/// all the same.
+std::optional<DiskState> disk_of(const std::filesystem::path& folder, std::string* why = nullptr) {
   struct statvfs disk {};
-  if (::statvfs(folder.c_str(), &disk) != 0) throw IoError("ask for the free space of", folder, errno);
-  return {std::uint64_t(disk.f_bavail) * disk.f_frsize, std::uint64_t(disk.f_blocks) * disk.f_frsize};
+  if (::statvfs(folder.c_str(), &disk) != 0) {
+    if (why != nullptr) {
+      *why = "the archive " + folder.string() +
+             " cannot be looked at: " + std::generic_category().message(errno) +
+             "; what is recorded may not reach it: see whether its disk is there and mounted";
+    }
+    return {};
+  }
+  return DiskState{std::uint64_t(disk.f_bavail) * disk.f_frsize,
+                   std::uint64_t(disk.f_blocks) * disk.f_frsize};
 }
 
 std::optional<double> configured_bytes_per_second(const RoomPlan& plan) {
@@ -191,6 +203,8 @@ struct Daemon::State {
     options.rooms.clear();
   }
   ~State() {
+    // A press may wait for that.
+    for (const std::unique_ptr<Room>& room : rooms) room->may_begin_again();
     footswitches.clear();
     close();
   }
@@ -259,9 +273,10 @@ struct Daemon::State {
       const RoomStatus status = one->status();
       rate += one.get() == &changed ? bytes_per_second_to_come(status.session) : status.bytes_per_second;
     }
-    if (rate <= 0) return "";
+    const std::optional<DiskState> disk = disk_of(options.archive);
+    if (rate <= 0 || !disk) return "";
     constexpr double kSecondsPerHour = 3600;
-    const double hours = static_cast<double>(disk_of(options.archive).free_bytes) / rate / kSecondsPerHour;
+    const double hours = static_cast<double>(disk->free_bytes) / rate / kSecondsPerHour;
     if (hours >= options.warn_below_hours) return "";
     std::ostringstream sentence;
     sentence.precision(2);
@@ -271,14 +286,16 @@ struct Daemon::State {
     return sentence.str();
   }
 
-  [[nodiscard]] ordered_json disk_json() const {
-    const DiskState disk = disk_of(options.archive);
+  /// Null where it cannot be asked, and `why`.
+  [[nodiscard]] ordered_json disk_json(std::string& why) const {
+    const std::optional<DiskState> disk = disk_of(options.archive, &why);
+    if (!disk) return nullptr;
     ordered_json out{{"folder", options.archive.string()},
-                     {"free_bytes", disk.free_bytes},
-                     {"total_bytes", disk.total_bytes},
+                     {"free_bytes", disk->free_bytes},
+                     {"total_bytes", disk->total_bytes},
                      {"hours_left", nullptr},
                      {"hours_assume", ""}};
-    const DiskHours left = hours_left(disk);
+    const DiskHours left = hours_left(*disk);
     if (left.hours) out["hours_left"] = std::round(*left.hours * 10) / 10;
     out["hours_assume"] = left.assumes;
     return out;
@@ -353,11 +370,15 @@ struct Daemon::State {
       all.back()["footswitches"] = footswitches_json(one->name());
     }
     const std::chrono::duration<double> up = options.time->now() - began;
+    std::string no_disk;
+    ordered_json disk = disk_json(no_disk);
+    std::vector<std::string> all_problems = problems();
+    if (!no_disk.empty()) all_problems.push_back(no_disk);
     return {{"rooms", all},
-            {"disk", disk_json()},
+            {"disk", std::move(disk)},
             {"clock", clock_json()},
             {"uptime_s", std::llround(up.count())},
-            {"problems", problems()},
+            {"problems", all_problems},
             {"hardware_silent", options.hardware_silent ? options.hardware_silent() : std::string()}};
   }
 
@@ -368,7 +389,7 @@ struct Daemon::State {
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
   mutable std::mutex problems_mutex;                                              // of the options' problems
   std::mutex disk_mutex;
-  bool warned_of_disk = false;
+  bool warned_of_disk = false, told_of_no_disk = false;
 };
 
 Daemon::Daemon(DaemonOptions options) : state_(std::make_unique<State>(std::move(options))) {}
@@ -504,13 +525,19 @@ std::string Daemon::metrics() const {
   per_stream("kiroku_source_threads_given_up_total", "counter",
              "Threads of the source that were left behind in its driver since the recorder started",
              [](const StreamStatus& stream) { return stream.given_up; });
-  const DiskState disk = disk_of(state_->options.archive);
-  family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
-  out << "kiroku_disk_free_bytes " << disk.free_bytes << "\n";
-  if (const auto hours = state_->hours_left(disk).hours) {
-    family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
-    out << "kiroku_disk_hours_left " << *hours << "\n";
+  const std::optional<DiskState> disk = disk_of(state_->options.archive);
+  family("kiroku_archive_gone", "gauge", "1 while the archive cannot be looked at");
+  out << "kiroku_archive_gone " << (disk ? 0 : 1) << "\n";
+  if (disk) {
+    family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
+    out << "kiroku_disk_free_bytes " << disk->free_bytes << "\n";
+    if (const auto hours = state_->hours_left(*disk).hours) {
+      family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
+      out << "kiroku_disk_hours_left " << *hours << "\n";
+    }
   }
+  family("kiroku_problems", "gauge", "What recording goes on without: 'kiroku status' says each");
+  out << "kiroku_problems " << state_->problems().size() + (disk ? 0 : 1) << "\n";
   const CaseClock now;
   family("kiroku_clock_synchronised", "gauge", "1 while the kernel says that the wall clock is synchronised");
   out << "kiroku_clock_synchronised " << (ClockWatch(now).check()->synchronised ? 1 : 0) << "\n";
@@ -523,10 +550,14 @@ std::string Daemon::metrics() const {
 }
 
 void Daemon::watch_disk() {
-  const DiskState disk = disk_of(state_->options.archive);
-  const DiskHours left = state_->hours_left(disk);
+  std::string why;
+  const std::optional<DiskState> disk = disk_of(state_->options.archive, &why);
+  const DiskHours left = disk ? state_->hours_left(*disk) : DiskHours{};
   const std::optional<double> hours = left.hours;
   const std::lock_guard guard(state_->disk_mutex);
+  if (std::exchange(state_->told_of_no_disk, !disk) != !disk && state_->options.listener.warn)
+    state_->options.listener.warn(disk ? "the archive can be looked at again" : why);
+  if (!disk) return;
   const bool low = hours && *hours < state_->options.warn_below_hours;
   if (low && !state_->warned_of_disk && state_->options.listener.warn) {
     std::ostringstream sentence;
@@ -547,6 +578,14 @@ bool Daemon::healthy() const {
     const Clock::Duration silence = time.now() - room->heartbeat();
     return in_transition ? silence < kLongestTransition : silence < kLongestSilence;
   });
+}
+
+bool Daemon::begin_no_more() {
+  auto kept_off = state_->rooms.begin();
+  while (kept_off != state_->rooms.end() && (*kept_off)->begin_no_more()) ++kept_off;
+  if (kept_off == state_->rooms.end()) return true;
+  while (kept_off != state_->rooms.begin()) (*--kept_off)->may_begin_again();
+  return false;
 }
 
 bool Daemon::recording() const {

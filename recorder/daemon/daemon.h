@@ -65,6 +65,10 @@ class Daemon {
   /// Also between the cases of an operation that the recorder goes on with by itself: it would not after a
   /// restart.
   [[nodiscard]] bool recording() const;
+  /// For whoever ends the recorder while nothing is recorded: false where recording() holds in this moment;
+  /// else no case begins any more, by a person or by a rule, and whoever asks for one waits until close(),
+  /// which refuses it.
+  [[nodiscard]] bool begin_no_more();
 
  private:
   struct State;

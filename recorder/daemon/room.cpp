@@ -107,7 +107,8 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && !resume && !again && start_rules.schedule_wants_a_case(time.utc()) && may_try()) {
+      if (!request && !resume && !again && !begins_no_more && start_rules.schedule_wants_a_case(time.utc()) &&
+          may_try()) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
       }
@@ -306,7 +307,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       status.session = now;
       taken = next_request();
-      if (!taken && !resume && !again) {
+      if (!taken && !resume && !again && !begins_no_more) {
         const bool scheduled = start_rules.schedule_wants_a_case(time.utc()),
                    signalled = start_rules.signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
@@ -768,7 +769,7 @@ struct Room::State {
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
-  bool ending = false;
+  bool ending = false, begins_no_more = false;
   StartRules start_rules{plan.rules};
   std::unique_ptr<Request> request;
   std::optional<Resumption> resume;  // until that case has begun
@@ -809,13 +810,29 @@ Room::Room(RoomPlan plan, RoomListener listener, const Clock& time)
 Room::~Room() = default;
 void Room::shut_down() { state_->shut_down(); }
 
+bool Room::begin_no_more() {
+  const std::lock_guard guard(state_->mutex);
+  if (!state_->is_free() || state_->request || state_->tries_again()) return false;
+  state_->begins_no_more = true;
+  return true;
+}
+
+void Room::may_begin_again() {
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->begins_no_more = false;
+  }
+  state_->changed.notify_all();
+}
+
 const std::string& Room::name() const { return state_->plan.name; }
 
 std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
                         const std::optional<crypto::Sha256Digest>& sealed_plan) {
   std::future<std::string> begun;
   {
-    const std::lock_guard guard(state_->mutex);
+    std::unique_lock lock(state_->mutex);
+    state_->changed.wait(lock, [this] { return state_->ending || !state_->begins_no_more; });
     if (state_->ending) throw Error("the recorder is being shut down");
     if (state_->has_case())
       throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);

@@ -83,6 +83,11 @@ class Room {
   Room(const Room&) = delete;
   Room& operator=(const Room&) = delete;
 
+  /// False where a case runs, is being made or closed, is asked for, or goes on with the last one by itself;
+  /// else none begins any more, and start() waits, until may_begin_again(), or shut_down().
+  [[nodiscard]] bool begin_no_more();
+  void may_begin_again();
+
   [[nodiscard]] const std::string& name() const;
   /// Begins a case and returns its identifier when recording has begun. `subject` is JSON to be sealed with
   /// it, `sealed_plan` the hash of the plan that it follows. Throws kiroku::UsageError if a case is running,

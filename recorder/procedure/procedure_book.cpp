@@ -47,7 +47,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
         placed_.erase(message.patient);
         break;
       case Kind::kAppointment: {
-        const std::string key = message.appointment + "\n" + message.patient;
+        const std::string key = key_of_appointment(message);
         appointments_.insert_or_assign(key, Kept{arrival, std::move(message)});
         break;
       }
@@ -135,7 +135,7 @@ void ProcedureBook::rename(const ProcedureMessage& message) {
   });
   for (Kept& each : moved) {
     give(each.message);
-    const std::string key = each.message.appointment + "\n" + each.message.patient;
+    const std::string key = key_of_appointment(each.message);
     appointments_.insert_or_assign(key, std::move(each));
   }
 }

@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "base/error.h"
+#include "recorder/procedure/state_codec.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/mllp_address.h"
@@ -15,6 +16,9 @@ namespace {
 constexpr std::chrono::seconds kListenAgain{10};
 // Of what is kept of one message; whoever sends more than that does not fill the memory.
 constexpr std::size_t kLongestKept = 16U << 10;
+// A hospital's messages may come by the dozen, and each time the whole book is kept.
+constexpr std::chrono::seconds kKeepEvery{1};
+constexpr std::uint64_t kStateVersion = 1;
 
 struct Listening {
   MllpServer::Options server;
@@ -46,11 +50,45 @@ std::size_t kept_bytes(const ProcedureMessage& message) {
 }  // namespace
 
 struct ProcedureInbox::State {
-  State(const std::string& listen, Tell told, const Clock& its_time)
+  State(const std::string& listen, Tell told, const Clock& its_time, InboxMemory its_memory)
       : where(parse_source_address(listen).stated),
         listening(listening_at(listen)),
         tell(std::move(told)),
-        time(its_time) {}
+        time(its_time),
+        memory(std::move(its_memory)) {
+    if (!memory.earlier.empty()) take_over();
+  }
+
+  /// What an earlier process knew; nothing of it where it cannot be used.
+  void take_over() {
+    try {
+      StateReader reader(memory.earlier);
+      std::uint64_t version = 0, its_taken = 0, its_refused = 0;
+      ProcedureMoment its_since{UtcTime{}};
+      Bytes its_book;
+      reader.one(version);
+      if (version != kStateVersion) StateReader::refuse();
+      reader.all(its_since, its_taken, its_refused, its_book);
+      reader.require_end();
+      book = ProcedureBook::imported(its_book);
+      since = its_since;
+      taken = its_taken;
+      refused = its_refused;
+    } catch (const Error& error) {
+      complain(std::string("what was known before this start cannot be used: ") + error.what());
+    }
+    memory.earlier = {};
+  }
+
+  /// With the mutex.
+  void keep() {
+    if (!is_news || !memory.keep || !since) return;
+    StateWriter writer;
+    writer.all(kStateVersion, *since, taken, refused, book.exported());
+    memory.keep(writer.take());
+    is_news = false;
+    kept_at = time.now();
+  }
 
   /// On the server's thread.
   MllpServer::Answer take(std::string_view bytes) {
@@ -78,7 +116,11 @@ struct ProcedureInbox::State {
     {
       const std::lock_guard guard(mutex);
       ++(messages ? taken : refused);
-      if (messages) book.take_all(std::move(*messages), now);
+      if (messages) {
+        book.take_all(std::move(*messages), now);
+        is_news = true;
+        if (!kept_at || time.now() - *kept_at >= kKeepEvery) keep();
+      }
     }
     const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
     return {make_acknowledgement(parsed.message.get(), answer, why, now.utc), is_to_sender};
@@ -87,6 +129,15 @@ struct ProcedureInbox::State {
   /// `at` as the wall clock shows it now.
   [[nodiscard]] ProcedureMoment moment(UtcTime at) const {
     return {at, time.since_boot() - std::chrono::duration_cast<Clock::Duration>(time.utc() - at)};
+  }
+
+  /// With the mutex: from when on messages are known; "" where that is before all that counts.
+  [[nodiscard]] std::string known_since(const ProcedureMoment& now) const {
+    if (!since) return "";
+    const UtcTime moment = now.by_this_clock(*since);
+    if (now.utc - moment > ProcedureBook::kLongestWindow) return "";
+    constexpr std::size_t kToMinutes = 16;
+    return format_utc(moment).substr(0, kToMinutes) + "Z";
   }
 
   void complain(const std::string& name) {
@@ -98,17 +149,22 @@ struct ProcedureInbox::State {
   const Listening listening;
   const Tell tell;
   const Clock& time;
+  InboxMemory memory;
 
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
   std::uint64_t taken = 0, refused = 0;
+  std::optional<ProcedureMoment> since;  // from which on messages are known
+  bool is_news = false;                  // something is not kept yet
+  std::optional<Clock::Time> kept_at;
+  bool is_ended = false;
   std::string problem;
   Clock::Time not_before{};
   std::unique_ptr<MllpServer> server;  // last: its thread uses the rest
 };
 
-ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell, const Clock& time)
-    : state_(std::make_unique<State>(listen, std::move(tell), time)) {}
+ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell, const Clock& time, InboxMemory memory)
+    : state_(std::make_unique<State>(listen, std::move(tell), time, std::move(memory))) {}
 
 ProcedureInbox::~ProcedureInbox() = default;
 
@@ -119,6 +175,8 @@ void ProcedureInbox::tend() {
   std::string news;
   {
     const std::lock_guard guard(state.mutex);
+    if (state.is_ended) return;
+    state.keep();
     if (state.server || state.time.now() < state.not_before) return;
     try {
       auto server = std::make_unique<MllpServer>(
@@ -131,6 +189,11 @@ void ProcedureInbox::tend() {
       if (!state.problem.empty()) news = "HL7 messages are waited for at " + state.where + " now";
       state.problem.clear();
       state.server = std::move(server);
+      if (!state.since) {
+        state.since = ProcedureMoment{state.time.utc(), state.time.since_boot()};
+        state.is_news = true;
+        state.keep();
+      }
     } catch (const std::exception& error) {
       state.not_before = state.time.now() + kListenAgain;
       if (state.problem != error.what()) news = error.what();
@@ -140,9 +203,29 @@ void ProcedureInbox::tend() {
   if (!news.empty() && state.tell) state.tell(news);
 }
 
+void ProcedureInbox::end() {
+  std::unique_ptr<MllpServer> server;
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->is_ended = true;
+    server = std::move(state_->server);
+  }
+  // Without the mutex, which its thread may wait for.
+  server.reset();
+  const std::lock_guard guard(state_->mutex);
+  state_->keep();
+}
+
 std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.find(rule, state_->moment(at));
+  const ProcedureMoment moment = state_->moment(at);
+  std::optional<ProcedureData> found = state_->book.find(rule, moment);
+  // Somebody may have been placed in the room before, or booked for now.
+  if (found && state_->since && moment.utc - moment.by_this_clock(*state_->since) <= rule.window) {
+    if (const std::string since = state_->known_since(moment); !since.empty())
+      found->chosen += "; messages before " + since + " are not known";
+  }
+  return found;
 }
 
 bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
@@ -161,10 +244,12 @@ ProcedureWay ProcedureInbox::way() const {
     return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
   }
   const std::uint64_t strangers = state_->server->refused();
+  const std::string since = state_->known_since({state_->time.utc(), state_->time.since_boot()});
   return {"hl7", true,
           "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
               std::to_string(state_->refused) + " refused" +
-              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers")};
+              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers") +
+              (since.empty() ? "" : "; messages before " + since + " are not known")};
 }
 
 std::uint16_t ProcedureInbox::port() const {

@@ -32,6 +32,8 @@ class ProcedureSource {
   static constexpr std::size_t kMostListed = 500;
   /// Whether find() gives nothing because two patients are planned equally near to `at`. Returns at once.
   [[nodiscard]] virtual bool is_doubtful(UtcTime /*at*/) const { return false; }
+  /// Whether something of list() was only said once, by a message, and not listed by who can be asked again.
+  [[nodiscard]] virtual bool knows_by_messages(UtcTime /*at*/) const { return false; }
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

@@ -74,6 +74,15 @@ class RoomTest : public testing::Test {
     return warnings.size();
   }
 
+  /// A day's window begins so much later, in whatever zone this machine is.
+  void open_window_in(std::chrono::seconds later) {
+    std::tm midnight = local_time(time.utc());
+    midnight.tm_hour = midnight.tm_min = midnight.tm_sec = 0;
+    midnight.tm_isdst = -1;
+    const auto day = std::chrono::system_clock::from_time_t(std::mktime(&midnight));
+    time.set_utc(std::chrono::floor<UtcTime::duration>(day) - later);
+  }
+
   const RecorderBench bench;
   test::MovedClock time;
   std::mutex mutex;
@@ -240,12 +249,7 @@ TEST_F(RoomTest, EndsACaseThatIsTooLong) {
 TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
   RoomPlan scheduled = plan({kCamera});
   scheduled.rules.schedule = Schedule::parse({"daily 00:00-12:00"});
-  // The day's window begins a second after the room does, in whatever zone this machine is.
-  std::tm midnight = local_time(time.utc());
-  midnight.tm_hour = midnight.tm_min = midnight.tm_sec = 0;
-  midnight.tm_isdst = -1;
-  const auto day = std::chrono::system_clock::from_time_t(std::mktime(&midnight));
-  time.set_utc(std::chrono::floor<UtcTime::duration>(day) - 1s);
+  open_window_in(1s);
   Room room(std::move(scheduled), listener(), time);
   time.await_waiting(1);
   EXPECT_EQ(room.status().state, RoomState::kIdle) << "before the window";
@@ -267,6 +271,24 @@ TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
   time.move(12h);
   ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
   EXPECT_EQ(room.status().reason, "schedule");
+}
+
+TEST_F(RoomTest, NoRuleBeginsACaseWhileItIsAboutToEnd) {
+  RoomPlan scheduled = plan({kCamera});
+  scheduled.rules.schedule = Schedule::parse({"daily 00:00-12:00"});
+  open_window_in(1s);
+  Room room(std::move(scheduled), listener(), time);
+  time.await_waiting(1);
+  EXPECT_TRUE(room.begin_no_more());
+  for (int looks = 0; looks < 3; ++looks) {
+    time.move(1s);
+    time.await_waiting(1);
+    EXPECT_EQ(room.status().state, RoomState::kIdle);
+  }
+  room.may_begin_again();
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_FALSE(room.begin_no_more());
 }
 
 TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
@@ -294,6 +316,76 @@ TEST_F(RoomTest, BeginsNothingMoreOnceItIsShutDownAndCanStillBeAsked) {
   EXPECT_THROW(room.mark("too late"), UsageError);
   room.shut_down();
   EXPECT_EQ(closed(), 1U);
+}
+
+TEST_F(RoomTest, BeginsNothingWhileItIsAboutToEndAndWhoAsksWaits) {
+  for (const bool goes_on : {true, false}) {
+    Room room(plan({kCamera}), listener());
+    EXPECT_TRUE(room.begin_no_more());
+    std::future<std::string> asked = std::async(std::launch::async, [&]() -> std::string {
+      try {
+        return room.start("operator");
+      } catch (const Error& error) {
+        return error.what();
+      }
+    });
+    if (goes_on) {
+      room.may_begin_again();
+      EXPECT_EQ(asked.get(), room.status().case_id);
+      EXPECT_FALSE(room.begin_no_more()) << "a case runs";
+      room.stop("operator", true);
+    } else {
+      room.shut_down();
+      EXPECT_EQ(asked.get(), "the recorder is being shut down");
+    }
+  }
+  EXPECT_EQ(bench.cases(), 1U);
+}
+
+TEST_F(RoomTest, TheRecorderEndsForANewerOneOnlyWhereEveryRoomRests) {
+  DaemonOptions options;
+  options.rooms.push_back(plan({kCamera}));
+  options.rooms.push_back(plan({kCamera}));
+  options.rooms[1].name = "or-2";
+  options.archive = bench.options().archive;
+  Daemon daemon(std::move(options));
+  daemon.handle({{"do", "start"}, {"room", "or-2"}});
+  EXPECT_FALSE(daemon.begin_no_more());
+  EXPECT_NO_THROW(daemon.handle({{"do", "start"}, {"room", "or-1"}})) << "the other room is as before";
+  daemon.handle({{"do", "stop"}, {"room", "or-1"}});
+  daemon.handle({{"do", "stop"}, {"room", "or-2"}});
+  EXPECT_TRUE(daemon.begin_no_more());
+}
+
+TEST_F(RoomTest, AnArchiveThatIsGoneIsToldAndRoomsAreAsBefore) {
+  DaemonOptions options;
+  options.rooms.push_back(plan({kCamera}));
+  options.archive = bench.options().archive / "mount";
+  options.listener = listener();
+  std::filesystem::create_directory(options.archive);
+  Daemon daemon(std::move(options));
+  daemon.watch_disk();
+  EXPECT_TRUE(daemon.handle({{"do", "status"}})["disk"].is_object());
+  EXPECT_THAT(daemon.metrics(), HasSubstr("kiroku_archive_gone 0\n"));
+  EXPECT_THAT(daemon.metrics(), HasSubstr("kiroku_problems 0\n"));
+  std::filesystem::rename(bench.options().archive / "mount", bench.options().archive / "elsewhere");
+  const nlohmann::ordered_json gone = daemon.handle({{"do", "status"}});
+  EXPECT_TRUE(gone["disk"].is_null());
+  ASSERT_EQ(gone["problems"].size(), 1U);
+  EXPECT_THAT(gone["problems"][0].get<std::string>(), HasSubstr("cannot be looked at: No such file"));
+  EXPECT_EQ(gone["rooms"][0]["state"], "idle");
+  const std::string metrics = daemon.metrics();
+  EXPECT_THAT(metrics, HasSubstr("kiroku_room_ended_by_error{room=\"or-1\"} 0\n"));
+  EXPECT_THAT(metrics, HasSubstr("kiroku_archive_gone 1\n"));
+  EXPECT_THAT(metrics, HasSubstr("kiroku_problems 1\n"));
+  EXPECT_THAT(metrics, testing::Not(HasSubstr("kiroku_disk_free_bytes ")));
+  daemon.watch_disk();
+  daemon.watch_disk();
+  EXPECT_EQ(told(), 1U) << "once";
+  std::filesystem::rename(bench.options().archive / "elsewhere", bench.options().archive / "mount");
+  daemon.watch_disk();
+  EXPECT_EQ(told(), 2U);
+  EXPECT_TRUE(daemon.handle({{"do", "status"}})["disk"].is_object());
 }
 
 TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {

@@ -104,6 +104,28 @@ TEST_F(ControlServerTest, ReplacesADeadSocketButNotALivingOne) {
   EXPECT_EQ(std::filesystem::status(socket).permissions(), std::filesystem::perms(0660));
 }
 
+TEST_F(ControlServerTest, TellsBeforeItIsMadeWhereNothingCouldListen) {
+  const auto why_not = [](const std::filesystem::path& at) -> std::string {
+    try {
+      ControlServer::check(at);
+      return "";
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(why_not(socket), "");
+  {
+    const ControlServer server(socket, echo);
+    EXPECT_EQ(why_not(socket), "") << "a recorder that runs makes room for its successor";
+  }
+  EXPECT_THAT(why_not(folder / "absent" / "s"), HasSubstr("there is no folder"));
+  EXPECT_EQ(why_not("/run/a-service-of-a-test/s"), "") << "its folder is made as the service starts";
+  std::ofstream(folder / "file") << "x";
+  EXPECT_THAT(why_not(folder / "file"), HasSubstr("something else lies already"));
+  EXPECT_THAT(why_not(folder.path()), HasSubstr("something else lies already"));
+  EXPECT_THAT(why_not(folder / std::string(108, 's')), HasSubstr("longer than 107 characters"));
+}
+
 TEST_F(ControlServerTest, SaysThatNobodyAnswers) {
   EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}), NobodyAnswers);
   EXPECT_THROW(ask_recorder("/" + std::string(200, 'x'), {{"do", "x"}}), UsageError);

@@ -123,6 +123,75 @@ TEST_F(ProcedureInboxTest, APortThatIsTakenIsToldAndTriedAgain) {
   EXPECT_THAT(told, HasSubstr("are waited for at " + taken + " now"));
 }
 
+TEST_F(ProcedureInboxTest, AStartForgetsNobodyWhereSomethingKeepsWhatWasSaid) {
+  test::MovedClock time;
+  Bytes kept;
+  int times = 0;
+  const auto keep = [&](ByteView state) {
+    kept = to_bytes(state);
+    ++times;
+  };
+  const std::string listen = "mllp://127.0.0.1:0?zone=UTC";
+  const ProcedureRule rule{{"OR1"}, 12h};
+  const auto tells = [this](const std::string& sentence) { tell(sentence); };
+  {
+    ProcedureInbox first(listen, tells, time, {{}, keep});
+    first.tend();
+    EXPECT_THAT(first.way().state, HasSubstr("0 refused; messages before 2026-08-05T09:00Z are not known"));
+    EXPECT_EQ(times, 1) << "since when it is known";
+    time.move(1h);
+    MllpClient client("127.0.0.1", first.port());
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(times, 2) << "before it is acknowledged";
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(times, 2) << "a hospital's messages come by the dozen";
+    time.move(1s);
+    first.tend();
+    EXPECT_EQ(times, 3);
+    first.tend();
+    EXPECT_EQ(times, 3) << "nothing is new";
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    first.end();
+    EXPECT_EQ(times, 4);
+    EXPECT_FALSE(first.way().well);
+    first.tend();
+    EXPECT_EQ(first.port(), 0) << "it does not listen again";
+  }
+  time.move(1min);
+  ProcedureInbox second(listen, tells, time, {kept, keep});
+  second.tend();
+  const auto found = second.find(rule, time.utc());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->patient.family, "Müller");
+  EXPECT_THAT(found->chosen, HasSubstr("; messages before 2026-08-05T09:00Z are not known"));
+  EXPECT_THAT(second.way().state, HasSubstr("4 taken, 0 refused; messages before 2026-08-05T09:00Z"));
+  // Without, nobody is known, and it says since when that is so.
+  ProcedureInbox third(listen, tells, time);
+  third.tend();
+  EXPECT_EQ(third.find(rule, time.utc()), std::nullopt);
+  EXPECT_THAT(third.way().state, HasSubstr("messages before 2026-08-05T10:01Z are not known"));
+  time.move(73h);
+  EXPECT_THAT(third.way().state, Not(HasSubstr("not known"))) << "all that counts came since";
+  EXPECT_EQ(told, "");
+}
+
+TEST_F(ProcedureInboxTest, BeginsAnewWhereWhatWasKeptIsDamaged) {
+  test::MovedClock time;
+  Bytes kept;
+  const auto keep = [&kept](ByteView state) { kept = to_bytes(state); };
+  const auto tells = [this](const std::string& sentence) { tell(sentence); };
+  {
+    ProcedureInbox first("mllp://127.0.0.1:0", tells, time, {{}, keep});
+    first.tend();
+  }
+  kept.pop_back();
+  ProcedureInbox second("mllp://127.0.0.1:0", tells, time, {kept, keep});
+  EXPECT_THAT(told, HasSubstr("what was known before this start cannot be used"));
+  second.tend();
+  EXPECT_TRUE(second.way().well);
+}
+
 TEST_F(ProcedureInboxTest, RefusesAddressesThatAreNone) {
   for (const char* listen :
        {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9", "x"}) {

@@ -143,6 +143,8 @@ describe('The ways to the hospital’s procedures', () => {
       ...ofListening,
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused',
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused; messages before 2026-11-28T14:02Z are not known',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers; messages before 2026-11-28T14:02Z are not known',
       'HIS listed 7 steps at 2026-11-23T09:00:00Z',
       'is being asked for the first time',
       'nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: it is asked again',

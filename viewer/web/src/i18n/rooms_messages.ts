@@ -65,6 +65,7 @@ export const roomsEn = {
 
   'appliance.title': 'Appliance',
   'appliance.disk': 'Disk',
+  'appliance.diskUnknown': 'cannot be looked at',
   'appliance.hours': '{hours} h left',
   'appliance.free': '{free} of {total} free',
   'appliance.clock': 'Clock',
@@ -144,6 +145,7 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
 
   'appliance.title': '装置',
   'appliance.disk': 'ディスク',
+  'appliance.diskUnknown': '確認できません',
   'appliance.hours': '残り {hours} 時間',
   'appliance.free': '{total} 中 {free} 空き',
   'appliance.clock': '時計',

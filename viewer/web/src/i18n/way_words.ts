@@ -32,6 +32,14 @@ export const kWaySentences: readonly SentencePair[] = [
   ['{ae} listed {n} steps at {time}', '{ae} は {time} に {n} 件を返しました'],
   ['does not wait for messages yet', 'まだメッセージを待ち受けていません'],
   [
+    'waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers; messages before {since} are not known',
+    '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）。{since} より前のメッセージは不明です',
+  ],
+  [
+    'waits for messages at {place}; {taken} taken, {refused} refused; messages before {since} are not known',
+    '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件）。{since} より前のメッセージは不明です',
+  ],
+  [
     'waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers',
     '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）',
   ],

@@ -259,17 +259,17 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
 
 function Appliance({ status }: { status: ApplianceStatus }) {
   const { disk, clock } = status;
-  const scarce = disk.hours_left !== null && disk.hours_left < 8;
+  const scarce = disk === null || (disk.hours_left !== null && disk.hours_left < 8);
+  const left =
+    disk === null ? t('appliance.diskUnknown') : disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left });
   return (
     <section class="card appliance" aria-label={t('appliance.title')}>
       <div class="fact">
         <Icon name="disk" />
         <span>
           <small>{t('appliance.disk')}</small>
-          <strong class={scarce ? 'state-bad' : undefined}>
-            {disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left })}
-          </strong>
-          <small class="muted">{t('appliance.free', { free: formatBytes(disk.free_bytes), total: formatBytes(disk.total_bytes) })}</small>
+          <strong class={scarce ? 'state-bad' : undefined}>{left}</strong>
+          {disk && <small class="muted">{t('appliance.free', { free: formatBytes(disk.free_bytes), total: formatBytes(disk.total_bytes) })}</small>}
         </span>
       </div>
       <div class="fact">
