@@ -236,22 +236,26 @@ std::optional<std::string> announced_by(const std::string& close_reason) {
   return is_case_id(id) ? std::optional(std::move(id)) : std::nullopt;
 }
 
-bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open, const crypto::VerifierKey& device,
-                             const FileReading& files) {
+Announced announced_by_earlier(const fs::path& folder, const OpenEntry& open,
+                               const crypto::VerifierKey& device, const FileReading& files) {
   const auto earlier = carried_on_by(open);
   if (!earlier) {
-    return false;
+    return Announced::kNo;
   }
   const fs::path its = fs::absolute(folder).lexically_normal().parent_path() / earlier->case_id;
   const auto found = read_neighbour(files, its, earlier->size);
   const auto hash_of = [](const OpenEntry& of) {
     return of.subject ? std::optional(of.subject->sha256) : std::nullopt;
   };
-  return found && found->open && found->root == earlier->root &&
-         announced_by(found->close_reason) == open.case_id && hash_of(*found->open) == hash_of(open) &&
-         found->open->plan == open.plan &&
-         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device,
-                   files);
+  const bool is_announced =
+      found && found->open && found->root == earlier->root &&
+      announced_by(found->close_reason) == open.case_id && found->open->plan == open.plan &&
+      is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device,
+                files);
+  if (!is_announced) {
+    return Announced::kNo;
+  }
+  return hash_of(*found->open) == hash_of(open) ? Announced::kYes : Announced::kWithOtherSubject;
 }
 
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,

@@ -40,10 +40,12 @@ std::string reason_to_be_carried_on(const std::string& later_case);
 std::optional<std::string> announced_by(const std::string& close_reason);
 
 /// Whether the case that `open` says it carries on lies beside `folder`, announces just this case under a
-/// checkpoint of `device`, and has the same subject and plan. Then `open` brings nothing that was not there.
+/// checkpoint of `device`, and has the same plan. With the same subject, too, `open` brings nothing that was
+/// not there; another one may be what became known while the earlier case ran, or anybody's.
+enum class Announced { kNo, kWithOtherSubject, kYes };
 /// Throws kiroku::Error where something lies there and cannot be read.
-bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
-                             const crypto::VerifierKey& device, const FileReading& files = real_reading());
+Announced announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
+                               const crypto::VerifierKey& device, const FileReading& files = real_reading());
 
 /// Compares a case with the one before it and the one after it, where they lie beside it in one archive
 /// folder. Reads their ledgers twice each at most, in constant memory. `folder` is the case's, `open` and

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "crypto/age_file.h"
 #include "recorder/daemon/rate_meter.h"
 #include "recorder/daemon/retry_pause.h"
 
@@ -15,6 +16,9 @@ namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::seconds kRuleInterval{1};
+// So long after an error what a rule begins is taken for the same operation: as long as `resume` goes on
+// where nothing else is said.
+constexpr std::chrono::minutes kSameOperation{10};
 // Recording ahead is begun anew after so long: MPEG-TS counts time to 26.5 hours (33 bits at 90 kHz), and a
 // case of a day shall fit behind it.
 constexpr std::int64_t kLongestStandbyNs = 2LL * 3600 * 1'000'000'000;
@@ -66,6 +70,7 @@ struct Room::State {
     Profiles profiles;                   // of the case that it goes on with, as that ended
     std::string first_reason;            // why the operation's first case was begun
     std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
+    bool goes_on = false;                // with an operation that another case began
     std::promise<std::string> begun;
     /// Nobody asked for it: a rule begins it, or the recorder goes on with an operation.
     [[nodiscard]] bool is_by_itself() const {
@@ -111,6 +116,7 @@ struct Room::State {
           may_try()) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
+        take_over_after_error(*request);
       }
       const std::unique_ptr<Request> taken = next_request();
       if (!taken) continue;
@@ -158,6 +164,7 @@ struct Room::State {
     }
     auto taken = std::make_unique<Request>();
     taken->reason = "resumed";
+    taken->goes_on = true;
     taken->first_reason = resume->reason;
     taken->sealed_plan = resume->plan;
     taken->profiles = resume->profiles;
@@ -176,6 +183,7 @@ struct Room::State {
     }
     auto taken = std::make_unique<Request>();
     taken->reason = "after-error";
+    taken->goes_on = true;
     taken->first_reason = again->first_reason;
     taken->sealed_plan = again->sealed_plan;
     taken->profiles = again->profiles;
@@ -184,23 +192,33 @@ struct Room::State {
     return taken;
   }
 
+  /// With the mutex held: a case that a rule begins soon after an error ended one goes on with that
+  /// operation, also in a room without RoomRules::resume_within. A window of the schedule is still the same;
+  /// whose signal it is nobody knows.
+  void take_over_after_error(Request& asked) const {
+    if (!status.ended_by_error || time.now() > same_operation_before) return;
+    asked.goes_on = true;
+    if (asked.reason == "schedule") asked.identity.sealed_subject = newest_subject;
+  }
+
   /// A case was ended by an error or a full disk, and `lasted` so long. What follows from that, in words: ""
   /// where somebody or a rule was ending it.
   std::string take_error(const std::string& case_id, std::chrono::nanoseconds lasted) {
-    const auto tell = [this](const std::string& sentence) { tell_problem(sentence); };
-    std::optional<Bytes> subject = sealed_subject_of(plan.session.archive / case_id, tell);
     Profiles profiles = last_profiles_of(plan.session.archive / case_id);
     bool goes_on = false;
     {
+      // A subject that is just being given is still that operation's.
+      const std::lock_guard order(late_mutex);
       const std::lock_guard guard(mutex);
       if (ending || end_wanted) return "";
       status.ended_by_error = true;
+      same_operation_before = time.now() + kSameOperation;
       goes_on = plan.rules.resume_within || begun_for == "schedule";
       if (plan.rules.resume_within) {
         // A disk that fails each case at once is not tried for ever.
         if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
           again_before = time.now() + *plan.rules.resume_within;
-        again = Again{begun_for, plan_of_case, std::move(subject), std::move(profiles)};
+        again = Again{begun_for, plan_of_case, newest_subject, std::move(profiles)};
       }
     }
     return goes_on ? "; nothing is recorded until another one is begun" + retry.next_try()
@@ -246,6 +264,7 @@ struct Room::State {
     status.ended_by_error = false;
     begun_for = asked.first_reason;
     plan_of_case = asked.sealed_plan;
+    newest_subject = asked.identity.sealed_subject;
     after_error_too = asked.reason == "after-error";
     end_wanted = false;
     again.reset();
@@ -315,6 +334,7 @@ struct Room::State {
           taken = std::make_unique<Request>();
           taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
           taken->identity.case_id = archive::new_case_id(time.utc());
+          take_over_after_error(*taken);
           take(*taken);
         }
       }
@@ -327,9 +347,8 @@ struct Room::State {
     note_beginning(*taken);
     std::vector<ProfileDecision> decisions;
     try {
-      std::optional<Bytes> subject = subject_of(*taken);
-      decisions = decisions_for(*taken, subject);
-      id = running.begin(std::move(subject), taken->sealed_plan, taken->identity);
+      decisions = decisions_for(*taken, seal_subject(*taken));
+      id = running.begin({}, taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
       retry.failed(time.now());
       tell_problem("no case could be begun: " + std::string(error.what()) + retry.next_try());
@@ -355,9 +374,17 @@ struct Room::State {
     return taken->first_reason;
   }
 
-  std::optional<Bytes> subject_of(Request& asked) {
-    CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject),
-                                                         asked.identity.sealed_subject.has_value());
+  /// What is known of the subject now, where that is more than the sealed one of an earlier case. It is
+  /// sealed here, since a case after an error takes it over as it is.
+  std::optional<Bytes> seal_subject(Request& asked) {
+    GoesOn goes_on = GoesOn::kNo;
+    if (asked.goes_on) {
+      goes_on = asked.identity.sealed_subject ? GoesOn::kWithSubject : GoesOn::kWithoutSubject;
+    }
+    CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on);
+    if (found.json) {
+      asked.identity.sealed_subject = crypto::seal_bytes(*found.json, plan.session.event_recipients);
+    }
     const std::lock_guard guard(mutex);
     status.subject = found.state;
     return std::move(found.json);
@@ -418,16 +445,63 @@ struct Room::State {
     tell_problem(*why);
   }
 
-  void look_for_late_subject(Session& running) {
-    const std::optional<Bytes> found = case_subject.late(time.now());
-    if (!found) return;
-    running.late_subject(*found);
-    tell_of_late_rule(running, *found);
+  /// A person says whom the case is about: nothing that is found by itself comes after it.
+  void give_late_subject(Session& running, const Bytes& subject) {
     {
-      const std::lock_guard guard(mutex);
-      status.subject = SubjectState::kLate;
+      const std::lock_guard order(late_mutex);
+      running.late_subject(subject);
+      // The case after it has a patient of its own, whom the recorder may still look for.
+      if (is_of_now(running)) {
+        case_subject.given_while_running();
+        keep_late_subject(running, subject);
+      }
     }
+    tell_of_late_rule(running, subject);
+  }
+
+  void look_for_late_subject(Session& running) {
+    std::optional<Bytes> found;
+    {
+      const std::lock_guard order(late_mutex);
+      if (not_noted && time.now() >= note_again) note_newest_subject();
+      found = case_subject.late(time.now());
+      if (!found) return;
+      running.late_subject(*found);
+      keep_late_subject(running, *found);
+    }
+    tell_of_late_rule(running, *found);
     if (listener.note) listener.note("procedure data came while the case ran");
+  }
+
+  /// With late_mutex held: whom the case is about from now on, for a case that goes on with its operation in
+  /// this process or in the recorder's next one.
+  void keep_late_subject(const Session& running, const Bytes& subject) {
+    Bytes sealed = crypto::seal_bytes(subject, plan.session.event_recipients);
+    if (plan.running && plan.session.key != nullptr) {
+      not_noted = sign_newest_subject(running.case_id(), sealed, *plan.session.key);
+      note_newest_subject();
+    }
+    const std::lock_guard guard(mutex);
+    if (session.get() != &running) return;
+    status.subject = SubjectState::kLate;
+    newest_subject = std::move(sealed);
+  }
+
+  [[nodiscard]] bool is_of_now(const Session& running) const {
+    const std::lock_guard guard(mutex);
+    return session.get() == &running;
+  }
+
+  /// With late_mutex held. What cannot be written is told, and tried again while the case runs.
+  void note_newest_subject() {
+    try {
+      plan.running->newest_subject(*not_noted);
+      not_noted.reset();
+    } catch (const std::exception& error) {
+      note_again = time.now() + kRuleInterval;
+      tell_problem("after a crash the operation would go on with the subject of before: " +
+                   std::string(error.what()));
+    }
   }
 
   /// One case from its beginning to its end.
@@ -437,8 +511,7 @@ struct Room::State {
     try {
       SessionOptions options = plan.session;
       options.cancelled = &cancelled;
-      options.subject = subject_of(asked);
-      options.profile_decisions = decisions_for(asked, options.subject);
+      options.profile_decisions = decisions_for(asked, seal_subject(asked));
       for (const ProfileDecision& decision : options.profile_decisions)
         apply_decision(decision, options.video);
       options.plan = asked.sealed_plan;
@@ -766,6 +839,12 @@ struct Room::State {
   CaseSubject case_subject{plan.procedure, [this](const std::string& sentence) { tell_problem(sentence); }};
   std::atomic<Clock::Duration::rep> heartbeat{0};
 
+  /// Of subjects that come while a case runs; held from before one is sealed until the search for one is
+  /// over, so that the last one sealed is the last one said. Taken before the other one.
+  std::mutex late_mutex;
+  std::optional<NewestSubject> not_noted;  // guarded by it, as is
+  Clock::Time note_again{};
+
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
@@ -790,6 +869,8 @@ struct Room::State {
   // whether somebody or a rule ends it.
   std::string begun_for;
   std::optional<crypto::Sha256Digest> plan_of_case;
+  std::optional<Bytes> newest_subject;  // of that case, or of the last one: sealed
+  Clock::Time same_operation_before{};  // a case that a rule begins after the error that ended the last one
   bool after_error_too = false, end_wanted = false;
   // Of the case that is being made: whether nobody asked for it, and why it is to end as soon as it has
   // begun.
@@ -893,14 +974,7 @@ std::string Room::change_profile(const ProfileDecision& decision, const std::str
 std::string Room::add_subject(const Bytes& subject, const std::string& meant) {
   const std::shared_ptr<Session> session =
       state_->session_of(meant, "say whom the case is about when it begins");
-  session->late_subject(subject);
-  state_->tell_of_late_rule(*session, subject);
-  const std::lock_guard guard(state_->mutex);
-  // The case after it has a patient of its own, whom the recorder may still look for.
-  if (state_->session == session) {
-    state_->case_subject.given_while_running();
-    state_->status.subject = SubjectState::kLate;
-  }
+  state_->give_late_subject(*session, subject);
   return session->case_id();
 }
 

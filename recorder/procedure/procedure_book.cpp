@@ -232,7 +232,10 @@ ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, const Pro
         "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
         std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
   }
-  if (here == nullptr) return {appointment};
+  if (here == nullptr) {
+    appointment.chosen_by_plan = times[*chosen];
+    return {appointment};
+  }
   ProcedureData found = here->message.data;
   found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);

@@ -60,6 +60,7 @@ std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime 
   const NearestPlan plan = nearest_plan(answer, at, window);
   if (!plan.index || answer.is_cut || is_anybodys(answer, plan)) return {};
   ProcedureData data = items[*plan.index].data;
+  data.chosen_by_plan = items[*plan.index].planned;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
                 " that it listed at " + format_utc(asked);
   return data;

@@ -12,6 +12,7 @@
 
 #include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
+#include "crypto/age_file.h"
 #include "recorder/daemon/daemon.h"
 #include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
@@ -467,8 +468,11 @@ TEST_F(RoomTest, ASignalBeginsACaseAndAPersonEndsIt) {
 /// What a test makes known.
 class StatedProcedure : public ProcedureSource {
  public:
+  /// "": nobody is known.
   void state(const std::string& patient) {
     const std::lock_guard guard(mutex_);
+    data_.reset();
+    if (patient.empty()) return;
     data_ = ProcedureData{};
     data_->patient_id = patient;
   }
@@ -756,6 +760,193 @@ TEST_F(RoomTest, AfterADiskErrorAnotherCaseBeginsWhereTheRoomMayGoOn) {
   EXPECT_EQ(status.subject, SubjectState::kCarriedOver);
   room.stop("operator", true);
   EXPECT_EQ(bench.read(bench.options().archive / status.case_id).subject(), R"({"patient":{"id":"7"}})");
+}
+
+/// A room that goes on after an error, with somebody in the hospital who is planned around now.
+class GoingOn : public RoomTest {
+ protected:
+  [[nodiscard]] RoomPlan failing_plan(std::chrono::milliseconds pre_roll) {
+    RoomPlan failing = plan({kCamera});
+    failing.session.files = &faults;
+    failing.procedure = procedure;
+    failing.rules.pre_roll = pre_roll;
+    return failing;
+  }
+  /// An error ends the case, and the next patient is booked meanwhile; the case after it, which runs.
+  std::string break_and_go_on(Room& room) {
+    const std::string before = room.status().case_id;
+    faults.fail("create " + before + "/segments", ENOSPC);
+    EXPECT_TRUE(test::eventually([&] { return room.status().ended_by_error; }));
+    faults.heal();
+    procedure->state("next");
+    EXPECT_TRUE(test::eventually([&] {
+      time.move(1s);
+      const RoomStatus now = room.status();
+      return now.state == RoomState::kRecording && now.case_id != before;
+    }));
+    return room.status().case_id;
+  }
+  /// Nothing is looked up while the case runs, either.
+  void expect_no_late_subject(Room& room) {
+    for (int looks = 0; looks < 2; ++looks) {
+      time.move(2s);
+      const Clock::Time moved = time.now();
+      EXPECT_TRUE(test::eventually([&] { return room.heartbeat() >= moved; }));
+    }
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  }
+  [[nodiscard]] RecordedCase read(const std::string& id) const {
+    return bench.read(bench.options().archive / id);
+  }
+
+  test::FaultFileSystem faults{bench.options().archive};
+  const std::shared_ptr<StatedProcedure> procedure = std::make_shared<StatedProcedure>();
+};
+
+TEST_F(GoingOn, AfterAnErrorTheCaseIsAboutWhomItWasSaidToBeLast) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    RoomPlan failing = failing_plan(pre_roll);
+    failing.rules.resume_within = 10min;
+    Room room(std::move(failing), listener(), time);
+    room.start("operator", to_bytes(R"({"patient":"wrong"})"));
+    room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+    const std::string second = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+    const std::string third = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+    room.stop("operator", true);
+    EXPECT_EQ(read(second).subject(), R"({"patient":"corrected"})");
+    EXPECT_EQ(read(third).subject(), R"({"patient":"corrected"})");
+  }
+}
+
+TEST_F(GoingOn, AfterAnErrorNoPatientIsLookedUpForAnOperationThatHadNone) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    procedure->state("");
+    RoomPlan failing = failing_plan(pre_roll);
+    failing.rules.resume_within = 10min;
+    Room room(std::move(failing), listener(), time);
+    room.start("operator");
+    const std::string second = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+    EXPECT_THAT(room.status().problem, HasSubstr("a person must say whom it is about"));
+    expect_no_late_subject(room);
+    EXPECT_THAT(room.procedures(), SizeIs(1)) << "to choose from";
+    room.stop("operator", true);
+    EXPECT_FALSE(read(second).all<archive::OpenEntry>().at(0).subject);
+  }
+}
+
+TEST_F(GoingOn, AWindowThatGoesOnAfterAnErrorKeepsItsPatient) {
+  procedure->state("first");
+  RoomPlan failing = failing_plan(0ms);
+  failing.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
+  Room room(std::move(failing), listener(), time);
+  time.await_waiting(1);
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().subject, SubjectState::kFound);
+  const std::string second = break_and_go_on(room);
+  EXPECT_EQ(room.status().reason, "schedule");
+  EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+  room.stop("operator", true);
+  EXPECT_THAT(read(second).subject(), HasSubstr("first"));
+}
+
+TEST_F(GoingOn, AfterACrashNoPatientIsLookedUpForAnOperationThatHadNone) {
+  procedure->state("next");
+  RoomPlan resumed = plan({kCamera});
+  resumed.procedure = procedure;
+  resumed.resume.emplace();
+  resumed.resume->case_id = "20260805T091502Z-3f9c21ab";
+  resumed.resume->earlier = {"20260805T081502Z-3f9c21ab", 7, {}};
+  resumed.resume->reason = "operator";
+  resumed.resume->within = 10min;
+  Room room(std::move(resumed), listener(), time);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().carries_on, "20260805T081502Z-3f9c21ab");
+  EXPECT_THAT(room.status().problem, HasSubstr("a person must say whom it is about"));
+  expect_no_late_subject(room);
+  room.add_subject(to_bytes(R"({"patient":"chosen"})"));
+  EXPECT_EQ(room.status().subject, SubjectState::kLate);
+  room.stop("operator", true);
+}
+
+TEST_F(GoingOn, TheRoomsNoteHasWhomTheCaseWasSaidToBeAboutLast) {
+  const auto note =
+      std::make_shared<RunningNote>(archive::real_file_system(), bench.options().archive, "or-1");
+  RoomPlan noted = plan({kCamera});
+  noted.procedure = procedure;
+  noted.running = note;
+  Room room(std::move(noted), listener(), time);
+  const std::string id = room.start("operator");
+  procedure->state("4711");
+  const auto kept = [&] {
+    const auto running = note->read();
+    const bool is_signed_here =
+        running && running->subject && is_signed(*running->subject, bench.options().key->public_key());
+    return is_signed_here
+               ? std::string(text_of(crypto::unseal_bytes(running->subject->sealed, bench.identities())))
+               : std::string();
+  };
+  ASSERT_TRUE(test::eventually([&] {
+    time.move(1s);
+    return kept().find("4711") != std::string::npos;
+  }));
+  room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+  EXPECT_EQ(kept(), R"({"patient":"corrected"})");
+  EXPECT_EQ(note->read()->subject->case_id, id);
+  room.stop("operator", true);
+  EXPECT_FALSE(note->read());
+}
+
+// The note that a crash would leave may fail where the case's own files do not.
+TEST_F(GoingOn, ANoteThatCannotBeWrittenIsToldAndTriedAgain) {
+  const auto note = std::make_shared<RunningNote>(faults, bench.options().archive, "or-1");
+  RoomPlan noted = plan({kCamera});
+  noted.running = note;
+  Room room(std::move(noted), listener(), time);
+  room.start("operator");
+  faults.fail("create .running", EIO);
+  room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+  EXPECT_THAT(room.status().problem, HasSubstr("would go on with the subject of before"));
+  EXPECT_EQ(room.status().subject, SubjectState::kLate) << "in the case it is";
+  EXPECT_FALSE(note->read()->subject);
+  faults.heal();
+  EXPECT_TRUE(test::eventually([&] {
+    time.move(1s);
+    return note->read()->subject.has_value();
+  }));
+  room.stop("operator", true);
+}
+
+// What people are told of a rule takes a while, in which the search would still go on.
+TEST_F(GoingOn, NothingThatIsFoundComesAfterWhatAPersonSaid) {
+  RoomPlan ruled = plan({kCamera});
+  ruled.procedure = procedure;
+  ruled.profile_rules = {{"mucosa", {"EMR"}, {}, Profile::kLossless, {}}};
+  Room* running = nullptr;
+  RoomListener told = listener();
+  told.warn = [&](const std::string& sentence) {
+    if (sentence.find("rule mucosa") == std::string::npos) return;
+    procedure->state("4711");
+    for (int looks = 0; looks < 2; ++looks) {
+      time.move(2s);
+      const Clock::Time moved = time.now();
+      EXPECT_TRUE(test::eventually([&] { return running->heartbeat() >= moved; }));
+    }
+  };
+  Room room(std::move(ruled), told, time);
+  running = &room;
+  room.start("operator");
+  room.add_subject(to_bytes(R"({"patient":"typed","procedure":"EMR"})"));
+  room.stop("operator", true);
+  std::vector<std::string> subjects;
+  for (const std::string& event : bench.read(results.at(0).folder).lines("events")) {
+    if (event.find(R"(\"subject\":{)") != std::string::npos) subjects.push_back(event);
+  }
+  ASSERT_THAT(subjects, SizeIs(1));
+  EXPECT_THAT(subjects[0], HasSubstr("typed"));
 }
 
 // A start that waited for the one before it to be carried out would begin a case by itself when that one has
