@@ -51,6 +51,8 @@ class Hl7FileSource : public BlockSource {
     }
   }
 
+  [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
+
  private:
   bool read_block(std::vector<VitalLine>& lines) override {
     if (next_message_ == messages_.size()) {
