@@ -449,7 +449,12 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
   const recorder::CaseClock clock;
   if (!stream.is_video) {
     static_cast<void>(recorder::open_vital_source(address, clock));
-    return {Health::kGood, subject, "'" + address.stated + "' can be opened", ""};
+    const bool of_all_beds =
+        address.kind == recorder::SourceKind::kMonitors && !address.options.contains("locations");
+    return {Health::kGood, subject,
+            "'" + address.stated + "' can be opened" +
+                (of_all_beds ? "; what comes there of any bed is recorded, as no locations= is named" : ""),
+            ""};
   }
   recorder::OpeningTerms terms;
   terms.patience = kSourcePatience;

@@ -123,6 +123,12 @@ void print_room(const json& room, std::string& out) {
       }
     }
     for (const json& stream : room["streams"]) {
+      if (const auto elsewhere = stream.value("elsewhere", std::uint64_t{0}); elsewhere > 0) {
+        out += "  " + printable(stream.value("name", "")) + ": " + std::to_string(elsewhere) +
+               " messages of other places not recorded\n";
+      }
+    }
+    for (const json& stream : room["streams"]) {
       if (!stream.value("unboxed", false)) continue;
       out +=
           "  " +

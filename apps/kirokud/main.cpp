@@ -164,6 +164,7 @@ void check_senders(const std::string& source) {
   if (address.kind != recorder::SourceKind::kMonitors) return;
   const std::string why = recorder::MllpServer::trust_problem(recorder::mllp_server_options(address));
   static_cast<void>(recorder::mllp_senders(address));
+  static_cast<void>(recorder::hl7_places(address));
   if (!why.empty()) throw UsageError(why);
 }
 

@@ -64,6 +64,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"frames", stream.frames},
           {"dropped", stream.dropped},
           {"refused", stream.refused},
+          {"elsewhere", stream.elsewhere},
           {"segments", stream.segments},
           {"bytes", stream.bytes},
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
@@ -514,6 +515,9 @@ std::string Daemon::metrics() const {
   per_stream("kiroku_stream_refused", "gauge",
              "Connections and messages refused because of who sent them, in the newest case",
              [](const StreamStatus& stream) { return stream.refused; });
+  per_stream("kiroku_stream_elsewhere", "gauge",
+             "Messages of other places that were not recorded, in the newest case",
+             [](const StreamStatus& stream) { return stream.elsewhere; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
   per_stream("kiroku_stream_unboxed", "gauge",

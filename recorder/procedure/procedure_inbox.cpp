@@ -5,8 +5,10 @@
 #include <mutex>
 
 #include "base/error.h"
+#include "base/tally.h"
 #include "recorder/procedure/state_codec.h"
 #include "recorder/source/source_address.h"
+#include "recorder/vitals/hl7_refusal.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/mllp_address.h"
 
@@ -35,6 +37,11 @@ Listening listening_at(const std::string& listen) {
   if (address.kind != SourceKind::kMonitors) {
     throw UsageError("'" + address.stated +
                      "' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
+  }
+  if (address.options.contains("locations")) {
+    throw UsageError("'" + address.stated +
+                     "': locations of an address are those of vital signs; here each room says its own, as "
+                     "locations = [\"OR1\"] beside listen");
   }
   Listening listening{mllp_server_options(address), mllp_senders(address), address};
   static_cast<void>(listening.zone());  // refuses what is none
@@ -102,6 +109,12 @@ struct ProcedureInbox::State {
     } else if (!listening.senders.takes(*parsed.message)) {
       answer = "AR";
       why = kStrangersMessage;
+    } else if (const auto refusal = refusal_of(*parsed.message)) {
+      answer = refusal->code;
+      why = refusal->why;
+      if (const auto count = refusals.add(refusal->name)) {
+        complain(refusal->why + "; " + std::to_string(*count) + " such messages so far");
+      }
     } else if (!is_of_procedures(parsed.message->type())) {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
@@ -140,9 +153,9 @@ struct ProcedureInbox::State {
     return format_utc(moment).substr(0, kToMinutes) + "Z";
   }
 
-  void complain(const std::string& name) {
-    // The sentence beside the name may begin with a patient's.
-    if (tell) tell("HL7 messages at " + where + ": " + name);
+  /// Of a complaint about a connection the name alone: the sentence beside it may begin with a patient's.
+  void complain(const std::string& what) {
+    if (tell) tell("HL7 messages at " + where + ": " + what);
   }
 
   const std::string where;
@@ -151,6 +164,7 @@ struct ProcedureInbox::State {
   const Clock& time;
   InboxMemory memory;
 
+  Tally refusals{};
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
   std::uint64_t taken = 0, refused = 0;

@@ -21,7 +21,7 @@ struct InboxMemory {
 
 class ProcedureInbox {
  public:
-  /// Hears what a person should see; nothing of a message's content is in it.
+  /// Hears what a person should see, from any thread; nothing of a message's content is in it.
   using Tell = std::function<void(const std::string& sentence)>;
 
   /// `listen` is mllp://ADDRESS:PORT with the options of mllp_address.h and `zone` (mllp_source.h). Does not

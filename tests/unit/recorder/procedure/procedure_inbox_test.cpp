@@ -79,6 +79,52 @@ TEST_F(ProcedureInboxTest, ListensToTheNetworkOnlyWhereItIsSaidWhoMaySend) {
   EXPECT_THAT(inbox.way().state, HasSubstr("say who may send with allow="));
 }
 
+TEST_F(ProcedureInboxTest, NobodyOfATrainingSystemIsInTheRoom) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  for (const char* mode : {"T", "D", "T^T"}) {
+    std::string training = kInOr1;
+    training.replace(training.find("|P|"), 3, std::string("|") + mode + "|");
+    EXPECT_THAT(answer(client, training), HasSubstr("AR|77|messages of training and debugging (MSH-11)"))
+        << mode;
+  }
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()), std::nullopt);
+  EXPECT_THAT(inbox.way().state, HasSubstr("0 taken, 3 refused"));
+  EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("MSH-11) are not taken here; 1 such messages so far\n"));
+  EXPECT_THAT(told, HasSubstr("MSH-11) are not taken here; 2 such messages so far\n"));
+  EXPECT_THAT(told, Not(HasSubstr("3 such")));
+}
+
+// The event of the first one is not that of the second one's patient.
+TEST_F(ProcedureInboxTest, NothingIsTakenOfAFrameOfSeveralMessages) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  const auto event = [](const std::string& name, const std::string& id, const std::string& patient) {
+    return "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^" + name + "|" + id + "|P|2.5\rPID|1||" + patient +
+           "^^^HOSP^MR||" + patient + "^X\rPV1|1|I|SURGERY^OR1\r";
+  };
+  EXPECT_EQ(answer(client, event("A10", "1", "WILMA")), "AA|1\r");
+  const std::string leaves = event("A03", "2", "WILMA"), comes = event("A10", "3", "PETRA");
+  for (const std::string& frame : {leaves + comes, leaves.substr(0, leaves.size() - 1) + comes}) {
+    EXPECT_THAT(answer(client, frame), HasSubstr("AE|2|several messages came in one frame"));
+  }
+  const auto found = inbox.find({{"OR1"}, 12h}, utc_now());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->patient.family, "WILMA") << "neither has left, nor has anybody come";
+  EXPECT_EQ(answer(client, leaves), "AA|2\r");
+  EXPECT_EQ(answer(client, comes), "AA|3\r");
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()).value_or(ProcedureData()).patient.family, "PETRA");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("several messages came in one frame"));
+  EXPECT_THAT(told, Not(HasSubstr("PETRA")));
+}
+
 TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
   ProcedureInbox inbox("mllp://127.0.0.1:0", [this](const std::string& sentence) { tell(sentence); });
   inbox.tend();
@@ -193,8 +239,8 @@ TEST_F(ProcedureInboxTest, BeginsAnewWhereWhatWasKeptIsDamaged) {
 }
 
 TEST_F(ProcedureInboxTest, RefusesAddressesThatAreNone) {
-  for (const char* listen :
-       {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9", "x"}) {
+  for (const char* listen : {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9",
+                             "mllp://127.0.0.1?locations=OR1", "x"}) {
     EXPECT_THROW(ProcedureInbox::check(listen), UsageError) << listen;
   }
 }
