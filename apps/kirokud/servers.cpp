@@ -117,9 +117,8 @@ std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configu
   options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
   options.healthy = [&daemon] { return daemon.healthy(); };
   options.metrics = [&daemon] { return daemon.metrics(); };
-  options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
-    return daemon.hook(room, action, body);
-  };
+  options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body,
+                           const std::string& meant) { return daemon.hook(room, action, body, meant); };
   try {
     return behind_the_recording(
         [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });

@@ -99,6 +99,11 @@ std::string required_text(const json& request, const char* key) {
   return found->get<std::string>();
 }
 
+/// The case that a request means; "": whichever runs.
+std::string meant_case(const json& request) {
+  return request.contains("case") ? required_text(request, "case") : std::string();
+}
+
 /// The hash of the sealed plan that the case follows.
 std::optional<crypto::Sha256Digest> sealed_plan_of(const json& request) {
   if (!request.contains("plan")) return {};
@@ -380,6 +385,8 @@ ordered_json Daemon::handle(const json& request) {
   if (what == "status") return state_->status();
   Room& room = state_->room(request);
   if (what == "start") {
+    if (request.contains("case"))
+      throw UsageError("\"case\" names one that runs, and a start begins another: leave it out");
     std::optional<Bytes> subject = subject_of(request, room);
     return {{"room", room.name()},
             {"case", room.start("operator", std::move(subject), sealed_plan_of(request))}};
@@ -387,35 +394,38 @@ ordered_json Daemon::handle(const json& request) {
   if (what == "subject") {
     const std::optional<Bytes> subject = subject_of(request, room);
     if (!subject) throw UsageError("the request needs a \"subject\" or a \"procedure\"");
-    room.add_subject(*subject);
-    return {{"room", room.name()}, {"case", room.status().case_id}};
+    return {{"room", room.name()}, {"case", room.add_subject(*subject, meant_case(request))}};
   }
   if (what == "procedures") return procedures_json(room);
   if (what == "stop") {
-    return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};
+    return {{"room", room.name()},
+            {"case", room.stop("operator", request.value("wait", true), meant_case(request))}};
   }
   if (what == "profile") {
-    room.change_profile(profile_decision_of(request));
-    ordered_json reply{{"room", room.name()}, {"case", room.status().case_id}};
+    ordered_json reply{{"room", room.name()},
+                       {"case", room.change_profile(profile_decision_of(request), meant_case(request))}};
     if (const std::string warning = state_->disk_warning(room); !warning.empty()) reply["warning"] = warning;
     return reply;
   }
   if (what == "mark") {
-    room.mark(required_text(request, "text"));
-    return {{"room", room.name()}, {"case", room.status().case_id}};
+    return {{"room", room.name()}, {"case", room.mark(required_text(request, "text"), meant_case(request))}};
   }
   throw UsageError(
       "'" + what +
       "' is nothing a recorder can do: status, start, stop, mark, profile, subject or procedures");
 }
 
-ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body) {
+ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body,
+                          const std::string& meant) {
   Room& room = state_->room(name);
-  if (action == "start") return {{"case", room.start("hook")}};
-  if (action == "stop") return {{"case", room.stop("hook", false)}};
+  if (action == "start") {
+    if (!meant.empty())
+      throw UsageError("a case names one that runs, and a start begins another: leave it out");
+    return {{"case", room.start("hook")}};
+  }
+  if (action == "stop") return {{"case", room.stop("hook", false, meant)}};
   if (body.empty()) throw UsageError("the body must hold the text of the mark");
-  room.mark(body);
-  return {{"case", room.status().case_id}};
+  return {{"case", room.mark(body, meant)}};
 }
 
 std::string Daemon::running_case(const std::string& room) const { return state_->room(room).running_case(); }

@@ -45,8 +45,9 @@ class Daemon {
   /// A request of recorder/daemon/control_server.h and its answer. Throws kiroku::Error for one that cannot
   /// be done.
   nlohmann::ordered_json handle(const nlohmann::json& request);
-  /// The same by way of the HTTP hook.
-  nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
+  /// The same by way of the HTTP hook. `meant`: as Room has it.
+  nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body,
+                              const std::string& meant = "");
   /// The case that the room records now; "": none. Throws kiroku::UsageError for a room that is not there.
   [[nodiscard]] std::string running_case(const std::string& room) const;
   /// What the clock of that case shows now; nothing where none runs. Throws as running_case().

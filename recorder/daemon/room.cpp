@@ -227,10 +227,11 @@ struct Room::State {
 
   /// Before a case is ended by somebody or by a rule: a recorder that is cut off from here on carries nothing
   /// on.
-  void note_end() {
+  void note_end() { note_end(last_case()); }
+  void note_end(const std::string& case_id) {
     if (!plan.running) return;
     try {
-      plan.running->ends(last_case());
+      plan.running->ends(case_id);
     } catch (const std::exception& error) {
       tell_problem("if the recorder crashes now, the case that is being ended is carried on: " +
                    std::string(error.what()));
@@ -676,6 +677,44 @@ struct Room::State {
     return status.state == RoomState::kRecording ? session : nullptr;
   }
 
+  /// The same, of case `meant` ("": whichever): it has one case, so that nothing done to it reaches another
+  /// that begins meanwhile. Throws where that case is not recorded; `instead` says what one does while none
+  /// is.
+  [[nodiscard]] std::shared_ptr<Session> session_of(const std::string& meant, const char* instead) const {
+    const std::lock_guard guard(mutex);
+    const bool records = status.state == RoomState::kRecording;
+    if (!meant.empty() && !(records && status.case_id == meant)) throw_not_recording(meant);
+    if (!records) throw UsageError("room " + plan.name + " is not recording: " + instead);
+    return session;
+  }
+
+  /// With the mutex held: throws where a stop that means case `meant` ("": whichever) would end nothing, or
+  /// something else: the case that runs, or the operation that goes on by itself with another one.
+  void require_to_end(const std::string& meant) {
+    const bool starting = status.state == RoomState::kStarting;
+    if (meant.empty()) {
+      if (!has_case() && !(starting ? starts_by_itself : tries_again()))
+        throw UsageError("room " + plan.name + " is not recording");
+      return;
+    }
+    const bool goes_on = tries_again() && (!starting || starts_by_itself);
+    if (meant != newest_case() || !(has_case() || goes_on)) throw_not_recording(meant);
+  }
+
+  /// With the mutex held.
+  [[noreturn]] void throw_not_recording(const std::string& meant) const {
+    if (has_case() && status.case_id != meant) {
+      throw UsageError("room " + plan.name + " is recording case " + status.case_id + ", and not case " +
+                       meant + ": nothing was done");
+    }
+    throw UsageError("room " + plan.name + " is not recording case " + meant + ": nothing was done");
+  }
+
+  /// With the mutex held: that of the status, or the one that the recorder's last run left to be carried on.
+  [[nodiscard]] const std::string& newest_case() const {
+    return resume && status.case_id.empty() ? resume->earlier.case_id : status.case_id;
+  }
+
   void set_state(RoomState state, const std::string& reason) {
     beat();
     {
@@ -696,7 +735,7 @@ struct Room::State {
 
   /// Ends an operation between its cases. `lock` holds the mutex.
   std::string stop_between_cases(std::unique_lock<std::mutex>& lock, const std::string& reason, bool wait) {
-    if (resume && status.case_id.empty()) status.case_id = resume->earlier.case_id;
+    status.case_id = std::string(newest_case());
     std::string id = status.case_id;
     const bool starting = status.state == RoomState::kStarting;
     give_up_operation();
@@ -792,19 +831,18 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
   return begun.get();
 }
 
-std::string Room::stop(const std::string& reason, bool wait) {
+std::string Room::stop(const std::string& reason, bool wait, const std::string& meant) {
   std::unique_lock lock(state_->mutex);
+  state_->require_to_end(meant);
   if (state_->has_case()) {
+    const std::string running = state_->status.case_id;
     lock.unlock();
-    state_->note_end();
+    state_->note_end(running);
     lock.lock();
+    // It may have ended while the disk took the note, and another one begun, which nobody meant.
+    state_->require_to_end(running);
   }
-  if (!state_->has_case()) {
-    const bool starting = state_->status.state == RoomState::kStarting;
-    const bool goes_on = starting ? state_->starts_by_itself : state_->tries_again();
-    if (!goes_on) throw UsageError("room " + name() + " is not recording");
-    return state_->stop_between_cases(lock, reason, wait);
-  }
+  if (!state_->has_case()) return state_->stop_between_cases(lock, reason, wait);
   std::string id = state_->status.case_id;
   // Also while it is being closed: whatever ended it, nothing goes on with it.
   state_->end_wanted = true;
@@ -820,34 +858,33 @@ std::string Room::stop(const std::string& reason, bool wait) {
   return id;
 }
 
-void Room::mark(const std::string& text) {
+std::string Room::mark(const std::string& text, const std::string& meant) {
   require_printable(text, "the text of the mark");
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
+  const std::shared_ptr<Session> session = state_->session_of(meant, "there is nothing to mark");
   session->mark(text);
+  return session->case_id();
 }
 
-void Room::change_profile(const ProfileDecision& decision) {
+std::string Room::change_profile(const ProfileDecision& decision, const std::string& meant) {
   require_printable(decision.why, "why the profile changes");
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) {
-    throw UsageError("room " + name() +
-                     " is not recording: a profile is changed while a case runs; before it, kiroku.toml says "
-                     "which one it begins with");
-  }
+  const std::shared_ptr<Session> session = state_->session_of(
+      meant, "a profile is changed while a case runs; before it, kiroku.toml says which one it begins with");
   session->change_profile(decision);
+  return session->case_id();
 }
 
-void Room::add_subject(const Bytes& subject) {
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) {
-    throw UsageError("room " + name() + " is not recording: say whom the case is about when it begins");
-  }
+std::string Room::add_subject(const Bytes& subject, const std::string& meant) {
+  const std::shared_ptr<Session> session =
+      state_->session_of(meant, "say whom the case is about when it begins");
   session->late_subject(subject);
   state_->tell_of_late_rule(*session, subject);
-  state_->case_subject.given_while_running();
   const std::lock_guard guard(state_->mutex);
-  state_->status.subject = SubjectState::kLate;
+  // The case after it has a patient of its own, whom the recorder may still look for.
+  if (state_->session == session) {
+    state_->case_subject.given_while_running();
+    state_->status.subject = SubjectState::kLate;
+  }
+  return session->case_id();
 }
 
 std::vector<ProcedureData> Room::procedures() const {
@@ -869,6 +906,7 @@ std::string Room::running_case() const {
 RoomStatus Room::status() const {
   const std::lock_guard guard(state_->mutex);
   RoomStatus status = state_->status;
+  status.case_id = std::string(state_->newest_case());
   status.tries_again = state_->tries_again();
   if (state_->plan.procedure) status.procedure = state_->plan.procedure->ways();
   if (state_->session) status.session = state_->session->status();

@@ -139,6 +139,52 @@ TEST_F(RoomTest, OneCaseAtATime) {
   EXPECT_EQ(bench.cases(), 2U);
 }
 
+// Whoever prepared something while one case ran says so, and the next one is not given it.
+TEST_F(RoomTest, WhatIsMeantForOneCaseReachesNoOther) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    RoomPlan asked = plan({kCamera});
+    asked.rules.pre_roll = pre_roll;
+    Room room(std::move(asked), listener());
+    const RoomState waits = pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle;
+    const std::vector<std::function<void(const std::string&)>> deeds{
+        [&](const std::string& meant) { room.mark("clip", meant); },
+        [&](const std::string& meant) { room.add_subject(to_bytes(R"({"patient":"typed"})"), meant); },
+        [&](const std::string& meant) {
+          room.change_profile({{}, Profile::kLossless, "anna", ""}, meant);
+        },
+        [&](const std::string& meant) { room.stop("operator", true, meant); }};
+    const auto refused = [&](const std::string& meant) {
+      std::vector<std::string> sentences;
+      for (const auto& deed : deeds) {
+        try {
+          deed(meant);
+          ADD_FAILURE() << "deed " << sentences.size() << " was done";
+        } catch (const UsageError& error) {
+          sentences.emplace_back(error.what());
+        }
+      }
+      return sentences;
+    };
+    const std::size_t before = closed();
+    const std::string earlier = room.start("operator");
+    EXPECT_EQ(room.mark("clip", earlier), earlier);
+    EXPECT_EQ(room.stop("operator", true, earlier), earlier);
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == waits; }));
+    EXPECT_THAT(refused(earlier),
+                testing::Each("room or-1 is not recording case " + earlier + ": nothing was done"));
+    const std::string later = room.start("operator");
+    EXPECT_THAT(refused(earlier), testing::Each("room or-1 is recording case " + later + ", and not case " +
+                                                earlier + ": nothing was done"));
+    EXPECT_EQ(room.status().state, RoomState::kRecording);
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+    for (const auto& deed : deeds) deed(later);
+    ASSERT_EQ(closed(), before + 2);
+    // The mark, the patient and the change of profile that meant it, once each.
+    EXPECT_THAT(bench.read(results[before].folder).all<archive::MarkEntry>(), SizeIs(1));
+    EXPECT_THAT(bench.read(results[before + 1].folder).all<archive::MarkEntry>(), SizeIs(3));
+  }
+}
+
 TEST_F(RoomTest, BeginsWithoutASourceThatIsAbsentAndStatesTheGap) {
   Room room(plan({kCamera, kAbsentCamera}), listener());
   room.start("operator");
@@ -423,6 +469,37 @@ TEST_F(RoomTest, APersonSaysWhomTheCaseIsAboutWhileItRuns) {
   ASSERT_THAT(events, SizeIs(3));
   EXPECT_THAT(events[1], HasSubstr("typed"));
   EXPECT_THAT(events[2], HasSubstr("corrected"));
+}
+
+// A person says whom a case is about at its last moment; the next one begins before they are heard out.
+TEST_F(RoomTest, APatientSaidAtTheLastMomentKeepsNobodyFromLookingForTheNextOne) {
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
+  std::atomic<bool> held = false;
+  RoomListener told = listener();
+  told.warn = [&](const std::string& sentence) {
+    if (!sentence.starts_with("the procedure became known")) return;
+    held = true;
+    released.wait();
+  };
+  const auto procedure = std::make_shared<StatedProcedure>();
+  RoomPlan unknown = plan({kCamera});
+  unknown.procedure = procedure;
+  unknown.profile_rules = {{"liver", {"liver"}, {}, Profile::kLossless, {}}};
+  Room room(std::move(unknown), std::move(told));
+  const std::string earlier = room.start("operator");
+  auto said = std::async(std::launch::async, [&room] {
+    return room.add_subject(to_bytes(R"({"procedure":{"description":"liver resection"}})"));
+  });
+  ASSERT_TRUE(test::eventually([&] { return held.load(); }));
+  room.stop("operator", true);
+  EXPECT_NE(room.start("operator"), earlier);
+  release.set_value();
+  EXPECT_EQ(said.get(), earlier) << "of which it was said";
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  procedure->state("4711");
+  EXPECT_TRUE(test::eventually([&] { return room.status().subject == SubjectState::kLate; }));
+  room.stop("operator", true);
 }
 
 TEST_F(RoomTest, ListsWhatCouldBeDoneInIt) {
