@@ -254,6 +254,29 @@ TEST_F(Guests, AreInvitedBySurgeonsAndAdministratorsToRoomsThatAreThere) {
   EXPECT_EQ(ask("DELETE", "/api/invitations/00000000", surgeon_).status, 404);
 }
 
+// The inviter began to type in one case, or before one, and the room went on to the next patient's.
+TEST_F(Guests, AreInvitedToTheCaseThatTheInviterSawAndToNoOther) {
+  const auto invited_to = [&](const std::string& meant) {
+    const json asked{{"guest", "Dr. Sato"}, {"room", "or-1"}, {"minutes", 5}, {"case", meant}};
+    return ask("POST", "/api/invitations", surgeon_, asked.dump());
+  };
+  EXPECT_EQ(invited_to("").status, 201) << "the next one, and none runs";
+  const std::string first = begin_case();
+  EXPECT_THAT(invited_to("").body, HasSubstr("room or-1 has begun case " + first + " meanwhile"));
+  EXPECT_EQ(invited_to(first).status, 201);
+  ASSERT_EQ(kiroku({"case", "stop", "--room", "or-1"}).status, 0);
+  EXPECT_THAT(invited_to(first).body, HasSubstr("room or-1 is not recording case " + first));
+  const std::string second = begin_case();
+  const HttpResponse refused = invited_to(first);
+  EXPECT_EQ(refused.status, 409);
+  EXPECT_THAT(refused.body, HasSubstr("room or-1 is recording case " + second + ", and not case " + first));
+  EXPECT_EQ(ask("POST", "/api/rooms/or-1/subject", surgeon_,
+                json{{"subject", {{"patient", {{"id", "A1"}}}}}, {"case", first}}.dump())
+                .status,
+            409)
+      << "nor is its patient said of the next one";
+}
+
 TEST_F(Guests, EndTheInvitationWhenTheyLeave) {
   const json made = invite();
   const std::string guest = join(made);
