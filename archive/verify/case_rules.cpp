@@ -31,7 +31,7 @@ constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
 // token that rooms share, or an authority that is slow, is there by then. What the ledger itself states of
 // its tokens does not count: whoever makes film up states that, too.
 constexpr std::int64_t kFirstStampLateNs = 120'000'000'000;
-// A disk that is slow for so long fills the recorder's buffers first.
+// As much as of the first token: nobody gains more by the one than by the other.
 constexpr std::int64_t kEnteredLateNs = kFirstStampLateNs;
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }

@@ -308,8 +308,8 @@ TEST_F(OutsideClocks, AnExcerptOfWhichNobodyOutsideStampedASegmentIsNotProvedInP
   SampleCase sample(archive_);
   stamp(sample, 0, 0s);
   for (std::uint64_t i = 0; i < 3; ++i) {
-    const std::int64_t begin_ns = archive_.now_ns;
-    archive_.now_ns += 2 * kSecond;
+    const auto begin_ns = static_cast<std::int64_t>(i) * 2 * kSecond;
+    archive_.now_ns = begin_ns + 2 * kSecond;
     sample.writer().append({sample.segment(0, i, {begin_ns, archive_.now_ns})}, archive_.now());
     sample.stamp();
   }

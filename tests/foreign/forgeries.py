@@ -989,7 +989,7 @@ def marks_that_are_entered_at_the_end(world):
     return world.write(world.end(case, 200_130 * MS), never=["first-stamped-late", "segments-entered-late"])
 
 
-def ahead(world, seconds):
+def ahead_behind_a_token(world, seconds):
     """Film of before `open`, entered behind the first token."""
     case = entered_at_once(world, seconds, first_token=False)
     case.steps[0].mono_ns, case.steps[0].fields["begins_ns"] = seconds * SECOND, 1
@@ -999,12 +999,12 @@ def ahead(world, seconds):
 
 @reaches("first-stamped-late")
 def recorded_long_ahead_behind_the_first_token(world):
-    return ahead(world, 200)
+    return ahead_behind_a_token(world, 200)
 
 
 @reaches()
 def recorded_ahead_behind_the_first_token(world):
-    given = ahead(world, 60)
+    given = ahead_behind_a_token(world, 60)
     given.never.append("first-stamped-late")
     return given
 
@@ -2737,7 +2737,7 @@ def excerpt_of_old_film_in_the_midst(world):
     return excerpt_of(world, case, 20 * SECOND, 60 * SECOND, 0, streams=("endoscope",))
 
 
-def slewed(world, gained=20):
+def slewed_from_before_the_tokens(world, gained):
     """Of its second minute both authorities' clocks have so many seconds less; that the case clock is slewed is stated before the first token."""
     case = world.begin(stamped=False)
     case.add("clock", 5 * MS, synchronised=True, offset_ns=0, error_ns=250_000, step_ns=0, rate_ppb=83_333_000)
@@ -2758,14 +2758,14 @@ def slewed(world, gained=20):
 @reaches("authority-clock-differs")
 def excerpt_that_does_not_show_a_slew(world):
     """The case is intact; what states the slew lies before the lines."""
-    given = excerpt_of(world, slewed(world, 9), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
+    given = excerpt_of(world, slewed_from_before_the_tokens(world, 9), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
     given.never = ["clock-contradicted"]
     return given
 
 
 @reaches("clock-contradicted")
 def excerpt_of_more_than_a_slew(world):
-    return excerpt_of(world, slewed(world, 20), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
+    return excerpt_of(world, slewed_from_before_the_tokens(world, 20), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
 
 
 @reaches("excerpt-malformed")

@@ -78,8 +78,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "前に始まりました。それ以前でないことは記録装置のみに依拠し"
      "ます。"},
     {"time.remark.entered-late",
-     "By the case clock some of it ended {0} before the time stamp behind which it is entered: that it is no "
-     "older rests on the recorder's word.",
+     "By the case clock some of it ended {0} before the time stamp in front of it: the recorder alone says "
+     "how "
+     "old it is.",
      "症例時計によれば、タイムスタンプの後に記入された記録の一部は、その {0} "
      "前に終わっています。より古くないことは記録装置のみに依拠します。"},
     {"time.remark.end-late",

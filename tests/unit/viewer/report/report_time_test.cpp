@@ -330,7 +330,7 @@ TEST_F(ReportDocument, EveryDocumentSaysWhatItsTimeIsNotWorth) {
       {"first-stamped-late", "By the case clock recording began 0:03:20 before the first time stamp:",
        "記録は最初のタイムスタンプの 0:03:20 前に始まりました",
        "That an outside clock confirms when recording began. By the case clock it began 0:03:20 before"},
-      {"segments-entered-late", "By the case clock some of it ended 0:03:20 before the time stamp behind",
+      {"segments-entered-late", "By the case clock some of it ended 0:03:20 before the time stamp in front",
        "タイムスタンプの後に記入された記録の一部は、その 0:03:20 前に終わっています",
        "That an outside clock confirms when all of it was recorded. By the case clock some of it ended "
        "0:03:20"},
