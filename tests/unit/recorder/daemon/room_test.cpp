@@ -332,7 +332,8 @@ TEST_F(RoomTest, BeginsNothingWhileItIsAboutToEndAndWhoAsksWaits) {
     });
     if (goes_on) {
       room.may_begin_again();
-      EXPECT_EQ(asked.get(), room.status().case_id);
+      const std::string begun = asked.get();
+      EXPECT_EQ(begun, room.status().case_id);
       EXPECT_FALSE(room.begin_no_more()) << "a case runs";
       room.stop("operator", true);
     } else {
