@@ -34,6 +34,7 @@ class ProcedureInbox {
   /// As those of ProcedureBook.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
+  [[nodiscard]] bool is_too_early(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] ProcedureWay way() const;
   /// The port it listens on; 0 while it does not.

@@ -35,6 +35,9 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] bool is_doubtful(UtcTime at) const override {
     return (inbox_ && inbox_->is_doubtful(rule_, at)) || (worklist_ && worklist_->is_doubtful(at));
   }
+  [[nodiscard]] bool is_too_early(UtcTime at) const override {
+    return (inbox_ && inbox_->is_too_early(rule_, at)) || (worklist_ && worklist_->is_too_early(at));
+  }
   void hurry() override {
     if (worklist_) worklist_->hurry();
   }

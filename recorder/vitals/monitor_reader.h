@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "media/vital_line.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/device_clock_estimate.h"
 #include "recorder/vitals/hl7_message.h"
 #include "recorder/vitals/hl7_observation.h"
@@ -36,7 +37,7 @@ namespace kiroku::recorder {
 class MonitorReader {
  public:
   /// `source` stands in the lines; times without zone count by `assumed_zone`.
-  MonitorReader(std::string source, std::chrono::minutes assumed_zone);
+  MonitorReader(std::string source, const AssumedZone& assumed_zone);
 
   /// Whether messages of this type (MSH-9, "ORU^R01") hold what is read here.
   static bool reads(const std::string& type);
@@ -62,7 +63,7 @@ class MonitorReader {
   media::VitalQuality quality_of(const Observation& observation);
 
   std::string source_;
-  std::chrono::minutes assumed_zone_;
+  AssumedZone assumed_zone_;
   std::int64_t arrival_ns_ = 0;
   std::optional<UtcTime> message_time_;
   std::vector<media::VitalLine> lines_;  // of the message being read
