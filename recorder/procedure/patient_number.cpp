@@ -14,6 +14,12 @@ std::string_view without_zeros(std::string_view number) {
   return number.substr(std::min(number.find_first_not_of('0'), number.size()));
 }
 
+/// Of one issuer and one type, of which a patient has one.
+bool is_of_one_kind(const PatientNumber& a, const PatientNumber& b) {
+  return !a.type.empty() && a.type == b.type && !a.issuer.empty() && same_but_for_case(a.issuer, b.issuer) &&
+         !a.is_of_account && !b.is_of_account;
+}
+
 }  // namespace
 
 bool is_type_of_account(const std::string& type) {
@@ -33,9 +39,20 @@ bool may_be_one(const PatientNumber& a, const PatientNumber& b) {
 }
 
 bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
-  return std::ranges::any_of(a, [&](const PatientNumber& one) {
-    return std::ranges::any_of(b, [&](const PatientNumber& other) { return may_be_one(one, other); });
-  });
+  const auto is_persons = [](const PatientNumber& each) { return !each.is_of_account; };
+  const bool by_persons = std::ranges::any_of(a, is_persons) && std::ranges::any_of(b, is_persons);
+  bool shared = false;
+  for (const PatientNumber& one : a) {
+    if (by_persons && one.is_of_account) continue;
+    bool is_there = false, is_another = false;
+    for (const PatientNumber& other : b) {
+      is_there = is_there || may_be_one(one, other);
+      is_another = is_another || is_of_one_kind(one, other);
+    }
+    if (!is_there && is_another) return false;
+    shared = shared || is_there;
+  }
+  return shared;
 }
 
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more) {

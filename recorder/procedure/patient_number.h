@@ -23,6 +23,9 @@ inline constexpr std::size_t kLongestNumber = 256;  // with all that is said of 
 bool is_type_of_account(const std::string& type);
 /// Whether they are the same number, and nothing says that two issuers gave it.
 bool may_be_one(const PatientNumber& a, const PatientNumber& b);
+/// Whether one of the numbers may be the same, and none says that they are two patients: two record numbers
+/// that one issuer gave do. Accounts count only where one of them has nothing else: mother and child may
+/// share one.
 bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
 /// Those of `more` that are not there.
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more);

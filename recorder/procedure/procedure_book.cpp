@@ -155,7 +155,8 @@ ProcedureBook::Arrival ProcedureBook::arrival_of(const ProcedureMessage& message
     if (is_later && (!next || each.number < next->number)) next = each;
   });
   if (!next) return arrival;
-  const auto earlier = *next->happened - *message.happened;
+  // Within what is kept at all: what a sender calls centuries is none of this clock's.
+  const auto earlier = std::min<UtcTime::duration>(*next->happened - *message.happened, 2 * kLongestWindow);
   arrival.number = next->number;
   arrival.at = {next->at.utc - earlier, next->at.since_boot - earlier};
   with_each_arrival([&](Arrival& each) { each.number += each.number >= arrival.number ? 1U : 0U; });
@@ -183,7 +184,15 @@ std::vector<std::string> ProcedureBook::known_as(const ProcedureMessage& message
     if (alike == Likeness::kSure) sure.push_back(patient);
     if (alike == Likeness::kPerhaps) perhaps.push_back(patient);
   }
-  return sure.empty() && perhaps.size() == 1 && !surely ? perhaps : sure;
+  if (sure.empty()) return perhaps.size() == 1 && !surely ? perhaps : sure;
+  // Somebody may be there by two forms of a number. Whoever is another patient is not meant.
+  const auto exact = placed_.find(message.patient);
+  const ProcedureMessage& first =
+      (exact == placed_.end() ? placed_.find(sure.front()) : exact)->second.message;
+  const auto others = std::erase_if(sure, [&](const std::string& each) {
+    return likeness(first, placed_.find(each)->second.message) != Likeness::kSure;
+  });
+  return others > 0 && exact == placed_.end() ? std::vector<std::string>() : sure;
 }
 
 void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {

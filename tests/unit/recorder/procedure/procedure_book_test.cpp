@@ -450,6 +450,30 @@ TEST(ProcedureBook, OfTwoWhoMayBeMeantNeitherLeavesByHalfANumber) {
   EXPECT_EQ(found(book, kMorning, {"OR2"}), "nobody") << "born as this one";
 }
 
+// Newborn, of one day and on their mother's account.
+TEST(ProcedureBook, TwinsAreTwo) {
+  ProcedureBook book;
+  const PatientNumber account{"V9", "H", "", "AN", true};
+  book.take(with_numbers(placed("", {"OR1"}), {{"1", "H", "", "MR"}, account}), kMorning);
+  book.take(with_numbers(placed("", {"OR1"}), {{"2", "H", "", "MR"}, account}), kMorning + 1min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 ");
+  book.take(with_numbers(leaving(""), {account}), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 ") << "nobody knows which of them";
+  book.take(with_numbers(leaving(""), {{"2", "H", "", "MR"}, account}), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
+  book.take(with_numbers(placed("", {"OR2"}), {{"3", "H", "", "MR"}, {"1", "", "", "SS"}}), kMorning + 3min);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
+  book.take(with_numbers(leaving(""), {account}), kMorning + 4min);
+  EXPECT_EQ(found(book, kMorning + 1h), "nobody") << "by an account alone";
+}
+
+TEST(ProcedureBook, TimesThatCannotBeAreTakenAll) {
+  ProcedureBook book;
+  book.take(told_by("HIS", *parse_utc("9999-12-31T23:59:59Z"), moved("1", "OR1")), kMorning);
+  book.take(told_by("HIS", *parse_utc("1850-01-01T00:00:00Z"), moved("2", "OR1")), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 ");
+}
+
 TEST(ProcedureBook, WhoeverWasMergedLeavesByEitherNumber) {
   ProcedureBook book;
   book.take(with_numbers(placed("", {"OR1"}), {{"0815", "H", "", "MR"}}), kMorning);
