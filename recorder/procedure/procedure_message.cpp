@@ -94,7 +94,7 @@ class Reader {
         out_.kind = Kind::kAppointment;
       }
     } else if (!out_.patient.empty()) {
-      const bool says_nothing_of_now = is_one_of(event, kPending) || is_one_of(event, kOfPersons);
+      const bool says_nothing_of_now = event.empty() || is_one_of(event, kPending) || is_one_of(event, kOfPersons);
       out_.kind = is_one_of(event, kLeaving)     ? Kind::kLeaves
                   : is_one_of(event, kDeparting) ? Kind::kDeparts
                   : says_nothing_of_now          ? Kind::kFacts
@@ -318,7 +318,8 @@ class Reader {
 }  // namespace
 
 bool is_of_procedures(const std::string& type) {
-  return type.starts_with("ADT^") || type.starts_with("SIU^");
+  // Some leave the event to EVN-1.
+  return type == "ADT" || type.starts_with("ADT^") || type.starts_with("SIU^");
 }
 
 bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b) {

@@ -112,6 +112,8 @@ TEST(ProcedureMessage, WhoDepartsNamesWhereTheyWere) {
   }
   EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT^^ADT_A03|1|P|2.5\rEVN|A03\rPID|1||7\r").kind, Kind::kLeaves)
       << "the event stands in EVN-1 alone";
+  EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT|1|P|2.5\rPID|1||7\rPV1|1|I|OR1\r").kind, Kind::kFacts);
+  EXPECT_TRUE(is_of_procedures("ADT"));
 }
 
 TEST(ProcedureMessage, SaysWhoToldItAndWhenByTheirClock) {
