@@ -477,6 +477,7 @@ Shipper::Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, co
 
 /// A log of years is not read every five seconds.
 const archive::Holds& Shipper::holds_in(const fs::path& log) {
+  if (terms_.require_log) terms_.require_log();
   const std::string state = state_of(log).text;
   if (holds_read_of_ != state) {
     holds_ = archive::read_holds(log, terms_.device);

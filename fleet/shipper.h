@@ -38,6 +38,9 @@ struct ShippingTerms {
   crypto::VerifierKey device;
   /// A published log (C2SP tlog-tiles), which goes below "published/"; empty: none does.
   std::filesystem::path published = {};
+  /// Throws kiroku::Error where the log in the archive is not the appliance's: its holds are not set or
+  /// lifted then. May be null.
+  std::function<void()> require_log = {};
 };
 
 /// What one pass did, and what it left.

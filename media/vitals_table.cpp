@@ -33,7 +33,9 @@ void append_seconds(std::string& text, std::int64_t time_ns) {
 }  // namespace
 
 VitalsTable::VitalsTable(crypto::ByteSink sink, std::int64_t zero_ns)
-    : sink_(std::move(sink)), zero_ns_(zero_ns), text_("time,code,value,unit,quality,source,since_start\n") {}
+    : sink_(std::move(sink)),
+      zero_ns_(zero_ns),
+      text_("time,code,value,unit,quality,source,since_start,device_time\n") {}
 
 void VitalsTable::add(const VitalSample& sample) {
   if (sample.time_ns < last_ns_) {
@@ -62,10 +64,11 @@ void VitalsTable::add(const VitalSample& sample) {
       }
       held_.push({waveform_time_ns(sample, i), sequence_++,
                   std::isnan(value) ? std::nullopt : std::optional(value),
+                  i + 1 == sample.values.size() ? sample.device_time : std::nullopt,
                   std::isnan(value) ? missing : shared, code_bytes});
     }
   } else {
-    held_.push({sample.time_ns, sequence_++, sample.value, shared, code_bytes});
+    held_.push({sample.time_ns, sequence_++, sample.value, sample.device_time, shared, code_bytes});
   }
   // Whatever comes later begins no earlier than this.
   write_until(sample.time_ns - kLongestWaveformNs);
@@ -96,6 +99,8 @@ void VitalsTable::write(const Row& row) {
   text_ += rest.substr(row.code_bytes);
   text_ += ',';
   append_seconds(text_, row.time_ns - zero_ns_);
+  text_ += ',';
+  if (row.device_time) text_ += format_utc(*row.device_time);
   text_ += '\n';
   if (text_.size() >= kPieceBytes) {
     flush();

@@ -59,6 +59,7 @@ struct LaneStatus {
   std::string profile = {};          // of pictures: in which form the next one is archived
   std::string profile_to_come = {};  // asked for, and not begun yet; "": none
   double raw_bytes_per_second = 0;   // of pictures as they come, uncompressed; 0 before the first
+  std::uint64_t elsewhere = 0;       // messages of other places, which are not recorded
 };
 
 class Lane {

@@ -80,7 +80,7 @@ struct Session::State {
                                 kept(l.dropped, gone[i].dropped), kept(l.segments, gone[i].segments),
                                 kept(l.bytes, gone[i].bytes), l.last_ns, l.durable_ns, l.refused, l.stuck,
                                 l.given_up, l.input, i < video_lanes, l.unboxed, l.profile, l.profile_to_come,
-                                l.raw_bytes_per_second});
+                                l.raw_bytes_per_second, l.elsewhere});
     }
     status.begun = begun;
     status.begins_ns = begins_ns;

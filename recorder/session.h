@@ -127,6 +127,7 @@ struct StreamStatus {
   std::string profile;          // of pictures: in which form they are archived now
   std::string profile_to_come;  // was asked for, and begins with the next picture; "": none
   double raw_bytes_per_second = 0;  // of its pictures as they come, uncompressed; 0 before the first
+  std::uint64_t elsewhere = 0;      // messages of other places, which are not recorded
 };
 struct SessionStatus {
   std::int64_t now_ns = 0;

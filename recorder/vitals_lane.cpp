@@ -1,6 +1,8 @@
 #include "recorder/vitals_lane.h"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 
 #include "base/error.h"
 #include "recorder/segmenter.h"
@@ -11,6 +13,11 @@ namespace {
 
 /// After so long without a line a monitor is taken to be silent.
 constexpr std::int64_t kSilenceNs = 10'000'000'000;
+
+/// Notices that a person should hear of while the case runs.
+constexpr std::array<std::string_view, 7> kTold{"connection-refused", "sender-refused", "training-message",
+                                                "several-messages",   "several-beds",   "several-patients",
+                                                "place-not-stated"};
 
 }  // namespace
 
@@ -52,7 +59,11 @@ LaneStatus VitalsLane::status() const {
           0,
           0,
           "",
-          false};
+          false,
+          {},
+          {},
+          0,
+          source_->elsewhere()};
 }
 
 std::optional<VitalLine> VitalsLane::next_line() {
@@ -92,7 +103,7 @@ bool VitalsLane::take_next() {
     }
     return false;
   }
-  if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell_refusal(*notice);
+  if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell(*notice);
   live_ = true;
   pass_over_sleep(time_ns);
   segmenter_.add(*line);
@@ -116,8 +127,8 @@ void VitalsLane::pass_over_sleep(std::int64_t until_ns) {
       archive::CaseEntryBody(archive::GapEntry{name(), {end_ns, until_ns}, archive::GapCause::kSuspended}));
 }
 
-void VitalsLane::tell_refusal(const media::VitalNotice& notice) {
-  if (notice.notice != "connection-refused" && notice.notice != "sender-refused") return;
+void VitalsLane::tell(const media::VitalNotice& notice) {
+  if (std::ranges::find(kTold, notice.notice) == kTold.end()) return;
   // Before the address stands what the sender wrote.
   const std::size_t at = notice.source.rfind('@');
   context_.problems.report("'" + name() + "': " + notice.text +

@@ -39,8 +39,9 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   void advance_to(std::int64_t until_ns);
   /// Where the machine slept since what came last, states a gap until `until_ns`, likewise.
   void pass_over_sleep(std::int64_t until_ns);
-  /// Of a sender who may not send: a person should hear of it.
-  void tell_refusal(const media::VitalNotice& notice);
+  /// A person should hear of it: who may not send, messages that are not taken, beds and patients that are
+  /// mixed.
+  void tell(const media::VitalNotice& notice);
   std::optional<VitalLine> next_line();
   /// Waits until the case clock shows `time_ns`, ending segments meanwhile.
   void wait_for(std::int64_t time_ns);

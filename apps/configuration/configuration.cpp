@@ -60,6 +60,8 @@ void read_recipients(const toml::table& table, const std::string& file, Configur
       reader.refuse(key.source(), "[recipients] names the stream '" + stream +
                                       "', which nothing here records; known are " + joined(known));
     }
+    if (const std::string why = mistyped_recipients(into, stream); !why.empty())
+      reader.refuse(key.source(), why);
     reader.text(stream, [&](const std::string& text) { into.recipients[stream] = text; });
   }
 }

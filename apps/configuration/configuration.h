@@ -52,6 +52,13 @@ Configuration parse_configuration(std::string_view toml, const std::string& name
 /// "events", the operator's marks and the patient; "pointing".
 std::vector<std::string> names_with_recipients(const Configuration& configuration);
 inline constexpr const char* kEventsRecipients = "events";
+/// Why `name` of [recipients] is mistyped, although `kiroku record` could record such a stream: rooms record
+/// one whose name begins so, or with which it begins. "" where it is not.
+std::string mistyped_recipients(const Configuration& configuration, const std::string& name);
+/// A sentence for each name of [recipients] that is `kiroku record`'s alone, in a home with rooms.
+std::vector<std::string> idle_recipients(const Configuration& configuration);
+/// What a person should know of a configuration that is taken: idle_recipients(), shared_by_rooms().
+std::vector<std::string> doubts_of(const Configuration& configuration);
 /// A sentence for each [[retention]] of which nothing that is recorded now will ever be due: mistyped, or for
 /// cases of before.
 std::vector<std::string> idle_retention(const Configuration& configuration);

@@ -7,6 +7,7 @@
 
 #include "apps/common/format.h"
 #include "apps/configuration/configuration.h"
+#include "apps/configuration/room_overlap.h"
 #include "apps/configuration/table_reader.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
@@ -345,6 +346,7 @@ void read_rooms(TableReader& top, Configuration& into) {
     const bool twice = std::any_of(into.rooms.begin(), into.rooms.end(),
                                    [&](const auto& other) { return other.name == room.name; });
     if (twice) top.refuse(entry.source(), "there are two rooms named '" + room.name + "'");
+    if (const std::string why = overlap_of(room, into.rooms); !why.empty()) top.refuse(entry.source(), why);
     into.rooms.push_back(std::move(room));
   });
 }
@@ -398,6 +400,42 @@ std::vector<std::string> names_with_recipients(const Configuration& configuratio
   names.emplace_back(kEventsRecipients);
   names.emplace_back(archive::kPointingStream);
   return names;
+}
+
+std::string mistyped_recipients(const Configuration& configuration, const std::string& name) {
+  const bool always_there = name == kEventsRecipients || name == archive::kPointingStream;
+  if (configuration.rooms.empty() || always_there) return {};
+  const std::vector<std::string> recorded = streams_of_rooms(configuration, false);
+  if (std::ranges::find(recorded, name) != recorded.end()) return {};
+  for (const RoomConfiguration& room : configuration.rooms) {
+    for (const StreamConfiguration& stream : room.streams) {
+      if (!stream.name.starts_with(name) && !name.starts_with(stream.name)) continue;
+      return "[recipients] names the stream '" + name + "', which no [[room]] records, and room '" +
+             room.name + "' records '" + stream.name +
+             "', which everybody in recipients.txt could open: write the name of what is recorded";
+    }
+  }
+  return {};
+}
+
+std::vector<std::string> idle_recipients(const Configuration& configuration) {
+  std::vector<std::string> idle;
+  if (configuration.rooms.empty()) return idle;
+  const std::vector<std::string> recorded = streams_of_rooms(configuration, false);
+  for (const auto& [name, file] : configuration.recipients) {
+    if (std::ranges::find(kOfRecord, name) == kOfRecord.end()) continue;
+    if (std::ranges::find(recorded, name) != recorded.end()) continue;
+    idle.push_back("[recipients] names the stream '" + name +
+                   "', which no [[room]] records: it holds for `kiroku record` alone. The rooms record " +
+                   joined(recorded) + ", and what is not named is sealed for recipients.txt");
+  }
+  return idle;
+}
+
+std::vector<std::string> doubts_of(const Configuration& configuration) {
+  std::vector<std::string> doubts = idle_recipients(configuration);
+  for (std::string& sentence : shared_by_rooms(configuration.rooms)) doubts.push_back(std::move(sentence));
+  return doubts;
 }
 
 std::vector<std::string> idle_retention(const Configuration& configuration) {

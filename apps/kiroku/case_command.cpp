@@ -20,7 +20,7 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 struct Request {
-  std::optional<std::string> home, room, subject, plan, camera, why;
+  std::optional<std::string> home, room, meant, subject, plan, camera, why;
   std::string text;
   bool no_wait = false, json = false;
 };
@@ -28,6 +28,7 @@ struct Request {
 int ask(const Request& request, json question, const std::string& done) {
   const Home home = Home::open(request.home);
   if (request.room) question["room"] = *request.room;
+  if (request.meant) question["case"] = *request.meant;
   const json answer = recorder::ask_recorder(home.control_socket(home.configuration()), question);
   if (request.json) {
     print_json(answer);
@@ -62,6 +63,11 @@ int start(const Request& request) {
   return ask(request, question, "recording");
 }
 
+void add_meant(Command& command, const std::shared_ptr<Request>& request) {
+  command.option("--case", "CASE", request->meant, "the case that is meant; refused where it does not run",
+                 "whichever runs");
+}
+
 void add_room(Command& command, const std::shared_ptr<Request>& request) {
   command.option("--room", "NAME", request->room, "which operating room", "the only one");
   add_home_option(command, request->home);
@@ -94,6 +100,7 @@ void add_case_command(Command& program) {
     Command& one = command.add_command("stop", "ends the case that runs");
     const auto request = std::make_shared<Request>();
     one.flag("--no-wait", request->no_wait, "returns before the case is closed and time-stamped");
+    add_meant(one, request);
     add_room(one, request);
     one.example("kiroku case stop --room or-1", "ends it, and waits until it is closed");
     one.explain(
@@ -110,6 +117,7 @@ void add_case_command(Command& program) {
     Command& one = command.add_command("mark", "marks a moment of the case that runs");
     const auto request = std::make_shared<Request>();
     one.argument("TEXT", request->text, "what happens now; sealed, only recipients can read it");
+    add_meant(one, request);
     add_room(one, request);
     one.example("kiroku case mark --room or-1 'clip placed'", "marks this moment");
     one.on_run([request] { return ask(*request, {{"do", "mark"}, {"text", request->text}}, "marked in"); });
@@ -120,6 +128,7 @@ void add_case_command(Command& program) {
     one.choice_argument("PROFILE", {"mpeg2", "uncompressed", "lossless"}, request->text, "in which form");
     one.option("--camera", "STREAM", request->camera, "which stream of pictures", "all of them");
     one.option("--why", "TEXT", request->why, "sealed with the case, only recipients can read it");
+    add_meant(one, request);
     add_room(one, request);
     one.explain(
         "From the next picture on. A segment ends there and another one begins; no picture is lost or stands "

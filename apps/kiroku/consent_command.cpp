@@ -17,6 +17,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/standing_holds.h"
@@ -142,8 +143,7 @@ struct Stating {
         recipients(load_recipients(home.recipients_file())),
         words(read_words(request)),
         key(home.signing_key()),
-        log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                        home.device().name())),
+        log(open_log(home, key)),
         turn(home.archive()),
         consents(standing_consents(home)) {
     if (log->case_state(name) == archive::ApplianceLog::CaseState::kUnknown) {

@@ -196,6 +196,7 @@ class Listing {
                          {"messages", one.messages},
                          {"types", one.types},
                          {"quantities", one.quantities},
+                         {"places", one.places},
                          {"problem", one.problem},
                          {"source", source_for(one, heard_->listened_at)}});
       }
@@ -395,7 +396,11 @@ class Listing {
       if (one.messages > 0) {
         print_line("sent", std::to_string(one.messages) + " messages, " + joined(one.types));
         if (!one.quantities.empty()) print_line("of", joined(one.quantities));
+        if (!one.places.empty()) print_line("places", joined(one.places));
         print_source(source_for(one, heard_->listened_at));
+        if (one.places.size() > 1) {
+          print_line("what to do", "add &locations= with the places of this room, or every bed is recorded");
+        }
       }
       if (!one.problem.empty()) print_line(paint(Colour::kYellow, "problem"), one.problem);
     }

@@ -17,10 +17,12 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/common/terminal.h"
+#include "apps/configuration/room_overlap.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/group_advice.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
@@ -272,8 +274,12 @@ Check check_hardware(const Home& home) {
 }
 
 Check check_recipients(const Home& home, const Configuration& configuration) {
-  RecipientChoice recipients(home, configuration, {});
-  for (const auto& [stream, file] : configuration.recipients) static_cast<void>(recipients.of(stream));
+  const RecipientChoice recipients(home, configuration, {});
+  recipients.require_all_files();
+  if (const std::vector<std::string> idle = idle_recipients(configuration); !idle.empty()) {
+    return {Health::kWarning, "recipients", joined(idle, "; "),
+            "write the name of what is recorded; or take the line away, if `kiroku record` is not used here"};
+  }
   std::error_code ignored;
   if (fs::exists(home.identity_file(), ignored)) {
     return {Health::kWarning, "recipients",
@@ -294,6 +300,13 @@ Check check_retention(const Configuration& configuration) {
   return {Health::kGood, "retention",
           std::to_string(configuration.retention.rules.size()) + " rule(s), each for what is recorded here",
           ""};
+}
+
+Check check_rooms(const Configuration& configuration) {
+  const std::vector<std::string> shared = shared_by_rooms(configuration.rooms);
+  if (shared.empty()) return {Health::kGood, "rooms", "no room has what is another's", ""};
+  return {Health::kWarning, "rooms", joined(shared, "; "),
+          "look at [[room]] in kiroku.toml, and leave it if that is meant"};
 }
 
 Check check_decoders() {
@@ -348,6 +361,15 @@ Check check_disk(const Home& home) {
             "too slow for anything but MPEG-2; look at its cable, its file system, its age"};
   }
   return {Health::kGood, "disk", finding, ""};
+}
+
+/// Another disk in the place of the archive's, or none, has another log.
+Check check_log(const Home& home) {
+  const std::string why = why_another_log(home);
+  if (why.empty())
+    return {Health::kGood, "appliance log", "it goes on from the newest checkpoint that the home keeps", ""};
+  return {Health::kBad, "appliance log", why,
+          "mount the archive's disk, or put the log back, and start kirokud"};
 }
 
 Check check_locked_memory() {
@@ -427,7 +449,12 @@ Check check_source(const RoomConfiguration& room, const StreamConfiguration& str
   const recorder::CaseClock clock;
   if (!stream.is_video) {
     static_cast<void>(recorder::open_vital_source(address, clock));
-    return {Health::kGood, subject, "'" + address.stated + "' can be opened", ""};
+    const bool of_all_beds =
+        address.kind == recorder::SourceKind::kMonitors && !address.options.contains("locations");
+    return {Health::kGood, subject,
+            "'" + address.stated + "' can be opened" +
+                (of_all_beds ? "; what comes there of any bed is recorded, as no locations= is named" : ""),
+            ""};
   }
   recorder::OpeningTerms terms;
   terms.patience = kSourcePatience;
@@ -505,6 +532,7 @@ recorder::DiskHours disk_hours(const Home& home, const Configuration& configurat
   recorder::DiskHours left;
   if (status) {
     const nlohmann::json& disk = status->at("disk");
+    if (!disk.is_object()) throw Error("kirokud cannot look at the archive");
     if (disk.at("hours_left").is_number()) left.hours = disk.at("hours_left").get<double>();
     left.assumes = disk.value("hours_assume", "");
     return left;
@@ -568,7 +596,9 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   out.examine("recipients", "without recipients nothing can be recorded: kiroku init --help",
               [&] { return check_recipients(home, configuration); });
   if (!configuration.retention.rules.empty()) out.add(check_retention(configuration));
+  if (configuration.rooms.size() > 1) out.add(check_rooms(configuration));
   out.examine("disk", "look at the disk of the archive", [&] { return check_disk(home); });
+  out.examine("appliance log", "look at the disk of the archive", [&] { return check_log(home); });
   out.add(check_locked_memory());
   out.add(check_clock());
   out.add(check_decoders());

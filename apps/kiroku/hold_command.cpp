@@ -10,6 +10,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/storage/file_system.h"
@@ -51,11 +52,6 @@ void require_reason(const std::string& reason) {
   require_printable(reason, "--reason");
 }
 
-std::unique_ptr<archive::ApplianceLog> log_of(const Home& home, const crypto::SigningKey& key) {
-  return archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                     home.device().name());
-}
-
 /// What is still to be done about the store, a sentence; nothing where the home has none.
 std::string about_the_store(const Home& home, bool on) {
   if (!home.configuration().store) return "";
@@ -69,7 +65,7 @@ int hold(const Request& request) {
   const std::string name = case_of(home, request);
   require_reason(request.reason);
   const crypto::SigningKey key = home.signing_key();
-  const auto log = log_of(home, key);
+  const auto log = open_log(home, key);
   const archive::ErasingTurn turn(home.archive());
   const std::uint64_t entry = log->case_held(name, request.reason, user_name());
   if (request.json) {
@@ -106,7 +102,7 @@ int release(const Request& request) {
   const std::string name = case_of(home, request);
   require_reason(request.reason);
   const crypto::SigningKey key = home.signing_key();
-  const auto log = log_of(home, key);
+  const auto log = open_log(home, key);
   const archive::ErasingTurn turn(home.archive());
   archive::Holds holds = standing_holds(home);
   const std::uint64_t entry = which_hold(request, name, holds);

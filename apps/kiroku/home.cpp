@@ -6,6 +6,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/common/terminal.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/verify/verify_command.h"
 #include "archive/format/case_layout.h"
@@ -242,12 +243,18 @@ fs::path find_case(const std::optional<Home>& home, const std::string& named) {
   return home->archive() / found.front();
 }
 
+std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
+  auto log =
+      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
+  if (const std::string damage = log->damage(); !damage.empty()) print_error("kiroku", "warning: " + damage);
+  return log;
+}
+
 void log_access(const std::optional<Home>& home, const fs::path& case_folder, const std::string& what) {
   if (!home || !home->holds(case_folder)) return;
   try {
     const crypto::SigningKey key = home->signing_key();
-    const auto log = archive::ApplianceLog::open(archive::real_file_system(), home->log_folder(), key,
-                                                 home->device().name());
+    const auto log = open_log(*home, key);
     log->access(fs::canonical(case_folder).filename().string(), what, user_name());
   } catch (const Error& error) {
     print_error("kiroku",

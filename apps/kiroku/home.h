@@ -16,6 +16,7 @@
 //   shipping-*.sqlite  what is in a store      store-credentials  the store's keys, mode 0600
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
+//   newest-log.note  the appliance log's newest checkpoint, beside the archive's disk (kept_log.h)
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
 // Immutable; thread-safe.
@@ -34,6 +35,10 @@
 #include "crypto/signing_key.h"
 #include "recorder/device_key/hardware_description.h"
 #include "timestamp/token_verifier.h"
+
+namespace kiroku::archive {
+class ApplianceLog;
+}
 
 namespace kiroku::apps {
 
@@ -74,6 +79,8 @@ class Home {
   [[nodiscard]] std::filesystem::path newest_witnessed_note() const {
     return folder_ / "witnessed" / "log.note";
   }
+  /// The newest checkpoint that was signed of the log.
+  [[nodiscard]] std::filesystem::path newest_log_note() const { return folder_ / "newest-log.note"; }
   [[nodiscard]] std::filesystem::path comparisons_folder() const { return folder_ / "comparisons"; }
   [[nodiscard]] std::filesystem::path plans_folder() const { return folder_ / "plans"; }
   [[nodiscard]] std::filesystem::path catalogue_file() const { return folder_ / "catalogue.sqlite"; }
@@ -126,6 +133,10 @@ crypto::AgeRecipients load_recipients(const std::filesystem::path& file);
 /// The case a person named: a folder, or the identifier (or its beginning, if only one has it) of a case in
 /// the home's archive. Throws kiroku::UsageError.
 std::filesystem::path find_case(const std::optional<Home>& home, const std::string& named);
+
+/// The appliance log, for whoever enters something into it by a command: a warning on standard error says
+/// where it was changed.
+std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key);
 
 /// Writes an `access` entry into the appliance log where the case is this home's. What was asked for goes on
 /// even if that fails: then a warning on standard error says so.

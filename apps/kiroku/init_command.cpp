@@ -15,6 +15,7 @@
 #include "apps/kiroku/approval_key_file.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/storage/file_system.h"
@@ -314,7 +315,7 @@ Filled fill(const Home& home, const Request& request, const std::optional<Wanted
   write_new_file(home.own_authority_file(), bytes_of(authority.root_pem()), 0644, undo);
   write_new_file(home.trust_file(), bytes_of(kTrustText), 0644, undo);
   make_folder(home.archive());
-  const auto log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, name);
+  const auto log = open_log(home, key);
   log->config_changed(crypto::sha256(bytes_of(default_configuration_text())));
   log->checkpoint();
   archive::Catalogue::open(home.catalogue_file());
@@ -516,7 +517,7 @@ int add_keys(const Request& request) {
   }
   const crypto::SigningKey key = home.signing_key(passphrase);
   const crypto::VerifierKey all = crypto::verifier_key_of(name, key);
-  const auto log = archive::ApplianceLog::open(files, home.log_folder(), key, name);
+  const auto log = open_log(home, key);
   const archive::ApplianceLog::StatedKeys stated = log->state_keys();
   const bool is_new = lacks_a_key(known, all);
   if (is_new) {

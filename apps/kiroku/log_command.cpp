@@ -13,6 +13,7 @@
 #include "apps/common/progress.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/log_compare_command.h"
 #include "apps/kiroku/log_lines.h"
 #include "apps/kiroku/log_prove_command.h"
@@ -105,6 +106,8 @@ int verify(const Home& home, const Request& request) {
   options.devices = {home.device()};
   options.trust = &trust;
   for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
+  // What the home keeps tells of a log that is another one, as when the archive's disk is not mounted.
+  if (auto newest = home_newest_note(home)) options.against.push_back(std::move(*newest));
   std::optional<archive::OutsideNote> witnessed = home_witnessed_note(home);
   std::optional<evidence::Policy> algorithms;
   if (request.policy) {
@@ -172,7 +175,8 @@ void add_log_command(Command& program) {
       "not be compared: exit status 3.");
   command.explain(
       "The checkpoint that 'kiroku witness ask' left in the home is compared with the log, too, as if it was "
-      "given with --against.");
+      "given with --against. So is the newest checkpoint, which whoever writes the log keeps in the home, "
+      "outside of the archive.");
   command.example("kiroku log --verify", "tells whether the log is whole");
   command.example("kiroku log --verify --against kept.note",
                   "tells also whether it goes on from a note that was kept elsewhere");

@@ -216,7 +216,9 @@ std::vector<std::string> explanations(const HistoryComparison& comparison,
   if (comparison.two_histories()) {
     sentences.push_back("The key: " + comparison.first->device);
     sentences.emplace_back(
-        "Nobody else than the holder of this key can have made both. No power cut does this.");
+        "Either the holder of this key made both, or lines of one were changed on the disk and its recorder "
+        "signed on: "
+        "then it says so itself (damage-found). No power cut does this.");
     if (asked_for.empty()) {
       sentences.emplace_back(
           "Anybody can make a key of any name: whether it is the device's, --device with its own tells.");

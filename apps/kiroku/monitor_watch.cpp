@@ -10,6 +10,8 @@
 #include "base/error.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_message.h"
+#include "recorder/vitals/hl7_patient_part.h"
+#include "recorder/vitals/hl7_refusal.h"
 #include "recorder/vitals/mllp_address.h"
 
 namespace kiroku::apps {
@@ -40,8 +42,12 @@ class Heard {
       monitor->problem = parse.problem;
       return;
     }
+    if (const auto refusal = recorder::refusal_of(*parse.message)) monitor->problem = refusal->why;
     ++monitor->messages;
     add_name(monitor->types, parse.message->type());
+    for (const recorder::PatientPart& part : recorder::patient_parts(*parse.message)) {
+      add_name(monitor->places, part.place);
+    }
     for (const recorder::Hl7Segment& segment : parse.message->segments()) {
       if (segment.name() != "OBX") continue;
       const std::string words = segment.field(3).component(2).text();

@@ -18,7 +18,8 @@ struct HeardMonitor {
   std::uint64_t messages = 0;        // that could be read
   std::set<std::string> types;       // "ORU^R01"
   std::set<std::string> quantities;  // the names in OBX-3, no values: "HR"
-  std::string problem;               // of the latest thing that could not be read; "" where there was none
+  std::set<std::string> places;      // PV1-3: "SURG^OR1"
+  std::string problem;               // why the latest that is not taken is not; "" where there was none
 };
 struct HeardMonitors {
   std::vector<HeardMonitor> monitors;  // in the order of their first message
@@ -32,7 +33,8 @@ HeardMonitors listen_for_monitors(const std::string& address, std::chrono::nanos
                                   const std::function<void(const std::string& sentence)>& tell,
                                   const std::function<bool()>& enough);
 
-/// What to put into kiroku.toml: "mllp://0.0.0.0:2575?allow=192.168.7.20&sender=MON/OR1".
+/// What to put into kiroku.toml: "mllp://0.0.0.0:2575?allow=192.168.7.20&sender=MON/OR1". Of a sender of
+/// several places it lacks `locations`, which only a person can choose.
 std::string source_for(const HeardMonitor& monitor, const std::string& listened_at);
 
 }  // namespace kiroku::apps

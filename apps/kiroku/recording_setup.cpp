@@ -4,7 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/common/command_line.h"
 #include "apps/common/file.h"
+#include "apps/kiroku/kept_log.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/storage/file_system.h"
 #include "base/error.h"
@@ -17,8 +19,15 @@ WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
       trust(home.trust(without)),
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
-      log(archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                      home.device().name())) {}
+      another_log(why_another_log(home)),
+      log(open_log(home, key)) {
+  if (another_log.empty()) return;
+  if (without) {
+    without(another_log);
+  } else {
+    print_error("kiroku", "warning: " + another_log);
+  }
+}
 
 RecipientChoice::RecipientChoice(const Home& home, const Configuration& configuration,
                                  const std::vector<std::string>& asked)
@@ -38,6 +47,10 @@ crypto::AgeRecipients RecipientChoice::of(const std::string& stream) {
   used_.push_back(stream);
   const auto found = by_stream_.find(stream);
   return found == by_stream_.end() ? default_ : load_recipients(found->second);
+}
+
+void RecipientChoice::require_all_files() const {
+  for (const auto& [stream, file] : by_stream_) static_cast<void>(load_recipients(file));
 }
 
 void RecipientChoice::require_all_used(const std::vector<std::string>& asked) const {
@@ -65,6 +78,8 @@ void log_configuration(const std::filesystem::path& file, const Home& home, arch
          "nothing is erased or held. End the recorder and put that line back from a copy of the log (store, "
          "replica, backup), or install the newer version again; 'kiroku log --verify' tells more");
     last.clear();
+  } else if (const std::string changed = log.damage(); !changed.empty()) {
+    tell(changed + ". Cases are recorded, and entered behind it");
   }
   if (last != crypto::to_hex(digest)) log.config_changed(digest);
 }

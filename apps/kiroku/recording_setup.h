@@ -20,13 +20,15 @@ namespace kiroku::apps {
 /// `home` must outlive it. What its members refer to stays; each is as thread-safe as its own header says.
 struct WritableHome {
   /// Asks for the key's passphrase if it has one. Throws kiroku::Error where the key, the trusted roots or
-  /// the appliance log cannot be used; of the queue, a warning says so. `without` as of Home::trust().
+  /// the appliance log cannot be used; of the queue, and of a log that is another one than the home knows, a
+  /// warning says so. `without` as of Home::trust(); it hears of such a log, too.
   explicit WritableHome(const Home& its_home, const TellWithout& without = {});
 
   const Home& home;
   timestamp::TrustStore trust;
   std::unique_ptr<recorder::StampingQueue> queue;  // null: it cannot be used
   crypto::SigningKey key;
+  std::string another_log;  // as why_another_log() says, when it was opened; nothing may be erased then
   std::unique_ptr<archive::ApplianceLog> log;
 };
 
@@ -40,6 +42,8 @@ class RecipientChoice {
   [[nodiscard]] const crypto::AgeRecipients& usual() const { return default_; }
   /// Also of kEventsRecipients and "pointing".
   [[nodiscard]] crypto::AgeRecipients of(const std::string& stream);
+  /// Throws kiroku::Error for a file that is named and cannot be read, whether or not its stream is recorded.
+  void require_all_files() const;
   /// What was asked for on the command line must be about a stream that of() was called for.
   void require_all_used(const std::vector<std::string>& asked) const;
 

@@ -55,6 +55,7 @@ std::vector<CaseRecovery> recover_home(const WritableHome& writable,
   options.device_name = home.device().name();
   options.boot_id = archive::kernel_boot_id();
   options.log = writable.log.get();
+  options.may_erase = writable.another_log.empty();
   options.carry_on = wishes.carry_on;
   options.trust = &writable.trust;
   options.stamp = wishes.stamp_later && writable.queue

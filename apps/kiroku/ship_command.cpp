@@ -13,6 +13,7 @@
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/log_publishing.h"
 #include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
@@ -140,7 +141,8 @@ int run(const Request& request) {
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
   const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
-                                   of.publish_log ? home.published_log() : ""};
+                                   of.publish_log ? home.published_log() : "",
+                                   [&home] { require_same_log(home); }};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   fleet::ShippingList list(shipping_list_file(home, of));

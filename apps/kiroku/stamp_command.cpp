@@ -11,6 +11,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
@@ -126,8 +127,7 @@ int run(const Request& request) {
   const timestamp::TrustStore trust = home.trust();
   const crypto::SigningKey key = home.signing_key();
   const std::string device_name = home.device().name();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, device_name);
+  const auto log = open_log(home, key);
   LateStamping stamping(authorities.named(), {.archive = home.archive(),
                                               .key = &key,
                                               .device_name = device_name,

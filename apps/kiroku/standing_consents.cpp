@@ -1,6 +1,7 @@
 #include "apps/kiroku/standing_consents.h"
 
 #include "apps/common/file.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/witnessed_note.h"
 #include "archive/format/case_folder.h"
@@ -33,6 +34,7 @@ ConsentConfiguration consent_configuration(const Home& home) {
 }
 
 archive::Consents standing_consents(const Home& home) {
+  require_same_log(home);
   return archive::read_consents(home.log_folder(), home.device(), home_witnessed_checkpoint(home));
 }
 
@@ -50,8 +52,7 @@ void enter_use(const Home& home, const std::filesystem::path& case_folder, const
   }
   const std::string case_id = std::filesystem::canonical(case_folder).filename().string();
   const crypto::SigningKey key = home.signing_key();
-  const auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
+  const auto log = open_log(home, key);
   const archive::ErasingTurn turn(home.archive());
   const std::string why_not = archive::why_not_consented(standing_consents(home), case_id, purpose);
   if (!why_not.empty()) throw UsageError(why_not + ": nothing was handed out");

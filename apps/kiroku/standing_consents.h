@@ -14,8 +14,8 @@ namespace kiroku::apps {
 /// [consent] of the home's kiroku.toml; the defaults where the home has no such file.
 ConsentConfiguration consent_configuration(const Home& home);
 
-/// As the home's log states them, which must go on from the checkpoint that witnesses cosigned, where the
-/// home keeps one. Throws kiroku::Error where nobody can tell.
+/// As the home's log states them, which must go on from the newest checkpoint that the home keeps, and from
+/// the one that witnesses cosigned, where there is one. Throws kiroku::Error where nobody can tell.
 archive::Consents standing_consents(const Home& home);
 
 /// Before a case is used for a purpose: enters that in the appliance log while a consent to it stands. No

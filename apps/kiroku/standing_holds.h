@@ -6,8 +6,8 @@
 
 namespace kiroku::apps {
 
-/// As the home's log states them, which must go on from the checkpoint that witnesses cosigned, where the
-/// home keeps one. Throws kiroku::Error where nobody can tell.
+/// As the home's log states them, which must go on from the newest checkpoint that the home keeps, and from
+/// the one that witnesses cosigned, where there is one. Throws kiroku::Error where nobody can tell.
 archive::Holds standing_holds(const Home& home);
 
 }  // namespace kiroku::apps

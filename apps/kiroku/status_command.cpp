@@ -123,6 +123,12 @@ void print_room(const json& room, std::string& out) {
       }
     }
     for (const json& stream : room["streams"]) {
+      if (const auto elsewhere = stream.value("elsewhere", std::uint64_t{0}); elsewhere > 0) {
+        out += "  " + printable(stream.value("name", "")) + ": " + std::to_string(elsewhere) +
+               " messages of other places not recorded\n";
+      }
+    }
+    for (const json& stream : room["streams"]) {
       if (!stream.value("unboxed", false)) continue;
       out +=
           "  " +
@@ -144,13 +150,10 @@ void print_room(const json& room, std::string& out) {
   }
 }
 
-std::string page(const json& status) {
-  std::string out;
-  for (const json& room : status["rooms"]) print_room(room, out);
-  for (const json& problem : status.value("problems", json::array()))
-    out += paint(Colour::kRed, printable(problem.get<std::string>())) + "\n";
-  const json& disk = status["disk"];
-  out += "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
+/// Null where the recorder cannot look at the archive; its problems say so.
+std::string disk_text(const json& disk) {
+  if (!disk.is_object()) return "disk: " + paint(Colour::kRed, "not known");
+  std::string out = "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
   if (disk["hours_left"].is_number()) {
     char hours[32];
     std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
@@ -159,6 +162,15 @@ std::string page(const json& status) {
   if (const std::string assumes = disk.value("hours_assume", ""); !assumes.empty()) {
     out += " (" + printable(assumes) + ")";
   }
+  return out;
+}
+
+std::string page(const json& status) {
+  std::string out;
+  for (const json& room : status["rooms"]) print_room(room, out);
+  for (const json& problem : status.value("problems", json::array()))
+    out += paint(Colour::kRed, printable(problem.get<std::string>())) + "\n";
+  out += disk_text(status["disk"]);
   const json& clock = status["clock"];
   out += std::string("\nclock: ") +
          (clock.value("synchronised", false) ? "synchronised" : "not synchronised") + "\n";

@@ -1,5 +1,6 @@
 // kirokud: records unattended. Configuration in kiroku.toml; control by `kiroku case` and `kiroku status`.
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
@@ -22,9 +23,11 @@
 #include "apps/configuration/viewer_configuration.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/recovering.h"
 #include "apps/kiroku/standing_consents.h"
+#include "apps/kirokud/descriptor_store.h"
 #include "apps/kirokud/descriptor_watch.h"
 #include "apps/kirokud/end_signals.h"
 #include "apps/kirokud/hardware_watch.h"
@@ -33,6 +36,7 @@
 #include "apps/kirokud/room_setup.h"
 #include "apps/kirokud/servers.h"
 #include "apps/kirokud/successor.h"
+#include "apps/kirokud/upgrade_wait.h"
 #include "archive/format/pointing_stream.h"
 #include "archive/storage/file_system.h"
 #include "archive/storage/recording_lock.h"
@@ -127,17 +131,20 @@ void watch_hardware(HardwareWatch& hardware, bool recorded) {
 
 /// Waits for signals and feeds the watchdog; returns the sentence that says why the recorder ends.
 std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSignals& signals,
-                  HardwareWatch& hardware, Successor& successor) {
+                  HardwareWatch& hardware, Successor& successor, UpgradeWait& upgrade,
+                  const std::function<void()>& tend_servers) {
   DescriptorWatch descriptors;
   for (int tick = 0;; ++tick) {
     for (const auto& [listen, inbox] : inboxes) inbox->tend();
+    tend_servers();
     if (const int signal = signals.wait(kTick); signal != 0)
       return std::string("received ") + ::strsignal(signal);
     if (daemon.healthy()) ::sd_notify(0, "WATCHDOG=1");
     if (tick % kDiskTicks == 0) watch_disk(daemon);
     descriptors.look();
     watch_hardware(hardware, daemon.recording());
-    if (!daemon.recording() && successor.is_ready())
+    // Last, as a case may have begun since the recorder was asked.
+    if (!daemon.recording() && successor.is_ready() && upgrade.is_over() && daemon.begin_no_more())
       return "a newer version was installed and nothing is being recorded";
   }
 }
@@ -157,6 +164,7 @@ void check_senders(const std::string& source) {
   if (address.kind != recorder::SourceKind::kMonitors) return;
   const std::string why = recorder::MllpServer::trust_problem(recorder::mllp_server_options(address));
   static_cast<void>(recorder::mllp_senders(address));
+  static_cast<void>(recorder::hl7_places(address));
   if (!why.empty()) throw UsageError(why);
 }
 
@@ -177,6 +185,8 @@ int run(const Request& request) {
   const DaemonSetup setup = read_configuration(file);
   const Configuration& configuration = setup.recorder;
   require_consent_of_home(home, file, setup.consent);
+  RecipientChoice(home, configuration, {}).require_all_files();
+  const std::vector<std::string> doubts = doubts_of(configuration);
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});
@@ -189,12 +199,22 @@ int run(const Request& request) {
       static_cast<void>(recipients.of(std::string(archive::kPointingStream)));
     }
     static_cast<void>(hook_token(home, configuration));
-    for (const std::string& sentence : idle_retention(configuration))
+    recorder::ControlServer::check(home.control_socket(configuration));
+    std::vector<std::string> warnings = idle_retention(configuration);
+    warnings.insert(warnings.end(), doubts.begin(), doubts.end());
+    // It records without a viewer, and beside another log: neither keeps a newer program from taking over.
+    warnings.push_back(viewer_certificate_problem(home, setup.viewer));
+    std::erase(warnings, "");
+    for (const std::string& sentence : warnings)
       print_error("kirokud", "warning: " + file.string() + ": " + sentence);
+    if (const std::string why = why_another_log(home); !why.empty())
+      print_error("kirokud", "warning: " + why);
     std::cout << printable(file.string()) << ": good, " << configuration.rooms.size() << " room(s)\n";
     return kDone;
   }
   set_up_logging();
+  // Before any other thread is there.
+  DescriptorStore store([](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
   allow_many_descriptors();
   const EndSignals signals;
   const archive::RecordingLock lock =
@@ -204,6 +224,7 @@ int run(const Request& request) {
     options.problems.push_back(sentence);
     spdlog::error("{}", printable(sentence));
   };
+  for (const std::string& sentence : doubts) tell(file.string() + ": " + sentence);
   const TellWithout without = [&tell](const std::string& why) { tell("recording goes on, but " + why); };
   const WritableHome shared(home, without);  // by all rooms
   log_configuration(file, home, *shared.log, tell);
@@ -226,13 +247,15 @@ int run(const Request& request) {
   std::vector<std::unique_ptr<Authorities>> of_rooms;
   const TellWithout told_already = [](const std::string& /*why*/) {};
   Inboxes inboxes;
+  std::vector<std::shared_ptr<recorder::ProcedureSource>> procedures;
   LookingOn looking_on;
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(
         std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}, told_already));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
                                     setup.viewer.listen.empty() ? nullptr : &looking_on));
-    options.rooms.back().procedure = procedure_of(room, inboxes);
+    options.rooms.back().procedure = procedure_of(room, inboxes, store);
+    if (options.rooms.back().procedure) procedures.push_back(options.rooms.back().procedure);
     options.rooms.back().footswitches = room.footswitches;
     std::vector<std::string> pictures;
     for (const recorder::StreamRequest& stream : options.rooms.back().session.video)
@@ -240,6 +263,7 @@ int run(const Request& request) {
     options.rooms.back().profile_rules = profile_rules_for(configuration, room.name, pictures);
     resumption.apply(options.rooms.back());
   }
+  store.forget_rest();
   HardwareWatch hardware(shared.key.hardware());
   options.hardware_silent = [&hardware] { return hardware.silent(); };
   std::string reason;
@@ -250,19 +274,36 @@ int run(const Request& request) {
     const recorder::ControlServer control(
         home.control_socket(configuration),
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
-    const std::unique_ptr<recorder::HttpServer> http = serve_http(home, configuration, daemon);
-    std::unique_ptr<viewer::Viewer> viewer =
+    const std::unique_ptr<KeptHttp> http = serve_http(home, configuration, daemon);
+    std::unique_ptr<KeptViewer> viewer =
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
     Successor successor({"--check", "--home", home.folder().string(), "--config", file.string()},
                         [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); });
-    reason = watch(daemon, inboxes, signals, hardware, successor);
+    UpgradeWait upgrade({.is_kept = DescriptorStore::is_there,
+                         .is_known =
+                             [&procedures] {
+                               return std::ranges::any_of(procedures, [](const auto& each) {
+                                 return each->knows_by_messages(utc_now());
+                               });
+                             },
+                         .tell =
+                             [&daemon](const std::string& sentence) {
+                               spdlog::warn("{}", sentence);
+                               daemon.add_problem(sentence);
+                             }},
+                        Clock::system());
+    reason = watch(daemon, inboxes, signals, hardware, successor, upgrade, [&] {
+      http->tend();
+      viewer->tend();
+    });
     ::sd_notify(0, "STOPPING=1");
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.
     daemon.close();
-    if (viewer && !ends_in_time(std::move(viewer))) {
+    for (const auto& [listen, inbox] : inboxes) inbox->end();
+    if (!ends_in_time(std::move(viewer))) {
       late.reset();
       spdlog::error("a request to the viewer does not come to its end within {} s: it is cut off",
                     kLongestEndOfViewer.count());

@@ -56,7 +56,8 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
   return plan;
 }
 
-std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes) {
+std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes,
+                                                        DescriptorStore& store) {
   if (room.procedure.empty()) return {};
   std::shared_ptr<recorder::ProcedureInbox> inbox;
   recorder::ProcedureRule rule;
@@ -66,7 +67,8 @@ std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration&
     if (!shared) {
       shared = std::make_shared<recorder::ProcedureInbox>(
           room.procedure.hl7->listen,
-          [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); });
+          [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); }, Clock::system(),
+          store.memory_of(room.procedure.hl7->listen));
     }
     inbox = shared;
   }

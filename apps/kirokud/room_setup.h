@@ -11,6 +11,7 @@
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/recording_setup.h"
+#include "apps/kirokud/descriptor_store.h"
 #include "recorder/daemon/daemon.h"
 #include "recorder/procedure/room_procedure.h"
 #include "viewer/live/live_monitors.h"
@@ -32,8 +33,10 @@ recorder::RoomPlan plan_of(const RoomConfiguration& room, const Home& home,
 /// Where hospital systems deliver messages of patients, by address: rooms that name the same one share it.
 using Inboxes = std::map<std::string, std::shared_ptr<recorder::ProcedureInbox>>;
 
-/// Where the room learns about procedures; null where nothing is configured.
-std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes);
+/// Where the room learns about procedures; null where nothing is configured. Inboxes go on from what `store`
+/// holds of them.
+std::shared_ptr<recorder::ProcedureSource> procedure_of(const RoomConfiguration& room, Inboxes& inboxes,
+                                                        DescriptorStore& store);
 
 /// `left` counts the cases that could not be closed.
 recorder::RoomListener listener_for(const Home& home, std::atomic<int>& left);

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <future>
-#include <sys/resource.h>
 #include <thread>
-#include <unistd.h>
 
 #include <nlohmann/json.hpp>
 #include <spdlog/spdlog.h>
@@ -17,20 +15,6 @@
 
 namespace kiroku::apps {
 namespace {
-
-constexpr int kNiceOfOthers = 10;  // nice(2); on Linux each thread has its own
-
-/// What `make` makes; its threads inherit the priority of the one that makes it. Whoever watches or asks by a
-/// network, recording goes first.
-template <typename Make>
-auto behind_the_recording(const Make& make) {
-  return std::async(std::launch::async,
-                    [&make] {
-                      (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNiceOfOthers);
-                      return make();
-                    })
-      .get();
-}
 
 /// A connection to planning or training takes two descriptors.
 viewer::WebServerLimits limits_of_viewer() {
@@ -69,16 +53,22 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
       .point = [&daemon](const std::string& room,
                          media::PointedAt at) { return daemon.point(room, std::move(at)); }};
-  auto server =
-      behind_the_recording([&options] { return std::make_unique<viewer::Viewer>(std::move(options)); });
+  auto server = std::make_unique<viewer::Viewer>(std::move(options));
   spdlog::info("the viewer is at {}", server->url());
   return server;
 }
 
-void go_on_without(const std::string& what, const std::exception& why, recorder::Daemon& daemon) {
-  const std::string sentence = "recording goes on without " + what + ": " + why.what();
-  spdlog::error("{}", printable(sentence));
-  daemon.add_problem(sentence);
+KeptServerListener listener_of(recorder::Daemon& daemon) {
+  return {.without =
+              [&daemon](const std::string& sentence) {
+                spdlog::error("{}", printable(sentence));
+                daemon.add_problem(sentence);
+              },
+          .no_more =
+              [&daemon](const std::string& sentence) {
+                spdlog::info("no more: {}", printable(sentence));
+                daemon.remove_problem(sentence);
+              }};
 }
 
 std::filesystem::path hook_token_file(const Home& home, const Configuration& configuration) {
@@ -99,49 +89,57 @@ std::string hook_token(const Home& home, const Configuration& configuration) {
   return token;
 }
 
-std::unique_ptr<recorder::HttpServer> serve_http(const Home& home, const Configuration& configuration,
-                                                 recorder::Daemon& daemon) {
-  recorder::HttpServerOptions options;
-  options.address = configuration.daemon.listen_address;
-  options.port = configuration.daemon.listen_port;
+std::string viewer_certificate_problem(const Home& home, const ViewerConfiguration& asked) {
+  if (asked.listen.empty() || asked.certificate.empty()) return "";
   try {
-    options.token = hook_token(home, configuration);
-    if (const auto file = hook_token_file(home, configuration);
-        !options.token.empty() && is_open_to_others(file))
+    static_cast<void>(viewer_certificate(home, asked.listen, (home.folder() / asked.certificate).string(),
+                                         (home.folder() / asked.key).string()));
+    return "";
+  } catch (const std::exception& error) {
+    return std::string("recording would go on without the viewer: ") + error.what();
+  }
+}
+
+std::unique_ptr<KeptHttp> serve_http(const Home& home, const Configuration& configuration,
+                                     recorder::Daemon& daemon) {
+  std::string token;
+  try {
+    token = hook_token(home, configuration);
+    if (const auto file = hook_token_file(home, configuration); !token.empty() && is_open_to_others(file))
       spdlog::warn("the hook's token can be read by others than its owner: chmod 600 {}, and take another",
                    printable(file.string()));
   } catch (const std::exception& error) {
-    go_on_without("the hook", error, daemon);
+    listener_of(daemon).without(std::string("recording goes on without the hook: ") + error.what());
   }
-  if (options.address.empty()) return {};
-  options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
-  options.healthy = [&daemon] { return daemon.healthy(); };
-  options.metrics = [&daemon] { return daemon.metrics(); };
-  options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body) {
-    return daemon.hook(room, action, body);
-  };
-  try {
-    return behind_the_recording(
-        [&options] { return std::make_unique<recorder::HttpServer>(std::move(options)); });
-  } catch (const std::exception& error) {
-    go_on_without("metrics and the hook", error, daemon);
-    return {};
+  KeptHttp::Open open;
+  if (!configuration.daemon.listen_address.empty()) {
+    open = [&configuration, &daemon, token] {
+      recorder::HttpServerOptions options;
+      options.address = configuration.daemon.listen_address;
+      options.port = configuration.daemon.listen_port;
+      options.token = token;
+      options.tell = [](const std::string& sentence) { spdlog::warn("{}", printable(sentence)); };
+      options.healthy = [&daemon] { return daemon.healthy(); };
+      options.metrics = [&daemon] { return daemon.metrics(); };
+      options.hook = [&daemon](const std::string& room, const std::string& action, const std::string& body,
+                               const std::string& meant) { return daemon.hook(room, action, body, meant); };
+      return std::make_unique<recorder::HttpServer>(std::move(options));
+    };
   }
+  return std::make_unique<KeptHttp>("metrics and the hook", std::move(open), listener_of(daemon),
+                                    Clock::system());
 }
 
-std::unique_ptr<viewer::Viewer> serve_viewer(const Home& home, const Configuration& configuration,
-                                             const ViewerConfiguration& asked, const WritableHome& shared,
-                                             LookingOn& looking_on, recorder::Daemon& daemon) {
-  if (asked.listen.empty()) return {};
-  try {
-    return open_viewer(home, configuration, asked, shared, looking_on, daemon);
-  } catch (const std::exception& error) {
-    go_on_without("the viewer", error, daemon);
-    return {};
-  }
+std::unique_ptr<KeptViewer> serve_viewer(const Home& home, const Configuration& configuration,
+                                         const ViewerConfiguration& asked, const WritableHome& shared,
+                                         LookingOn& looking_on, recorder::Daemon& daemon) {
+  KeptViewer::Open open;
+  if (!asked.listen.empty())
+    open = [&] { return open_viewer(home, configuration, asked, shared, looking_on, daemon); };
+  return std::make_unique<KeptViewer>("the viewer", std::move(open), listener_of(daemon), Clock::system());
 }
 
-bool ends_in_time(std::unique_ptr<viewer::Viewer> viewer) {
+bool ends_in_time(std::unique_ptr<KeptViewer> viewer) {
   std::promise<void> ended;
   std::future<void> end = ended.get_future();
   std::thread ending([viewer = std::move(viewer), ended = std::move(ended)]() mutable {

@@ -61,6 +61,8 @@ std::string time_words(const VerificationReport& report) {
                    "there by then, not when it was recorded"
              : is_remarked(report, TimeRemark::kFirstStampedLate)
                  ? "proved by an outside time-stamping authority; how old its beginning is, is not"
+             : is_remarked(report, TimeRemark::kEnteredLate)
+                 ? "proved by an outside time-stamping authority; how old some of it is, is not"
                  : "proved by an outside time-stamping authority";
     case TimeProof::kExternalInPart:
       return "proved by an outside time-stamping authority as far as entry " +
@@ -72,7 +74,7 @@ std::string time_words(const VerificationReport& report) {
   }
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
-  return has(report, "ledger-changed")
+  return has(report, "ledger-changed") || has(report, "excerpt-no-later-token")
              ? "not proved: no time-stamp that could be checked is over the entries that are here"
              : "not proved: no time-stamp that could be checked";
 }
@@ -85,6 +87,10 @@ std::string remark_words(const VerificationReport& report, TimeRemark remark) {
     case TimeRemark::kFirstStampedLate:
       return "by the case clock it began " + format_duration(report.age_at_first_stamp_ns.value_or(0)) +
              " before the first outside time-stamp: that it began no earlier rests on the recorder's word";
+    case TimeRemark::kEnteredLate:
+      return "by the case clock some of it ended " + format_duration(report.entered_late_ns.value_or(0)) +
+             " before the outside time-stamp in front of its entry: that it is no older rests on the "
+             "recorder's word";
     case TimeRemark::kEndStampedLate:
       return "that it ended when it says rests on the recorder's word: the time-stamp over its end is later";
     case TimeRemark::kClockDiffers:
@@ -393,6 +399,9 @@ std::string end_words(const VerificationReport& report) {
 
 /// How far a log was compared, which states roots of whole beginnings of a case, a few of each.
 std::string compared_words(const VerificationReport& report, const std::string& log) {
+  const bool is_another = std::ranges::any_of(
+      report.findings, [](const archive::Finding& each) { return each.code == "log-of-another-device"; });
+  if (is_another) return "not " + log + ": it is another device's, and says nothing of this case";
   if (!report.in_log) return "not " + log + ": what begins the case could not be read, or the log could not";
   const archive::CaseInLog& in_log = *report.in_log;
   if (report.excerpt) {

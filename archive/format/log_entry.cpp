@@ -37,7 +37,8 @@ constexpr std::array<std::string_view, std::variant_size_v<LogEntryBody>> kTypes
                                                                                  "case-held",
                                                                                  "case-released",
                                                                                  "consent-given",
-                                                                                 "consent-withdrawn"};
+                                                                                 "consent-withdrawn",
+                                                                                 "damage-found"};
 
 // -- writing, one function an entry type
 
@@ -92,6 +93,12 @@ void write(JsonWriter& line, const AccessEntry& entry) {
   }
 }
 void write(JsonWriter& line, const LogRecoveredEntry& entry) { line.count("truncated", entry.truncated); }
+void write(JsonWriter& line, const LogDamageEntry& entry) {
+  line.count("size", entry.size).digest("stated_root", entry.stated_root);
+  if (entry.root) {
+    line.digest("root", *entry.root);
+  }
+}
 void write(JsonWriter& line, const PreRollDiscardedEntry& entry) {
   line.count("segments", entry.segments);
   if (entry.duration_ns) {
@@ -212,6 +219,13 @@ void read(JsonFields& fields, AccessEntry& entry) {
   }
 }
 void read(JsonFields& fields, LogRecoveredEntry& entry) { entry.truncated = fields.count("truncated"); }
+void read(JsonFields& fields, LogDamageEntry& entry) {
+  entry.size = fields.count("size");
+  entry.stated_root = fields.digest("stated_root");
+  if (fields.has("root")) {
+    entry.root = fields.digest("root");
+  }
+}
 void read(JsonFields& fields, PreRollDiscardedEntry& entry) {
   entry.segments = fields.count("segments");
   if (fields.has("duration_ns")) {

@@ -23,6 +23,9 @@
 //   erased               case, stream (absent: the whole case), policy
 //   access               case (as it was asked for), what, who, purpose (absent where none was stated)
 //   recovered            truncated (bytes of a torn last line that were cut off before this entry)
+//   damage-found         size, stated_root (of a checkpoint that this device signed), root (absent: there are
+//   fewer
+//                        lines): what stands before this entry is not what was signed
 //   case-held            case, reason, who
 //   case-released        case, hold (the number of its case-held), reason, who
 //   consent-given        case, purposes [text...], statement, form (absent where none is kept), who
@@ -106,6 +109,13 @@ struct AccessEntry {
 struct LogRecoveredEntry {
   std::uint64_t truncated = 0;
 };
+/// When the log was opened its lines were not those that its newest checkpoint is over. Whoever goes on
+/// signing would else make later checkpoints fit what was changed.
+struct LogDamageEntry {
+  std::uint64_t size = 0;  // of that checkpoint
+  crypto::Sha256Digest stated_root{};
+  std::optional<crypto::Sha256Digest> root;  // of the lines; nothing where there are fewer
+};
 struct PreRollDiscardedEntry {
   std::uint64_t segments = 0;               // that were still there
   std::optional<std::int64_t> duration_ns;  // they covered; nothing where a dead recorder left them
@@ -137,7 +147,7 @@ using LogEntryBody =
                  DeviceHardwareEntry, DeviceAttestationEntry, DeviceHardwareSilentEntry, PlanSealedEntry,
                  CaseOpenedEntry, CaseCheckpointEntry, CaseClosedEntry, ReplicatedEntry, CaseErasedEntry,
                  AccessEntry, LogRecoveredEntry, PreRollDiscardedEntry, CaseHeldEntry, CaseReleasedEntry,
-                 ConsentGivenEntry, ConsentWithdrawnEntry>;
+                 ConsentGivenEntry, ConsentWithdrawnEntry, LogDamageEntry>;
 
 struct LogEntry {
   std::uint64_t seq = 0;

@@ -1,6 +1,8 @@
 #include "archive/reading/excerpt.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
@@ -39,7 +41,9 @@ struct Survey {
   crypto::MerkleTree tree;
   std::map<std::uint64_t, TokenEntry> tokens;  // by entry
   std::vector<std::pair<std::uint64_t, SegmentEntry>> segments;
-  std::vector<std::pair<std::uint64_t, GapEntry>> gaps;  // of the streams themselves, not of their sound
+  std::vector<std::pair<std::uint64_t, GapEntry>> gaps;        // of the streams themselves,
+  std::vector<std::pair<std::uint64_t, GapEntry>> sound_gaps;  // and of their sound
+  std::map<std::uint64_t, bool> rates;  // clock entries that state one; whether it is a slew
   std::vector<std::uint64_t> recovered;
   std::optional<std::uint64_t> close;
   std::uint64_t last_before = 0;  // the last entry that was written before the selected time
@@ -84,8 +88,10 @@ Survey survey(const CaseFolder& folder, const ReadableFile& ledger, std::int64_t
     } else if (auto* segment = std::get_if<SegmentEntry>(&body)) {
       result.end_ns = std::max(result.end_ns, segment->span.end_ns);
       result.segments.emplace_back(number, std::move(*segment));
-    } else if (auto* gap = std::get_if<GapEntry>(&body); gap != nullptr && !gap->of_sound) {
-      result.gaps.emplace_back(number, std::move(*gap));
+    } else if (auto* gap = std::get_if<GapEntry>(&body)) {
+      (gap->of_sound ? result.sound_gaps : result.gaps).emplace_back(number, std::move(*gap));
+    } else if (const auto* clock = std::get_if<ClockEntry>(&body); clock != nullptr && clock->rate_ppb) {
+      result.rates.emplace(number, std::abs(*clock->rate_ppb) > kSlewPpb);
     } else if (std::holds_alternative<RecoveredEntry>(body)) {
       result.recovered.push_back(number);
     } else if (auto* token = std::get_if<TokenEntry>(&body)) {
@@ -196,10 +202,35 @@ std::uint64_t first_explanation(const Survey& ledger, std::uint64_t first) {
   return earliest;
 }
 
+/// The clock entry that states a slew which may still go on at `first`: without it the case clock would seem
+/// to go on by another time than the authorities' clocks.
+std::optional<std::uint64_t> slew_at(const Survey& ledger, std::uint64_t first) {
+  const auto next = ledger.rates.lower_bound(first);
+  if (next == ledger.rates.begin() || !std::prev(next)->second) {
+    return std::nullopt;
+  }
+  return std::prev(next)->first;
+}
+
+/// The last entry that says of the selected time and streams that their sound is missing. It may follow a
+/// minute later.
+std::uint64_t last_sound_gap(const Survey& ledger, const ExcerptDocument& document) {
+  std::uint64_t last = 0;
+  for (const auto& [entry, gap] : ledger.sound_gaps) {
+    const bool selected =
+        std::find(document.streams.begin(), document.streams.end(), gap.stream) != document.streams.end();
+    if (selected && meets(gap.span, document.from_ns, document.to_ns)) {
+      last = entry;
+    }
+  }
+  return last;
+}
+
 /// Chooses the lines: from the token before to the checkpoint that covers the token after, of each authority
 /// that has one, since only a verifier knows which of them are outside ones.
 void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes, ExcerptDocument& document) {
   auto [first, last] = needed_entries(ledger, document);
+  last = std::max(last, last_sound_gap(ledger, document));
   std::map<std::string, std::uint64_t> after;
   for (const auto& [entry, token] : ledger.tokens) {
     if (token.checkpoint > last) {
@@ -223,6 +254,9 @@ void choose_lines(const Survey& ledger, const std::vector<std::uint64_t>& notes,
       break;
     }
     first = explained;
+  }
+  if (const auto slew = slew_at(ledger, document.first_entry); slew && document.first_entry > 0) {
+    document.first_entry = std::min(*slew, first_explanation(ledger, *slew));
   }
   const auto covering = [&](std::uint64_t entry) -> std::optional<std::uint64_t> {
     const auto note = std::find_if(notes.begin(), notes.end(), [&](std::uint64_t size) {

@@ -27,6 +27,9 @@ namespace fs = std::filesystem;
 
 /// "" where no legal hold of the case stands. Throws kiroku::Error where nobody can tell.
 std::string why_held_now(const RecoveryOptions& options, const std::string& case_id) {
+  if (!options.may_erase) {
+    return "the appliance log is another one, so that nobody can tell what is held";
+  }
   if (options.log == nullptr) {
     return "";
   }
@@ -257,7 +260,10 @@ class Recovery {
       return "recovered";
     }
     const crypto::VerifierKey device = crypto::verifier_key_of(options_.device_name, *options_.key);
-    if (!writer_->opening_vouched() && !is_announced_by_earlier(folder_, standing_.opening, device, files_)) {
+    const Announced announced = writer_->opening_vouched()
+                                    ? Announced::kYes
+                                    : announced_by_earlier(folder_, standing_.opening, device, files_);
+    if (announced == Announced::kNo) {
       result_.problem = "it is not carried on, since it ended before anybody signed that it was opened";
       return "recovered";
     }
@@ -265,6 +271,7 @@ class Recovery {
     if (standing_.cut_off) {
       std::tie(cut.last, cut.boot_id) = *standing_.cut_off;
     }
+    cut.brings_subject = announced == Announced::kWithOtherSubject;
     const std::string later = options_.carry_on(cut);
     return later.empty() ? "recovered" : reason_to_be_carried_on(later);
   }

@@ -37,6 +37,8 @@ struct CutOffCase {
   std::string boot_id;  // of the machine when it was cut off
   Moment opened;        // when `open` was written
   Moment last;          // when the last entry before the cut was
+  /// Nobody signed that it was opened, the earlier case announces it, and its subject is not that case's.
+  bool brings_subject = false;
 };
 
 struct RecoveryOptions {
@@ -45,13 +47,15 @@ struct RecoveryOptions {
   std::string device_name;
   std::string boot_id;          // of the machine as it runs now: another one means that power was lost
   ApplianceLog* log = nullptr;  // may be null (tests)
-  CheckpointStamper stamp;      // may be empty: then `token-missed` says so
+  /// False where nobody knows by the log what is held: what is left of an erasure that was cut off stays.
+  bool may_erase = true;
+  CheckpointStamper stamp;  // may be empty: then `token-missed` says so
   /// Tokens that lie in a case without an entry are entered only if they are valid under these roots. Null:
   /// any that is over its checkpoint.
   const timestamp::TrustStore* trust = nullptr;
   /// The identifier of the case that will carry on the one that was cut off: its `close` announces it; ""
   /// where none will. May be empty. Not asked of a case of which no signature shows that it is the device's,
-  /// unless it carries on one that announces it, with the same subject.
+  /// unless it carries on one that announces it.
   std::function<std::string(const CutOffCase&)> carry_on;
   std::function<UtcTime()> now = utc_now;
   /// Of segments that no entry names so many bytes are taken up of a case; what is beyond is left as it is.

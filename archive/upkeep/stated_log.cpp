@@ -123,6 +123,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
+  std::optional<std::uint64_t> damaged_at;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (tree.size() == newest) {
@@ -135,6 +136,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
       if (next_by_case->root != tree.root() && !contradicted_by) contradicted_by = next_by_case->case_id;
     }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
+    if (line.type == "damage-found" && !damaged_at) damaged_at = line.seq;
     if (std::ranges::find(question.types, line.type) == question.types.end()) {
       return;
     }
@@ -144,6 +146,12 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     question.visit(
         {entry, line.seq, [&] { return is_signed_entry(log_folder, device, line.seq, tree.root()); }});
   });
+  // Later checkpoints are over what was changed, too.
+  if (damaged_at) {
+    throw_unknown(question, log_folder,
+                  "says in its entry " + std::to_string(*damaged_at) +
+                      " that lines before it were changed after they were signed");
+  }
   if (newest > tree.size()) {
     throw_unknown(question, log_folder,
                   "has " + std::to_string(tree.size()) + " entries where one was signed over " +

@@ -33,7 +33,8 @@ struct StatedQuestion {
 
 /// Reads the whole log and visits the entries of those types, in order. `device` is the home's. `seen` is a
 /// checkpoint of the log that others saw. Throws kiroku::Error where nobody can tell what the log said: it
-/// does not fit its newest checkpoint or `seen`, is shorter than `seen`, does not go on from what a case of
+/// says itself that lines of it were changed, does not
+/// fit its newest checkpoint or `seen`, is shorter than `seen`, does not go on from what a case of
 /// `device` in the archive states of it, tells of more than starts of the
 /// machine without any checkpoint, that is not signed by `device`, or the log is not there while a case that
 /// was recorded beside one lies in the archive. What was visited until then counts for nothing. An archive

@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/line_reader.h"
 #include "archive/verify/case_against_log.h"
+#include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/finding_list.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -107,18 +108,43 @@ Place in_ledger(std::optional<std::uint64_t> entry = std::nullopt) {
   return {std::string(kLedgerFile), entry};
 }
 
+/// Whether the device that `open` names signed what lies in `folder` as its case `case_id`, of at least
+/// `least` entries: the smallest such note is asked.
+bool is_signed_there(const fs::path& folder, const std::string& case_id, std::uint64_t least,
+                     const OpenEntry& open, const std::vector<crypto::VerifierKey>& devices) {
+  try {
+    const crypto::VerifierKey device = known_device(crypto::VerifierKey::parse(open.device), devices);
+    const std::vector<std::uint64_t> sizes = note_sizes(CaseFolder::open(folder).list());
+    const auto size = std::ranges::lower_bound(sizes, least);
+    if (size == sizes.end()) {
+      return false;
+    }
+    const auto found = read_neighbour(real_reading(), folder, *size);
+    return found && found->root &&
+           is_signed(folder, {case_origin(device.name(), case_id), *size, *found->root}, device);
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 void check_earlier(const CaseFolder& folder, const OpenEntry& open, const CarriedOn& earlier,
-                   FindingList& findings) {
+                   const std::vector<crypto::VerifierKey>& devices, FindingList& findings) {
   const std::string stated = "the case carries on case " + earlier.case_id;
-  const auto found = readable_neighbour(beside(folder, earlier.case_id), earlier.size);
+  const fs::path its = beside(folder, earlier.case_id);
+  const auto found = readable_neighbour(its, earlier.size);
   if (!found) {
     findings.add("carried-on-not-here", in_ledger(0),
                  stated + ", which does not lie beside it: they were not compared");
   } else if (!found->root) {
-    findings.add("carrying-on-broken", in_ledger(0),
-                 stated + " after " + std::to_string(earlier.size) + " entries, and the one beside it has " +
-                     std::to_string(found->entries) +
+    findings.add("carried-on-not-compared", in_ledger(0),
+                 stated + " after " + std::to_string(earlier.size) +
+                     " entries, and what lies beside it has " + std::to_string(found->entries) +
                      ": the end of that one was removed, or it is a copy from before");
+  } else if (*found->root != earlier.root &&
+             !is_signed_there(its, earlier.case_id, earlier.size, open, devices)) {
+    findings.add("carried-on-not-compared", in_ledger(0),
+                 stated + ", and of what lies beside it the first " + std::to_string(earlier.size) +
+                     " entries are others, which the device did not sign: anybody can have put them there");
   } else if (*found->root != earlier.root) {
     findings.add("carrying-on-broken", in_ledger(0),
                  stated + ", whose first " + std::to_string(earlier.size) +
@@ -134,30 +160,36 @@ void check_earlier(const CaseFolder& folder, const OpenEntry& open, const Carrie
 }
 
 void check_later(const CaseFolder& folder, const OpenEntry& open, const std::string& later,
-                 FindingList& findings) {
+                 const std::vector<crypto::VerifierKey>& devices, FindingList& findings) {
   const std::string stated = "the case was to be carried on as case " + later;
-  const auto found = readable_neighbour(beside(folder, later), 1);
+  const fs::path its = beside(folder, later);
+  const auto found = readable_neighbour(its, 1);
   if (!found) {
     findings.add("carried-on-not-here", in_ledger(),
                  stated + ", which does not lie beside it: it was not compared, or was never begun");
     return;
   }
+  const auto broken = [&](const std::string& why) {
+    if (is_signed_there(its, later, 1, open, devices)) {
+      findings.add("carrying-on-broken", in_ledger(), stated + why);
+    } else {
+      findings.add("carried-on-not-compared", in_ledger(),
+                   stated + why +
+                       "; but this one's device did not sign what lies there: anybody can have put it there");
+    }
+  };
   const auto earlier = found->open ? carried_on_by(*found->open) : std::nullopt;
   if (!earlier || earlier->case_id != open.case_id || found->open->case_id != later) {
-    findings.add("carrying-on-broken", in_ledger(),
-                 stated + ", and the one beside it does not say that it carries this one on");
+    broken(", and the one beside it does not say that it carries this one on");
     return;
   }
   if (found->open->device != open.device) {
-    findings.add("carrying-on-broken", in_ledger(),
-                 stated + ", and the one beside it names another device than this one");
+    broken(", and the one beside it names another device than this one");
     return;
   }
   const auto here = readable_neighbour(folder.path(), earlier->size);
   if (!here || here->root != earlier->root) {
-    findings.add("carrying-on-broken", in_ledger(),
-                 stated + ", which names other first " + std::to_string(earlier->size) +
-                     " entries than there are here");
+    broken(", which names other first " + std::to_string(earlier->size) + " entries than there are here");
     return;
   }
   findings.add("carrying-on-holds", in_ledger(), stated + ", which lies beside it and names it");
@@ -204,31 +236,35 @@ std::optional<std::string> announced_by(const std::string& close_reason) {
   return is_case_id(id) ? std::optional(std::move(id)) : std::nullopt;
 }
 
-bool is_announced_by_earlier(const fs::path& folder, const OpenEntry& open, const crypto::VerifierKey& device,
-                             const FileReading& files) {
+Announced announced_by_earlier(const fs::path& folder, const OpenEntry& open,
+                               const crypto::VerifierKey& device, const FileReading& files) {
   const auto earlier = carried_on_by(open);
   if (!earlier) {
-    return false;
+    return Announced::kNo;
   }
   const fs::path its = fs::absolute(folder).lexically_normal().parent_path() / earlier->case_id;
   const auto found = read_neighbour(files, its, earlier->size);
   const auto hash_of = [](const OpenEntry& of) {
     return of.subject ? std::optional(of.subject->sha256) : std::nullopt;
   };
-  return found && found->open && found->root == earlier->root &&
-         announced_by(found->close_reason) == open.case_id && hash_of(*found->open) == hash_of(open) &&
-         found->open->plan == open.plan &&
-         is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device,
-                   files);
+  const bool is_announced =
+      found && found->open && found->root == earlier->root &&
+      announced_by(found->close_reason) == open.case_id && found->open->plan == open.plan &&
+      is_signed(its, {case_origin(device.name(), earlier->case_id), earlier->size, earlier->root}, device,
+                files);
+  if (!is_announced) {
+    return Announced::kNo;
+  }
+  return hash_of(*found->open) == hash_of(open) ? Announced::kYes : Announced::kWithOtherSubject;
 }
 
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
-                       FindingList& findings) {
+                       const std::vector<crypto::VerifierKey>& devices, FindingList& findings) {
   if (const auto earlier = carried_on_by(open)) {
-    check_earlier(folder, open, *earlier, findings);
+    check_earlier(folder, open, *earlier, devices, findings);
   }
   if (const auto later = announced_by(close_reason)) {
-    check_later(folder, open, *later, findings);
+    check_later(folder, open, *later, devices, findings);
   }
 }
 

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
@@ -39,15 +40,19 @@ std::string reason_to_be_carried_on(const std::string& later_case);
 std::optional<std::string> announced_by(const std::string& close_reason);
 
 /// Whether the case that `open` says it carries on lies beside `folder`, announces just this case under a
-/// checkpoint of `device`, and has the same subject and plan. Then `open` brings nothing that was not there.
+/// checkpoint of `device`, and has the same plan. With the same subject, too, `open` brings nothing that was
+/// not there; another one may be what became known while the earlier case ran, or anybody's.
+enum class Announced { kNo, kWithOtherSubject, kYes };
 /// Throws kiroku::Error where something lies there and cannot be read.
-bool is_announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
-                             const crypto::VerifierKey& device, const FileReading& files = real_reading());
+Announced announced_by_earlier(const std::filesystem::path& folder, const OpenEntry& open,
+                               const crypto::VerifierKey& device, const FileReading& files = real_reading());
 
 /// Compares a case with the one before it and the one after it, where they lie beside it in one archive
-/// folder. Reads their ledgers once each, in constant memory. `folder` is the case's, `open` and
-/// `close_reason` ("" where there is none) are what its ledger says.
+/// folder. Reads their ledgers twice each at most, in constant memory. `folder` is the case's, `open` and
+/// `close_reason` ("" where there is none) are what its ledger says, `devices` are those whose further keys
+/// are known. Anybody can put something into the place of another case: only lines that the device of `open`
+/// signed there speak against this one.
 void check_carrying_on(const CaseFolder& folder, const OpenEntry& open, const std::string& close_reason,
-                       FindingList& findings);
+                       const std::vector<crypto::VerifierKey>& devices, FindingList& findings);
 
 }  // namespace kiroku::archive

@@ -46,6 +46,7 @@ void CaseClockRules::take(TimedToken token) {
 
 void CaseClockRules::take_rate(std::int64_t rate_ppb, std::int64_t mono_ns) {
   slews_.add(rate_ppb, mono_ns);
+  first_rate_ns_ = first_rate_ns_.value_or(mono_ns);
   see(mono_ns);
 }
 
@@ -63,7 +64,7 @@ void CaseClockRules::see(std::int64_t mono_ns) {
   seen_->end_ns = std::max(seen_->end_ns, mono_ns);
 }
 
-std::set<std::string> CaseClockRules::finish() {
+std::set<std::string> CaseClockRules::finish(bool from_open) {
   std::sort(steps_.begin(), steps_.end(), [](const Step& a, const Step& b) { return a.mono_ns < b.mono_ns; });
   stepped_before_ = {0};
   for (const Step& step : steps_) {
@@ -81,7 +82,7 @@ std::set<std::string> CaseClockRules::finish() {
       check_order(now, agrees);
     }
   }
-  std::set<std::string> was_set = report_contradictions();
+  std::set<std::string> was_set = report_contradictions(from_open);
   report_disagreements();
   report_slews();
   report_late_end(was_set);
@@ -234,12 +235,11 @@ bool CaseClockRules::check_elapsed(const Timed& now) {
     }
     pace.add(now);
     if (now.external) {
-      std::vector<Span>& agreeing = agreeing_[now.stamped.root];
-      if (goes_on) {
-        agreeing.back().end_ns = now.written_ns;
-      } else {
-        agreeing.push_back({now.written_ns, now.written_ns});
+      std::vector<AgreeingRun>& agreeing = agreeing_[now.stamped.root];
+      if (!goes_on) {
+        agreeing.emplace_back();
       }
+      agreeing.back().add(now);
     }
   }
   if (!found) {
@@ -248,6 +248,7 @@ bool CaseClockRules::check_elapsed(const Timed& now) {
   const Place place{now.file, now.stamped.entry};
   const std::int64_t from_ns = found->before->written_ns;
   if (now.external) {
+    contradicting_.insert(now.stamped.root);
     contradictions_.push_back({place,
                                Pace::text(*found, now),
                                now.stamped.root,
@@ -326,13 +327,68 @@ std::optional<CaseClockRules::Difference> CaseClockRules::Pace::difference(const
   return std::nullopt;
 }
 
-// An authority's clock agrees from one difference to the next, so its spans follow each other.
+void CaseClockRules::AgreeingRun::add(const Timed& token) {
+  const std::int64_t gen_us = token.stamped.gen_time.time_since_epoch().count();
+  const std::int64_t accuracy_us = token.stamped.accuracy_ns / kNsPerUs;
+  const std::int64_t earliest_us = *token.earliest_ns / kNsPerUs, latest_us = token.latest_ns / kNsPerUs;
+  const std::int64_t allowed_until_us =
+      (*token.earliest_ns / kDriftDivisor + token.slewed_from_ns) / kNsPerUs;
+  const std::int64_t allowed_us = (token.latest_ns / kDriftDivisor + token.slewed_ns) / kNsPerUs;
+  Bounds until{token.written_ns, gen_us - accuracy_us - latest_us + allowed_until_us,
+               earliest_us - gen_us - accuracy_us + allowed_until_us};
+  if (until_.empty()) {
+    span_.start_ns = token.written_ns;
+  } else {
+    const Bounds& before = until_.back();
+    until = {std::max(before.written_ns, until.written_ns), std::max(before.ahead_us, until.ahead_us),
+             std::max(before.behind_us, until.behind_us)};
+  }
+  span_.end_ns = token.written_ns;
+  until_.push_back(until);
+  from_.push_back({token.written_ns, gen_us + accuracy_us - earliest_us + allowed_us,
+                   latest_us - gen_us + accuracy_us + allowed_us});
+}
+
+void CaseClockRules::AgreeingRun::finish() {
+  for (std::size_t i = from_.size(); i-- > 1;) {
+    Bounds& before = from_[i - 1];
+    before = {std::min(before.written_ns, from_[i].written_ns), std::min(before.ahead_us, from_[i].ahead_us),
+              std::min(before.behind_us, from_[i].behind_us)};
+  }
+}
+
+std::optional<std::int64_t> CaseClockRules::AgreeingRun::at_most_us(const Span& over, bool ahead) const {
+  const auto until = std::ranges::upper_bound(until_, over.start_ns, {}, &Bounds::written_ns);
+  const auto from = std::ranges::lower_bound(from_, over.end_ns, {}, &Bounds::written_ns);
+  if (until == until_.begin() || from == from_.end()) {
+    return std::nullopt;
+  }
+  const Bounds& before = *std::prev(until);
+  return ahead ? from->ahead_us - before.ahead_us : from->behind_us - before.behind_us;
+}
+
+// Whoever holds the device key writes when a token was asked for and answered, and an authority may state
+// that it is right to a minute alone: then its time fits both clocks, and clears neither. Nor does one whose
+// own clock differs from the case's elsewhere. An authority's clock agrees from one difference to the next,
+// so its runs follow each other.
 bool CaseClockRules::is_confirmed(const Contradiction& one) const {
   return std::ranges::any_of(agreeing_, [&](const auto& each) {
-    const auto& [root, spans] = each;
-    const auto after = std::ranges::upper_bound(spans, one.span.start_ns, {}, &Span::start_ns);
-    return root != one.root && after != spans.begin() && one.span.end_ns <= std::prev(after)->end_ns;
+    const auto& [root, runs] = each;
+    const auto after = std::ranges::upper_bound(runs, one.span.start_ns, {},
+                                                [](const AgreeingRun& run) { return run.span().start_ns; });
+    if (contradicting_.contains(root) || after == runs.begin()) {
+      return false;
+    }
+    const std::optional<std::int64_t> at_most_us = std::prev(after)->at_most_us(one.span, one.ahead);
+    return at_most_us && *at_most_us < one.excess_us;
   });
+}
+
+bool CaseClockRules::may_be_slewed_unseen(const Contradiction& one) const {
+  const std::int64_t seen_from_ns = std::min(first_rate_ns_.value_or(one.span.end_ns), one.span.end_ns);
+  const double unseen_us =
+      static_cast<double>(std::max<std::int64_t>(0, seen_from_ns - one.span.start_ns)) / kNsPerUs;
+  return static_cast<double>(one.excess_us) <= unseen_us * (StatedSlews::kFastestPpb / 1e9);
 }
 
 /// Contradictions that go one way, for the question whether another authority has one over the same time. As
@@ -384,10 +440,14 @@ class CaseClockRules::SharedTimes {
 // An authority may set its own clock right, and who holds the device key may state a case clock of their own.
 // One authority cannot tell the two apart: what it says then proves no time, as if it had not been asked. Two
 // that do not know of each other do not set theirs at the same time, by the same way.
-std::set<std::string> CaseClockRules::report_contradictions() {
+std::set<std::string> CaseClockRules::report_contradictions(bool from_open) {
   std::set<std::string> was_set;
-  for (auto& [root, spans] : agreeing_) {
-    std::ranges::sort(spans, {}, [](const Span& span) { return std::pair(span.start_ns, span.end_ns); });
+  for (auto& [root, runs] : agreeing_) {
+    for (AgreeingRun& run : runs) {
+      run.finish();
+    }
+    std::ranges::sort(
+        runs, {}, [](const AgreeingRun& run) { return std::pair(run.span().start_ns, run.span().end_ns); });
   }
   const SharedTimes ahead(contradictions_, true), behind(contradictions_, false);
   for (const Contradiction& one : contradictions_) {
@@ -399,11 +459,17 @@ std::set<std::string> CaseClockRules::report_contradictions() {
                      one.text +
                          ", which is how far the wall clock was set: the case clock stood, as in a "
                          "virtual machine that was paused, or was made up");
+    } else if (shared && !from_open && may_be_slewed_unseen(one)) {
+      findings_->add(
+          "authority-clock-differs", one.place,
+          one.text +
+              ", and so did another authority's: a slew may explain it, which a clock entry in front "
+              "of these lines would state");
     } else if (shared) {
       findings_->add("clock-contradicted", one.place, one.text + ", and so did another authority's");
     } else if (is_confirmed(one)) {
       findings_->add("authority-clock-set", one.place,
-                     one.text + ", and that of another authority as the case clock");
+                     one.text + ", and that of another authority as the case clock, and not as this one's");
       was_set.insert(one.root);
     } else {
       findings_->add("authority-clock-differs", one.place, one.text + ": one of the two was set");

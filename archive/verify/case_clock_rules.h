@@ -52,7 +52,8 @@ class CaseClockRules {
 
   /// After the last entry: says what the clocks contradict. Returns the roots of those authorities whose
   /// clock was set in the course of the case, as another one shows: they prove no time of it.
-  std::set<std::string> finish();
+  /// `from_open`: no entry between `open` and the first one taken is left out, which might state a slew.
+  std::set<std::string> finish(bool from_open = true);
 
  private:
   struct Timed : TimedToken {
@@ -104,6 +105,28 @@ class CaseClockRules {
     std::int64_t excess_us = 0;
   };
   class SharedTimes;
+  /// Tokens of one authority, one after the other, whose clock goes on as the case clock does.
+  class AgreeingRun {
+   public:
+    /// In the ledger's order.
+    void add(const Timed& token);
+    /// After the last one.
+    void finish();
+    [[nodiscard]] const Span& span() const { return span_; }  // the entries of its first and its last one
+    /// By how much the authority's clock may at most have gone on more than the case clock (`ahead`), or less
+    /// than it, from a token that is entered no later than `over` begins to one that is entered no earlier
+    /// than it ends; of all such pairs the one that says the most. Nothing where there is none.
+    [[nodiscard]] std::optional<std::int64_t> at_most_us(const Span& over, bool ahead) const;
+
+   private:
+    /// How far a clock is from the case clock, either way, in us, and less or more by what is allowed for.
+    struct Bounds {
+      std::int64_t written_ns = 0, ahead_us = 0, behind_us = 0;
+    };
+    Span span_;
+    std::vector<Bounds> until_;  // up to each token: the latest entry, and the largest of what it is at least
+    std::vector<Bounds> from_;   // from each token on: the earliest entry, the smallest of what it is at most
+  };
 
   /// Valid tokens by entry, for the order rule.
   class Order {
@@ -124,9 +147,12 @@ class CaseClockRules {
   bool check_elapsed(const Timed& now);
   void compare_authorities(const std::set<std::string>& left_out);
   /// Says which clock is wrong, as far as other outside authorities tell; the roots of those that were set.
-  std::set<std::string> report_contradictions();
-  /// Whether another outside authority's clock went on as the case clock did over that time.
+  std::set<std::string> report_contradictions(bool from_open);
+  /// Whether another outside authority's clock went on as the case clock did over that time, and cannot have
+  /// gone on as the one that contradicts it.
   [[nodiscard]] bool is_confirmed(const Contradiction& one) const;
+  /// Whether a slew that is stated before the entries that are here may explain all of it.
+  [[nodiscard]] bool may_be_slewed_unseen(const Contradiction& one) const;
   /// Says by how much the first token over the end came after `close`, whatever the ledger states of it.
   void report_late_end(const std::set<std::string>& left_out);
   /// Adds what no stated step of the wall clock explains.
@@ -151,8 +177,10 @@ class CaseClockRules {
   std::vector<Disagreement> disagreements_;
   std::optional<std::int64_t> closed_ns_;
   std::vector<Contradiction> contradictions_;
+  std::set<std::string> contradicting_;  // the roots of contradictions_
   // by root of an outside authority: where its clock is as the case's
-  std::map<std::string, std::vector<Span>> agreeing_;
+  std::map<std::string, std::vector<AgreeingRun>> agreeing_;
+  std::optional<std::int64_t> first_rate_ns_;  // the first clock entry that states a rate
 };
 
 }  // namespace kiroku::archive

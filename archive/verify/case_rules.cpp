@@ -31,6 +31,8 @@ constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
 // token that rooms share, or an authority that is slow, is there by then. What the ledger itself states of
 // its tokens does not count: whoever makes film up states that, too.
 constexpr std::int64_t kFirstStampLateNs = 120'000'000'000;
+// A disk that is slow for so long fills the recorder's buffers first.
+constexpr std::int64_t kEnteredLateNs = kFirstStampLateNs;
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
@@ -104,6 +106,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    if (oldest_ns_) {
                      oldest_before_token_.emplace(number, *oldest_ns_);
                    }
+                   last_token_ = number;
                    tokens_.take(token, number, entry.at.mono_ns);
                  },
                  [&](const TokenMissedEntry& missed) {
@@ -250,10 +253,27 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
                        " could end, though it is stated to be recorded as it comes");
   }
   if (!scope_.wanted || scope_.wanted(segment)) {
+    first_checked_segment_ = first_checked_segment_.value_or(number);
     last_checked_segment_ = number;
     oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
+    if (as_it_comes && !its->is_of_marks()) {
+      take_live(segment, number);
+    }
     files_->check(
         {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
+  }
+}
+
+// What was recorded ahead is entered when the case is opened, however long before that it ended.
+void CaseRules::take_live(const SegmentEntry& segment, std::uint64_t number) {
+  oldest_live_ns_ = std::min(oldest_live_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
+  if (last_token_ == 0) {
+    return;
+  }
+  const EndedFirst its{std::max(segment.span.end_ns, recorded_from_ns()), number};
+  EndedFirst& first = ended_first_behind_token_.try_emplace(last_token_, its).first->second;
+  if (its.end_ns < first.end_ns) {
+    first = its;
   }
 }
 
@@ -394,9 +414,10 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
     judge_pre_roll(opening_->begins_ns);
   }
   report_slew();
-  tokens_.finish(scope_.whole_case);
+  tokens_.finish(scope_.whole_case, scope_.from_open);
   judge_wall_clock();
   judge_first_stamp();
+  judge_late_entries();
 }
 
 void CaseRules::judge_wall_clock() {
@@ -455,16 +476,47 @@ void CaseRules::judge_first_stamp_of_excerpt(const StampedToken& first) {
 }
 
 void CaseRules::judge_age_at_first_stamp(const StampedToken& first) {
-  const auto oldest = oldest_before_token_.find(first.entry);
-  if (oldest == oldest_before_token_.end() || first.entered_ns - oldest->second <= kFirstStampLateNs) {
+  const auto before = oldest_before_token_.find(first.entry);
+  std::optional<std::int64_t> oldest_ns = oldest_live_ns_;
+  if (before != oldest_before_token_.end()) {
+    oldest_ns = std::min(oldest_ns.value_or(before->second), before->second);
+  }
+  if (!oldest_ns || first.entered_ns - *oldest_ns <= kFirstStampLateNs) {
     return;
   }
-  age_at_first_stamp_ns_ = first.entered_ns - oldest->second;
+  age_at_first_stamp_ns_ = first.entered_ns - *oldest_ns;
   findings_->add("first-stamped-late", {first.file, first.entry},
                  "by the case clock recording began " +
                      std::to_string(*age_at_first_stamp_ns_ / kNsPerUs / kUsPerSecond) +
                      " s before the first time-stamp of an outside authority was entered: that what was "
                      "recorded until then is no older than that rests on the recorder's word");
+}
+
+// Such a token proves no more than that the entry is younger than itself. It is read as a limit of the film.
+void CaseRules::judge_late_entries() {
+  const std::vector<StampedToken>& outside = tokens_.outside();  // in the ledger's order
+  auto next = outside.begin();
+  const StampedToken* before = nullptr;
+  const StampedToken* its_token = nullptr;
+  EndedFirst worst;
+  for (const auto& [token, first] : ended_first_behind_token_) {
+    for (; next != outside.end() && next->entry <= token; ++next) {
+      before = &*next;
+    }
+    if (before != nullptr && before->entered_ns - first.end_ns > entered_late_ns_.value_or(kEnteredLateNs)) {
+      entered_late_ns_ = before->entered_ns - first.end_ns;
+      its_token = before;
+      worst = first;
+    }
+  }
+  if (its_token != nullptr) {
+    findings_->add("segments-entered-late", {std::string(kLedgerFile), worst.entry},
+                   "by the case clock the segment of " + at_entry(worst.entry) + " ended " +
+                       std::to_string(*entered_late_ns_ / kNsPerUs / kUsPerSecond) + " s before " +
+                       its_token->file +
+                       " was entered, behind which it stands: that it is no older than it says rests on the "
+                       "recorder's word");
+  }
 }
 
 void CaseRules::judge_missing(const std::vector<MissingFile>& missing) {
@@ -547,9 +599,12 @@ void CaseRules::describe(VerificationReport& report) const {
   report.opened = opened_;
   report.clock_zero = clock_zero_;
   report.closed = closed_;
-  report.time = tokens_.time(scope_.whole_case ? last_claim_ : last_checked_segment_.value_or(0));
+  report.time = scope_.whole_case
+                    ? tokens_.time(0, last_claim_)
+                    : tokens_.time(first_checked_segment_.value_or(0), last_checked_segment_.value_or(0));
   report.outside_entries = tokens_.outside_entries();
   report.age_at_first_stamp_ns = age_at_first_stamp_ns_;
+  report.entered_late_ns = entered_late_ns_;
   report.tokens = tokens_.count();
   report.outside_tokens = tokens_.outside_count();
   report.own_tokens = tokens_.own_count();

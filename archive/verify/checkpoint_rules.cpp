@@ -26,6 +26,12 @@ std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing) {
   return sizes;
 }
 
+bool are_notes_listed(const std::vector<ListedFile>& listing) {
+  return std::ranges::none_of(listing, [](const ListedFile& file) {
+    return file.path == kCheckpointsFolder && file.kind == ListedFile::Kind::kUnreadable;
+  });
+}
+
 std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
                                      std::optional<std::uint64_t> entry, FindingList& findings) {
   const Place place{note_path(size), entry};
@@ -102,8 +108,12 @@ std::string some_of(const std::vector<std::string>& keys) {
 }  // namespace
 
 CheckpointRules::CheckpointRules(const CaseFolder& folder, const VerifyOptions& options,
-                                 FindingList& findings, std::vector<std::uint64_t> sizes)
-    : folder_(&folder), options_(&options), findings_(&findings), sizes_(std::move(sizes)) {}
+                                 FindingList& findings, std::vector<std::uint64_t> sizes, bool all_listed)
+    : folder_(&folder),
+      options_(&options),
+      findings_(&findings),
+      sizes_(std::move(sizes)),
+      all_listed_(all_listed) {}
 
 void CheckpointRules::set_signer(crypto::VerifierKey device, std::string origin, EntriesBy alone_until) {
   // What was opened ahead was judged by another key. A log that changes its device in every line would have
@@ -172,6 +182,11 @@ std::optional<crypto::OpenedNote> CheckpointRules::opened(std::uint64_t size) {
   if (!read) {
     const std::optional<std::string> note = read_note(*folder_, size, std::nullopt, *findings_);
     if (!note) {
+      const FileOpening opening = folder_->open_file(note_path(size));
+      const bool is_short = opening.file && opening.file->size() <= kMaximumNoteBytes;
+      if (is_short || (!opening.file && opening.problem == FileProblem::kUnreadable)) {
+        unread_ = std::max(unread_, size);
+      }
       return std::nullopt;
     }
     read = open(*note);

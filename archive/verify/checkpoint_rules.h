@@ -23,6 +23,9 @@ namespace kiroku::archive {
 /// are not in it.
 std::vector<std::uint64_t> note_sizes(const std::vector<ListedFile>& listing);
 
+/// Whether the folder of notes could be listed, if there is one.
+bool are_notes_listed(const std::vector<ListedFile>& listing);
+
 /// The bytes of one note; adds a finding and gives nothing where it cannot be had.
 std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t size,
                                      std::optional<std::uint64_t> entry, FindingList& findings);
@@ -38,8 +41,9 @@ struct EntriesBy {
 /// Takes the tree's root at each size that a note has, in rising order, and checks that note.
 class CheckpointRules {
  public:
+  /// `all_listed`: there can be no others than of these sizes.
   CheckpointRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
-                  std::vector<std::uint64_t> sizes);
+                  std::vector<std::uint64_t> sizes, bool all_listed = true);
 
   /// Who must sign from here on, and the origin line; before the first call signatures and origins are not
   /// checked (the ledger has no usable `open`, which is a finding of its own). Of a device that is known to
@@ -49,6 +53,11 @@ class CheckpointRules {
   void set_signer(crypto::VerifierKey device, std::string origin, EntriesBy alone_until);
   /// Whether a note of this size is there.
   [[nodiscard]] bool has(std::uint64_t size) const;
+  /// Whether notes can be there that has() does not know of.
+  [[nodiscard]] bool all_listed() const { return all_listed_; }
+  /// Whether a note over more than covered() may be there that nobody could read: then nothing says that none
+  /// is.
+  [[nodiscard]] bool may_cover_more() const { return !all_listed_ || unread_ > covered_; }
   /// A note that came to be after the listing.
   void appeared(std::uint64_t size);
   /// The tree has `size` entries, and `fits` tells whether a root is its. `tree_known` is false once a line
@@ -105,6 +114,8 @@ class CheckpointRules {
   const VerifyOptions* options_;
   FindingList* findings_;
   std::vector<std::uint64_t> sizes_;  // ascending
+  bool all_listed_;
+  std::uint64_t unread_ = 0;  // the largest size of a note that is there and could not be read
   std::optional<crypto::VerifierKey> device_;
   std::string origin_;
   EntriesBy alone_until_;

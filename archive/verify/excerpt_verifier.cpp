@@ -15,7 +15,9 @@
 #include "archive/verify/case_rules.h"
 #include "archive/verify/case_witnesses.h"
 #include "archive/verify/folder_names.h"
+#include "archive/verify/log_beside.h"
 #include "archive/verify/log_rules.h"
+#include "archive/verify/newer_format.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/verdict.h"
 #include "base/error.h"
@@ -36,7 +38,7 @@ class ExcerptVerification {
         document_(std::move(document)),
         listing_(folder.list()),
         present_(paths_of(listing_)),
-        checkpoints_(folder, options, findings_, note_sizes(listing_)),
+        checkpoints_(folder, options, findings_, note_sizes(listing_), are_notes_listed(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_,
                {false, document_.first_entry <= 1,
@@ -44,7 +46,6 @@ class ExcerptVerification {
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
                 }}),
-        options_of_log_(with_notes_of_logs(options, true)),
         options_of_case_(with_notes_of_logs(options, false)),
         outside_(options.log ? options_of_case_ : options, findings_),
         log_proof_(options, by_log_),
@@ -68,6 +69,9 @@ class ExcerptVerification {
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
+    }
+    // Without the lines nothing says what is named.
+    if (!rules_.gave_up() && !lines_unread_) {
       check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
     }
     rules_.check_device_file();
@@ -87,6 +91,7 @@ class ExcerptVerification {
     FileOpening opening = folder_.open_file(file);
     if (!opening.file) {
       report_unopened(findings_, {std::string(file)}, opening);
+      lines_unread_ = lines_unread_ || opening.problem == FileProblem::kUnreadable;
     }
     return std::move(opening.file);
   }
@@ -129,7 +134,7 @@ class ExcerptVerification {
     bool earlier_done = document_.first_entry == 0;
     LineReader reader(lines_file);
     std::uint64_t number = document_.first_entry;
-    std::optional<LogContents> log;
+    LogBeside log;
     std::optional<LogComparison> comparison;
     while (!rules_.gave_up() && reader.next(line) && !line.torn) {
       if (number == 0 && line.text != open_line) {
@@ -148,8 +153,11 @@ class ExcerptVerification {
       rules_.take(line, number);
       if (number == document_.first_entry) {
         lines_begin_ns_ = rules_.last_mono_ns();
-        log = walk_log();
-        comparison.emplace(log ? &*log : nullptr, rules_.opening(), by_log_);
+        if (rules_.opening()) {
+          log = read_log_beside(options_, rules_.opening(), by_log_);
+          walked_log_ = log.walked;
+        }
+        comparison.emplace(log.contents ? &*log.contents : nullptr, rules_.opening(), by_log_);
         comparison->check_opening(open_hash);
       }
       ++number;
@@ -171,7 +179,7 @@ class ExcerptVerification {
                                        std::string(kExcerptFile) + " states a size of " +
                                        std::to_string(document_.size));
     }
-    if (!checkpoints_.has(document_.size)) {
+    if (!checkpoints_.has(document_.size) && checkpoints_.all_listed()) {
       findings_.add("checkpoint-missing", {note_path(document_.size)},
                     note_path(document_.size) + " is not there, which must cover all lines of the excerpt");
     }
@@ -191,24 +199,6 @@ class ExcerptVerification {
       in_log_ = comparison->told();
     }
     judge_reach();
-  }
-
-  std::optional<LogContents> walk_log() {
-    if (!options_.log || !rules_.opening()) {
-      return std::nullopt;
-    }
-    const CaseFolder folder = CaseFolder::open(*options_.log);
-    FindingList of_log;
-    OutsideNotes outside(options_of_log_, of_log);
-    LogWalk walk(folder, options_, of_log, rules_.opening());
-    walk.compare_with(outside);
-    LogContents contents = walk.run();
-    by_log_.take_from(of_log, "log");
-    if (contents.gave_up) {
-      return std::nullopt;
-    }
-    walked_log_ = walked_log(contents, outside, rules_.opening());
-    return contents;
   }
 
   void malformed(std::string_view file, const std::string& what) {
@@ -442,11 +432,12 @@ class ExcerptVerification {
   std::set<std::string> present_;
   std::set<std::string> selected_files_;
   std::vector<NamedFile> selected_segments_;  // the same, with what their entries state
+  bool lines_unread_ = false;                 // they are there, and nobody could read them
   std::int64_t lines_begin_ns_ = 0;
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
-  VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
+  VerifyOptions options_of_case_;  // without the notes of logs
   OutsideNotes outside_;
   LogProof log_proof_;
   EntriesBy vouched_by_log_;  // entries whose root the log states under a signature by that key
@@ -483,6 +474,11 @@ VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions&
   const FileOpening opening = folder.open_file(kExcerptFile);
   const std::optional<std::string> text =
       opening.file ? read_small(*opening.file, kMaximumExcerptBytes) : std::nullopt;
+  if (text) {
+    if (auto newer = report_on_newer_excerpt(folder, *text)) {
+      return std::move(*newer);
+    }
+  }
   ExcerptParse parse = text ? parse_excerpt(*text) : ExcerptParse{std::nullopt, "it is far too long"};
   if (!parse.document) {
     VerificationReport report;

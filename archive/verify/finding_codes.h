@@ -143,7 +143,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "trips, stated slews, 2 s and 0.05 %, and so, over the same time and the same way, does that of another "
      "outside authority"},
     {"authority-clock-differs", Severity::kUnproven,
-     "the same of one outside authority alone: its clock was set, or the case clock is made up"},
+     "the same of one outside authority alone, or of several where a step or a slew may explain it: a clock "
+     "was set, or the case clock is made up"},
     {"end-stamped-late", Severity::kNote,
      "the first token over the end is more than 2 s later than the case clock of close explains, whatever "
      "the "
@@ -153,10 +154,14 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "last segment: when it was recorded, and for how long, rests on the recorder's word"},
     {"first-stamped-late", Severity::kNote,
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
-     "the beginning of what was recorded: that what came before that token is no older rests on the "
-     "recorder's word"},
+     "the beginning of what was recorded: that this is no older rests on the recorder's word"},
+    {"segments-entered-late", Severity::kNote,
+     "a counted segment of a stream that is recorded as it comes is entered behind an outside token that "
+     "was entered more than two minutes, by the case clock, after the segment ends: that it is no older "
+     "rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
-     "the same of one outside authority, while another one's clock went on as the case clock did"},
+     "the same of one outside authority, while another one's clock went on as the case clock did, and not as "
+     "that one's"},
     {"clock-disagreement", Severity::kUnproven,
      "the same between tokens that are self-issued or not trusted, where no stated step of the wall clock "
      "explains it: it was probably set"},
@@ -237,6 +242,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a file has not the hash the ledger states; offset, with an identity: the first chunk that does not "
      "decrypt, or that changed while it was checked"},
     {"file-unnamed", Severity::kTampered, "a file or folder that nothing names"},
+    {"file-of-a-system", Severity::kNote,
+     "a file that nothing names and that operating systems leave behind by themselves, by its name: nobody "
+     "recorded it"},
     {"file-not-regular", Severity::kTampered,
      "a symbolic link, a special file or a second name of another file"},
     {"name-clash", Severity::kTampered, "two names differ only in case"},
@@ -268,6 +276,17 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the log knows a case that is not in the archive and was not erased; what begins with another line, or "
      "is "
      "an excerpt, is not the case"},
+    {"log-silent", Severity::kUnproven,
+     "the log says nothing of the case that could be checked: nothing of it that a known device signed goes "
+     "beyond the state over which the case was opened, or its lines are not sound"},
+    {"log-not-sound", Severity::kUnproven,
+     "beside a case: lines of the log are not as they were signed, lack, or say what no recorder enters; "
+     "what "
+     "the "
+     "broken ones said of the case was not checked"},
+    {"log-not-tidy", Severity::kNote,
+     "beside a case: something is wrong in the log's folder that hides no line of the log: a name, or a "
+     "checkpoint that does not hold"},
     {"cases-not-looked-for", Severity::kNote,
      "the log was verified alone: whether the cases that it knows are still there was not checked"},
     {"log-signed-late", Severity::kUnproven,
@@ -277,6 +296,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-tail-unsigned", Severity::kUnproven,
      "no checkpoint covers the log, or several of its newest entries: nobody signed them"},
     {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},
+    {"log-damage-stated", Severity::kTampered,
+     "the log says itself that lines of it were changed after they were signed"},
     {"log-case-open", Severity::kNote, "the log knows no end of a case"},
     {"log-case-erased", Severity::kNote,
      "the log says that the whole case was erased, and here it is: a copy that was kept, or an erasure that "
@@ -333,9 +354,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a sealed statement of consent, or a form, that no entry names: the machine stopped before it was "
      "entered, or its entry was removed"},
     {"log-of-another-device", Severity::kUnproven,
-     "the log was another device's when it says that the case was opened: whether the case's own device has "
-     "it in "
-     "its log was not checked"},
+     "the log is another device's, or was when it says that the case was opened: whether the case's own "
+     "device has it in its log was not checked"},
     {"log-algorithm-ended", Severity::kNote,
      "by the policy given, an algorithm on which the appliance log rests counts no more: that it knows the "
      "same "
@@ -378,6 +398,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "this case and the one that it carries on, or that carries it on, do not fit each other"},
     {"carried-on-not-here", Severity::kNote,
      "the case that this one carries on, or that carries this one on, does not lie beside it"},
+    {"carried-on-not-compared", Severity::kNote,
+     "something else lies in the place of that case, or less of it, or what its device did not sign: they "
+     "were "
+     "not compared"},
     {"carrying-on-holds", Severity::kNote,
      "this case and the one that it carries on, or that carries it on, name each other"},
     // -- excerpts
@@ -414,6 +438,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "by the policy given, an algorithm on which the case rests counts no more, and no evidence record of "
      "outside "
      "authorities holds that began before"},
+    // -- of the format
+    {"format-newer", Severity::kUnproven,
+     "the case or the excerpt is of a later version of the format than this program knows: nothing was "
+     "checked"},
     // -- of the list itself
     {"more-findings", Severity::kNote,
      "so many findings, of one code or of all together, that the rest is only counted"},

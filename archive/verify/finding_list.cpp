@@ -50,18 +50,29 @@ void FindingList::add_locked(std::size_t code, Place place, std::string text) {
   kept_.push_back({code, std::move(place), std::move(text)});
 }
 
-void FindingList::take_from(FindingList& other, const std::string& folder) {
+void FindingList::take_from(FindingList& other, const std::string& folder, const Recoding& recoding) {
   const std::scoped_lock lock(mutex_, other.mutex_);
+  const auto code_here = [&](std::size_t code) {
+    const std::optional<CodeName> counts_as = recoding ? recoding(kFindingCodes[code]) : std::nullopt;
+    return counts_as ? counts_as->index() : code;
+  };
   for (Kept& each : other.kept_) {
     if (!folder.empty()) each.place.file.insert(0, folder + "/");
-    add_locked(each.code, std::move(each.place), std::move(each.text));
+    const std::size_t code = code_here(each.code);
+    if (code != each.code) each.text.insert(0, std::string(kFindingCodes[each.code].name) + ": ");
+    add_locked(code, std::move(each.place), std::move(each.text));
   }
   for (std::size_t code = 0; code < counts_.size(); ++code) {
-    counts_[code].dropped += other.counts_[code].dropped;
+    if (other.counts_[code].dropped > 0) counts_[code_here(code)].dropped += other.counts_[code].dropped;
   }
   other.kept_.clear();
   other.counts_ = {};
   other.bytes_ = 0;
+}
+
+bool FindingList::has(CodeName code) const {
+  const std::lock_guard lock(mutex_);
+  return counts_[code.index()].kept > 0;
 }
 
 Severity FindingList::worst() const {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -31,8 +32,13 @@ class FindingList {
   /// Texts and file names that are too long are cut. Of each code the first is kept in any case; one that is
   /// only counted stands in a "more-findings".
   void add(CodeName code, Place place, std::string text);
-  /// Findings of another list, their files below `folder` (empty: as they are), and what it only counted.
-  void take_from(FindingList& other, const std::string& folder);
+  /// By which code a finding counts here; nothing: by its own.
+  using Recoding = std::function<std::optional<CodeName>(const FindingCode&)>;
+  /// Findings of another list, their files below `folder` (empty: as they are), and what it only counted. One
+  /// that counts by another code says its own in its text.
+  void take_from(FindingList& other, const std::string& folder, const Recoding& recoding = {});
+  /// Whether one of this code was added.
+  [[nodiscard]] bool has(CodeName code) const;
   /// The gravest so far, kept also of those that were only counted.
   [[nodiscard]] Severity worst() const;
   /// All, ordered by entry (those without one last), then file, then offset. The list is empty afterwards.

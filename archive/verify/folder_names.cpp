@@ -1,5 +1,7 @@
 #include "archive/verify/folder_names.h"
 
+#include <algorithm>
+#include <array>
 #include <string>
 #include <unordered_map>
 
@@ -35,6 +37,20 @@ void check_kind(const ListedFile& file, FindingList& findings) {
     case ListedFile::Kind::kFolder:
       break;
   }
+}
+
+/// What operating systems put into folders that they show or copy, without being asked; of a folder with such
+/// a name all that lies in it.
+bool is_left_by_a_system(const ListedFile& file) {
+  constexpr auto kFiles = std::to_array<std::string_view>({".DS_Store", "Thumbs.db", "desktop.ini"});
+  constexpr std::string_view kMarkOfTheWeb = ":Zone.Identifier";
+  constexpr std::string_view kFolder = "/@eaDir/";
+  const std::string path = "/" + file.path;
+  const std::string_view name = std::string_view(path).substr(path.rfind('/') + 1);
+  const bool is_folder = file.kind == ListedFile::Kind::kFolder;
+  if ((is_folder ? path + "/" : path).find(kFolder) != std::string::npos) return true;
+  const bool is_mark = name.ends_with(kMarkOfTheWeb) && name.size() > kMarkOfTheWeb.size();
+  return !is_folder && (is_mark || std::ranges::find(kFiles, name) != kFiles.end());
 }
 
 }  // namespace
@@ -88,7 +104,10 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
         break;
       case NameJudgement::kUnnamed:
         check_kind(file, findings);
-        if (plain) {
+        if (plain && is_left_by_a_system(file)) {
+          findings.add("file-of-a-system", {file.path},
+                       "nobody recorded " + file.path + ": operating systems leave such files behind");
+        } else if (plain) {
           findings.add("file-unnamed", {file.path}, "nothing names " + file.path);
         }
         break;

@@ -8,6 +8,7 @@
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_histories.h"
 #include "base/error.h"
+#include "base/number_text.h"
 
 namespace kiroku::archive {
 
@@ -34,16 +35,17 @@ Place in_log(std::uint64_t number) { return {"log/" + std::string(kLedgerFile), 
 }  // namespace
 
 LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
-                 const std::optional<OpenEntry>& of_case)
+                 const std::optional<OpenEntry>& of_case, FindingList* of_cases)
     : folder_(&folder),
       options_(&options),
       findings_(&findings),
+      of_cases_(of_cases != nullptr ? of_cases : &findings),
       case_id_(of_case ? of_case->case_id : std::string()),
       case_device_(of_case ? of_case->device : std::string()),
       head_(of_case ? of_case->appliance_log_size : 0),
       listing_(folder.list()),
       checkpoints_(folder, options, findings, note_sizes(listing_)),
-      consents_(folder, findings),
+      consents_(folder, *of_cases_),
       boots_(findings, !of_case) {
   try {
     if (!case_device_.empty()) {
@@ -122,6 +124,11 @@ LogContents LogWalk::run() {
         checkpoints_.covered() == tree_.size() || (outside_ != nullptr && outside_->held() == tree_.size());
     if (erased_now_ && has_its_own) {
       contents_.cases[*erased_now_].erased = true;
+    }
+    // A note that was kept elsewhere is by a trusted device.
+    const bool is_kept_elsewhere = outside_ != nullptr && outside_->held() == tree_.size();
+    if (is_kept_elsewhere || (has_its_own && may_accuse_)) {
+      contents_.accusing = tree_.size();
     }
     judge_told(number, has_its_own);
     if (has_its_own) {
@@ -251,7 +258,7 @@ void LogWalk::judge_holds(std::uint64_t number) {
                    if (!standing.empty()) {
                      const std::string what =
                          erased.stream ? "stream " + *erased.stream + " of case " : std::string("case ");
-                     findings_->add("erased-while-held", in_ledger(number),
+                     of_cases_->add("erased-while-held", in_ledger(number),
                                     "the log says that " + what + erased.case_id +
                                         " was erased while its legal hold of " + at_entry(*standing.begin()) +
                                         " stood");
@@ -329,7 +336,9 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
       !std::holds_alternative<DeviceAttestationEntry>(entry.body) &&
       !std::holds_alternative<DeviceHardwareSilentEntry>(entry.body)) {
     // A cut that was made good is entered together with what comes next.
-    since_note_ += std::holds_alternative<LogRecoveredEntry>(entry.body) ? 0U : 1U;
+    const bool comes_with_the_next = std::holds_alternative<LogRecoveredEntry>(entry.body) ||
+                                     std::holds_alternative<LogDamageEntry>(entry.body);
+    since_note_ += comes_with_the_next ? 0U : 1U;
     to_be_followed_.push_back(number);
     if (to_be_followed_.size() > 2) {
       to_be_followed_.pop_front();
@@ -343,6 +352,13 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                  [&](const DeviceMlDsaEntry& added) { judge_ml_dsa_key(added.ml_dsa, number); },
                  [&](const DeviceHardwareEntry& added) { judge_hardware_key(added.hardware, number); },
+                 [&](const LogDamageEntry& damage) {
+                   findings_->add("log-damage-stated", in_ledger(number),
+                                  at_entry(number) + " of the log says that the first " +
+                                      std::to_string(damage.size) +
+                                      " entries were not, or not all, those over which its checkpoint "
+                                      "was signed: they were changed on the disk before that");
+                 },
                  [&](const CaseOpenedEntry& opened) {
                    LoggedCase* known = logged(opened.case_id);
                    if (known != nullptr) {
@@ -353,6 +369,7 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                      known->opened = number;
                      known->opening_line = opened.sha256;
                      contents_.opened_by_case_device = contents_.device == case_device_;
+                     contents_.opened_by_nobody = contents_.device.empty();
                    } else if (known != nullptr && case_id_.empty() && known->opening_line != opened.sha256) {
                      known->further.push_back({number, opened.sha256});
                    }
@@ -406,8 +423,10 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   }
   keep_vouched_for();
   contents_.device = device;
+  contents_.was_case_devices = contents_.was_case_devices || device == case_device_;
   signer_.reset();
   device_.reset();
+  may_accuse_ = false;
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
     signer_ = key.to_string();
@@ -415,6 +434,7 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
       kept_->first_device = *signer_;
     }
     device_ = known_device(key, options_->devices);
+    may_accuse_ = signs_case_ == key || std::ranges::find(options_->devices, key) != options_->devices.end();
     checkpoints_.set_signer(*device_, log_origin(key.name()),
                             {device_->ml_dsa_since(), device_->hardware_since()});
     if (outside_ != nullptr) {
@@ -494,10 +514,33 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   if (log == nullptr || !opening) {
     return;
   }
-  log_ = log;
   case_id_ = opening->case_id;
   const auto found = log->cases.find(case_id_);
-  if (found == log->cases.end() || !found->second.opened) {
+  const bool knows = found != log->cases.end() && found->second.opened;
+  if (knows ? log->opened_by_nobody : log->device.empty()) {
+    findings_->add(
+        "log-silent", {"log/" + std::string(kLedgerFile)},
+        "no line of the appliance log that can be read names its device" +
+            std::string(knows ? " before it tells of the case" : "") +
+            ", so nobody knows whose it is: whether the device's log knows this case was not checked");
+    return;
+  }
+  // What another device's log says, or does not say, speaks neither for the case nor against it.
+  if (knows && !log->opened_by_case_device) {
+    findings_->add("log-of-another-device", in_log(*found->second.opened),
+                   "the appliance log was another device's when it says that the case was opened, and " +
+                       opening->device + " signed the case: whether its own log knows it was not checked");
+    return;
+  }
+  if (!knows && !log->was_case_devices && !log->device.empty()) {
+    findings_->add("log-of-another-device", {"log/" + std::string(kLedgerFile)},
+                   "the appliance log is of " + log->device + ", and " + opening->device +
+                       " signed the case: whether its own log knows it was not checked; give that one");
+    return;
+  }
+  log_ = log;
+  head_ = opening->appliance_log_size;
+  if (!knows) {
     unknown_ = true;
   } else {
     known_ = &found->second;
@@ -510,17 +553,13 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
     std::stable_sort(roots_.begin(), roots_.end(),
                      [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
   }
-  // Whoever holds the keys of two devices can have the one's log tell of the other's case.
-  if (known_ != nullptr && !log->opened_by_case_device) {
-    findings_->add("log-of-another-device", in_log(*known_->opened),
-                   "the appliance log was another device's when it says that the case was opened, and " +
-                       opening->device + " signed the case: whether its own log knows it was not checked");
-  }
-  if (log->root_at_head != opening->appliance_log_root) {
+  // Of a log that is shorter, or of whose lines nobody signed so many, nothing says which state it had.
+  const bool differs = log->root_at_head != opening->appliance_log_root;
+  silent_ = differs && log->accusing < head_;
+  if (differs && !silent_) {
     findings_->add("log-head-differs", in_ledger(0),
-                   "open states the log's root at " + std::to_string(opening->appliance_log_size) +
-                       " entries, and the log " +
-                       (log->root_at_head ? std::string("has another") : std::string("is shorter")));
+                   "open states the log's root at " + std::to_string(head_) +
+                       " entries, and the log has another, which was signed");
   }
 }
 
@@ -539,9 +578,22 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
     findings_->add("log-case-not-entered", {"log/" + std::string(kLedgerFile)},
                    "the appliance log does not know the case " + case_id_ +
                        " yet, which holds nothing: it was being begun");
-  } else if (unknown_) {
+  } else if (unknown_ && log_->sound && log_->accusing > head_) {
     findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
                    "the appliance log does not know a case " + case_id_);
+  } else {
+    silent_ = silent_ || unknown_;
+  }
+  if (silent_) {
+    const bool broken = log_->accusing > head_;
+    findings_->add(
+        "log-silent", {"log/" + std::string(kLedgerFile)},
+        "the case was opened over " + counted(head_, "entry", "entries") + " of the appliance log, and " +
+            (broken
+                 ? std::string("lines of the log given are broken or lack, of which one may tell of it")
+                 : "known devices signed no more than " + std::to_string(log_->accusing) +
+                       " of the log given: it is a copy from before, it was cut off, or nobody signed it") +
+            "; whether the device's log knows this case was not checked");
   }
   for (const Doubt& each : doubts_) {
     const bool speaks_for_itself =
@@ -588,7 +640,7 @@ void LogComparison::reached(std::uint64_t size, const RootTest& fits) {
   for (const KnownRoot& each : roots_at(size)) {
     bool& said = log_->doubted.contains(each.entry) ? differs_in_doubt_ : differs_;
     const bool is_its = fits(each.root);
-    if (is_its && log_->opened_by_case_device) {
+    if (is_its) {
       if (!log_->doubted.contains(each.entry)) known_entries_ = std::max(known_entries_, size);
       const bool by_ml_dsa = each.entry < log_->vouched_for.ml_dsa;
       const bool by_hardware = each.entry < log_->vouched_for.hardware;
@@ -610,9 +662,7 @@ std::optional<CaseInLog> LogComparison::told() const {
     return std::nullopt;
   }
   // What nobody signed in time, anybody who can write to the disk can have added.
-  const auto signed_then = [&](std::uint64_t entry) {
-    return log_->opened_by_case_device && !log_->doubted.contains(entry);
-  };
+  const auto signed_then = [&](std::uint64_t entry) { return !log_->doubted.contains(entry); };
   CaseInLog told;
   told.entries = known_entries_;
   told.opening = known_ != nullptr && signed_then(*known_->opened);

@@ -79,6 +79,16 @@ struct LogContents {
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
   bool opened_by_case_device = false;
+  /// No line that can be read names a device by then.
+  bool opened_by_nobody = false;
+  /// The log was its device's at any time.
+  bool was_case_devices = false;
+  /// The most entries that a checkpoint covers which the case's device signed, or one that the verifier
+  /// trusts. Whatever else a log holds, anybody can have written: that it lacks something there accuses
+  /// nobody.
+  std::uint64_t accusing = 0;
+  /// No line is broken, and none lacks that something tells of.
+  bool sound = true;
   std::optional<UtcTime> begins;
   bool gave_up = false;  // so many lines are no entries that the rest was not read: nothing follows from it
 };
@@ -87,10 +97,11 @@ struct LogContents {
 class LogWalk {
  public:
   /// For verifying the case that begins so: only what concerns it is kept, and the log's own root at the size
-  /// that it states. Without one all cases are kept, and no roots. Everything referred to must outlive the
-  /// object.
+  /// that it states. Without one all cases are kept, and no roots. `of_cases` takes what the log says that
+  /// was done to cases (consents, erasures); null: `findings` does, which takes what is found of the log
+  /// itself. Everything referred to must outlive the object.
   LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
-          const std::optional<OpenEntry>& of_case);
+          const std::optional<OpenEntry>& of_case, FindingList* of_cases = nullptr);
   /// Notes to compare the log with, before run().
   void compare_with(OutsideNotes& notes) { outside_ = &notes; }
   /// Into an empty one, which must outlive run(); before that.
@@ -131,6 +142,7 @@ class LogWalk {
   const CaseFolder* folder_;
   const VerifyOptions* options_;
   FindingList* findings_;
+  FindingList* of_cases_;
   std::string case_id_, case_device_;
   std::optional<crypto::VerifierKey> signs_case_;  // case_device_, with what is known of it
   std::uint64_t from_before_hardware_ = 0;         // entries of the log by the root that its identity states
@@ -139,6 +151,7 @@ class LogWalk {
   SignedLog* kept_ = nullptr;
   std::optional<std::string> signer_;          // the device's key, where it names one
   std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
+  bool may_accuse_ = false;                    // it is the case's device, or one that is trusted
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
@@ -210,6 +223,8 @@ class LogComparison {
   const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
   bool unknown_ = false;          // there is a log, and it has no such case
+  bool silent_ = false;           // nor does what is signed of it reach so far
+  std::uint64_t head_ = 0;        // entries of the log when the case was opened
   std::uint64_t entries_ = 0;     // finish(): of the ledger
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;

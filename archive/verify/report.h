@@ -31,6 +31,7 @@ std::string_view time_proof_name(TimeProof proof);
 enum class TimeRemark {
   kThereByThen,  // stamped-after-close: it existed by then; nothing outside says how much earlier it began
   kFirstStampedLate,  // first-stamped-late: the same of its beginning
+  kEnteredLate,       // segments-entered-late: the same of film that a "not before" is told of
   kEndStampedLate,    // end-stamped-late
   kClockDiffers,      // clock-differs
   kLengthDiffers,     // close-utc-differs
@@ -204,6 +205,9 @@ struct VerificationReport {
   /// How old the oldest film was when the first outside token was entered, by the case clock; only where that
   /// is more than usual (first-stamped-late).
   std::optional<std::int64_t> age_at_first_stamp_ns;
+  /// By how much film ended before the outside token behind which it is entered, by the case clock, at most;
+  /// only where that is more than usual (segments-entered-late).
+  std::optional<std::int64_t> entered_late_ns;
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds

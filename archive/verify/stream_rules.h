@@ -64,6 +64,8 @@ class StreamRules {
 
   [[nodiscard]] const std::shared_ptr<const StreamInfo>& info() const { return info_; }
   [[nodiscard]] const StreamReport& report() const { return report_; }
+  /// It has something only where somebody did something.
+  [[nodiscard]] bool is_of_marks() const { return of_marks_; }
   /// Where its first segment, or a gap before it, begins; nothing of a stream of marks, and where there is
   /// neither.
   [[nodiscard]] std::optional<std::int64_t> first_ns() const;

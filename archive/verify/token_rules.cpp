@@ -98,11 +98,14 @@ void TokenRules::take(const TokenEntry& token, std::uint64_t entry, std::int64_t
   }
 }
 
-TimeProof TokenRules::time(std::uint64_t last_claim) const {
-  if (!proving_outside_.empty()) {
-    return outside_entries_ > last_claim ? TimeProof::kExternal : TimeProof::kExternalInPart;
+TimeProof TokenRules::time(std::uint64_t first_claim, std::uint64_t last_claim) const {
+  if (outside_entries_ > last_claim) {
+    return TimeProof::kExternal;
   }
-  return proving_.empty() ? TimeProof::kNone : TimeProof::kSelfIssued;
+  if (outside_entries_ > first_claim) {
+    return TimeProof::kExternalInPart;
+  }
+  return proving_.size() == proving_outside_.size() ? TimeProof::kNone : TimeProof::kSelfIssued;
 }
 
 std::optional<std::string> TokenRules::read_token(const TokenEntry& token, std::uint64_t entry) {
@@ -130,9 +133,15 @@ TokenRules::Judged TokenRules::judge(const TokenEntry& token, std::uint64_t entr
                                      const std::string& response) {
   const Place place{token.file, entry};
   if (!checkpoints_->has(token.checkpoint)) {
-    findings_->add(
-        "checkpoint-missing", {note_path(token.checkpoint), entry},
-        note_path(token.checkpoint) + " is not there, which the token of " + at_entry(entry) + " is over");
+    const Place of_note{note_path(token.checkpoint), entry};
+    if (checkpoints_->all_listed()) {
+      findings_->add("checkpoint-missing", of_note,
+                     of_note.file + " is not there, which the token of " + at_entry(entry) + " is over");
+    } else {
+      findings_->add("file-unreadable", of_note,
+                     std::string(kCheckpointsFolder) + " cannot be read, so " + of_note.file +
+                         " was not checked, which the token of " + at_entry(entry) + " is over");
+    }
     return {};
   }
   const std::optional<std::string> note = read_note(*folder_, token.checkpoint, entry, *findings_);
@@ -339,8 +348,8 @@ std::optional<StampedToken> TokenRules::first_entered() const {
   return first == outside_.end() ? std::nullopt : std::optional(*first);
 }
 
-void TokenRules::finish(bool whole_case) {
-  leave_out(clock_rules_.finish());
+void TokenRules::finish(bool whole_case, bool from_open) {
+  leave_out(clock_rules_.finish(from_open));
   if (count_ == 0) {
     findings_->add("no-token", {},
                    "there is no time-stamp token: only the device's own clock says when this was");

@@ -41,11 +41,11 @@ class TokenRules {
     close_ = entry;
     clock_rules_.take_close(mono_ns);
   }
-  /// After the last entry. An excerpt may leave out the token over close.
-  void finish(bool whole_case);
+  /// After the last entry. An excerpt may leave out the token over close; `from_open`: it has what is before.
+  void finish(bool whole_case, bool from_open);
 
-  /// What proves the time of a case whose last claim is in this entry.
-  [[nodiscard]] TimeProof time(std::uint64_t last_claim) const;
+  /// What proves the time of a case whose claims are in the entries from `first_claim` to `last_claim`.
+  [[nodiscard]] TimeProof time(std::uint64_t first_claim, std::uint64_t last_claim) const;
   /// Entries, from 0 on, that a valid token of an outside authority covers, over the entries that are here.
   [[nodiscard]] std::uint64_t outside_entries() const { return outside_entries_; }
   [[nodiscard]] std::uint64_t count() const { return count_; }

@@ -32,6 +32,7 @@ std::vector<TimeRemark> time_remarks(const VerificationReport& report) {
   constexpr auto kByCode = std::to_array<std::pair<std::string_view, TimeRemark>>(
       {{"stamped-after-close", TimeRemark::kThereByThen},
        {"first-stamped-late", TimeRemark::kFirstStampedLate},
+       {"segments-entered-late", TimeRemark::kEnteredLate},
        {"end-stamped-late", TimeRemark::kEndStampedLate},
        {"clock-differs", TimeRemark::kClockDiffers},
        {"close-utc-differs", TimeRemark::kLengthDiffers}});

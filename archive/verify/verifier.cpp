@@ -21,8 +21,10 @@
 #include "archive/verify/finding_list.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/found_files.h"
+#include "archive/verify/log_beside.h"
 #include "archive/verify/log_proof.h"
 #include "archive/verify/log_rules.h"
+#include "archive/verify/newer_format.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/verdict.h"
 #include "base/error.h"
@@ -55,10 +57,9 @@ class CaseVerification {
       : folder_(folder),
         options_(options),
         listing_(folder.list()),
-        checkpoints_(folder, options, findings_, note_sizes(listing_)),
+        checkpoints_(folder, options, findings_, note_sizes(listing_), are_notes_listed(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_, {}),
-        options_of_log_(with_notes_of_logs(options, true)),
         options_of_case_(with_notes_of_logs(options, false)),
         outside_(options.log ? options_of_case_ : options, findings_),
         log_proof_(options, by_log_) {}
@@ -70,7 +71,8 @@ class CaseVerification {
     } else {
       report_unopened(findings_, {std::string(kLedgerFile)}, opening);
       if (options_.log) {
-        OutsideNotes(options_of_log_, by_log_).finish(0, false);
+        const VerifyOptions of_log = with_notes_of_logs(options_, true);
+        OutsideNotes(of_log, by_log_).finish(0, false);
       }
     }
     if (rules_.opening() && rules_.device()) {
@@ -89,8 +91,9 @@ class CaseVerification {
     if (open) {
       files_.also_hash(further_hashes_of_case(folder_, open->case_id, options_));
     }
-    const std::optional<LogContents> log = walk_log(open);
-    LogComparison comparison(log ? &*log : nullptr, open, by_log_);
+    const LogBeside log = read_log_beside(options_, open, by_log_);
+    walked_log_ = log.walked;
+    LogComparison comparison(log.contents ? &*log.contents : nullptr, open, by_log_);
 
     const auto fits = [&](const crypto::Sha256Digest& root) { return root == tree_.root(); };
     LineReader reader(ledger);
@@ -134,7 +137,7 @@ class CaseVerification {
     judge_names();
     rules_.check_device_file();
     if (rules_.opening()) {
-      check_carrying_on(folder_, *rules_.opening(), rules_.close_reason(), findings_);
+      check_carrying_on(folder_, *rules_.opening(), rules_.close_reason(), options_.devices, findings_);
     }
   }
 
@@ -144,24 +147,6 @@ class CaseVerification {
   [[nodiscard]] bool was_never_flushed(const LedgerLine& line, std::uint64_t number) const {
     const bool may_be = !rules_.close_entry() || !line.too_long;
     return may_be && line.text.find('\0') != std::string::npos && checkpoints_.newest() <= number;
-  }
-
-  std::optional<LogContents> walk_log(const std::optional<OpenEntry>& open) {
-    if (!options_.log) {
-      return std::nullopt;
-    }
-    const CaseFolder folder = CaseFolder::open(*options_.log);
-    FindingList of_log;
-    OutsideNotes outside(options_of_log_, of_log);
-    LogWalk walk(folder, options_, of_log, open);
-    walk.compare_with(outside);
-    LogContents contents = walk.run();
-    by_log_.take_from(of_log, "log");
-    if (contents.gave_up) {
-      return std::nullopt;
-    }
-    walked_log_ = walked_log(contents, outside, open);
-    return contents;
   }
 
   /// `last` is what the reader stopped at.
@@ -194,6 +179,8 @@ class CaseVerification {
                    ? "; nobody has signed the entries from " + std::to_string(checkpoints_.covered()) +
                          " on, so whoever can write to the disk could have made them"
                    : std::string()));
+    } else if (checkpoints_.may_cover_more()) {
+      return;  // what could not be read is said, and whether it covers the end nobody knows
     } else if (checkpoints_.covered() <= *close) {
       findings_.add(
           "close-not-covered", {std::string(kLedgerFile), close},
@@ -373,7 +360,7 @@ class CaseVerification {
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
-  VerifyOptions options_of_log_, options_of_case_;  // with the notes of the one, of the other
+  VerifyOptions options_of_case_;  // without the notes of logs
   OutsideNotes outside_;
   LogProof log_proof_;
   std::optional<WalkedLog> walked_log_;
@@ -539,6 +526,11 @@ std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& fol
   if (!ledger.file && ledger.problem == FileProblem::kUnreadable) {
     throw Error("cannot verify " + folder.string() + ": its " + std::string(kLedgerFile) + " " +
                 ledger.explanation);
+  }
+  if (ledger.file) {
+    if (auto newer = report_on_newer_case(opened, *ledger.file)) {
+      return {std::move(*newer), false};
+    }
   }
   VerificationReport report = CaseVerification(opened, options).run();
   const bool grew = ledger.file && ledger_bytes(opened) != ledger.file->size();

@@ -49,6 +49,18 @@ void check_case_id(const std::string& case_id) {
   }
 }
 
+/// Of the first `size` lines, whatever they say; nothing where there are fewer.
+std::optional<crypto::Sha256Digest> root_of_lines(const FileReading& files, const fs::path& file,
+                                                  std::uint64_t size) {
+  const ReadableFile input = files.open_to_read(file);
+  crypto::MerkleFrontier tree;
+  LineReader reader(input);
+  for (LedgerLine line; tree.size() < size && reader.next(line) && !line.torn && !line.too_long;) {
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+  }
+  return tree.size() == size ? std::optional(tree.root()) : std::nullopt;
+}
+
 }  // namespace
 
 struct ApplianceLog::State {
@@ -182,6 +194,9 @@ struct ApplianceLog::State {
       if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
         bodies.emplace_back(LogRecoveredEntry{torn});
       }
+      if (damage && !damage_stated) {
+        bodies.emplace_back(*damage);
+      }
       if (body) {
         bodies.push_back(*body);
       }
@@ -194,6 +209,7 @@ struct ApplianceLog::State {
       return lines;
     });
     silence_stated = !silence.empty();
+    damage_stated = damage.has_value();
   }
 
   void append(const std::optional<LogEntryBody>& body) {
@@ -285,12 +301,67 @@ struct ApplianceLog::State {
     }
   }
 
+  /// The checkpoint of that size, if it is one that this device signed. Anybody who can write to the disk
+  /// makes others.
+  [[nodiscard]] std::optional<crypto::Checkpoint> own_checkpoint(std::uint64_t size) const {
+    const FileOpening opening = CaseFolder::open(folder, files).open_file(note_path(size));
+    const std::optional<std::string> note =
+        opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+    if (!note) {
+      return std::nullopt;
+    }
+    const crypto::OpenedNote opened = crypto::open_note(*note, {device});
+    if (!crypto::is_signed_for_log(opened, device, size)) {
+      return std::nullopt;
+    }
+    std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+    const bool is_its =
+        checkpoint && checkpoint->origin == log_origin(device.name()) && checkpoint->size == size;
+    return is_its ? checkpoint : std::nullopt;
+  }
+
+  /// With the turn, of a log that was just opened. The newest checkpoint is looked for by its name: a log of
+  /// years has a million, and entries of which none has its own are never many. One that cannot be read is
+  /// left to whoever verifies: it keeps nobody from recording.
+  void look_for_damage_locked() {
+    const std::uint64_t lines = ledger->size();
+    const std::uint64_t last = lines + kMostRemembered;
+    const std::uint64_t first = lines - std::min<std::uint64_t>(lines, kMostRemembered);
+    try {
+      for (std::uint64_t size = last; size > first; --size) {
+        if (!files.exists(folder / note_path(size))) {
+          continue;
+        }
+        const std::optional<crypto::Checkpoint> signed_then = own_checkpoint(size);
+        if (!signed_then) {
+          continue;
+        }
+        std::optional<crypto::Sha256Digest> root;
+        if (size == lines) {
+          root = ledger->root();
+        } else if (size < lines) {
+          root = root_of_lines(files, ledger->file(), size);
+        }
+        if (root != signed_then->root) {
+          damage = LogDamageEntry{size, signed_then->root, root};
+        }
+        return;
+      }
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): said above
+    }
+  }
+
   void checkpoint_locked() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
-    if (text.size > 0 && !files.exists(file)) {
+    // What else lies there than a checkpoint of this device's is no reason not to sign; one of its own over
+    // other lines is kept, as it shows that lines were changed.
+    if (text.size > 0 && (!files.exists(file) || !own_checkpoint(text.size))) {
       crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
       reserve.write_durably(file, bytes_of(written.note));
+      if (keep_note) {
+        keep_note(written.note);
+      }
       if (device.hardware()) {
         silence = std::move(written.hardware_silent);
         silence_stated = silence_stated && !silence.empty();
@@ -299,13 +370,28 @@ struct ApplianceLog::State {
     known_signed = text.size;
   }
 
+  [[nodiscard]] std::string words_of_damage() const {
+    if (!damage) {
+      return "";
+    }
+    return "the appliance log in " + folder.string() +
+           (damage->root ? " has other lines than those over which its checkpoint of " +
+                               std::to_string(damage->size) + " entries was signed"
+                         : " has fewer lines than the " + std::to_string(damage->size) +
+                               " over which a checkpoint of it was signed") +
+           ": it was changed on the disk. Holds and consents cannot be told from it, and nothing is erased: "
+           "put back a "
+           "copy that holds; 'kiroku log --verify' tells more";
+  }
+
   /// What becomes of an entry's checkpoint: it follows at once, it does for an entry on which the device
   /// stands, or none is written (the next entry's covers it).
   enum class Signing { kFollows, kKept, kNone };
   static Signing signing_of(std::string_view type) {
     if (type.starts_with("boot\"") || type.starts_with("config-changed\"") ||
         type.starts_with("device-ml-dsa-added\"") || type.starts_with("device-hardware-") ||
-        type.starts_with("device-attestation-added\"") || type.starts_with("recovered\"")) {
+        type.starts_with("device-attestation-added\"") || type.starts_with("recovered\"") ||
+        type.starts_with("damage-found\"")) {
       return Signing::kNone;
     }
     return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
@@ -329,6 +415,9 @@ struct ApplianceLog::State {
   std::string not_attested;  // why the TPM did not quote when its attestation key was to be stated
   std::string silence;       // why the newest checkpoint lacks the line by hardware
   bool silence_stated = false;
+  std::optional<LogDamageEntry> damage;
+  bool damage_stated = false;
+  std::function<void(std::string_view note)> keep_note;  // may be null
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
   std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
@@ -352,7 +441,13 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
       [folder, &files] { return newest_note(folder, files); });
   const Ledger::Turn turn(*state->ledger);
   state->settle_locked();
+  state->look_for_damage_locked();
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
+}
+
+std::string ApplianceLog::damage() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->words_of_damage();
 }
 
 void ApplianceLog::boot(const std::string& boot_id) {
@@ -498,6 +593,22 @@ ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) con
   const std::lock_guard guard(state_->mutex);
   const auto found = state_->cases.find(case_id);
   return found == state_->cases.end() ? CaseState::kUnknown : found->second;
+}
+
+void ApplianceLog::keep_notes(std::function<void(std::string_view note)> keep) {
+  const std::lock_guard guard(state_->mutex);
+  const Ledger::Turn turn(*state_->ledger);
+  state_->keep_note = std::move(keep);
+  const std::uint64_t newest = newest_note(state_->folder);
+  if (newest == 0) {
+    return;
+  }
+  const FileOpening opening = CaseFolder::open(state_->folder).open_file(note_path(newest));
+  const std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (note) {
+    state_->keep_note(*note);
+  }
 }
 
 void ApplianceLog::checkpoint() {

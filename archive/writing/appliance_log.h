@@ -46,6 +46,11 @@ class ApplianceLog {
   ~ApplianceLog();
   [[nodiscard]] const std::filesystem::path& folder() const;
 
+  /// Why the lines that were there when the log was opened are not those that its newest checkpoint by this
+  /// device is over, one sentence; "" where they are. The next entry states it in the log, so that what is
+  /// signed from then on hides nothing.
+  [[nodiscard]] std::string damage() const;
+
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
   // then sign a checkpoint. They throw kiroku::IoError and LedgerHeldError; after a
   // failed fsync the next one opens the log anew (ledger.h).
@@ -105,6 +110,10 @@ class ApplianceLog {
   enum class CaseState { kUnknown, kOpened, kClosed };
   /// What the log says of a case, as this object last saw it.
   [[nodiscard]] CaseState case_state(const std::string& case_id) const;
+  /// Has `keep` called with the newest checkpoint's note, and with each from now on, once it lies in
+  /// checkpoints/ durably and before any other process appends: somebody keeps it elsewhere. Must neither
+  /// throw nor call the log.
+  void keep_notes(std::function<void(std::string_view note)> keep);
   /// Signs the present state into checkpoints/, if no note of that size is there. Throws kiroku::Error where
   /// that would sign a statement which its own writer did not sign.
   void checkpoint();

@@ -230,8 +230,13 @@ ApplianceReport::Recorder recorder_report(const json& status, UtcTime now) {
     if (out.rooms.back().state == "recording") add_authorities(room.at("authorities"), now, out.authorities);
   }
   const json& disk = status.at("disk");
-  out.disk = {disk.value("free_bytes", std::uint64_t{0}), disk.value("total_bytes", std::uint64_t{0})};
-  if (disk.at("hours_left").is_number()) out.disk.hours_left = disk["hours_left"].get<double>();
+  if (disk.is_object()) {
+    out.disk = {disk.value("free_bytes", std::uint64_t{0}), disk.value("total_bytes", std::uint64_t{0})};
+    if (disk.at("hours_left").is_number()) out.disk.hours_left = disk["hours_left"].get<double>();
+  } else {
+    // A disk that cannot be looked at takes nothing.
+    out.disk.hours_left = 0;
+  }
   const json& clock = status.at("clock");
   out.clock = {clock.value("synchronised", false), bounded(clock.value("error_ns", std::int64_t{0}))};
   out.is_hardware_silent = !status.value("hardware_silent", "").empty();

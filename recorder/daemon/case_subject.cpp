@@ -23,20 +23,27 @@ std::string_view subject_state_name(SubjectState state) {
   return "";
 }
 
-CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> given, bool carried_over) {
+CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on) {
   begun_at_ = now;
   Found found{std::move(given)};
   if (found.json) found.state = SubjectState::kGiven;
-  if (carried_over) found.state = SubjectState::kCarriedOver;
+  if (goes_on == GoesOn::kWithSubject) found.state = SubjectState::kCarriedOver;
   looked_for_ = false;
-  if (found.json || carried_over || !source_) return found;
-  found.json = find();
-  if (found.json) found.state = SubjectState::kFound;
+  goes_on_without_ = goes_on == GoesOn::kWithoutSubject && !found.json;
+  if (found.json || goes_on != GoesOn::kNo || !source_) return found;
+  if (const auto known = find()) {
+    found.json = subject_json(*known);
+    found.state = SubjectState::kFound;
+  }
   looked_for_ = !found.json;
   return found;
 }
 
 std::optional<std::string> CaseSubject::why_missing() const {
+  if (goes_on_without_ && source_) {
+    return "the case goes on with an operation of which no subject is known; none is looked up, which could "
+           "be the next patient: a person must say whom it is about";
+  }
   if (!looked_for_) return {};
   source_->hurry();
   std::string why = "the case begins without procedure data";
@@ -49,15 +56,16 @@ std::optional<std::string> CaseSubject::why_missing() const {
 std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!looked_for_ || now < next_look_) return {};
   next_look_ = now + kLookInterval;
-  std::optional<Bytes> found = find();
+  const std::optional<ProcedureData> found = find();
+  if (!found || (found->chosen_by_plan && *found->chosen_by_plan - begun_at_ > kFarthestAhead)) return {};
   // A person may have given one meanwhile.
-  if (!found || !looked_for_.exchange(false)) return {};
-  return found;
+  if (!looked_for_.exchange(false)) return {};
+  return subject_json(*found);
 }
 
-std::optional<Bytes> CaseSubject::find() const {
+std::optional<ProcedureData> CaseSubject::find() const {
   try {
-    if (const auto found = source_->find(begun_at_)) return subject_json(*found);
+    return source_->find(begun_at_);
   } catch (const std::exception& error) {
     tell_(std::string("procedure data cannot be looked up: ") + error.what());
   }

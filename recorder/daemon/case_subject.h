@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -20,6 +21,10 @@ namespace kiroku::recorder {
 enum class SubjectState { kNone, kGiven, kFound, kLate, kCarriedOver };
 std::string_view subject_state_name(SubjectState state);
 
+/// Whether a case goes on with an operation that another case began, and whether that one had a subject,
+/// which then is this one's.
+enum class GoesOn { kNo, kWithSubject, kWithoutSubject };
+
 /// The subject of one case after the other. Nothing that goes wrong with procedure data ends a recording, or
 /// keeps one from beginning: it is told. One thread uses it; given_while_running() is called from any.
 class CaseSubject {
@@ -33,23 +38,29 @@ class CaseSubject {
     SubjectState state = SubjectState::kNone;
   };
   /// Of a case that begins at `now`: what a person gave, else what is known of the procedure.
-  /// `carried_over`: the case takes that of an earlier one.
-  Found at_beginning(UtcTime now, std::optional<Bytes> given, bool carried_over);
-  /// Why the case that begins has no subject though one is looked for; the ways to it are asked to hurry.
+  /// Where the case goes on with an operation nothing is looked up: what is planned, or who came, around now
+  /// may be the next patient.
+  Found at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on);
+  /// Why the case that begins has no subject though there are ways to one; where it is looked for, they are
+  /// asked to hurry.
   [[nodiscard]] std::optional<std::string> why_missing() const;
   /// To be called again and again while the case runs: a subject that became known, once. Looks each second.
+  /// What is planned more than kFarthestAhead after the case began is not taken: it may have been booked
+  /// meanwhile, for somebody else.
   std::optional<Bytes> late(Clock::Time now);
+  static constexpr std::chrono::hours kFarthestAhead{1};
   /// A person gave one: nothing is looked for any more.
   void given_while_running() { looked_for_ = false; }
 
  private:
-  [[nodiscard]] std::optional<Bytes> find() const;
+  [[nodiscard]] std::optional<ProcedureData> find() const;
 
   const std::shared_ptr<ProcedureSource> source_;
   const std::function<void(const std::string&)> tell_;
   UtcTime begun_at_{};
   Clock::Time next_look_{};
   std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
+  bool goes_on_without_ = false;
 };
 
 }  // namespace kiroku::recorder

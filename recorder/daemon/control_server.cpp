@@ -196,4 +196,19 @@ ControlServer::ControlServer(std::filesystem::path socket, ControlHandler handle
     : state_(std::make_unique<State>(std::move(socket), std::move(handler))) {}
 ControlServer::~ControlServer() = default;
 
+void ControlServer::check(const std::filesystem::path& socket) {
+  namespace fs = std::filesystem;
+  require_socket_path(socket);
+  std::error_code ignored;
+  const fs::path folder = fs::absolute(socket, ignored).parent_path();
+  const bool is_made_at_start = folder.string().starts_with("/run/");
+  if (!fs::is_directory(folder, ignored) && !is_made_at_start)
+    throw UsageError("[daemon] socket is " + socket.string() + ", and there is no folder " + folder.string() +
+                     ": make it, or name another place");
+  const fs::file_type there = fs::symlink_status(socket, ignored).type();
+  if (there != fs::file_type::not_found && there != fs::file_type::socket && there != fs::file_type::none)
+    throw UsageError("[daemon] socket is " + socket.string() +
+                     ", where something else lies already: remove that, or name another place");
+}
+
 }  // namespace kiroku::recorder

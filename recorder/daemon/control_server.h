@@ -13,10 +13,15 @@
 //       of the case that runs; or "procedure" as above
 //   {"do":"stop","room":"or-1","wait":true}          {"ok":true,"case":"…"}
 //       also between cases, where the next one would begin by itself ("tries_again" of the status)
-//   {"do":"mark","room":"or-1","text":"…"}           {"ok":true}
+//   {"do":"mark","room":"or-1","text":"…"}           {"ok":true,"case":"…"}
+//   {"do":"profile","room":"or-1","profile":"…"}     {"ok":true,"case":"…"}
+//       also "stream", "why", "by"
 //   anything that cannot be done                     {"ok":false,"error":"one sentence"}
 //
-// "room" may be left out where there is only one.
+// "room" may be left out where there is only one. What acts on the case that runs (subject, stop, mark and
+// profile) may carry "case":"…", the one that is meant: it is refused where another one runs, or none, so
+// that what somebody prepared while one case ran never reaches the next one. Of a stop between cases, it is
+// the last case.
 #pragma once
 
 #include <filesystem>
@@ -39,6 +44,9 @@ class ControlServer {
   /// Listens on `socket`; one that a dead process left behind is replaced. Throws kiroku::Error where a
   /// living process answers there, or the path is too long or cannot be written.
   ControlServer(std::filesystem::path socket, ControlHandler handler);
+  /// Throws kiroku::UsageError where nothing could listen on `socket`: its path is too long, its folder is
+  /// not there (but below /run, where a service's is made as it starts), or something else lies in its place.
+  static void check(const std::filesystem::path& socket);
   /// Waits for answers under way.
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;

@@ -5,7 +5,9 @@
 #include <mutex>
 #include <sstream>
 #include <sys/statvfs.h>
+#include <system_error>
 #include <thread>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -30,10 +32,20 @@ struct DiskState {
   std::uint64_t free_bytes = 0, total_bytes = 0;
 };
 
-DiskState disk_of(const std::filesystem::path& folder) {
+/// Nothing where it cannot be asked, with a sentence that says why: rooms are told of, started and stopped
+/// all the same.
+std::optional<DiskState> disk_of(const std::filesystem::path& folder, std::string* why = nullptr) {
   struct statvfs disk {};
-  if (::statvfs(folder.c_str(), &disk) != 0) throw IoError("ask for the free space of", folder, errno);
-  return {std::uint64_t(disk.f_bavail) * disk.f_frsize, std::uint64_t(disk.f_blocks) * disk.f_frsize};
+  if (::statvfs(folder.c_str(), &disk) != 0) {
+    if (why != nullptr) {
+      *why = "the archive " + folder.string() +
+             " cannot be looked at: " + std::generic_category().message(errno) +
+             "; what is recorded may not reach it: see whether its disk is there and mounted";
+    }
+    return {};
+  }
+  return DiskState{std::uint64_t(disk.f_bavail) * disk.f_frsize,
+                   std::uint64_t(disk.f_blocks) * disk.f_frsize};
 }
 
 std::optional<double> configured_bytes_per_second(const RoomPlan& plan) {
@@ -52,6 +64,7 @@ ordered_json stream_json(const StreamStatus& stream, std::int64_t now_ns) {
           {"frames", stream.frames},
           {"dropped", stream.dropped},
           {"refused", stream.refused},
+          {"elsewhere", stream.elsewhere},
           {"segments", stream.segments},
           {"bytes", stream.bytes},
           {"age_ms", std::llround(milliseconds_since(stream.last_ns))},
@@ -97,6 +110,11 @@ std::string required_text(const json& request, const char* key) {
     throw UsageError(std::string("the request needs a text \"") + key + "\"");
   }
   return found->get<std::string>();
+}
+
+/// The case that a request means; "": whichever runs.
+std::string meant_case(const json& request) {
+  return request.contains("case") ? required_text(request, "case") : std::string();
 }
 
 /// The hash of the sealed plan that the case follows.
@@ -186,6 +204,8 @@ struct Daemon::State {
     options.rooms.clear();
   }
   ~State() {
+    // A press may wait for that.
+    for (const std::unique_ptr<Room>& room : rooms) room->may_begin_again();
     footswitches.clear();
     close();
   }
@@ -254,9 +274,10 @@ struct Daemon::State {
       const RoomStatus status = one->status();
       rate += one.get() == &changed ? bytes_per_second_to_come(status.session) : status.bytes_per_second;
     }
-    if (rate <= 0) return "";
+    const std::optional<DiskState> disk = disk_of(options.archive);
+    if (rate <= 0 || !disk) return "";
     constexpr double kSecondsPerHour = 3600;
-    const double hours = static_cast<double>(disk_of(options.archive).free_bytes) / rate / kSecondsPerHour;
+    const double hours = static_cast<double>(disk->free_bytes) / rate / kSecondsPerHour;
     if (hours >= options.warn_below_hours) return "";
     std::ostringstream sentence;
     sentence.precision(2);
@@ -266,14 +287,16 @@ struct Daemon::State {
     return sentence.str();
   }
 
-  [[nodiscard]] ordered_json disk_json() const {
-    const DiskState disk = disk_of(options.archive);
+  /// Null where it cannot be asked, and `why`.
+  [[nodiscard]] ordered_json disk_json(std::string& why) const {
+    const std::optional<DiskState> disk = disk_of(options.archive, &why);
+    if (!disk) return nullptr;
     ordered_json out{{"folder", options.archive.string()},
-                     {"free_bytes", disk.free_bytes},
-                     {"total_bytes", disk.total_bytes},
+                     {"free_bytes", disk->free_bytes},
+                     {"total_bytes", disk->total_bytes},
                      {"hours_left", nullptr},
                      {"hours_assume", ""}};
-    const DiskHours left = hours_left(disk);
+    const DiskHours left = hours_left(*disk);
     if (left.hours) out["hours_left"] = std::round(*left.hours * 10) / 10;
     out["hours_assume"] = left.assumes;
     return out;
@@ -348,11 +371,15 @@ struct Daemon::State {
       all.back()["footswitches"] = footswitches_json(one->name());
     }
     const std::chrono::duration<double> up = options.time->now() - began;
+    std::string no_disk;
+    ordered_json disk = disk_json(no_disk);
+    std::vector<std::string> all_problems = problems();
+    if (!no_disk.empty()) all_problems.push_back(no_disk);
     return {{"rooms", all},
-            {"disk", disk_json()},
+            {"disk", std::move(disk)},
             {"clock", clock_json()},
             {"uptime_s", std::llround(up.count())},
-            {"problems", problems()},
+            {"problems", all_problems},
             {"hardware_silent", options.hardware_silent ? options.hardware_silent() : std::string()}};
   }
 
@@ -363,7 +390,7 @@ struct Daemon::State {
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
   mutable std::mutex problems_mutex;                                              // of the options' problems
   std::mutex disk_mutex;
-  bool warned_of_disk = false;
+  bool warned_of_disk = false, told_of_no_disk = false;
 };
 
 Daemon::Daemon(DaemonOptions options) : state_(std::make_unique<State>(std::move(options))) {}
@@ -375,11 +402,18 @@ void Daemon::add_problem(const std::string& sentence) {
   state_->options.problems.push_back(sentence);
 }
 
+void Daemon::remove_problem(const std::string& sentence) {
+  const std::lock_guard guard(state_->problems_mutex);
+  std::erase(state_->options.problems, sentence);
+}
+
 ordered_json Daemon::handle(const json& request) {
   const std::string what = required_text(request, "do");
   if (what == "status") return state_->status();
   Room& room = state_->room(request);
   if (what == "start") {
+    if (request.contains("case"))
+      throw UsageError("\"case\" names one that runs, and a start begins another: leave it out");
     std::optional<Bytes> subject = subject_of(request, room);
     return {{"room", room.name()},
             {"case", room.start("operator", std::move(subject), sealed_plan_of(request))}};
@@ -387,35 +421,38 @@ ordered_json Daemon::handle(const json& request) {
   if (what == "subject") {
     const std::optional<Bytes> subject = subject_of(request, room);
     if (!subject) throw UsageError("the request needs a \"subject\" or a \"procedure\"");
-    room.add_subject(*subject);
-    return {{"room", room.name()}, {"case", room.status().case_id}};
+    return {{"room", room.name()}, {"case", room.add_subject(*subject, meant_case(request))}};
   }
   if (what == "procedures") return procedures_json(room);
   if (what == "stop") {
-    return {{"room", room.name()}, {"case", room.stop("operator", request.value("wait", true))}};
+    return {{"room", room.name()},
+            {"case", room.stop("operator", request.value("wait", true), meant_case(request))}};
   }
   if (what == "profile") {
-    room.change_profile(profile_decision_of(request));
-    ordered_json reply{{"room", room.name()}, {"case", room.status().case_id}};
+    ordered_json reply{{"room", room.name()},
+                       {"case", room.change_profile(profile_decision_of(request), meant_case(request))}};
     if (const std::string warning = state_->disk_warning(room); !warning.empty()) reply["warning"] = warning;
     return reply;
   }
   if (what == "mark") {
-    room.mark(required_text(request, "text"));
-    return {{"room", room.name()}, {"case", room.status().case_id}};
+    return {{"room", room.name()}, {"case", room.mark(required_text(request, "text"), meant_case(request))}};
   }
   throw UsageError(
       "'" + what +
       "' is nothing a recorder can do: status, start, stop, mark, profile, subject or procedures");
 }
 
-ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body) {
+ordered_json Daemon::hook(const std::string& name, const std::string& action, const std::string& body,
+                          const std::string& meant) {
   Room& room = state_->room(name);
-  if (action == "start") return {{"case", room.start("hook")}};
-  if (action == "stop") return {{"case", room.stop("hook", false)}};
+  if (action == "start") {
+    if (!meant.empty())
+      throw UsageError("a case names one that runs, and a start begins another: leave it out");
+    return {{"case", room.start("hook")}};
+  }
+  if (action == "stop") return {{"case", room.stop("hook", false, meant)}};
   if (body.empty()) throw UsageError("the body must hold the text of the mark");
-  room.mark(body);
-  return {{"case", room.status().case_id}};
+  return {{"case", room.mark(body, meant)}};
 }
 
 std::string Daemon::running_case(const std::string& room) const { return state_->room(room).running_case(); }
@@ -478,6 +515,9 @@ std::string Daemon::metrics() const {
   per_stream("kiroku_stream_refused", "gauge",
              "Connections and messages refused because of who sent them, in the newest case",
              [](const StreamStatus& stream) { return stream.refused; });
+  per_stream("kiroku_stream_elsewhere", "gauge",
+             "Messages of other places that were not recorded, in the newest case",
+             [](const StreamStatus& stream) { return stream.elsewhere; });
   per_stream("kiroku_stream_bytes", "gauge", "Sealed bytes of the newest case",
              [](const StreamStatus& stream) { return stream.bytes; });
   per_stream("kiroku_stream_unboxed", "gauge",
@@ -489,13 +529,19 @@ std::string Daemon::metrics() const {
   per_stream("kiroku_source_threads_given_up_total", "counter",
              "Threads of the source that were left behind in its driver since the recorder started",
              [](const StreamStatus& stream) { return stream.given_up; });
-  const DiskState disk = disk_of(state_->options.archive);
-  family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
-  out << "kiroku_disk_free_bytes " << disk.free_bytes << "\n";
-  if (const auto hours = state_->hours_left(disk).hours) {
-    family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
-    out << "kiroku_disk_hours_left " << *hours << "\n";
+  const std::optional<DiskState> disk = disk_of(state_->options.archive);
+  family("kiroku_archive_gone", "gauge", "1 while the archive cannot be looked at");
+  out << "kiroku_archive_gone " << (disk ? 0 : 1) << "\n";
+  if (disk) {
+    family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
+    out << "kiroku_disk_free_bytes " << disk->free_bytes << "\n";
+    if (const auto hours = state_->hours_left(*disk).hours) {
+      family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
+      out << "kiroku_disk_hours_left " << *hours << "\n";
+    }
   }
+  family("kiroku_problems", "gauge", "What recording goes on without: 'kiroku status' says each");
+  out << "kiroku_problems " << state_->problems().size() + (disk ? 0 : 1) << "\n";
   const CaseClock now;
   family("kiroku_clock_synchronised", "gauge", "1 while the kernel says that the wall clock is synchronised");
   out << "kiroku_clock_synchronised " << (ClockWatch(now).check()->synchronised ? 1 : 0) << "\n";
@@ -508,10 +554,14 @@ std::string Daemon::metrics() const {
 }
 
 void Daemon::watch_disk() {
-  const DiskState disk = disk_of(state_->options.archive);
-  const DiskHours left = state_->hours_left(disk);
+  std::string why;
+  const std::optional<DiskState> disk = disk_of(state_->options.archive, &why);
+  const DiskHours left = disk ? state_->hours_left(*disk) : DiskHours{};
   const std::optional<double> hours = left.hours;
   const std::lock_guard guard(state_->disk_mutex);
+  if (std::exchange(state_->told_of_no_disk, !disk) != !disk && state_->options.listener.warn)
+    state_->options.listener.warn(disk ? "the archive can be looked at again" : why);
+  if (!disk) return;
   const bool low = hours && *hours < state_->options.warn_below_hours;
   if (low && !state_->warned_of_disk && state_->options.listener.warn) {
     std::ostringstream sentence;
@@ -532,6 +582,14 @@ bool Daemon::healthy() const {
     const Clock::Duration silence = time.now() - room->heartbeat();
     return in_transition ? silence < kLongestTransition : silence < kLongestSilence;
   });
+}
+
+bool Daemon::begin_no_more() {
+  auto kept_off = state_->rooms.begin();
+  while (kept_off != state_->rooms.end() && (*kept_off)->begin_no_more()) ++kept_off;
+  if (kept_off == state_->rooms.end()) return true;
+  while (kept_off != state_->rooms.begin()) (*--kept_off)->may_begin_again();
+  return false;
 }
 
 bool Daemon::recording() const {

@@ -24,7 +24,7 @@ struct DaemonOptions {
   /// Why the device's key in hardware does not sign, one sentence; empty where it does, or there is none.
   /// Must not wait for the hardware; called by any thread. May be null.
   std::function<std::string()> hardware_silent;
-  /// What the recorder goes on without since its start, each a sentence for people.
+  /// What the recorder goes on without, each a sentence for people.
   std::vector<std::string> problems;
   const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
@@ -42,11 +42,14 @@ class Daemon {
 
   /// One more of DaemonOptions::problems.
   void add_problem(const std::string& sentence);
+  /// One that holds no more.
+  void remove_problem(const std::string& sentence);
   /// A request of recorder/daemon/control_server.h and its answer. Throws kiroku::Error for one that cannot
   /// be done.
   nlohmann::ordered_json handle(const nlohmann::json& request);
-  /// The same by way of the HTTP hook.
-  nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body);
+  /// The same by way of the HTTP hook. `meant`: as Room has it.
+  nlohmann::ordered_json hook(const std::string& room, const std::string& action, const std::string& body,
+                              const std::string& meant = "");
   /// The case that the room records now; "": none. Throws kiroku::UsageError for a room that is not there.
   [[nodiscard]] std::string running_case(const std::string& room) const;
   /// What the clock of that case shows now; nothing where none runs. Throws as running_case().
@@ -62,6 +65,10 @@ class Daemon {
   /// Also between the cases of an operation that the recorder goes on with by itself: it would not after a
   /// restart.
   [[nodiscard]] bool recording() const;
+  /// For whoever ends the recorder while nothing is recorded: false where recording() holds in this moment;
+  /// else no case begins any more, by a person or by a rule, and whoever asks for one waits until close(),
+  /// which refuses it.
+  [[nodiscard]] bool begin_no_more();
 
  private:
   struct State;

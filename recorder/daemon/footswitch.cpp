@@ -38,8 +38,29 @@ std::string name_of(const Descriptor& device) {
   return name.data();
 }
 
-/// Of all input devices the first that is called so.
-Descriptor open_by_name(const std::string& name) {
+std::string place_of(const Descriptor& device) {
+  std::array<char, 256> place{};
+  if (::ioctl(device.number(), EVIOCGPHYS(place.size() - 1), place.data()) < 0) return "";
+  return place.data();
+}
+
+std::string unique_of(const Descriptor& device) {
+  std::array<char, 256> unique{};
+  if (::ioctl(device.number(), EVIOCGUNIQ(unique.size() - 1), unique.data()) < 0) return "";
+  return unique.data();
+}
+
+enum class HasKey { kYes, kNo, kUnknown };
+
+HasKey has_key(const Descriptor& device, std::uint16_t key) {
+  // What is no input device (a pipe) cannot say which keys it has.
+  std::array<unsigned char, KEY_MAX / 8 + 1> keys{};
+  if (::ioctl(device.number(), EVIOCGBIT(EV_KEY, keys.size()), keys.data()) < 0) return HasKey::kUnknown;
+  return (keys.at(key / 8U) & (1U << (key % 8U))) != 0 ? HasKey::kYes : HasKey::kNo;
+}
+
+/// Of all input devices the one that is called so.
+Descriptor open_by_name(const std::string& name, std::uint16_t key) {
   std::error_code error;
   std::vector<std::filesystem::path> events;
   for (const auto& entry : std::filesystem::directory_iterator(kInputFolder, error)) {
@@ -47,10 +68,18 @@ Descriptor open_by_name(const std::string& name) {
   }
   std::sort(events.begin(), events.end());
   std::filesystem::path refused;
+  std::vector<InputDevice> named;
   for (const std::filesystem::path& event : events) {
-    Descriptor device = open_quietly(event);
+    const Descriptor device = open_quietly(event);
     if (device.number() < 0 && errno == EACCES) refused = event;
-    if (device.number() >= 0 && name_of(device) == name) return device;
+    if (device.number() >= 0 && name_of(device) == name)
+      named.push_back({event, place_of(device), has_key(device, key) == HasKey::kYes, unique_of(device)});
+  }
+  if (!named.empty()) {
+    const std::filesystem::path chosen = choose_by_name(name, named);
+    Descriptor device = open_quietly(chosen);
+    if (device.number() < 0) throw IoError("open the footswitch", chosen, errno);
+    return device;
   }
   if (!refused.empty()) throw IoError("look for the footswitch '" + name + "' at", refused, EACCES);
   throw Error("there is no input device named '" + name + "' that may be read");
@@ -60,17 +89,13 @@ Descriptor open_by_name(const std::string& name) {
 Descriptor open_device(const FootswitchOptions& options) {
   Descriptor device;
   if (options.device.starts_with(kByName)) {
-    device = open_by_name(options.device.substr(kByName.size()));
+    device = open_by_name(options.device.substr(kByName.size()), options.key);
   } else {
     device = open_quietly(options.device);
     if (device.number() < 0) throw IoError("open the footswitch", options.device, errno);
   }
-  // What is no input device (a pipe) cannot say which keys it has.
-  std::array<unsigned char, KEY_MAX / 8 + 1> keys{};
-  if (::ioctl(device.number(), EVIOCGBIT(EV_KEY, keys.size()), keys.data()) >= 0 &&
-      (keys.at(options.key / 8U) & (1U << (options.key % 8U))) == 0) {
+  if (has_key(device, options.key) == HasKey::kNo)
     throw Error("the footswitch " + options.device + " has no key " + std::to_string(options.key));
-  }
   return device;
 }
 
@@ -90,6 +115,30 @@ Descriptor watch_for(const std::string& device) {
 }
 
 }  // namespace
+
+std::filesystem::path choose_by_name(const std::string& name, const std::vector<InputDevice>& devices) {
+  // A keyboard shows itself as several devices of one name: parts of one thing.
+  const auto thing = [](const InputDevice& device) {
+    const std::string place =
+        device.place.empty() ? device.node.string() : device.place.substr(0, device.place.rfind('/'));
+    return place + "\n" + device.unique;
+  };
+  const InputDevice* chosen = nullptr;
+  std::string nodes;
+  bool several = false;
+  for (const InputDevice& device : devices) {
+    if (!device.has_key) continue;
+    nodes += (nodes.empty() ? "" : ", ") + device.node.string();
+    if (chosen == nullptr) chosen = &device;
+    several = several || thing(device) != thing(*chosen);
+  }
+  if (several) {
+    throw Error("several footswitches are named '" + name + "' (" + nodes +
+                "), and nobody can tell whose presses are meant: in kiroku.toml write the path of this one "
+                "below /dev/input/by-path");
+  }
+  return chosen == nullptr ? devices.front().node : chosen->node;
+}
 
 void try_footswitch(const FootswitchOptions& options) { open_device(options); }
 

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
@@ -20,8 +21,8 @@ enum class PressAction { kStart, kStop, kStartStop, kMark, kProfile };
 std::string_view press_action_name(PressAction action);
 
 struct FootswitchOptions {
-  /// A path, best below /dev/input/by-id, or "name:…", the name by which the kernel lists it
-  /// (/proc/bus/input/devices).
+  /// A path, best below /dev/input/by-id, of two equal devices below /dev/input/by-path; or "name:…", the
+  /// name by which the kernel lists it (/proc/bus/input/devices), where one device alone has it.
   std::string device;
   std::uint16_t key = 0;  // KEY_… or BTN_… of linux/input-event-codes.h
   PressAction action = PressAction::kStartStop;
@@ -39,6 +40,19 @@ struct FootswitchOptions {
 /// Opens the device once and lets go of it. Throws kiroku::Error where it is not there or has no such key,
 /// kiroku::IoError with EACCES where this user may not read it.
 void try_footswitch(const FootswitchOptions& options);
+
+/// One input device as the kernel shows it.
+struct InputDevice {
+  std::filesystem::path node;  // /dev/input/event7
+  /// Where it is plugged in, with which of its parts this is: "usb-0000:00:14.0-2/input0"; may be empty.
+  std::string place;
+  bool has_key = false;  // the footswitch's
+  std::string unique;    // its serial number, or its own address where it comes by radio; mostly empty
+};
+/// Which of the devices of one name is meant: the first that has the key, of one thing that is plugged in;
+/// the first of all where none has it. Throws kiroku::Error where several things have the name and the key:
+/// nobody can tell whose room a press is for.
+std::filesystem::path choose_by_name(const std::string& name, const std::vector<InputDevice>& devices);
 
 /// How it is; the sentence is for people.
 struct FootswitchStatus {

@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "archive/format/case_layout.h"
 #include "base/tally.h"
 #include "crypto/hash.h"
 #include "crypto/secret.h"
@@ -107,14 +108,23 @@ struct HttpServer::State {
     }
     if (request.method != "POST") return refuse(405, "use POST here");
     if (auto refused = refuse_without_token(request)) return std::move(*refused);
-    const std::string rest = target.substr(kRooms.size());
+    const std::size_t query = target.find('?');
+    std::string meant;
+    if (query != std::string::npos) {
+      constexpr std::string_view kCase = "?case=";
+      meant = target.substr(query);
+      if (!meant.starts_with(kCase) || !archive::is_case_id(meant.substr(kCase.size())))
+        return refuse(400, "after the ? comes case= and the name of a case, and nothing else");
+      meant.erase(0, kCase.size());
+    }
+    const std::string rest = target.substr(kRooms.size(), query - kRooms.size());
     const std::size_t slash = rest.find('/');
     const std::string action = slash == std::string::npos ? "" : rest.substr(slash + 1);
     if (action != "start" && action != "stop" && action != "mark") {
       return refuse(404, "a room can be told to start, stop or mark");
     }
     try {
-      return respond_json(200, options.hook(rest.substr(0, slash), action, request.body));
+      return respond_json(200, options.hook(rest.substr(0, slash), action, request.body, meant));
     } catch (const std::exception& error) {
       return refuse(409, error.what());
     }

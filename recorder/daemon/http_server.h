@@ -4,8 +4,9 @@
 //   GET  /metrics                                    text/plain; version=0.0.4
 //   GET  /healthz                                    200 "ok"; 503 where a room's thread hangs
 //   POST /rooms/<room>/start | stop | mark           with "Authorization: Bearer <token>"; the body of mark
-//   is
-//                                                    the text. Answers 200 and JSON, or 4xx and {"error": …}.
+//                                                    is the text. stop and mark take ?case=<case>, and do
+//                                                    nothing where another one runs.
+//                                                    Answers 200 and JSON, or 4xx and {"error": …}.
 //
 // Whoever gives wrong tokens waits ever longer (429). Ten tokens a second are looked at meanwhile, so that a
 // few guesses do not shut the hook to the program that uses it at the same address.
@@ -28,8 +29,11 @@ struct HttpServerOptions {
   std::string token;       // empty: there is no hook
   std::function<std::string()> metrics;
   std::function<bool()> healthy = {};  // null: always
-  /// (room, "start" | "stop" | "mark", body); what it throws becomes status 409.
-  std::function<nlohmann::ordered_json(const std::string&, const std::string&, const std::string&)> hook;
+  /// (room, "start" | "stop" | "mark", body, the case that is meant or ""); what it throws becomes status
+  /// 409.
+  std::function<nlohmann::ordered_json(const std::string&, const std::string&, const std::string&,
+                                       const std::string&)>
+      hook;
   /// Hears of wrong tokens, ever more rarely; may be empty.
   std::function<void(const std::string& sentence)> tell = {};
   AttemptLimits attempts = {};

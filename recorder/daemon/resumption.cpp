@@ -13,7 +13,9 @@
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "crypto/hash.h"
 #include "crypto/merkle_tree.h"
+#include "crypto/signed_note.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -37,6 +39,22 @@ std::string in_words(nanoseconds time) {
 bool is_there(const fs::path& folder) {
   std::error_code error;
   return fs::symlink_status(folder, error).type() == fs::file_type::directory;
+}
+
+/// By the device of the case that `open` begins.
+bool is_signed_by_its_device(const NewestSubject& subject, const archive::OpenEntry& open) {
+  try {
+    return is_signed(subject, crypto::VerifierKey::parse(open.device).key());
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+/// Whether the subject that a case begins with is what the note says of the case before.
+bool is_newest_of_earlier(const RunningCase& running, const archive::OpenEntry& open) {
+  return running.subject && open.subject && running.subject->case_id == running.carries_on &&
+         crypto::sha256(running.subject->sealed) == open.subject->sha256 &&
+         is_signed_by_its_device(*running.subject, open);
 }
 
 bool may_tell_of(std::string_view line, std::string_view type) {
@@ -208,7 +226,13 @@ std::string ResumptionPlanner::carry_on(const archive::CutOffCase& cut) {
     if (!running || running->case_id != cut.case_id) continue;
     if (running->ending) return "";  // somebody had ended it
     std::string why = "its ledger cannot be read";
-    if (const auto facts = facts_of(cut.folder)) why = refusal(rule, cut, *facts);
+    if (const auto facts = facts_of(cut.folder)) {
+      why =
+          cut.brings_subject && !is_newest_of_earlier(*running, facts->open)
+              ? "it ended before anybody signed that it was opened, and its subject is not that of the case "
+                "before"
+              : refusal(rule, cut, *facts);
+    }
     if (!why.empty()) {
       decided_[cut.case_id] = "";
       tell(rule.room, "case " + cut.case_id + " was cut off and is not carried on: " + why +
@@ -266,9 +290,22 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   resumption.profiles = last_profiles_of(facts->cut.folder);
   resumption.reason = running->reason;
   resumption.within = rule->within;
-  resumption.sealed_subject = sealed_subject_of(facts->cut.folder, facts->open,
-                                                [&](const std::string& sentence) { tell(room, sentence); });
+  resumption.sealed_subject = newest_subject_of(room, *running, *facts);
   return resumption;
+}
+
+std::optional<Bytes> ResumptionPlanner::newest_subject_of(const std::string& room, const RunningCase& running,
+                                                          const Facts& facts) const {
+  const auto& newest = running.subject;
+  if (!newest || newest->case_id != facts.cut.case_id) {
+    return sealed_subject_of(facts.cut.folder, facts.open,
+                             [&](const std::string& sentence) { tell(room, sentence); });
+  }
+  if (is_signed_by_its_device(*newest, facts.open)) return newest->sealed;
+  // Not the one at the beginning in its place: that may be the one which it corrected.
+  tell(room, "the subject of case " + facts.cut.case_id +
+                 " cannot be carried over: the room's note is not as this device signed it");
+  return {};
 }
 
 std::optional<Bytes> sealed_subject_of(const fs::path& folder, const archive::OpenEntry& open,
@@ -280,23 +317,6 @@ std::optional<Bytes> sealed_subject_of(const fs::path& folder, const archive::Op
   tell("the subject of case " + folder.filename().string() +
        " cannot be carried over: " + std::string(archive::kSubjectFile) + " is not as its ledger states it");
   return {};
-}
-
-std::optional<Bytes> sealed_subject_of(const fs::path& folder,
-                                       const std::function<void(const std::string& sentence)>& tell) {
-  try {
-    const archive::FileOpening ledger = archive::CaseFolder::open(folder).open_file(archive::kLedgerFile);
-    if (!ledger.file) return {};
-    archive::LineReader reader(*ledger.file);
-    archive::LedgerLine line;
-    if (!reader.next(line) || line.torn || line.too_long) return {};
-    const archive::EntryParse parse = archive::parse_case_entry(line.text);
-    const auto* open = parse.entry ? std::get_if<archive::OpenEntry>(&parse.entry->body) : nullptr;
-    return open == nullptr ? std::nullopt : sealed_subject_of(folder, *open, tell);
-  } catch (const Error& error) {
-    tell("the subject of case " + folder.filename().string() + " cannot be carried over: " + error.what());
-    return {};
-  }
 }
 
 Profiles last_profiles_of(const fs::path& folder) {

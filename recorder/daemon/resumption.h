@@ -37,7 +37,9 @@ using Profiles = std::map<std::string, Profile>;
 struct Resumption {
   std::string case_id;  // that the earlier case announces
   archive::CarriedOn earlier;
-  std::optional<Bytes> sealed_subject;  // the earlier case's subject file, as it is
+  /// Whom the operation was about in the end: as it became known while the earlier case ran, else the earlier
+  /// case's subject file, as it is.
+  std::optional<Bytes> sealed_subject;
   std::optional<crypto::Sha256Digest> plan;
   Profiles profiles;                     // in which its streams of pictures ended
   std::string reason;                    // why the operation's first case was begun
@@ -67,9 +69,6 @@ struct ResumeRule {
 /// The sealed subject of a case, as it is; nothing where it has none, or where the file is not as the ledger
 /// states it, which `tell` is told.
 std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder, const archive::OpenEntry& open,
-                                       const std::function<void(const std::string& sentence)>& tell);
-/// The same where only the folder is known; nothing also where its ledger cannot be read.
-std::optional<Bytes> sealed_subject_of(const std::filesystem::path& folder,
                                        const std::function<void(const std::string& sentence)>& tell);
 
 /// In which form each stream of pictures of a case was archived last; nothing of one that holds no segment,
@@ -105,6 +104,9 @@ class ResumptionPlanner {
   /// Why the case is not carried on; "" where it is.
   [[nodiscard]] std::string refusal(const ResumeRule& rule, const archive::CutOffCase& cut,
                                     const Facts& facts) const;
+  /// Of a case whose newest subject the room's note may have.
+  [[nodiscard]] std::optional<Bytes> newest_subject_of(const std::string& room, const RunningCase& running,
+                                                       const Facts& facts) const;
   [[nodiscard]] std::string refusal_by_history(const ResumeRule& rule, const Facts& newest,
                                                std::chrono::nanoseconds& recorded) const;
   void tell_of_end(const ResumeRule& rule, const Facts& facts) const;

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "crypto/age_file.h"
 #include "recorder/daemon/rate_meter.h"
 #include "recorder/daemon/retry_pause.h"
 
@@ -15,6 +16,9 @@ namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::seconds kRuleInterval{1};
+// So long after an error what a rule begins is taken for the same operation: as long as `resume` goes on
+// where nothing else is said.
+constexpr std::chrono::minutes kSameOperation{10};
 // Recording ahead is begun anew after so long: MPEG-TS counts time to 26.5 hours (33 bits at 90 kHz), and a
 // case of a day shall fit behind it.
 constexpr std::int64_t kLongestStandbyNs = 2LL * 3600 * 1'000'000'000;
@@ -66,6 +70,7 @@ struct Room::State {
     Profiles profiles;                   // of the case that it goes on with, as that ended
     std::string first_reason;            // why the operation's first case was begun
     std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
+    bool goes_on = false;                // with an operation that another case began
     std::promise<std::string> begun;
     /// Nobody asked for it: a rule begins it, or the recorder goes on with an operation.
     [[nodiscard]] bool is_by_itself() const {
@@ -107,9 +112,11 @@ struct Room::State {
         lock.lock();
         continue;
       }
-      if (!request && !resume && !again && start_rules.schedule_wants_a_case(time.utc()) && may_try()) {
+      if (!request && !resume && !again && !begins_no_more && start_rules.schedule_wants_a_case(time.utc()) &&
+          may_try()) {
         request = std::make_unique<Request>();
         request->reason = "schedule";
+        take_over_after_error(*request);
       }
       const std::unique_ptr<Request> taken = next_request();
       if (!taken) continue;
@@ -157,6 +164,7 @@ struct Room::State {
     }
     auto taken = std::make_unique<Request>();
     taken->reason = "resumed";
+    taken->goes_on = true;
     taken->first_reason = resume->reason;
     taken->sealed_plan = resume->plan;
     taken->profiles = resume->profiles;
@@ -175,6 +183,7 @@ struct Room::State {
     }
     auto taken = std::make_unique<Request>();
     taken->reason = "after-error";
+    taken->goes_on = true;
     taken->first_reason = again->first_reason;
     taken->sealed_plan = again->sealed_plan;
     taken->profiles = again->profiles;
@@ -183,23 +192,33 @@ struct Room::State {
     return taken;
   }
 
+  /// With the mutex held: a case that a rule begins soon after an error ended one goes on with that
+  /// operation, also in a room without RoomRules::resume_within. A window of the schedule is still the same;
+  /// whose signal it is nobody knows.
+  void take_over_after_error(Request& asked) const {
+    if (!status.ended_by_error || time.now() > same_operation_before) return;
+    asked.goes_on = true;
+    if (asked.reason == "schedule") asked.identity.sealed_subject = newest_subject;
+  }
+
   /// A case was ended by an error or a full disk, and `lasted` so long. What follows from that, in words: ""
   /// where somebody or a rule was ending it.
   std::string take_error(const std::string& case_id, std::chrono::nanoseconds lasted) {
-    const auto tell = [this](const std::string& sentence) { tell_problem(sentence); };
-    std::optional<Bytes> subject = sealed_subject_of(plan.session.archive / case_id, tell);
     Profiles profiles = last_profiles_of(plan.session.archive / case_id);
     bool goes_on = false;
     {
+      // A subject that is just being given is still that operation's.
+      const std::lock_guard order(late_mutex);
       const std::lock_guard guard(mutex);
       if (ending || end_wanted) return "";
       status.ended_by_error = true;
+      same_operation_before = time.now() + kSameOperation;
       goes_on = plan.rules.resume_within || begun_for == "schedule";
       if (plan.rules.resume_within) {
         // A disk that fails each case at once is not tried for ever.
         if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
           again_before = time.now() + *plan.rules.resume_within;
-        again = Again{begun_for, plan_of_case, std::move(subject), std::move(profiles)};
+        again = Again{begun_for, plan_of_case, newest_subject, std::move(profiles)};
       }
     }
     return goes_on ? "; nothing is recorded until another one is begun" + retry.next_try()
@@ -227,10 +246,11 @@ struct Room::State {
 
   /// Before a case is ended by somebody or by a rule: a recorder that is cut off from here on carries nothing
   /// on.
-  void note_end() {
+  void note_end() { note_end(last_case()); }
+  void note_end(const std::string& case_id) {
     if (!plan.running) return;
     try {
-      plan.running->ends(last_case());
+      plan.running->ends(case_id);
     } catch (const std::exception& error) {
       tell_problem("if the recorder crashes now, the case that is being ended is carried on: " +
                    std::string(error.what()));
@@ -244,6 +264,7 @@ struct Room::State {
     status.ended_by_error = false;
     begun_for = asked.first_reason;
     plan_of_case = asked.sealed_plan;
+    newest_subject = asked.identity.sealed_subject;
     after_error_too = asked.reason == "after-error";
     end_wanted = false;
     again.reset();
@@ -305,7 +326,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       status.session = now;
       taken = next_request();
-      if (!taken && !resume && !again) {
+      if (!taken && !resume && !again && !begins_no_more) {
         const bool scheduled = start_rules.schedule_wants_a_case(time.utc()),
                    signalled = start_rules.signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
@@ -313,6 +334,7 @@ struct Room::State {
           taken = std::make_unique<Request>();
           taken->reason = taken->first_reason = scheduled ? "schedule" : "signal";
           taken->identity.case_id = archive::new_case_id(time.utc());
+          take_over_after_error(*taken);
           take(*taken);
         }
       }
@@ -325,9 +347,8 @@ struct Room::State {
     note_beginning(*taken);
     std::vector<ProfileDecision> decisions;
     try {
-      std::optional<Bytes> subject = subject_of(*taken);
-      decisions = decisions_for(*taken, subject);
-      id = running.begin(std::move(subject), taken->sealed_plan, taken->identity);
+      decisions = decisions_for(*taken, seal_subject(*taken));
+      id = running.begin({}, taken->sealed_plan, taken->identity);
     } catch (const std::exception& error) {
       retry.failed(time.now());
       tell_problem("no case could be begun: " + std::string(error.what()) + retry.next_try());
@@ -353,9 +374,17 @@ struct Room::State {
     return taken->first_reason;
   }
 
-  std::optional<Bytes> subject_of(Request& asked) {
-    CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject),
-                                                         asked.identity.sealed_subject.has_value());
+  /// What is known of the subject now, where that is more than the sealed one of an earlier case. It is
+  /// sealed here, since a case after an error takes it over as it is.
+  std::optional<Bytes> seal_subject(Request& asked) {
+    GoesOn goes_on = GoesOn::kNo;
+    if (asked.goes_on) {
+      goes_on = asked.identity.sealed_subject ? GoesOn::kWithSubject : GoesOn::kWithoutSubject;
+    }
+    CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on);
+    if (found.json) {
+      asked.identity.sealed_subject = crypto::seal_bytes(*found.json, plan.session.event_recipients);
+    }
     const std::lock_guard guard(mutex);
     status.subject = found.state;
     return std::move(found.json);
@@ -416,16 +445,63 @@ struct Room::State {
     tell_problem(*why);
   }
 
-  void look_for_late_subject(Session& running) {
-    const std::optional<Bytes> found = case_subject.late(time.now());
-    if (!found) return;
-    running.late_subject(*found);
-    tell_of_late_rule(running, *found);
+  /// A person says whom the case is about: nothing that is found by itself comes after it.
+  void give_late_subject(Session& running, const Bytes& subject) {
     {
-      const std::lock_guard guard(mutex);
-      status.subject = SubjectState::kLate;
+      const std::lock_guard order(late_mutex);
+      running.late_subject(subject);
+      // The case after it has a patient of its own, whom the recorder may still look for.
+      if (is_of_now(running)) {
+        case_subject.given_while_running();
+        keep_late_subject(running, subject);
+      }
     }
+    tell_of_late_rule(running, subject);
+  }
+
+  void look_for_late_subject(Session& running) {
+    std::optional<Bytes> found;
+    {
+      const std::lock_guard order(late_mutex);
+      if (not_noted && time.now() >= note_again) note_newest_subject();
+      found = case_subject.late(time.now());
+      if (!found) return;
+      running.late_subject(*found);
+      keep_late_subject(running, *found);
+    }
+    tell_of_late_rule(running, *found);
     if (listener.note) listener.note("procedure data came while the case ran");
+  }
+
+  /// With late_mutex held: whom the case is about from now on, for a case that goes on with its operation in
+  /// this process or in the recorder's next one.
+  void keep_late_subject(const Session& running, const Bytes& subject) {
+    Bytes sealed = crypto::seal_bytes(subject, plan.session.event_recipients);
+    if (plan.running && plan.session.key != nullptr) {
+      not_noted = sign_newest_subject(running.case_id(), sealed, *plan.session.key);
+      note_newest_subject();
+    }
+    const std::lock_guard guard(mutex);
+    if (session.get() != &running) return;
+    status.subject = SubjectState::kLate;
+    newest_subject = std::move(sealed);
+  }
+
+  [[nodiscard]] bool is_of_now(const Session& running) const {
+    const std::lock_guard guard(mutex);
+    return session.get() == &running;
+  }
+
+  /// With late_mutex held. What cannot be written is told, and tried again while the case runs.
+  void note_newest_subject() {
+    try {
+      plan.running->newest_subject(*not_noted);
+      not_noted.reset();
+    } catch (const std::exception& error) {
+      note_again = time.now() + kRuleInterval;
+      tell_problem("after a crash the operation would go on with the subject of before: " +
+                   std::string(error.what()));
+    }
   }
 
   /// One case from its beginning to its end.
@@ -435,8 +511,7 @@ struct Room::State {
     try {
       SessionOptions options = plan.session;
       options.cancelled = &cancelled;
-      options.subject = subject_of(asked);
-      options.profile_decisions = decisions_for(asked, options.subject);
+      options.profile_decisions = decisions_for(asked, seal_subject(asked));
       for (const ProfileDecision& decision : options.profile_decisions)
         apply_decision(decision, options.video);
       options.plan = asked.sealed_plan;
@@ -676,6 +751,44 @@ struct Room::State {
     return status.state == RoomState::kRecording ? session : nullptr;
   }
 
+  /// The same, of case `meant` ("": whichever): it has one case, so that nothing done to it reaches another
+  /// that begins meanwhile. Throws where that case is not recorded; `instead` says what one does while none
+  /// is.
+  [[nodiscard]] std::shared_ptr<Session> session_of(const std::string& meant, const char* instead) const {
+    const std::lock_guard guard(mutex);
+    const bool records = status.state == RoomState::kRecording;
+    if (!meant.empty() && !(records && status.case_id == meant)) throw_not_recording(meant);
+    if (!records) throw UsageError("room " + plan.name + " is not recording: " + instead);
+    return session;
+  }
+
+  /// With the mutex held: throws where a stop that means case `meant` ("": whichever) would end nothing, or
+  /// something else: the case that runs, or the operation that goes on by itself with another one.
+  void require_to_end(const std::string& meant) {
+    const bool starting = status.state == RoomState::kStarting;
+    if (meant.empty()) {
+      if (!has_case() && !(starting ? starts_by_itself : tries_again()))
+        throw UsageError("room " + plan.name + " is not recording");
+      return;
+    }
+    const bool goes_on = tries_again() && (!starting || starts_by_itself);
+    if (meant != newest_case() || !(has_case() || goes_on)) throw_not_recording(meant);
+  }
+
+  /// With the mutex held.
+  [[noreturn]] void throw_not_recording(const std::string& meant) const {
+    if (has_case() && status.case_id != meant) {
+      throw UsageError("room " + plan.name + " is recording case " + status.case_id + ", and not case " +
+                       meant + ": nothing was done");
+    }
+    throw UsageError("room " + plan.name + " is not recording case " + meant + ": nothing was done");
+  }
+
+  /// With the mutex held: that of the status, or the one that the recorder's last run left to be carried on.
+  [[nodiscard]] const std::string& newest_case() const {
+    return resume && status.case_id.empty() ? resume->earlier.case_id : status.case_id;
+  }
+
   void set_state(RoomState state, const std::string& reason) {
     beat();
     {
@@ -696,7 +809,7 @@ struct Room::State {
 
   /// Ends an operation between its cases. `lock` holds the mutex.
   std::string stop_between_cases(std::unique_lock<std::mutex>& lock, const std::string& reason, bool wait) {
-    if (resume && status.case_id.empty()) status.case_id = resume->earlier.case_id;
+    status.case_id = std::string(newest_case());
     std::string id = status.case_id;
     const bool starting = status.state == RoomState::kStarting;
     give_up_operation();
@@ -726,10 +839,16 @@ struct Room::State {
   CaseSubject case_subject{plan.procedure, [this](const std::string& sentence) { tell_problem(sentence); }};
   std::atomic<Clock::Duration::rep> heartbeat{0};
 
+  /// Of subjects that come while a case runs; held from before one is sealed until the search for one is
+  /// over, so that the last one sealed is the last one said. Taken before the other one.
+  std::mutex late_mutex;
+  std::optional<NewestSubject> not_noted;  // guarded by it, as is
+  Clock::Time note_again{};
+
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
-  bool ending = false;
+  bool ending = false, begins_no_more = false;
   StartRules start_rules{plan.rules};
   std::unique_ptr<Request> request;
   std::optional<Resumption> resume;  // until that case has begun
@@ -750,6 +869,8 @@ struct Room::State {
   // whether somebody or a rule ends it.
   std::string begun_for;
   std::optional<crypto::Sha256Digest> plan_of_case;
+  std::optional<Bytes> newest_subject;  // of that case, or of the last one: sealed
+  Clock::Time same_operation_before{};  // a case that a rule begins after the error that ended the last one
   bool after_error_too = false, end_wanted = false;
   // Of the case that is being made: whether nobody asked for it, and why it is to end as soon as it has
   // begun.
@@ -770,13 +891,29 @@ Room::Room(RoomPlan plan, RoomListener listener, const Clock& time)
 Room::~Room() = default;
 void Room::shut_down() { state_->shut_down(); }
 
+bool Room::begin_no_more() {
+  const std::lock_guard guard(state_->mutex);
+  if (!state_->is_free() || state_->request || state_->tries_again()) return false;
+  state_->begins_no_more = true;
+  return true;
+}
+
+void Room::may_begin_again() {
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->begins_no_more = false;
+  }
+  state_->changed.notify_all();
+}
+
 const std::string& Room::name() const { return state_->plan.name; }
 
 std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
                         const std::optional<crypto::Sha256Digest>& sealed_plan) {
   std::future<std::string> begun;
   {
-    const std::lock_guard guard(state_->mutex);
+    std::unique_lock lock(state_->mutex);
+    state_->changed.wait(lock, [this] { return state_->ending || !state_->begins_no_more; });
     if (state_->ending) throw Error("the recorder is being shut down");
     if (state_->has_case())
       throw UsageError("room " + name() + " is recording already: case " + state_->status.case_id);
@@ -792,19 +929,18 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
   return begun.get();
 }
 
-std::string Room::stop(const std::string& reason, bool wait) {
+std::string Room::stop(const std::string& reason, bool wait, const std::string& meant) {
   std::unique_lock lock(state_->mutex);
+  state_->require_to_end(meant);
   if (state_->has_case()) {
+    const std::string running = state_->status.case_id;
     lock.unlock();
-    state_->note_end();
+    state_->note_end(running);
     lock.lock();
+    // It may have ended while the disk took the note, and another one begun, which nobody meant.
+    state_->require_to_end(running);
   }
-  if (!state_->has_case()) {
-    const bool starting = state_->status.state == RoomState::kStarting;
-    const bool goes_on = starting ? state_->starts_by_itself : state_->tries_again();
-    if (!goes_on) throw UsageError("room " + name() + " is not recording");
-    return state_->stop_between_cases(lock, reason, wait);
-  }
+  if (!state_->has_case()) return state_->stop_between_cases(lock, reason, wait);
   std::string id = state_->status.case_id;
   // Also while it is being closed: whatever ended it, nothing goes on with it.
   state_->end_wanted = true;
@@ -820,34 +956,26 @@ std::string Room::stop(const std::string& reason, bool wait) {
   return id;
 }
 
-void Room::mark(const std::string& text) {
+std::string Room::mark(const std::string& text, const std::string& meant) {
   require_printable(text, "the text of the mark");
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) throw UsageError("room " + name() + " is not recording: there is nothing to mark");
+  const std::shared_ptr<Session> session = state_->session_of(meant, "there is nothing to mark");
   session->mark(text);
+  return session->case_id();
 }
 
-void Room::change_profile(const ProfileDecision& decision) {
+std::string Room::change_profile(const ProfileDecision& decision, const std::string& meant) {
   require_printable(decision.why, "why the profile changes");
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) {
-    throw UsageError("room " + name() +
-                     " is not recording: a profile is changed while a case runs; before it, kiroku.toml says "
-                     "which one it begins with");
-  }
+  const std::shared_ptr<Session> session = state_->session_of(
+      meant, "a profile is changed while a case runs; before it, kiroku.toml says which one it begins with");
   session->change_profile(decision);
+  return session->case_id();
 }
 
-void Room::add_subject(const Bytes& subject) {
-  const std::shared_ptr<Session> session = state_->recording_session();
-  if (!session) {
-    throw UsageError("room " + name() + " is not recording: say whom the case is about when it begins");
-  }
-  session->late_subject(subject);
-  state_->tell_of_late_rule(*session, subject);
-  state_->case_subject.given_while_running();
-  const std::lock_guard guard(state_->mutex);
-  state_->status.subject = SubjectState::kLate;
+std::string Room::add_subject(const Bytes& subject, const std::string& meant) {
+  const std::shared_ptr<Session> session =
+      state_->session_of(meant, "say whom the case is about when it begins");
+  state_->give_late_subject(*session, subject);
+  return session->case_id();
 }
 
 std::vector<ProcedureData> Room::procedures() const {
@@ -869,6 +997,7 @@ std::string Room::running_case() const {
 RoomStatus Room::status() const {
   const std::lock_guard guard(state_->mutex);
   RoomStatus status = state_->status;
+  status.case_id = std::string(state_->newest_case());
   status.tries_again = state_->tries_again();
   if (state_->plan.procedure) status.procedure = state_->plan.procedure->ways();
   if (state_->session) status.session = state_->session->status();

@@ -45,7 +45,7 @@ std::string_view state_name(RoomState state);
 struct RoomStatus {
   std::string name;
   RoomState state = RoomState::kIdle;
-  std::string case_id;                         // of the case being recorded, or of the last one
+  std::string case_id;                         // of the case being recorded, or of the last one known
   std::string reason;                          // why it was started, or why the last one ended
   SessionStatus session;                       // of that case
   std::string problem;                         // latest sentence a person should see, "" if none
@@ -83,29 +83,38 @@ class Room {
   Room(const Room&) = delete;
   Room& operator=(const Room&) = delete;
 
+  /// False where a case runs, is being made or closed, is asked for, or goes on with the last one by itself;
+  /// else none begins any more, and start() waits, until may_begin_again(), or shut_down().
+  [[nodiscard]] bool begin_no_more();
+  void may_begin_again();
+
   [[nodiscard]] const std::string& name() const;
   /// Begins a case and returns its identifier when recording has begun. `subject` is JSON to be sealed with
   /// it, `sealed_plan` the hash of the plan that it follows. Throws kiroku::UsageError if a case is running,
   /// kiroku::Error if none can be begun.
   std::string start(const std::string& reason, std::optional<Bytes> subject = {},
                     const std::optional<crypto::Sha256Digest>& sealed_plan = {});
+  // What acts on the case that runs may say which one it means: nothing is done, and kiroku::UsageError
+  // thrown, where `meant` ("": whichever runs) is not the case that it would reach. Nothing that begins
+  // meanwhile is taken for it. Each returns the case that it acted on.
+
   /// What is known of the patient and the procedure while a case runs: JSON as start() takes it, sealed as an
   /// event of the case; what is there stays, and the last one counts. Nothing is looked for any more then.
   /// Throws kiroku::UsageError if no case runs, or for what is no JSON object.
-  void add_subject(const Bytes& subject);
+  std::string add_subject(const Bytes& subject, const std::string& meant = "");
   /// What could be done here now, to choose from; none where nothing is configured. Returns at once.
   [[nodiscard]] std::vector<ProcedureData> procedures() const;
   /// Ends the case that runs and returns its identifier; returns when it is closed if `wait`. Inside a window
   /// of the schedule no new one is begun until the next window. Where none runs and one would go on with the
   /// last one by itself (RoomStatus::tries_again), ends the operation: none does any more, also after another
-  /// start of the recorder. Throws kiroku::UsageError if there is neither, and kiroku::Error if it was waited
-  /// for and could not be closed.
-  std::string stop(const std::string& reason, bool wait);
+  /// start of the recorder. `meant` is that last one then. Throws kiroku::UsageError if there is neither, and
+  /// kiroku::Error if it was waited for and could not be closed.
+  std::string stop(const std::string& reason, bool wait, const std::string& meant = "");
   /// Marks a moment. Throws kiroku::UsageError if no case runs.
-  void mark(const std::string& text);
+  std::string mark(const std::string& text, const std::string& meant = "");
   /// From the next picture on, streams are archived in another form. Throws as Session::change_profile(), and
   /// kiroku::UsageError if no case runs.
-  void change_profile(const ProfileDecision& decision);
+  std::string change_profile(const ProfileDecision& decision, const std::string& meant = "");
   /// As Session::point().
   std::optional<std::int64_t> point(media::PointedAt at);
   /// The case that is being recorded; "": none. Cheap.

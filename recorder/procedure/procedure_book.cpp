@@ -92,13 +92,13 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
         leave(std::move(message), arrival);
         break;
       case Kind::kAppointment: {
-        const std::string key = message.appointment + "\n" + message.patient;
-        ended_.erase("\n" + key);
+        const std::string key = key_of_appointment(message);
+        ended_.erase("\n" + key);  // key_of_ended()
         appointments_.insert_or_assign(key, Kept{arrival, std::move(message)});
         break;
       }
       case Kind::kCancels: {
-        const std::string key = "\n" + message.appointment + "\n" + message.patient;
+        const std::string key = key_of_ended(message);
         message.data = {};
         ended_.insert_or_assign(key, Kept{arrival, std::move(message)});
         break;
@@ -155,10 +155,12 @@ ProcedureBook::Arrival ProcedureBook::arrival_of(const ProcedureMessage& message
     if (is_later && (!next || each.number < next->number)) next = each;
   });
   if (!next) return arrival;
-  // Within what is kept at all: what a sender calls centuries is none of this clock's.
-  const auto earlier = std::min<UtcTime::duration>(*next->happened - *message.happened, 2 * kLongestWindow);
+  // What a sender calls centuries is none of this clock's.
+  const auto earlier = std::min<UtcTime::duration>(*next->happened - *message.happened, kLongestBefore);
   arrival.number = next->number;
-  arrival.at = {next->at.utc - earlier, next->at.since_boot - earlier};
+  arrival.at = {
+      std::max(next->at.utc - earlier, received.utc - kLongestBefore),
+      std::max<Clock::Duration>(next->at.since_boot - earlier, received.since_boot - kLongestBefore)};
   with_each_arrival([&](Arrival& each) { each.number += each.number >= arrival.number ? 1U : 0U; });
   return arrival;
 }
@@ -211,8 +213,8 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
   }
   if (!is_gone) return;
   message.data = {};
-  const std::string patient = message.patient;
-  ended_.insert_or_assign(patient, Kept{received, std::move(message)});
+  const std::string key = key_of_ended(message);
+  ended_.insert_or_assign(key, Kept{received, std::move(message)});
 }
 
 void ProcedureBook::place(ProcedureMessage message, const Arrival& received) {
@@ -311,7 +313,7 @@ void ProcedureBook::rename(ProcedureMessage& message) {
   });
   for (Kept& each : moved) {
     give(each.message);
-    const std::string key = each.message.appointment + "\n" + each.message.patient;
+    const std::string key = key_of_appointment(each.message);
     appointments_.insert_or_assign(key, std::move(each));
   }
 }
@@ -420,7 +422,10 @@ ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, const Pro
         "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
         std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
   }
-  if (here == nullptr) return {appointment, false, false};
+  if (here == nullptr) {
+    appointment.chosen_by_plan = times[*chosen];
+    return {appointment, false, false};
+  }
   ProcedureData found = here->message.data;
   found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/bytes.h"
 #include "base/clock.h"
 #include "recorder/procedure/procedure_message.h"
 
@@ -82,7 +83,13 @@ class ProcedureBook {
 
   [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
 
+  /// All of it, for a recorder that starts anew on the running machine, whose times since the boot it holds.
+  [[nodiscard]] Bytes exported() const;
+  /// What exported() gave. Throws kiroku::Error for anything else, and for what another version wrote.
+  static ProcedureBook imported(ByteView bytes);
+
  private:
+  struct AsBytes;  // procedure_book_state.cpp
   struct Arrival {
     std::uint64_t number = 0;  // in the order of messages; what one message says arrives at once
     ProcedureMoment at;
@@ -103,6 +110,15 @@ class ProcedureBook {
   };
   [[nodiscard]] Choice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
   using Messages = std::map<std::string, Kept>;
+  static std::string key_of_appointment(const ProcedureMessage& message) {
+    return message.appointment + "\n" + message.patient;
+  }
+  static std::string key_of_ended(const ProcedureMessage& message) {
+    return message.kind == ProcedureMessage::Kind::kCancels ? "\n" + key_of_appointment(message)
+                                                            : message.patient;
+  }
+  /// So long ago, at most, comes what is told late: it is forgotten at once then.
+  static constexpr std::chrono::hours kLongestBefore = 2 * kLongestWindow;
   static void forget_old(Messages& messages, const ProcedureMoment& now);
   /// When the appointment is planned by the clock of `at`.
   static UtcTime planned(const Kept& kept, const ProcedureMoment& at) {

@@ -44,6 +44,8 @@ struct ProcedureData {
 
   std::string origin;  // "hl7", "worklist", "hl7+hl7": who said so
   std::string chosen;  // why these data and no others, one sentence
+  /// When it is planned, where that alone chose it; nothing where the patient was placed in the room.
+  std::optional<UtcTime> chosen_by_plan = {};
 
   bool operator==(const ProcedureData&) const = default;
 };

@@ -7,7 +7,9 @@
 #include "base/error.h"
 #include "base/tally.h"
 #include "recorder/procedure/repeated_messages.h"
+#include "recorder/procedure/state_codec.h"
 #include "recorder/source/source_address.h"
+#include "recorder/vitals/hl7_refusal.h"
 #include "recorder/vitals/hl7_vitals.h"
 #include "recorder/vitals/mllp_address.h"
 
@@ -17,6 +19,9 @@ namespace {
 constexpr std::chrono::seconds kListenAgain{10};
 // Of what is kept of one message; whoever sends more than that does not fill the memory.
 constexpr std::size_t kLongestKept = 16U << 10;
+// A hospital's messages may come by the dozen, and each time the whole book is kept.
+constexpr std::chrono::seconds kKeepEvery{1};
+constexpr std::uint64_t kStateVersion = 1;
 
 struct Listening {
   MllpServer::Options server;
@@ -29,6 +34,11 @@ Listening listening_at(const std::string& listen) {
   if (address.kind != SourceKind::kMonitors) {
     throw UsageError("'" + address.stated +
                      "' is nowhere to wait for HL7 messages: write mllp://ADDRESS:PORT");
+  }
+  if (address.options.contains("locations")) {
+    throw UsageError("'" + address.stated +
+                     "': locations of an address are those of vital signs; here each room says its own, as "
+                     "locations = [\"OR1\"] beside listen");
   }
   return {mllp_server_options(address), mllp_senders(address),
           parse_assumed_zone(address.option("zone", "local"), address.stated)};
@@ -44,11 +54,45 @@ std::size_t kept_bytes(const ProcedureMessage& message) {
 }  // namespace
 
 struct ProcedureInbox::State {
-  State(const std::string& listen, Tell told, const Clock& its_time)
+  State(const std::string& listen, Tell told, const Clock& its_time, InboxMemory its_memory)
       : where(parse_source_address(listen).stated),
         listening(listening_at(listen)),
         tell(std::move(told)),
-        time(its_time) {}
+        time(its_time),
+        memory(std::move(its_memory)) {
+    if (!memory.earlier.empty()) take_over();
+  }
+
+  /// What an earlier process knew; nothing of it where it cannot be used.
+  void take_over() {
+    try {
+      StateReader reader(memory.earlier);
+      std::uint64_t version = 0, its_taken = 0, its_refused = 0;
+      ProcedureMoment its_since{UtcTime{}};
+      Bytes its_book;
+      reader.one(version);
+      if (version != kStateVersion) StateReader::refuse();
+      reader.all(its_since, its_taken, its_refused, its_book);
+      reader.require_end();
+      book = ProcedureBook::imported(its_book);
+      since = its_since;
+      taken = its_taken;
+      refused = its_refused;
+    } catch (const Error& error) {
+      complain(std::string("what was known before this start cannot be used: ") + error.what());
+    }
+    memory.earlier = {};
+  }
+
+  /// With the mutex.
+  void keep() {
+    if (!is_news || !memory.keep || !since) return;
+    StateWriter writer;
+    writer.all(kStateVersion, *since, taken, refused, book.exported());
+    memory.keep(writer.take());
+    is_news = false;
+    kept_at = time.now();
+  }
 
   /// On the server's thread.
   MllpServer::Answer take(std::string_view bytes) {
@@ -63,6 +107,12 @@ struct ProcedureInbox::State {
     } else if (!listening.senders.takes(*parsed.message)) {
       answer = "AR";
       why = kStrangersMessage;
+    } else if (const auto refusal = refusal_of(*parsed.message)) {
+      answer = refusal->code;
+      why = refusal->why;
+      if (const auto count = refusals.add(refusal->name)) {
+        complain(refusal->why + "; " + std::to_string(*count) + " such messages so far");
+      }
     } else if (!is_of_procedures(parsed.message->type())) {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
@@ -77,10 +127,13 @@ struct ProcedureInbox::State {
     {
       const std::lock_guard guard(mutex);
       ++(messages ? taken : refused);
-      const bool is_new = messages && !repeated.is_repeated(*parsed.message, bytes);
-      const std::uint64_t before = book.strangers_left();
-      if (is_new) book.take_all(std::move(*messages), now);
-      if (book.strangers_left() != before) strangers = strangers_left.add("");
+      if (messages && !repeated.is_repeated(*parsed.message, bytes)) {
+        const std::uint64_t before = book.strangers_left();
+        book.take_all(std::move(*messages), now);
+        if (book.strangers_left() != before) strangers = strangers_left.add("");
+        is_news = true;
+        if (!kept_at || time.now() - *kept_at >= kKeepEvery) keep();
+      }
     }
     if (strangers) {
       complain("a patient left whom no message had placed under any of the numbers that it names (" +
@@ -95,28 +148,43 @@ struct ProcedureInbox::State {
     return {at, time.since_boot() - std::chrono::duration_cast<Clock::Duration>(time.utc() - at)};
   }
 
-  void complain(const std::string& name) {
-    // The sentence beside the name may begin with a patient's.
-    if (tell) tell("HL7 messages at " + where + ": " + name);
+  /// With the mutex: from when on messages are known; "" where that is before all that counts.
+  [[nodiscard]] std::string known_since(const ProcedureMoment& now) const {
+    if (!since) return "";
+    const UtcTime moment = now.by_this_clock(*since);
+    if (now.utc - moment > ProcedureBook::kLongestWindow) return "";
+    constexpr std::size_t kToMinutes = 16;
+    return format_utc(moment).substr(0, kToMinutes) + "Z";
+  }
+
+  /// Of a complaint about a connection the name alone: the sentence beside it may begin with a patient's.
+  void complain(const std::string& what) {
+    if (tell) tell("HL7 messages at " + where + ": " + what);
   }
 
   const std::string where;
   const Listening listening;
   const Tell tell;
   const Clock& time;
+  InboxMemory memory;
 
+  Tally refusals{};
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
   RepeatedMessages repeated;
   std::uint64_t taken = 0, refused = 0;
   Tally strangers_left;
+  std::optional<ProcedureMoment> since;  // from which on messages are known
+  bool is_news = false;                  // something is not kept yet
+  std::optional<Clock::Time> kept_at;
+  bool is_ended = false;
   std::string problem;
   Clock::Time not_before{};
   std::unique_ptr<MllpServer> server;  // last: its thread uses the rest
 };
 
-ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell, const Clock& time)
-    : state_(std::make_unique<State>(listen, std::move(tell), time)) {}
+ProcedureInbox::ProcedureInbox(const std::string& listen, Tell tell, const Clock& time, InboxMemory memory)
+    : state_(std::make_unique<State>(listen, std::move(tell), time, std::move(memory))) {}
 
 ProcedureInbox::~ProcedureInbox() = default;
 
@@ -127,6 +195,8 @@ void ProcedureInbox::tend() {
   std::string news;
   {
     const std::lock_guard guard(state.mutex);
+    if (state.is_ended) return;
+    state.keep();
     if (state.server || state.time.now() < state.not_before) return;
     try {
       auto server = std::make_unique<MllpServer>(
@@ -139,6 +209,11 @@ void ProcedureInbox::tend() {
       if (!state.problem.empty()) news = "HL7 messages are waited for at " + state.where + " now";
       state.problem.clear();
       state.server = std::move(server);
+      if (!state.since) {
+        state.since = ProcedureMoment{state.time.utc(), state.time.since_boot()};
+        state.is_news = true;
+        state.keep();
+      }
     } catch (const std::exception& error) {
       state.not_before = state.time.now() + kListenAgain;
       if (state.problem != error.what()) news = error.what();
@@ -148,9 +223,29 @@ void ProcedureInbox::tend() {
   if (!news.empty() && state.tell) state.tell(news);
 }
 
+void ProcedureInbox::end() {
+  std::unique_ptr<MllpServer> server;
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->is_ended = true;
+    server = std::move(state_->server);
+  }
+  // Without the mutex, which its thread may wait for.
+  server.reset();
+  const std::lock_guard guard(state_->mutex);
+  state_->keep();
+}
+
 std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.find(rule, state_->moment(at));
+  const ProcedureMoment moment = state_->moment(at);
+  std::optional<ProcedureData> found = state_->book.find(rule, moment);
+  // Somebody may have been placed in the room before, or booked for now.
+  if (found && state_->since && moment.utc - moment.by_this_clock(*state_->since) <= rule.window) {
+    if (const std::string since = state_->known_since(moment); !since.empty())
+      found->chosen += "; messages before " + since + " are not known";
+  }
+  return found;
 }
 
 bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
@@ -174,10 +269,12 @@ ProcedureWay ProcedureInbox::way() const {
     return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
   }
   const std::uint64_t strangers = state_->server->refused();
+  const std::string since = state_->known_since({state_->time.utc(), state_->time.since_boot()});
   return {"hl7", true,
           "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
               std::to_string(state_->refused) + " refused" +
-              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers")};
+              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers") +
+              (since.empty() ? "" : "; messages before " + since + " are not known")};
 }
 
 std::uint16_t ProcedureInbox::port() const {

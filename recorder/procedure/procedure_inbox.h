@@ -13,14 +13,23 @@
 
 namespace kiroku::recorder {
 
+/// Where what an inbox knows outlives the process: in memory alone, as it is of patients.
+struct InboxMemory {
+  Bytes earlier;                             // as an earlier process kept it last; empty: nothing
+  std::function<void(ByteView state)> keep;  // called by any thread, one at a time; must not throw or wait
+};
+
 class ProcedureInbox {
  public:
-  /// Hears what a person should see; nothing of a message's content is in it.
+  /// Hears what a person should see, from any thread; nothing of a message's content is in it.
   using Tell = std::function<void(const std::string& sentence)>;
 
   /// `listen` is mllp://ADDRESS:PORT with the options of mllp_address.h and `zone` (mllp_source.h). Does not
-  /// listen yet. `time` must outlive it. Throws kiroku::UsageError for an address that is none.
-  ProcedureInbox(const std::string& listen, Tell tell, const Clock& time = Clock::system());
+  /// listen yet. `time` must outlive it. With a `memory` it goes on from what an earlier process knew; each
+  /// message is kept there before it is acknowledged, or within a second of the one before. Throws
+  /// kiroku::UsageError for an address that is none.
+  ProcedureInbox(const std::string& listen, Tell tell, const Clock& time = Clock::system(),
+                 InboxMemory memory = {});
   ~ProcedureInbox();
   ProcedureInbox(const ProcedureInbox&) = delete;
   ProcedureInbox& operator=(const ProcedureInbox&) = delete;
@@ -30,12 +39,16 @@ class ProcedureInbox {
 
   /// Listens, if it does not; a port that is taken is tried again some seconds after. Call each second or so.
   void tend();
+  /// Keeps what is not kept yet. Nothing is taken any more: who delivers waits for an acknowledgement, and
+  /// delivers again to whoever listens next.
+  void end();
 
   /// As those of ProcedureBook.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] bool is_too_early(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
+  /// Its sentence says since when messages are known, if that is not since before all that counts.
   [[nodiscard]] ProcedureWay way() const;
   /// The port it listens on; 0 while it does not.
   [[nodiscard]] std::uint16_t port() const;

@@ -94,7 +94,8 @@ class Reader {
         out_.kind = Kind::kAppointment;
       }
     } else if (!out_.patient.empty()) {
-      const bool says_nothing_of_now = event.empty() || is_one_of(event, kPending) || is_one_of(event, kOfPersons);
+      const bool says_nothing_of_now =
+          event.empty() || is_one_of(event, kPending) || is_one_of(event, kOfPersons);
       out_.kind = is_one_of(event, kLeaving)     ? Kind::kLeaves
                   : is_one_of(event, kDeparting) ? Kind::kDeparts
                   : says_nothing_of_now          ? Kind::kFacts
@@ -124,7 +125,7 @@ class Reader {
   void read_times() {
     const auto time = [this](const Hl7Field& field) -> std::optional<UtcTime> {
       const auto read = parse_hl7_time(field.component(1).raw());
-      if (!read || !read->is_instant()) return {};
+      if (!read || !read->is_instant() || read->utc(assumed_zone_) < UtcTime{}) return {};
       return read->utc(assumed_zone_);
     };
     const auto earlier = [](std::optional<UtcTime>& of, const std::optional<UtcTime>& other) {
@@ -185,7 +186,7 @@ class Reader {
     const auto time = parse_hl7_time(field.component(1).raw());
     if (!time || out_.planned) return;
     out_.data.planned = iso_time(*time);
-    if (time->is_instant()) out_.planned = time->utc(assumed_zone_);
+    if (time->is_instant() && time->utc(assumed_zone_) >= UtcTime{}) out_.planned = time->utc(assumed_zone_);
   }
 
   /// A coded service or procedure; the first one stands.

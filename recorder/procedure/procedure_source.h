@@ -37,6 +37,8 @@ class ProcedureSource {
   [[nodiscard]] virtual bool is_doubtful(UtcTime /*at*/) const { return false; }
   /// Whether find() gives nothing because what is planned nearest lies too far ahead. Returns at once.
   [[nodiscard]] virtual bool is_too_early(UtcTime /*at*/) const { return false; }
+  /// Whether something of list() was only said once, by a message, and not listed by who can be asked again.
+  [[nodiscard]] virtual bool knows_by_messages(UtcTime /*at*/) const { return false; }
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

@@ -13,6 +13,8 @@ constexpr std::chrono::seconds kLeastInterval{5};
 constexpr std::chrono::minutes kLongestInterval{5};
 // NTP corrects less than that, and no two procedures begin so near to each other.
 constexpr std::chrono::minutes kSmallestStep{1};
+// For so long one question may go on (ask_worklist()).
+constexpr std::chrono::minutes kLongestQuestion{1};
 
 NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
   std::vector<std::optional<UtcTime>> times;
@@ -58,6 +60,7 @@ std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime 
   const NearestPlan plan = nearest_plan(answer, at, window);
   if (!plan.index || plan.is_far_ahead || answer.is_cut || is_anybodys(answer, plan)) return {};
   ProcedureData data = items[*plan.index].data;
+  data.chosen_by_plan = items[*plan.index].planned;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
                 " that it listed at " + format_utc(asked);
   return data;
@@ -94,11 +97,14 @@ struct Worklist::State {
       hurried = false;
       lock.unlock();
       const UtcTime now = clock.utc();
-      const Clock::Duration begin = wall_clock_at_boot();
+      const Clock::Duration begin = wall_clock_at_boot(), begun = clock.since_boot();
       WorklistAnswer answer = ask(now);
       const Clock::Time asked = clock.now();
       lock.lock();
-      if (answer.problem.empty()) answered_by = begin;
+      if (answer.problem.empty()) {
+        answered_by = begin;
+        answered_at = begun;
+      }
       const std::string news = take(std::move(answer), now);
       if (!news.empty() && tell) {
         lock.unlock();
@@ -125,6 +131,32 @@ struct Worklist::State {
     if (std::chrono::abs(wall_clock_at_boot() - answered_by) <= kSmallestStep) return true;
     hurried = true;
     changed.notify_all();
+    return false;
+  }
+
+  /// With the mutex held. How old the newest answer is, whoever set the wall clock, and also while the
+  /// machine slept.
+  [[nodiscard]] Clock::Duration age() const { return clock.since_boot() - answered_at; }
+  [[nodiscard]] std::string age_text() const {
+    return std::to_string(std::chrono::floor<std::chrono::minutes>(age()).count()) + " min";
+  }
+
+  /// With the mutex held. Whether the newest answer is too old to choose from: what was called off since,
+  /// nobody told.
+  [[nodiscard]] bool is_stale() const {
+    if (!answered) return false;
+    const auto bearable = kMostRefreshes * std::chrono::duration_cast<Clock::Duration>(options.refresh);
+    return age() > (failures > 0 ? bearable : bearable + kLongestQuestion);
+  }
+
+  /// With the mutex held. Whether a step may be chosen by itself.
+  [[nodiscard]] bool may_choose(UtcTime at) {
+    if (!tells_of(at)) return false;
+    if (!is_stale()) return true;
+    if (failures == 0) {  // the machine slept: it is asked as soon as may be
+      hurried = true;
+      changed.notify_all();
+    }
     return false;
   }
 
@@ -175,6 +207,7 @@ struct Worklist::State {
   WorklistAnswer newest;  // that was no failure
   std::optional<UtcTime> answered;
   Clock::Duration answered_by{0};  // wall_clock_at_boot() of then
+  Clock::Duration answered_at{0};  // since boot
   std::string problem;
   std::thread thread;
 };
@@ -187,21 +220,21 @@ Worklist::~Worklist() = default;
 std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
-  if (!state_->tells_of(at)) return {};
+  if (!state_->may_choose(at)) return {};
   return nearest_step(state_->newest, *state_->answered, at, window);
 }
 
 bool Worklist::is_doubtful(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
-  if (!state_->tells_of(at)) return false;
+  if (!state_->may_choose(at)) return false;
   return recorder::is_doubtful(state_->newest, at, window);
 }
 
 bool Worklist::is_too_early(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
-  if (!state_->tells_of(at)) return false;
+  if (!state_->may_choose(at)) return false;
   return recorder::is_too_early(state_->newest, at, window);
 }
 
@@ -210,11 +243,13 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
   const auto window = state_->options.window;
   std::vector<ProcedureData> all;
   if (!state_->tells_of(at)) return all;
+  const std::string old =
+      state_->is_stale() ? ", " + state_->age_text() + " before, and has not answered since" : "";
   for (const WorklistItem& item : state_->newest.items) {
     if (item.is_left_out) continue;
     if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
     all.push_back(item.data);
-    all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered);
+    all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered) + old;
   }
   return all;
 }
@@ -230,6 +265,12 @@ void Worklist::hurry() {
 ProcedureWay Worklist::way() const {
   const std::lock_guard guard(state_->mutex);
   const std::string name = "worklist";
+  if (state_->is_stale()) {
+    return {name, false,
+            "nothing is chosen from the list of " + format_utc(*state_->answered) + ", which is " +
+                state_->age_text() +
+                " old: " + (state_->problem.empty() ? "it is asked again" : state_->problem)};
+  }
   if (!state_->problem.empty()) return {name, false, state_->problem};
   if (!state_->answered) return {name, true, "is being asked for the first time"};
   const std::string left_out = left_out_of(state_->newest);

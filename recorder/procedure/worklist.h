@@ -81,14 +81,16 @@ class Worklist {
   Worklist(const Worklist&) = delete;
   Worklist& operator=(const Worklist&) = delete;
 
-  /// Of the last answer, which is kept while it is not older than the window, the step planned nearest to
-  /// `at`.
+  /// Of the last answer the step planned nearest to `at`. Nothing once the answer is older than
+  /// kMostRefreshes of its options and no newer one came: steps may be called off or moved meanwhile.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
+  static constexpr int kMostRefreshes = 3;
   /// Whether find() gives nothing because steps of two patients are equally near.
   [[nodiscard]] bool is_doubtful(UtcTime at) const;
   /// Whether it gives nothing because the nearest step lies too far ahead.
   [[nodiscard]] bool is_too_early(UtcTime at) const;
-  /// All steps of that answer planned within the window around `at`.
+  /// All steps of that answer planned within the window around `at`, while it is not older than the window: a
+  /// person chooses, to whom way() and `chosen` say how old it is.
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const;
   /// Asks now, unless it did so within the last seconds.
   void hurry();

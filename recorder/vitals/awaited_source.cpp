@@ -52,6 +52,10 @@ class AwaitedSource : public VitalSource {
     const std::lock_guard guard(mutex_);
     return source_ ? source_->refused() : 0;
   }
+  [[nodiscard]] std::uint64_t elsewhere() const override {
+    const std::lock_guard guard(mutex_);
+    return source_ ? source_->elsewhere() : 0;
+  }
 
  private:
   [[nodiscard]] VitalLine notice(std::int64_t time_ns, const std::string& word,

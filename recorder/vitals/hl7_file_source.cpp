@@ -9,6 +9,7 @@
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/block_source.h"
 #include "recorder/vitals/hl7_vitals.h"
+#include "recorder/vitals/mllp_address.h"
 #include "recorder/vitals/mllp_source.h"
 
 namespace kiroku::recorder {
@@ -40,8 +41,8 @@ class Hl7FileSource : public BlockSource {
       : zone_(parse_assumed_zone(address.option("zone", "local"), address.stated)),
         bytes_(read_file(address.location)),
         messages_(split_hl7_messages(bytes_)),
-        vitals_(zone_) {
-    address.require_options("speed,zone");
+        vitals_(zone_, {}, hl7_places(address)) {
+    address.require_options("speed,zone,locations");
     const bool any = std::ranges::any_of(
         messages_, [](std::string_view message) { return parse_hl7_message(message).message != nullptr; });
     if (!any) {
@@ -49,6 +50,8 @@ class Hl7FileSource : public BlockSource {
                   (messages_.empty() ? "" : " (" + parse_hl7_message(messages_.front()).problem + ")"));
     }
   }
+
+  [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
 
  private:
   bool read_block(std::vector<VitalLine>& lines) override {

@@ -114,6 +114,32 @@ std::size_t end_of_required_header(std::string_view header, char separator) {
   return at;
 }
 
+/// Whether `line` begins as a header does: MSH-1, delimiters, and MSH-1 again. "MSH: 12 pg/ml" does not.
+bool begins_header(std::string_view line, char separator) {
+  if (line.size() < 5 || !line.starts_with("MSH") || !can_separate(line[3])) return false;
+  const std::size_t end = line.find(line[3], 4);
+  if (end == std::string_view::npos) return false;
+  const std::string_view delimiters = line.substr(4, end - 4);
+  const bool named = delimiters.size() >= 2 || line[3] == separator;
+  return named && delimiters.size() <= 6 && std::ranges::all_of(delimiters, can_separate);
+}
+
+/// Whether a second header stands in `text`, at the beginning of a line or, where the line's end is missing,
+/// anywhere: what separates fields does not stand within one.
+bool has_second_header(std::string_view text, char separator) {
+  constexpr std::size_t kLeast = 7;  // "MSH|^~|"
+  const std::string_view header = text.substr(0, text.find(separator, 4));
+  if (header.size() + 1 >= kLeast && header.size() < text.size() &&
+      text.find(text.substr(0, header.size() + 1), header.size()) != std::string_view::npos) {
+    return true;
+  }
+  for (std::size_t end = text.find_first_of("\r\n"); end != std::string_view::npos;
+       end = text.find_first_of("\r\n", end + 1)) {
+    if (begins_header(text.substr(end + 1), separator)) return true;
+  }
+  return false;
+}
+
 /// Where within `segment` another begins though no line ends; npos if nowhere.
 std::size_t find_glued(std::string_view segment, char separator, std::size_t from) {
   constexpr std::array<std::string_view, 5> kNames{"PID", "PV1", "OBR", "OBX", "NTE"};
@@ -312,6 +338,7 @@ struct Hl7Parser {
     if (!text.remark.empty()) {
       message->remarks_.push_back(std::move(text.remark));
     }
+    message->holds_another_ = has_second_header(message->text_, message->separators_.field);
     split_segments(*message);
     if (message->segments_.size() > Hl7Message::kMaximumSegments) {
       return {nullptr,

@@ -80,6 +80,9 @@ class Hl7Message {
   [[nodiscard]] std::string sender() const;
   /// Sentences on what was taken in stride: a segment end that is missing, another character set than stated.
   [[nodiscard]] const std::vector<std::string>& remarks() const { return remarks_; }
+  /// Whether the header of another message stands behind this one's. Its segments would be taken for this
+  /// one's: nothing that they say can be believed (hl7_refusal.h).
+  [[nodiscard]] bool holds_another() const { return holds_another_; }
 
  private:
   friend struct Hl7Parse;
@@ -90,6 +93,7 @@ class Hl7Message {
   Hl7Separators separators_;
   std::vector<Hl7Segment> segments_;
   std::vector<std::string> remarks_;
+  bool holds_another_ = false;
 };
 
 /// The message, or one sentence saying why it cannot be read.

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/ascii.h"
 #include "base/bytes.h"
 #include "base/error.h"
+#include "recorder/vitals/hl7_refusal.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -41,7 +43,7 @@ std::string escaped(std::string_view text, const Hl7Separators& separators) {
 
 /// Who sends stands in every line that is made of a message, and is remembered with its identifier. HL7 gives
 /// them 227 bytes each and 199.
-constexpr std::size_t kLongestSender = 500, kLongestIdentifier = 200;
+constexpr std::size_t kLongestSender = 500, kLongestIdentifier = 200, kLongestPlace = 200;
 
 /// Why the message is not read, or "".
 std::string problem_of_names(const Hl7Message& message) {
@@ -57,6 +59,25 @@ std::string problem_of_names(const Hl7Message& message) {
     return "the type of the message (MSH-9) is longer than " + std::to_string(kLongestIdentifier) + " bytes";
   }
   return "";
+}
+
+/// Why what the message says of patients cannot be told apart, or "".
+std::string problem_of_parts(const std::vector<PatientPart>& parts) {
+  if (parts.size() > Hl7Vitals::kMostPatients) {
+    return "the message is of more than " + std::to_string(Hl7Vitals::kMostPatients) + " patients";
+  }
+  if (std::ranges::any_of(parts, [](const PatientPart& part) { return part.place.size() > kLongestPlace; })) {
+    return "the message names a place (PV1-3) with more than " + std::to_string(kLongestPlace) + " bytes";
+  }
+  return "";
+}
+
+std::optional<crypto::Sha256Digest> hash_of(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional(crypto::sha256(bytes_of(text)));
+}
+
+std::string counted(std::string_view sentence, std::uint64_t count) {
+  return std::string(sentence) + "; " + std::to_string(count) + " such messages so far";
 }
 
 }  // namespace
@@ -157,6 +178,9 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   const std::string at = peer.empty() ? "" : "@" + peer;
   const Hl7Parse parsed = parse_hl7_message(bytes);
   std::string source = at, problem = parsed.problem;
+  std::string notice = "message-refused", words;  // what is told of a problem, if not the problem itself
+  bool is_told = true;
+  std::vector<PatientPart> parts;
   Taken taken;
   taken.answer = "AA";
   if (parsed.message) {
@@ -167,6 +191,13 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     const std::string type = parsed.message->type();
     if (!problem.empty()) {
       taken.answer = "AE";
+    } else if (const auto refusal = refusal_of(*parsed.message)) {
+      taken.answer = refusal->code;
+      problem = refusal->why;
+      notice = refusal->name;
+      const auto count = refusals_.add(notice + " " + source);
+      is_told = count.has_value();
+      words = counted(problem, count.value_or(0));
     } else if (type.empty()) {
       taken.answer = "AE";
       problem = "the message states no type (MSH-9)";
@@ -174,6 +205,8 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
       taken.answer = "AR";
       problem =
           "messages of type " + type + " are not read; ORU^R01, ORU^R30 to R32, ORU^R40 and ORU^W01 are";
+    } else if (problem = problem_of_parts(patient_parts(*parsed.message)); !problem.empty()) {
+      taken.answer = "AE";
     }
   } else {
     // A frame of two bytes becomes lines of hundreds: whoever sends them without end must not fill the disk.
@@ -181,6 +214,17 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     if (!count) return {{}, "AE", make_acknowledgement(nullptr, "AE", problem, now)};
     if (*count > kUnreadableKept) problem += "; " + std::to_string(*count) + " such messages so far";
     taken.answer = "AE";
+  }
+  // What is of others, too, is kept of none: it names them, and has their values.
+  bool is_of_here = true;
+  if (parsed.message) {
+    const std::vector<PatientPart> stated = patient_parts(*parsed.message);
+    is_of_here = std::ranges::all_of(stated, [&](const PatientPart& part) { return places_.takes(part); });
+    if (problem.empty()) parts = parts_of_here(stated, source, arrival_ns, taken.lines);
+    if (problem.empty() && parts.empty()) {
+      taken.acknowledgement = make_acknowledgement(parsed.message.get(), taken.answer, "", now);
+      return taken;
+    }
   }
   const Novelty novelty =
       problem.empty() ? novelty_of(source, *parsed.message, bytes, arrival_ns) : Novelty::kNew;
@@ -193,20 +237,107 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     repeated("came again; it is recorded once");
     return taken;
   }
-  taken.lines.emplace_back(media::DeviceMessage{arrival_ns, std::string(bytes),
-                                                taken.acknowledgement.empty() ? "" : taken.answer, source});
+  std::vector<std::string> sources;
+  sources.reserve(parts.size());
+  for (const PatientPart& part : parts) {
+    sources.push_back(parsed.message->sender() + mark_of(part, source) + at);
+  }
+  if (is_of_here) {
+    taken.lines.emplace_back(media::DeviceMessage{arrival_ns, std::string(bytes),
+                                                  taken.acknowledgement.empty() ? "" : taken.answer,
+                                                  sources.size() == 1 ? sources.front() : source});
+  }
   if (novelty == Novelty::kRepeatedWithOtherTime) {
     repeated("came again with another time (MSH-7); its values are recorded once");
     return taken;
   }
   if (!problem.empty()) {
-    taken.lines.emplace_back(media::VitalNotice{arrival_ns, "message-refused", problem, source});
+    if (words.empty()) words = problem;
+    if (is_told) taken.lines.emplace_back(media::VitalNotice{arrival_ns, notice, words, source});
     return taken;
   }
-  for (media::VitalLine& line : reader_of(source).read(*parsed.message, arrival_ns)) {
-    taken.lines.push_back(std::move(line));
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const PatientPart& part = parts[i];
+    note_mixtures(part, sources[i], arrival_ns, taken.lines);
+    for (media::VitalLine& line :
+         reader_of(sources[i]).read(*parsed.message, arrival_ns, part.begin, part.end)) {
+      taken.lines.push_back(std::move(line));
+    }
   }
   return taken;
+}
+
+std::vector<PatientPart> Hl7Vitals::parts_of_here(std::vector<PatientPart> parts, const std::string& source,
+                                                  std::int64_t arrival_ns,
+                                                  std::vector<media::VitalLine>& lines) {
+  if (places_.takes_all()) return parts;
+  const std::size_t stated = parts.size();
+  const bool is_placed =
+      std::ranges::any_of(parts, [](const PatientPart& part) { return !part.place.empty(); });
+  std::erase_if(parts, [&](const PatientPart& part) { return !places_.takes(part); });
+  if (parts.size() == stated) return parts;
+  const auto tell = [&](Tally& tally, const char* name, std::string_view sentence) {
+    if (const auto count = tally.add(source)) {
+      lines.emplace_back(media::VitalNotice{arrival_ns, name, counted(sentence, *count), source});
+    }
+  };
+  if (!is_placed) {
+    tell(unplaced_, "place-not-stated", "a message that names no place (PV1-3) is not recorded");
+  } else {
+    tell(elsewhere_, "other-place",
+         parts.empty()
+             ? "a message of another place is not recorded"
+             : "a message is of other places, too, so of it only the values of this one are recorded");
+  }
+  return parts;
+}
+
+bool Hl7Vitals::PatientKey::differs(const PatientKey& other) const {
+  return number != other.number || (issuer && other.issuer && issuer != other.issuer);
+}
+
+std::string Hl7Vitals::mark_of(const PatientPart& part, const std::string& sender) {
+  std::string mark = part.place;
+  if (!part.patient.empty()) {
+    if (patients_at_.size() >= kMostSenders) patients_at_.clear();  // somebody makes up senders or places
+    std::vector<PatientKey>& known = patients_at_[sender + "\n" + part.place];
+    const PatientKey now{hash_of(part.patient), hash_of(part.issuer)};
+    auto found = std::ranges::find_if(known, [&](const PatientKey& one) { return !one.differs(now); });
+    if (found == known.end() && known.size() < kMostPatients) found = known.insert(known.end(), now);
+    const auto number = found - known.begin() + 1;
+    if (number > 1) mark += (mark.empty() ? "#" : " #") + std::to_string(number);
+  }
+  return mark.empty() ? "" : "[" + mark + "]";
+}
+
+void Hl7Vitals::note_mixtures(const PatientPart& part, const std::string& source, std::int64_t arrival_ns,
+                              std::vector<media::VitalLine>& lines) {
+  if (!part.observes) return;
+  if (!part.place.empty()) {
+    const std::string place = lower_case(part.place);
+    beds_.untold = beds_.untold || (places_.takes_all() && !last_place_.empty() && last_place_ != place);
+    last_place_ = place;
+  }
+  if (!part.patient.empty()) {
+    const PatientKey patient{hash_of(part.patient), hash_of(part.issuer)};
+    patients_.untold = patients_.untold || (last_patient_ && last_patient_->differs(patient));
+    last_patient_ = patient;
+  }
+  note_mixture(
+      beds_, "several-beds",
+      "vital signs of several beds (PV1-3) come in this stream; the source of each says of which, and "
+      "locations= of its address keeps others out",
+      source, arrival_ns, lines);
+  note_mixture(patients_, "several-patients",
+               "vital signs of several patients (PID-3) come in this stream; the messages say of whom",
+               source, arrival_ns, lines);
+}
+
+void Hl7Vitals::note_mixture(Mixture& mixture, const char* name, const char* text, const std::string& source,
+                             std::int64_t arrival_ns, std::vector<media::VitalLine>& lines) {
+  if (!mixture.untold || (mixture.told_ns && arrival_ns - *mixture.told_ns < kMixtureEveryNs)) return;
+  mixture = {false, arrival_ns};
+  lines.emplace_back(media::VitalNotice{arrival_ns, name, text, source});
 }
 
 Hl7Vitals::Taken Hl7Vitals::refuse(const Hl7Message& message, const std::string& source,

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "crypto/hash.h"
 #include "media/vital_line.h"
 #include "recorder/vitals/assumed_zone.h"
+#include "recorder/vitals/hl7_patient_part.h"
 #include "recorder/vitals/monitor_reader.h"
 #include "recorder/vitals/sender_list.h"
 
@@ -35,20 +37,28 @@ crypto::Sha256Digest content_hash(const Hl7Message& message);
 class Hl7Vitals {
  public:
   /// Messages of senders that `senders` does not take are answered with AR and recorded as a notice, ever
-  /// more rarely for one sender; nothing of what they say is.
-  explicit Hl7Vitals(const AssumedZone& assumed_zone, SenderList senders = {})
-      : assumed_zone_(assumed_zone), senders_(std::move(senders)) {}
+  /// more rarely for one sender; nothing of what they say is. What is of no place that `places` takes is
+  /// acknowledged, so that its sender goes on, and not recorded either.
+  explicit Hl7Vitals(const AssumedZone& assumed_zone, SenderList senders = {}, PlaceList places = {})
+      : assumed_zone_(assumed_zone), senders_(std::move(senders)), places_(std::move(places)) {}
 
   struct Taken {
-    /// The message itself first, then what was read from it; all stamped with the arrival.
+    /// The message itself first, unless it is of another place, too; then what was read from it; all stamped
+    /// with the arrival.
     std::vector<media::VitalLine> lines;
-    /// "AA" taken (also if it came before), "AE" not readable, "AR" not of a kind that is recorded.
+    /// "AA" taken (also if it came before, or is of another place), "AE" not readable, "AR" not of a kind
+    /// that is recorded.
     std::string answer;
     std::string acknowledgement;  // without framing; "" if none is wanted
     bool is_of_sender = false;    // HL7 of somebody who may send here, taken or not
   };
-  /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>@<peer>".
-  /// `arrival_ns` must not decrease.
+  /// `peer` is who brought it, "" for a file: the source of its lines is "<MSH-3, MSH-4>[<place>]@<peer>",
+  /// where the message names a place (PatientPart); "[<place> #2]" for the second patient that this sender
+  /// spoke of there. `arrival_ns` must not decrease.
+  ///
+  /// Where other than the last message's bed or patient is spoken of, a notice says so, at most one each
+  /// kMixtureEveryNs: "several-beds", unless `places` says which ones belong here, and "several-patients".
+  /// What they are called is in none.
   ///
   /// A message is repeated if one of the last kRemembered had its sender, its MSH-10 and every byte of it: an
   /// identifier alone does not suffice, monitors begin anew with 1 or always send the same. It is not kept
@@ -60,10 +70,14 @@ class Hl7Vitals {
 
   /// Messages of such senders so far. From any thread.
   [[nodiscard]] std::uint64_t refused() const { return strangers_.total(); }
+  /// Messages that were of other places, or of none, so far, in whole or in part. From any thread.
+  [[nodiscard]] std::uint64_t elsewhere() const { return elsewhere_.total() + unplaced_.total(); }
 
   static constexpr std::size_t kRemembered = 4096;
   static constexpr std::int64_t kLongestRetryNs = 600'000'000'000;
   static constexpr std::size_t kMostSenders = 256;
+  static constexpr std::size_t kMostPatients = 64;  // of one message, and told apart at one place
+  static constexpr std::int64_t kMixtureEveryNs = 60'000'000'000;
   /// Messages of one peer that are none of HL7 are kept up to so many, then ever fewer (base/tally.h).
   static constexpr std::uint64_t kUnreadableKept = 1000;
 
@@ -80,13 +94,39 @@ class Hl7Vitals {
   };
   Novelty novelty_of(const std::string& source, const Hl7Message& message, std::string_view bytes,
                      std::int64_t arrival_ns);
+  /// Who a message is about, as far as it must be known again; never told.
+  struct PatientKey {
+    std::optional<crypto::Sha256Digest> number, issuer;  // PID-3.1, PID-3.4
+    /// Two devices may leave out different things: only what both state can differ.
+    [[nodiscard]] bool differs(const PatientKey& other) const;
+  };
+  /// Whether the latest of two kinds took turns, and when that was told.
+  struct Mixture {
+    bool untold = false;
+    std::optional<std::int64_t> told_ns;
+  };
+  void note_mixture(Mixture& mixture, const char* name, const char* text, const std::string& source,
+                    std::int64_t arrival_ns, std::vector<media::VitalLine>& lines);
+  void note_mixtures(const PatientPart& part, const std::string& source, std::int64_t arrival_ns,
+                     std::vector<media::VitalLine>& lines);
+  /// What stands between sender and peer in the source of its lines.
+  std::string mark_of(const PatientPart& part, const std::string& sender);
+  /// Of the message's parts those that are taken; counts the others, and tells of them.
+  std::vector<PatientPart> parts_of_here(std::vector<PatientPart> parts, const std::string& source,
+                                         std::int64_t arrival_ns, std::vector<media::VitalLine>& lines);
   MonitorReader& reader_of(const std::string& source);
   Taken refuse(const Hl7Message& message, const std::string& source, std::int64_t arrival_ns, UtcTime now);
 
   AssumedZone assumed_zone_;
   SenderList senders_;
-  Tally strangers_;
-  Tally unreadable_{kMostSenders, kUnreadableKept};  // by peer
+  PlaceList places_;
+  Tally strangers_, elsewhere_, unplaced_;
+  Tally refusals_{kMostSenders};  // of refusal_of(), by its name and sender
+  std::string last_place_;        // in lower case, of the last part that named one
+  std::optional<PatientKey> last_patient_;
+  Mixture beds_, patients_;
+  std::map<std::string, std::vector<PatientKey>> patients_at_;  // by sender and place
+  Tally unreadable_{kMostSenders, kUnreadableKept};             // by peer
   std::map<std::string, MonitorReader> readers_;
   std::map<std::string, Identifiers> identifiers_;  // by sender
   std::map<std::string, Seen> seen_;                // by sender and MSH-10

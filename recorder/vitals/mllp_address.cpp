@@ -7,7 +7,7 @@
 namespace kiroku::recorder {
 
 MllpServer::Options mllp_server_options(const SourceAddress& address) {
-  address.require_options("zone,idle,connections,of_address,allow,sender,certificate,key,clients");
+  address.require_options("zone,idle,connections,of_address,allow,sender,locations,certificate,key,clients");
   MllpServer::Options options;
   const bool tls = address.location.starts_with("mllps://");
   std::string rest = address.location.substr(address.location.find("://") + 3);
@@ -52,6 +52,11 @@ MllpServer::Options mllp_server_options(const SourceAddress& address) {
 SenderList mllp_senders(const SourceAddress& address) {
   const auto stated = address.options.find("sender");
   return stated == address.options.end() ? SenderList() : SenderList::parse(stated->second, address.stated);
+}
+
+PlaceList hl7_places(const SourceAddress& address) {
+  const auto stated = address.options.find("locations");
+  return stated == address.options.end() ? PlaceList() : PlaceList::parse(stated->second, address.stated);
 }
 
 }  // namespace kiroku::recorder

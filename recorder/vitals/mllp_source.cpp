@@ -48,7 +48,8 @@ class MllpSource : public VitalSource {
  public:
   MllpSource(const SourceAddress& address, const CaseClock& clock)
       : clock_(clock),
-        vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated), mllp_senders(address)),
+        vitals_(parse_assumed_zone(address.option("zone", "local"), address.stated), mllp_senders(address),
+                hl7_places(address)),
         server_(
             mllp_server_options(address),
             [this](std::string_view message, const std::string& peer) { return take(message, peer); },
@@ -88,6 +89,7 @@ class MllpSource : public VitalSource {
   [[nodiscard]] std::optional<std::int64_t> quiet_until_ns() const override { return quiet_until_ns_; }
   [[nodiscard]] bool is_live() const override { return true; }
   [[nodiscard]] std::uint64_t refused() const override { return server_.refused() + vitals_.refused(); }
+  [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
 
   void interrupt() noexcept override {
     interrupted_ = true;
@@ -149,7 +151,7 @@ class MllpSource : public VitalSource {
   }
 
   const CaseClock& clock_;
-  Hl7Vitals vitals_;  // the server's thread alone, but for refused()
+  Hl7Vitals vitals_;  // the server's thread alone, but for refused() and elsewhere()
   bool started_ = false, drained_ = false;
   std::optional<std::int64_t> quiet_until_ns_;
   std::atomic<bool> interrupted_ = false;

@@ -106,16 +106,20 @@ void MonitorReader::notice(const std::string& name, const std::string& text) {
   }
 }
 
-std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std::int64_t arrival_ns) {
+std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std::int64_t arrival_ns,
+                                                  std::size_t begin, std::size_t end) {
+  const std::span all(message.segments());
+  const std::size_t first = std::min(begin, all.size());
+  const auto segments = all.subspan(first, std::min(end, all.size()) - first);
   lines_.clear();
   arrival_ns_ = arrival_ns;
   for (const std::string& remark : message.remarks()) {
     notice("message-form", remark);
   }
-  note_unknown_segments(message);
+  note_unknown_segments(segments);
   read_clock(message);
   std::vector<Order> orders(1);
-  for (const Hl7Segment& segment : message.segments()) {
+  for (const Hl7Segment& segment : segments) {
     if (segment.name() == "OBR") {
       Order& order = orders.emplace_back();
       order.begin = parse_hl7_time(segment.field(7).component(1).text());
@@ -136,8 +140,8 @@ std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std
   return std::move(lines_);
 }
 
-void MonitorReader::note_unknown_segments(const Hl7Message& message) {
-  for (const Hl7Segment& segment : message.segments()) {
+void MonitorReader::note_unknown_segments(std::span<const Hl7Segment> segments) {
+  for (const Hl7Segment& segment : segments) {
     if (std::ranges::find(kSegmentsPassedOver, segment.name()) == kSegmentsPassedOver.end()) {
       notice("segment-unknown",
              "the segment " + std::string(segment.name()) + " is not understood; it stands in the message");
@@ -163,6 +167,7 @@ void MonitorReader::read_clock(const Hl7Message& message) {
   }
   message_time_ = time->utc(assumed_zone_);
   const auto step_us = clock_.add(arrival_ns_, *message_time_);
+  zero_of_clock_ = clock_.estimate().zero;
   if (step_us) {
     lines_.emplace_back(media::VitalNotice{
         arrival_ns_, "device-clock-set",
@@ -257,6 +262,18 @@ std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Obse
   return message_time_;
 }
 
+void MonitorReader::note_lateness(const Observation& observation, const std::optional<UtcTime>& measured) {
+  if (!measured || !message_time_) return;
+  // A message that was held up has an old time itself: the clock's estimate tells.
+  const UtcTime device_now =
+      std::max(*message_time_, zero_of_clock_ + std::chrono::microseconds(arrival_ns_ / 1000));
+  if ((device_now - *measured).count() > kLateUs) {
+    notice("measured-earlier", observation.name() +
+                                   ": values arrive long after they were measured; they stand where they "
+                                   "arrived, and device_time says when they were measured");
+  }
+}
+
 void MonitorReader::read_number(const Order& order, const Observation& observation) {
   media::VitalSample sample;
   sample.time_ns = arrival_ns_;
@@ -281,6 +298,7 @@ void MonitorReader::read_number(const Order& order, const Observation& observati
     return;
   }
   if (!is_repeated(observation, sample)) {
+    note_lateness(observation, sample.device_time);
     lines_.emplace_back(std::move(sample));
   }
 }
@@ -321,6 +339,7 @@ void MonitorReader::read_text(const Order& order, const Observation& observation
   if (observation.type == "SN" || (observation.type != "NM" && !observation.unit.unit.empty())) {
     text.text += observation.unit.unit.empty() ? "" : " " + observation.unit.unit;
   }
+  note_lateness(observation, text.device_time);
   lines_.emplace_back(std::move(text));
 }
 
@@ -426,6 +445,7 @@ void MonitorReader::read_wave(const Order& order, std::size_t index) {
     notice("waveform-unreadable", observation.name() + ": " + problem + "; it stands in the message");
     return;
   }
+  note_lateness(observation, wave.device_time);
   lines_.emplace_back(std::move(wave));
 }
 

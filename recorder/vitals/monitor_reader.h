@@ -13,6 +13,9 @@
 //   same
 //                   measurement, and not a sample again
 //   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable
+//   time            of arrival; what was measured more than kLateUs before by the monitor's clock keeps its
+//                   quality, which is the monitor's word: its device_time says when, and a notice that it is
+//                   so
 //
 // Whatever is not understood, or was taken otherwise than it stands, becomes a notice; the same notice is
 // made once a monitor. The message itself is kept beside by whoever has it (hl7_vitals.h).
@@ -22,6 +25,7 @@
 #include <cstdint>
 #include <map>
 #include <set>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,21 +40,27 @@ namespace kiroku::recorder {
 
 class MonitorReader {
  public:
+  /// An observation that arrives so long after it was measured was stored in between, or is an earlier one.
+  static constexpr std::int64_t kLateUs = 120'000'000;
+
   /// `source` stands in the lines; times without zone count by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
 
   /// Whether messages of this type (MSH-9, "ORU^R01") hold what is read here.
   static bool reads(const std::string& type);
 
-  /// The lines of a message that reads(), all stamped `arrival_ns`, which must not decrease.
-  std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns);
+  /// The lines of a message that reads(), all stamped `arrival_ns`, which must not decrease; of its segments
+  /// from `begin` to `end` alone, where it is of several patients.
+  std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns,
+                                     std::size_t begin = 0, std::size_t end = SIZE_MAX);
 
  private:
   struct Order;
 
   void notice(const std::string& name, const std::string& text);
   void read_clock(const Hl7Message& message);
-  void note_unknown_segments(const Hl7Message& message);
+  void note_unknown_segments(std::span<const Hl7Segment> segments);
+  void note_lateness(const Observation& observation, const std::optional<UtcTime>& measured);
   void read_order(const Order& order, bool alarms);
   void read_one(const Order& order, std::size_t index);
   void read_number(const Order& order, const Observation& observation);
@@ -68,6 +78,7 @@ class MonitorReader {
   std::optional<UtcTime> message_time_;
   std::vector<media::VitalLine> lines_;  // of the message being read
   DeviceClockEstimate clock_;
+  UtcTime zero_of_clock_{};  // by the estimate, once there is a message_time_
   std::optional<std::int64_t> clock_stated_ns_;
   std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;
   std::map<std::pair<std::string, std::string>, double> rates_;  // by code and sub-identifier

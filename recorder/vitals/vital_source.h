@@ -35,6 +35,8 @@ class VitalSource {
   [[nodiscard]] virtual bool is_live() const { return false; }
   /// Connections and messages that were refused because of who sent them. From any thread.
   [[nodiscard]] virtual std::uint64_t refused() const { return 0; }
+  /// Messages that are not recorded, or not all of them, because they are of other places. From any thread.
+  [[nodiscard]] virtual std::uint64_t elsewhere() const { return 0; }
 };
 
 /// Opens `synthetic:patient?…` (synthetic_patient.h), a `.csv` file (csv_source.h), `mllp://…` or a `.hl7`

@@ -21,7 +21,8 @@ void check(const MeshRecipe& recipe) {
     throw UsageError("an organ and regions are chosen among labels: give the labels too");
 }
 
-BodyRegions body_of(const MeshRecipe& recipe, const VolumeFile& file, const Step& step) {
+BodyRegions body_of(const MeshRecipe& recipe, const VolumeFile& file, const Step& step,
+                    std::vector<std::string>& findings) {
   BodyRegions body;
   if (recipe.threshold) {
     body = regions_of_threshold(file.volume, *recipe.threshold);
@@ -31,7 +32,7 @@ BodyRegions body_of(const MeshRecipe& recipe, const VolumeFile& file, const Step
     body.add("lung");
   } else {
     step("reading " + recipe.labels->string());
-    LabelMap labels = read_label_map(*recipe.labels);
+    LabelMap labels = read_label_map(*recipe.labels, &findings);
     if (!same_places(labels.grid, file.volume.grid)) labels = resampled(labels, file.volume.grid);
     std::vector<RegionLabels> regions;
     if (recipe.organ) {
@@ -117,10 +118,10 @@ RecipeMesh make_mesh(const MeshRecipe& recipe, const Step& told) {
   step("reading " + recipe.volume.string());
   result.volume = read_volume(recipe.volume, recipe.reading);
   result.hu = range_of(result.volume.volume);
-  BodyRegions body = body_of(recipe, result.volume, step);
+  result.findings = result.volume.findings;
+  BodyRegions body = body_of(recipe, result.volume, step, result.findings);
   result.volume.volume.hu = {};  // much of the memory
   result.made = make_organ_mesh(body.map, wanted, step);
-  result.findings = result.volume.findings;
   result.findings.insert(result.findings.end(), result.made.findings.begin(), result.made.findings.end());
   for (const auto& [region, name] : body.names) {
     if (result.made.quality.regions.contains(region)) continue;

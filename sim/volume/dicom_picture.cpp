@@ -60,6 +60,10 @@ std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file)
   picture.modality = header.text(DCM_Modality);
   picture.instance_uid = header.text(DCM_SOPInstanceUID);
   picture.patient_position = header.text(DCM_PatientPosition);
+  picture.patient_id = header.text(DCM_PatientID);
+  picture.patient_name = header.text(DCM_PatientName);
+  picture.study_uid = header.text(DCM_StudyInstanceUID);
+  picture.frame_of_reference_uid = header.text(DCM_FrameOfReferenceUID);
   picture.rows = header.count(DCM_Rows);
   picture.columns = header.count(DCM_Columns);
   picture.position_m = vector_of(header.reals<3>(DCM_ImagePositionPatient).data()) / 1000;

@@ -15,6 +15,7 @@ namespace kiroku::sim {
 struct DicomPicture {
   std::filesystem::path file;
   std::string series_uid, series_description, modality, instance_uid, patient_position;
+  std::string patient_id, patient_name, study_uid, frame_of_reference_uid;  // empty where it says none
   std::size_t rows = 0, columns = 0;
   Vector3 position_m = Vector3::Zero();  // centre of the first pixel, patient LPS
   Vector3 along_row = Vector3::UnitX(), down_column = Vector3::UnitY();  // unit vectors

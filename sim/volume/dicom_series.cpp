@@ -1,9 +1,11 @@
 #include "sim/volume/dicom_series.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <numeric>
 #include <system_error>
+#include <utility>
 
 #include "base/error.h"
 #include "base/number_text.h"
@@ -41,6 +43,17 @@ void check_alike(const DicomSeries& series) {
   for (const DicomPicture& picture : series.pictures) {
     if (!picture.defect.empty()) {
       throw Error("cannot read the series in " + first.file.parent_path().string() + ": " + picture.defect);
+    }
+    // What stands there is a patient's, and is not told.
+    constexpr std::array kOfOne{
+        std::pair{&DicomPicture::patient_id, "whose they are (PatientID): they are of two patients"},
+        std::pair{&DicomPicture::patient_name, "whose they are (PatientName): they are of two patients"},
+        std::pair{&DicomPicture::study_uid, "their study (StudyInstanceUID)"},
+        std::pair{&DicomPicture::frame_of_reference_uid,
+                  "what their places count from (FrameOfReferenceUID)"}};
+    for (const auto& [member, what] : kOfOne) {
+      if (picture.*member != first.*member)
+        differs(picture, std::string(what) + "; keep those of one in a folder of their own");
     }
     if (picture.rows != first.rows || picture.columns != first.columns)
       differs(picture, "the number of pixels");

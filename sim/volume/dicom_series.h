@@ -41,8 +41,8 @@ struct DicomVolume {
   std::string resampled;
 };
 /// kiroku::Error in one sentence for: pictures that cannot be used (the first is named, with the tags it
-/// lacks), sizes or directions that differ, two pictures at one place, a single picture; and for uneven gaps
-/// and a tilted gantry, with the numbers, unless `resample`.
+/// lacks), patients, studies, frames of reference, sizes or directions that differ, two pictures at one
+/// place, a single picture; and for uneven gaps and a tilted gantry, with the numbers, unless `resample`.
 DicomVolume read_dicom_series(const DicomSeries& series, bool resample);
 
 }  // namespace kiroku::sim

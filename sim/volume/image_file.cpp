@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "sim/volume/image_integrity.h"
 #include "sim/volume/itk_image.h"
+#include "sim/volume/nifti_header.h"
 
 namespace kiroku::sim {
 namespace {
@@ -78,6 +79,15 @@ ImageFile read_image_file(const std::filesystem::path& file) {
     image.grid.spacing_m[at] = header.spacing_mm[axis] / 1000;
     image.grid.origin_m[at] = header.origin_mm[axis] / 1000;
     image.grid.direction.col(at) = Vector3(header.direction[axis].data());
+  }
+  if (ending->format == ImageFormat::kNifti) {
+    const NiftiHeader nifti = NiftiHeader::read(open_gzip(file.string()), file.string());
+    // ITK converts the distances between voxels then, and not where the first one is.
+    constexpr int kUnstated = 0, kMillimetres = 2;
+    if (nifti.unit() != kUnstated && nifti.unit() != kMillimetres)
+      throw Error(what + ": its unit of length is not the millimetre; save it in mm");
+    const std::string remark = remark_on_placements(nifti, what);
+    if (!remark.empty()) image.findings.push_back(remark);
   }
   // Before memory for the voxels is asked for.
   make_sound(image.grid, what);

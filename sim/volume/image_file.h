@@ -17,6 +17,7 @@ struct ImageFile {
   std::string format;  // "NIfTI"
   /// The file says how it lies in the patient; where it does not, axes are taken for the patient's own.
   bool placed = true;
+  std::vector<std::string> findings;  // what a person should know besides, one sentence each
 };
 
 /// Whether the ending is one of .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd.
@@ -28,7 +29,8 @@ bool is_image_file(const std::filesystem::path& file);
 std::optional<std::string> data_file_of(const std::filesystem::path& file);
 
 /// kiroku::Error with the file's name for what is damaged, cut off, not three-dimensional, of several values
-/// a voxel, or sheared; kiroku::UsageError for another ending.
+/// a voxel, or sheared, for one that contradicts itself in how it lies in the patient, and for a unit that is
+/// not known; kiroku::UsageError for another ending.
 ImageFile read_image_file(const std::filesystem::path& file);
 
 }  // namespace kiroku::sim

@@ -8,50 +8,30 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <memory>
 #include <zlib.h>
 
 #include "base/error.h"
+#include "sim/volume/nifti_header.h"
 
 namespace kiroku::sim {
 namespace {
 
-struct GzipCloser {
-  void operator()(gzFile file) const { gzclose(file); }
-};
+[[noreturn]] void refuse(const std::string& file, const std::string& why) { refuse_damaged(file, why); }
 
-[[noreturn]] void refuse(const std::string& file, const std::string& why) {
-  throw Error("cannot read " + file + ": it is damaged or cut off (" + why + ")");
-}
-
-/// A number of a header, in the file's byte order.
-template <typename Number>
-Number number_at(const std::vector<char>& header, std::size_t at, bool swapped) {
-  std::array<char, sizeof(Number)> bytes{};
-  std::copy_n(header.begin() + static_cast<std::ptrdiff_t>(at), sizeof(Number), bytes.begin());
-  if (swapped) std::ranges::reverse(bytes);
-  return std::bit_cast<Number>(bytes);
-}
-
-/// Where the voxels are and how large, by NIfTI-1 (nifti1.h) or NIfTI-2 (nifti2.h).
+/// Where the voxels are and how large.
 struct NiftiLayout {
   std::size_t begin = 0, bytes_per_voxel = 0;
   std::int16_t type = 0;
-  bool swapped = false;
 };
-constexpr std::int32_t kNifti1Header = 348, kNifti2Header = 540;
 constexpr std::int16_t kFloat32 = 16, kFloat64 = 64;
 
-NiftiLayout layout_of(const std::string& file, const std::vector<char>& header) {
+NiftiLayout layout_of(const std::string& file, const NiftiHeader& header) {
   NiftiLayout layout;
-  const auto size = number_at<std::int32_t>(header, 0, false);
-  layout.swapped = size != kNifti1Header && size != kNifti2Header;
-  const bool first = number_at<std::int32_t>(header, 0, layout.swapped) == kNifti1Header;
-  layout.type = number_at<std::int16_t>(header, first ? 70 : 12, layout.swapped);
+  layout.type = header.number<std::int16_t>(header.is_first() ? 70 : 12);
   layout.bytes_per_voxel =
-      static_cast<std::size_t>(number_at<std::int16_t>(header, first ? 72 : 14, layout.swapped)) / 8;
-  const double begin = first ? static_cast<double>(number_at<float>(header, 108, layout.swapped))
-                             : static_cast<double>(number_at<std::int64_t>(header, 168, layout.swapped));
+      static_cast<std::size_t>(header.number<std::int16_t>(header.is_first() ? 72 : 14)) / 8;
+  const double begin = header.is_first() ? static_cast<double>(header.number<float>(108))
+                                         : static_cast<double>(header.number<std::int64_t>(168));
   constexpr double kMostHeader = 1U << 30U;
   if (!(begin >= 0 && begin < kMostHeader) || layout.bytes_per_voxel == 0 || layout.bytes_per_voxel > 16) {
     refuse(file, "its header does not say where its voxels are");
@@ -71,24 +51,8 @@ bool is_finite(const char* bytes, bool swapped) {
 }  // namespace
 
 std::vector<std::size_t> check_nifti(const std::string& file, std::size_t voxels) {
-  const std::unique_ptr<gzFile_s, GzipCloser> stream(gzopen(file.c_str(), "rb"));
-  if (stream == nullptr) refuse(file, "it cannot be opened");
-  const auto read = [&](char* into, std::size_t wanted) {
-    const int got = gzread(stream.get(), into, static_cast<unsigned>(wanted));
-    if (got < 0) {
-      int error = 0;
-      refuse(file, gzerror(stream.get(), &error));
-    }
-    return static_cast<std::size_t>(got);
-  };
-  std::vector<char> header(kNifti1Header);
-  if (read(header.data(), header.size()) < header.size()) refuse(file, "its header is not whole");
-  if (number_at<std::int32_t>(header, 0, false) == kNifti2Header ||
-      number_at<std::int32_t>(header, 0, true) == kNifti2Header) {
-    header.resize(kNifti2Header);
-    constexpr std::size_t kMore = kNifti2Header - kNifti1Header;
-    if (read(header.data() + kNifti1Header, kMore) < kMore) refuse(file, "its header is not whole");
-  }
+  const GzipFile stream = open_gzip(file);
+  const NiftiHeader header = NiftiHeader::read(stream, file);
   const NiftiLayout layout = layout_of(file, header);
   if (gzseek(stream.get(), static_cast<z_off_t>(layout.begin), SEEK_SET) < 0)
     refuse(file, "it ends before its voxels");
@@ -96,15 +60,15 @@ std::vector<std::size_t> check_nifti(const std::string& file, std::size_t voxels
   std::vector<char> block(layout.bytes_per_voxel << 16U);
   for (std::size_t done = 0; done < voxels;) {
     const std::size_t wanted = std::min(block.size() / layout.bytes_per_voxel, voxels - done);
-    const std::size_t got = read(block.data(), wanted * layout.bytes_per_voxel);
+    const std::size_t got = read_gzip(stream, file, block.data(), wanted * layout.bytes_per_voxel);
     if (got < wanted * layout.bytes_per_voxel) {
       refuse(file, "it holds " + std::to_string(done + got / layout.bytes_per_voxel) + " of " +
                        std::to_string(voxels) + " voxels");
     }
     for (std::size_t voxel = 0; voxel < wanted; ++voxel) {
       const char* const bytes = block.data() + voxel * layout.bytes_per_voxel;
-      const bool finite = layout.type == kFloat32   ? is_finite<float>(bytes, layout.swapped)
-                          : layout.type == kFloat64 ? is_finite<double>(bytes, layout.swapped)
+      const bool finite = layout.type == kFloat32   ? is_finite<float>(bytes, header.is_swapped())
+                          : layout.type == kFloat64 ? is_finite<double>(bytes, header.is_swapped())
                                                     : true;
       if (!finite) not_finite.push_back(done + voxel);
     }

@@ -54,6 +54,16 @@ VolumeFile read_dicom_folder(const std::filesystem::path& folder, const VolumeOp
   return file;
 }
 
+/// Of how it lies in the patient.
+std::vector<std::string> findings_of(ImageFile& image) {
+  std::vector<std::string> findings = std::move(image.findings);
+  if (!image.placed) {
+    findings.emplace_back(
+        "the file does not say how it lies in the patient: its axes are taken for left, back and head");
+  }
+  return findings;
+}
+
 VolumeFile read_one_file(const std::filesystem::path& path) {
   ImageFile image = read_image_file(path);
   VolumeFile file;
@@ -64,10 +74,7 @@ VolumeFile read_one_file(const std::filesystem::path& path) {
     ++file.padding_voxels;
   }
   file.volume = {image.grid, std::move(image.values)};
-  if (!image.placed) {
-    file.findings.emplace_back(
-        "the file does not say how it lies in the patient: its axes are taken for left, back and head");
-  }
+  file.findings = findings_of(image);
   return file;
 }
 
@@ -114,9 +121,13 @@ VolumeFile read_volume(const std::filesystem::path& path, const VolumeOptions& o
   return file;
 }
 
-LabelMap read_label_map(const std::filesystem::path& file) {
+LabelMap read_label_map(const std::filesystem::path& file, std::vector<std::string>* findings) {
   require_there(file);
-  const ImageFile image = read_image_file(file);
+  ImageFile image = read_image_file(file);
+  if (findings != nullptr) {
+    for (const std::string& finding : findings_of(image))
+      findings->push_back("labels " + file.filename().string() + ": " + finding);
+  }
   LabelMap map{image.grid, {}};
   map.labels.reserve(image.values.size());
   for (const float value : image.values) {

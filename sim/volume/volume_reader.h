@@ -28,8 +28,9 @@ struct VolumeFile {
 /// kiroku::Error and its kin in one sentence for what cannot be read, see dicom_series.h and image_file.h.
 VolumeFile read_volume(const std::filesystem::path& path, const VolumeOptions& options);
 
-/// A segmentation: whole numbers from 0 to 65535. kiroku::Error for others.
-LabelMap read_label_map(const std::filesystem::path& file);
+/// A segmentation: whole numbers from 0 to 65535. kiroku::Error for others. `findings` gets what a person
+/// should know of how it lies in the patient.
+LabelMap read_label_map(const std::filesystem::path& file, std::vector<std::string>* findings = nullptr);
 
 struct HuRange {
   float least = 0, greatest = 0;

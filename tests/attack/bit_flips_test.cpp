@@ -171,8 +171,12 @@ TEST_F(BitFlips, InTheLogAreTold) {
     std::string flipped = sound;
     flipped[at] = static_cast<char>(flipped[at] ^ (1 << (at % 8)));
     write_file(case_.log() / "ledger.jsonl", flipped);
+    ASSERT_EQ(archive::verify_log(case_.log(), SoundCases::get().archive.options()).verdict,
+              Verdict::kTampered)
+        << "byte " << at;
+    // The case is as it was, and what the log said of it is not known any more.
     const VerificationReport report = case_.verify();
-    ASSERT_EQ(report.verdict, Verdict::kTampered) << "byte " << at << details(report);
+    ASSERT_EQ(report.verdict, Verdict::kUnproven) << "byte " << at << details(report);
     ASSERT_THAT(summary(report), ::testing::HasSubstr(" log/")) << "byte " << at;
   }
 }

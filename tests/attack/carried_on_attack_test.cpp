@@ -125,6 +125,13 @@ class AttackOnAnOperation : public ::testing::Test {
     EXPECT_EQ(report.verdict, Verdict::kTampered) << id << details(report);
     EXPECT_THAT(told(report, "carrying-on-broken"), HasSubstr(why)) << id << details(report);
   }
+  /// Whatever lies in the place of the other case, this one's device did not sign it there.
+  void expect_not_compared(const std::string& id, const std::string& why) const {
+    const VerificationReport report = verify(id);
+    EXPECT_NE(report.verdict, Verdict::kTampered) << id << details(report);
+    EXPECT_THAT(told(report, "carried-on-not-compared"), HasSubstr(why)) << id << details(report);
+    EXPECT_EQ(told(report, "carrying-on-broken"), "") << id;
+  }
   void expect_not_here(const std::string& id, const std::string& other) const {
     const VerificationReport report = verify(id);
     EXPECT_NE(report.verdict, Verdict::kTampered) << id << details(report);
@@ -138,12 +145,15 @@ class AttackOnAnOperation : public ::testing::Test {
   }
   /// A case with any key in the place of `id`, closed by its recorder.
   void put_in_place(const std::string& id, const crypto::SigningKey& key,
-                    const std::optional<CarriedOn>& earlier) {
+                    const std::optional<CarriedOn>& earlier, int more_entries = 0) {
     SampleArchive elsewhere;
     archive::CaseWriter::Options options = writing(elsewhere, key);
     options.case_id = id;
     options.carries_on = earlier;
     const auto writer = archive::CaseWriter::create(archive::real_file_system(), options, elsewhere.now());
+    for (int i = 0; i < more_entries; ++i) {
+      writer->append({archive::ClockEntry{true, 0, 1'000'000, 0}}, elsewhere.now());
+    }
     writer->close("operator", elsewhere.now());
     writer->finish(elsewhere.now());
     fs::remove_all(folder(id));
@@ -192,22 +202,37 @@ TEST_F(AttackOnAnOperation, AHiddenMiddleCaseIsMissedFromBothSidesAndByTheLog) {
   EXPECT_THAT(told(verify_log(), "case-missing"), HasSubstr(kMiddle));
 }
 
-TEST_F(AttackOnAnOperation, TheLastCaseUnderTheNameOfTheHiddenOneFitsNeither) {
+TEST_F(AttackOnAnOperation, TheLastCaseUnderTheNameOfTheHiddenOneIsToldAsNeither) {
   fs::remove_all(folder(kMiddle));
   fs::copy(folder(kLast), folder(kMiddle), fs::copy_options::recursive);
-  expect_broken(kFirst, "does not say that it carries this one on");
-  expect_broken(kLast, kMiddle);
+  expect_not_compared(kFirst, "does not say that it carries this one on");
+  expect_not_compared(kLast, kMiddle);
+  EXPECT_THAT(summary(verify(kMiddle)), HasSubstr("folder-of-another-case"));
+  EXPECT_EQ(verify_log().verdict, Verdict::kTampered);
 }
 
 TEST_F(AttackOnAnOperation, AnEarlierCopyOfTheCaseThatIsCarriedOnIsTold) {
   const std::string text = read_file(folder(kMiddle) / archive::kLedgerFile);
   const std::size_t last_line = text.rfind('\n', text.size() - 2);
   write_file(folder(kMiddle) / archive::kLedgerFile, text.substr(0, last_line + 1));
-  expect_broken(kLast, "the end of that one was removed");
+  expect_not_compared(kLast, "the end of that one was removed");
+  EXPECT_EQ(verify(kMiddle).verdict, Verdict::kTampered);
+}
+
+TEST_F(AttackOnAnOperation, WhatAnybodyPutsIntoThePlaceOfAnotherCaseAccusesNoneOfThem) {
+  for (const std::string text : {"", "hello\n", "{}\n"}) {
+    write_file(folder(kMiddle) / archive::kLedgerFile, text);
+    expect_not_compared(kFirst, "");
+    expect_not_compared(kLast, "");
+    EXPECT_EQ(verify(kMiddle).verdict, Verdict::kTampered);
+  }
 }
 
 TEST_F(AttackOnAnOperation, AnotherEarlierCaseInItsPlaceIsTold) {
   replace_in_ledger(kMiddle, "\"synchronised\":true", "\"synchronised\":false");
+  expect_not_compared(kLast, "which the device did not sign");
+  // The same by the device.
+  put_in_place(kMiddle, Operation::get().archive.key(), named(folder(kFirst)), 20);
   expect_broken(kLast, "are not those of the one beside it");
 }
 
@@ -222,8 +247,9 @@ TEST_F(AttackOnAnOperation, ACaseElsewhereIsNoReproachAndIsNotReadOverALink) {
 
 TEST_F(AttackOnAnOperation, AStrangersDeviceCannotWriteTheCaseThatWasAnnounced) {
   put_in_place(kMiddle, crypto::SigningKey::generate(), named(folder(kFirst)));
-  expect_broken(kFirst, "names another device");
-  expect_broken(kLast, kMiddle);
+  expect_not_compared(kFirst, "names another device");
+  expect_not_compared(kLast, kMiddle);
+  EXPECT_NE(verify(kMiddle).verdict, Verdict::kIntact);
 }
 
 TEST_F(AttackOnAnOperation, TheDevicesOwnerCannotCarryOnWhatAnnouncedAnotherCase) {
@@ -237,7 +263,10 @@ TEST_F(AttackOnAnOperation, MoreEntriesThanThereAreCostNothing) {
   CarriedOn earlier = named(folder(kFirst));
   earlier.size = std::numeric_limits<std::uint64_t>::max();
   put_in_place(kMiddle, Operation::get().archive.key(), earlier);
-  expect_broken(kMiddle, "entries, and the one beside it has");
+  // A later copy of that one can have them; the appliance log knows that the device never did.
+  EXPECT_THAT(told(verify(kMiddle), "carried-on-not-compared"),
+              HasSubstr("entries, and what lies beside it has"));
+  EXPECT_THAT(summary(verify(kMiddle)), HasSubstr("log-opening-differs"));
   expect_broken(kFirst, "than there are here");
 }
 

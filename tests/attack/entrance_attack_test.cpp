@@ -252,6 +252,69 @@ TEST_F(EntranceAttack, RefusedRequestsFillNoLog) {
   EXPECT_EQ(entered_at_start, before + 1);
 }
 
+// Somebody began a dialog in one case and presses its button in the next: nothing of the one gets into the
+// other.
+TEST_F(EntranceAttack, WhatWasPreparedInOneCaseReachesNoOther) {
+  const std::string earlier = "20261128T080000Z-0000000a", later = "20261128T090000Z-0000000b";
+  json room{{"room", "or-1"}, {"state", "recording"}, {"case", later}};
+  std::vector<json> done;
+  // The recorder's own answer where the room goes on between the viewer's look and the deed.
+  std::string refuses;
+  const recorder::ControlServer recorder(home / "control.sock", [&](const json& question) {
+    if (question.at("do") == "status")
+      return nlohmann::ordered_json{{"rooms", nlohmann::ordered_json::array({room})}};
+    if (!refuses.empty()) throw UsageError(refuses);
+    done.push_back(question);
+    return nlohmann::ordered_json{{"room", "or-1"}, {"case", question.value("case", "")}};
+  });
+  const auto entered = [&] {
+    std::ifstream log(home / "archive/log/ledger.jsonl");
+    std::string all(std::istreambuf_iterator<char>(log), {});
+    return all.find("or-1") != std::string::npos;
+  };
+  const std::string otto = sign_in(*viewer, "otto");
+  const std::vector<std::pair<std::string, json>> deeds{
+      {"subject", {{"subject", {{"patient", {{"id", "A1"}}}}}}},
+      {"stop", json::object()},
+      {"mark", {{"text", "clip"}}},
+      {"profile", {{"profile", "lossless"}}}};
+  const auto post = [&](const std::string& deed, json body, const json& meant) {
+    body["case"] = meant;
+    return ask(*viewer, "POST", "/api/rooms/or-1/" + deed, otto, {}, body.dump());
+  };
+  for (const auto& [deed, body] : deeds) {
+    const HttpResponse refused = post(deed, body, earlier);
+    EXPECT_EQ(refused.status, 409) << deed;
+    EXPECT_THAT(refused.body, HasSubstr("room or-1 is recording case " + later + ", and not case " + earlier +
+                                        ": nothing was done"))
+        << deed;
+    EXPECT_EQ(post(deed, body, "whichever").status, 400) << deed;
+    EXPECT_EQ(post(deed, body, nullptr).status, 400) << deed;
+  }
+  EXPECT_EQ(post("start", json::object(), later).status, 400) << "a start never becomes anything else";
+  room["case"] = earlier;
+  room["state"] = "idle";
+  for (const auto& [deed, body] : deeds) {
+    const HttpResponse refused = post(deed, body, earlier);
+    EXPECT_EQ(refused.status, 409) << deed;
+    EXPECT_THAT(refused.body, HasSubstr("room or-1 is not recording case " + earlier + ": nothing was done"));
+  }
+  EXPECT_TRUE(done.empty());
+  EXPECT_FALSE(entered()) << "what came to nothing fills no log";
+
+  room["tries_again"] = true;
+  EXPECT_EQ(post("stop", json::object(), earlier).status, 200) << "the operation that goes on by itself";
+  room = {{"room", "or-1"}, {"state", "recording"}, {"case", later}};
+  for (const auto& [deed, body] : deeds) EXPECT_EQ(post(deed, body, later).status, 200) << deed;
+  EXPECT_EQ(done.size(), 5U);
+  for (const json& question : done) EXPECT_TRUE(question.contains("case")) << question;
+  EXPECT_TRUE(entered());
+  refuses = "room or-1 is not recording case " + later + ": nothing was done";
+  const HttpResponse late = post("mark", {{"text", "clip"}}, later);
+  EXPECT_EQ(late.status, 409);
+  EXPECT_THAT(late.body, HasSubstr(refuses));
+}
+
 // Each is signed, flushed, and stays for good: nobody writes without end what everybody's log must carry.
 TEST_F(EntranceAttack, DeedsThatSucceedAgainAndAgainFillNoLog) {
   const auto entries = [&](const std::string& what) {

@@ -11,6 +11,7 @@
 #include "archive/upkeep/evidence_renewal.h"
 #include "archive/verify/case_evidence.h"
 #include "base/error.h"
+#include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/evidence_kit.h"
@@ -510,11 +511,21 @@ TEST_F(EvidenceAttack, ALogThatRestsOnWhatEndedSpeaksNeitherForACaseNorAgainstIt
     EXPECT_THAT(details(agrees), testing::HasSubstr("that it knows the same of this case proves nothing"));
   }
 
-  // A log that does not know the case: of its first entry alone.
+  // A log that does not know the case, and that the device signed on.
   const fs::path log = archive_.folder() / "another-log";
   fs::create_directories(log / "checkpoints");
   const std::string lines = read_file(archive_.log_folder() / "ledger.jsonl");
-  write_file(log / "ledger.jsonl", lines.substr(0, lines.find('\n') + 1));
+  const std::string boot = lines.substr(0, lines.find('\n'));
+  const std::string shutdown =
+      R"({"type":"shutdown","seq":1,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})";
+  write_file(log / "ledger.jsonl", boot + "\n" + shutdown + "\n");
+  crypto::MerkleFrontier tree;
+  tree.append(crypto::merkle_leaf_hash(bytes_of(boot)));
+  tree.append(crypto::merkle_leaf_hash(bytes_of(shutdown)));
+  const crypto::Checkpoint signed_on{archive::log_origin(SampleArchive::kDeviceName), tree.size(),
+                                     tree.root()};
+  write_file(log / archive::note_path(tree.size()),
+             crypto::sign_note(signed_on.to_text(), SampleArchive::kDeviceName, archive_.key()));
   options.log = log;
   for (const fs::path& folder : {first_, excerpt}) {
     const VerificationReport before = judged(folder, "2028-01-01");

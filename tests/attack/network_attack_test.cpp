@@ -388,7 +388,7 @@ TEST(MonitorAttack, ATableHoldsNoFormula) {
   sample.value = -60;
   writer.add(sample);
   writer.finish();
-  EXPECT_THAT(table, HasSubstr("0,\"'=HYPERLINK(\"\"http://192.0.2.1/\"\")\",-60,'@SUM(1),good,'+1,0\n"));
+  EXPECT_THAT(table, HasSubstr("0,\"'=HYPERLINK(\"\"http://192.0.2.1/\"\")\",-60,'@SUM(1),good,'+1,0,\n"));
 }
 
 // --- the worklist ------------------------------------------------------------------------------------------

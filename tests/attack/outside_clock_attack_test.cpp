@@ -10,6 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "archive/reading/excerpt.h"
 #include "tests/attack/attacked_case.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/report_text.h"
@@ -272,6 +273,59 @@ TEST_F(OutsideClocks, WhatWasRecordedLongBeforeTheFirstTimeStampIsSaid) {
       EXPECT_EQ(report.age_at_first_stamp_ns, 121 * kSecond);
     }
   }
+}
+
+// The token stands in front of the film's entries, and proves no more than that these are younger.
+TEST_F(OutsideClocks, FilmThatIsEnteredLongAfterItsEndBehindATimeStampIsSaid) {
+  for (const bool also_at_the_beginning : {false, true}) {
+    for (const std::int64_t seconds : {119, 131}) {
+      archive_.clear();
+      archive_.now_ns = 0;
+      SampleCase sample(archive_);
+      if (also_at_the_beginning) stamp(sample, 0, 0s);
+      archive_.now_ns = seconds * kSecond;
+      stamp(sample, 0, 0s);
+      sample.record_at_once();
+      sample.writer().close("operator", archive_.now());
+      stamp(sample, 0, 0s);
+      sample.writer().finish(archive_.now());
+      const archive::VerificationReport report = verify(sample);
+      const bool is_late = seconds == 131;
+      const auto says = [&](const char* code, bool said) {
+        return said ? testing::Matcher<std::string>(testing::HasSubstr(code))
+                    : testing::Matcher<std::string>(testing::Not(testing::HasSubstr(code)));
+      };
+      EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+      EXPECT_THAT(summary(report), says("segments-entered-late ledger.jsonl", is_late)) << details(report);
+      EXPECT_THAT(summary(report), says("first-stamped-late tokens/", is_late && !also_at_the_beginning))
+          << details(report);
+      EXPECT_EQ(report.entered_late_ns.has_value(), is_late);
+    }
+  }
+}
+
+TEST_F(OutsideClocks, AnExcerptOfWhichNobodyOutsideStampedASegmentIsNotProvedInPart) {
+  SampleCase sample(archive_);
+  stamp(sample, 0, 0s);
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    const std::int64_t begin_ns = archive_.now_ns;
+    archive_.now_ns += 2 * kSecond;
+    sample.writer().append({sample.segment(0, i, {begin_ns, archive_.now_ns})}, archive_.now());
+    sample.stamp();
+  }
+  sample.close();
+  EXPECT_EQ(verify(sample).time, archive::TimeProof::kExternalInPart);
+  archive::ExcerptOptions options;
+  options.from_ns = 2 * kSecond + 1;
+  options.to_ns = 3 * kSecond;
+  options.streams = {"endoscope"};
+  archive::make_excerpt(sample.folder(), options, archive_.folder() / "excerpt");
+  archive::VerifyOptions verifying = archive_.options();
+  verifying.trust = &trust_;
+  const archive::VerificationReport report = archive::verify_case(archive_.folder() / "excerpt", verifying);
+  EXPECT_EQ(report.verdict, archive::Verdict::kIntactExcerpt) << details(report);
+  EXPECT_GT(report.outside_tokens, 0U);
+  EXPECT_EQ(report.time, archive::TimeProof::kSelfIssued);
 }
 
 TEST_F(OutsideClocks, AWallClockThatIsAYearBehindIsSaidAlsoWhereNoExchangeIsStated) {

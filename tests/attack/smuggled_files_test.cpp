@@ -1,11 +1,13 @@
 // Somebody puts what no entry names where it may be passed over: among the certificates, under the names of
 // checkpoints, behind the suffix of unfinished files. Each must be told.
 #include <algorithm>
+#include <cerrno>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "archive/reading/excerpt.h"
 #include "tests/attack/attack_table.h"
 
 namespace kiroku::test {
@@ -111,26 +113,51 @@ INSTANTIATE_TEST_SUITE_P(
                  fs::rename(c.log() / "checkpoints", c.outside("notes"));
                  fs::create_directory_symlink(c.outside("notes"), c.log() / "checkpoints");
                },
-               "file-not-regular",
+               "log-not-sound",
                "log/checkpoints",
                {},
-               archive::Verdict::kTampered,
+               archive::Verdict::kUnproven,
                true},
         Attack{"FolderNamedAsACheckpointOfTheLog",
                [](AttackedCase& c) { fs::create_directory(c.log() / "checkpoints/00000009.note.part"); },
-               "file-unnamed",
+               "log-not-tidy",
                "log/checkpoints/00000009.note.part",
                {},
-               archive::Verdict::kTampered,
+               archive::Verdict::kIntact,
                true},
         Attack{"FileOfTheLogThatPretendsToBeUnfinished",
                [](AttackedCase& c) { write_file(c.log() / "film.mp4.part", "x"); },
-               "file-unnamed",
+               "log-not-tidy",
                "log/film.mp4.part",
                {},
-               archive::Verdict::kTampered,
+               archive::Verdict::kIntact,
                true}),
     name_of);
+
+// What operating systems leave in folders that they show or copy accuses nobody; nothing else may use that.
+TEST(FilesOfASystem, AreANoteAndNothingElseIs) {
+  AttackedCase victim;
+  for (const char* file : {".DS_Store", "segments/endoscope/.DS_Store", "checkpoints/Thumbs.db",
+                           "desktop.ini", "@eaDir/x", "ledger.jsonl:Zone.Identifier"}) {
+    fs::create_directories((victim / file).parent_path());
+    write_file(victim / file, "x");
+    const archive::VerificationReport report = victim.verify();
+    EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << file << details(report);
+    EXPECT_THAT(summary(report), ::testing::HasSubstr(std::string("file-of-a-system ") + file + " -"));
+    fs::remove(victim / file);
+  }
+  fs::remove_all(victim / "@eaDir");
+  for (const char* file : {"@eaDir", "thumbs.db", "film.DS_Store", ":Zone.Identifier",
+                           "segments/endoscope/Thumbs.db.ts.age", "Zone.Identifier"}) {
+    write_file(victim / file, "x");
+    const archive::VerificationReport report = victim.verify();
+    EXPECT_EQ(report.verdict, archive::Verdict::kTampered) << file << details(report);
+    EXPECT_THAT(summary(report), ::testing::HasSubstr(std::string("file-unnamed ") + file + " -"));
+    fs::remove(victim / file);
+  }
+  fs::create_symlink("ledger.jsonl", victim / ".DS_Store");
+  EXPECT_THAT(summary(victim.verify()), ::testing::HasSubstr("file-not-regular .DS_Store -"));
+}
 
 TEST(SmugglingIntoAnOpenCase, AFileThatPretendsToBeUnfinishedIsTold) {
   AttackedCase victim;
@@ -175,6 +202,40 @@ TEST(CertificatesAmongTheAuthorities, MustBeNothingElse) {
   }
   write_file(victim / kCertificates, sound + sound);
   EXPECT_EQ(summary(victim.verify()), "intact");
+}
+
+/// As a user reads who may not open what has one name.
+class WithoutTheRight : public archive::FileReading {
+ public:
+  explicit WithoutTheRight(std::string name) : name_(std::move(name)) {}
+  int open_at(int folder, const std::string& name, int flags, const fs::path& path) const override {
+    if (name != name_) return FileReading::open_at(folder, name, flags, path);
+    errno = EACCES;
+    return -1;
+  }
+
+ private:
+  std::string name_;
+};
+
+TEST(WhatCannotBeRead, AccusesNobody) {
+  const AttackedCase victim;
+  const fs::path excerpt = victim.outside("excerpt");
+  archive::ExcerptOptions part;
+  part.to_ns = 3'000'000'000;
+  part.streams = {"endoscope"};
+  archive::make_excerpt(victim.folder(), part, excerpt);
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  for (const auto& [folder, name] :
+       {std::pair(victim.folder(), "checkpoints"), std::pair(victim.folder(), "00000011.note"),
+        std::pair(excerpt, "checkpoints"), std::pair(excerpt, "ledger-part.jsonl"),
+        std::pair(excerpt, "ledger-open.jsonl")}) {
+    const WithoutTheRight reading(name);
+    options.files = &reading;
+    const archive::VerificationReport report = archive::verify_case(folder, options);
+    EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << folder << " " << name << details(report);
+    EXPECT_THAT(summary(report), ::testing::HasSubstr("file-unreadable")) << name;
+  }
 }
 
 TEST(SmugglingIntoAFolderThatCannotBeRead, IsNotPassedOver) {

@@ -31,6 +31,7 @@ using test::RecorderBench;
 
 constexpr std::size_t kUsualResumptionStep = 19;
 constexpr const char* kRoom = "or-1";
+constexpr const char* kSubject = R"({"patient":{"id":"7"}})";
 
 class ResumptionFault : public testing::Test {
  protected:
@@ -87,12 +88,14 @@ class ResumptionFault : public testing::Test {
   }
   static bool records(const Room& room) { return room.status().state == RoomState::kRecording; }
 
-  /// The first case, whose recorder dies; what is on the disk then is kept for every try.
-  void record_first() const {
+  /// The first case, whose recorder dies; what is on the disk then is kept for every try. `late`: whom it is
+  /// about became known while it ran.
+  void record_first(bool late) const {
     FaultFileSystem files(archive());
     Start first;
     start(files, first);
-    first.room->start("operator", to_bytes(bytes_of(std::string_view(R"({"patient":{"id":"7"}})"))));
+    first.room->start("operator", to_bytes(late ? R"({"patient":{"id":"wrong"}})" : kSubject));
+    if (late) first.room->add_subject(to_bytes(kSubject));
     ASSERT_TRUE(until([&] { return first.room->status().session.streams.at(0).segments > 0; }));
     files.kill_at(0);
     first.room.reset();
@@ -136,7 +139,9 @@ class ResumptionFault : public testing::Test {
     start(archive::real_file_system(), third);
     ASSERT_TRUE(until([&] { return records(*third.room); })) << third.refused << third.room->status().problem;
     EXPECT_EQ(third.room->status().subject, SubjectState::kCarriedOver);
+    const std::string id = third.room->status().case_id;
     third.room->stop("operator", true);
+    EXPECT_EQ(bench_.read(archive() / id).subject(), kSubject);
   }
 
   /// What is not as it must be: one chain of cases, each sound.
@@ -168,8 +173,8 @@ class ResumptionFault : public testing::Test {
     EXPECT_EQ(links["announces a later"], cases - 1);
   }
 
-  void die_at_each_call(bool power) const {
-    record_first();
+  void die_at_each_call(bool power, bool late) const {
+    record_first(late);
     const std::size_t calls = this->calls();
     ASSERT_GT(calls, 40U);
     std::size_t points = 0;
@@ -187,9 +192,17 @@ class ResumptionFault : public testing::Test {
   RecorderBench bench_;
 };
 
-TEST_F(ResumptionFault, AKillAtEachCallOfTheStartThatCarriesOn) { die_at_each_call(false); }
+TEST_F(ResumptionFault, AKillAtEachCallOfTheStartThatCarriesOn) { die_at_each_call(false, false); }
 
-TEST_F(ResumptionFault, APowerCutAtEachCallOfTheStartThatCarriesOn) { die_at_each_call(true); }
+TEST_F(ResumptionFault, APowerCutAtEachCallOfTheStartThatCarriesOn) { die_at_each_call(true, false); }
+
+TEST_F(ResumptionFault, AKillAtEachCallOfTheStartThatCarriesOnWithALateSubject) {
+  die_at_each_call(false, true);
+}
+
+TEST_F(ResumptionFault, APowerCutAtEachCallOfTheStartThatCarriesOnWithALateSubject) {
+  die_at_each_call(true, true);
+}
 
 }  // namespace
 }  // namespace kiroku::recorder

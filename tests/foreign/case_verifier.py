@@ -16,7 +16,8 @@ import strict_json
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
-from verifier import (LARGEST_CERTIFICATES, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, number_of, outside_notes, sha256_of, size_of_note, token_of_path)
+from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, is_newer, number_of, outside_notes, parse_entry, sha256_of,
+                      size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
@@ -263,6 +264,7 @@ class Entries:
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
+        self.oldest_live, self.last_token, self.entered_behind = None, None, []   # of those recorded as they come; (end, line of the token before)
 
     @property
     def origin(self):
@@ -330,6 +332,10 @@ class Entries:
         if self.wanted(entry):
             self.last_checked = number
             self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
+            if stream.info["timing"] == "arrival" and "time_base" in entry and not stream.of_marks:
+                self.oldest_live = min(entry["start_ns"], entry["start_ns"] if self.oldest_live is None else self.oldest_live)
+                if self.last_token:
+                    self.entered_behind.append((max(entry["end_ns"], self.recorded_from), self.last_token))
             self.checked.append((entry, stream, entry["index"]))
 
     def _gap(self, number, entry):
@@ -397,6 +403,7 @@ class Entries:
         self.named.add(entry["file"])
         self.authorities.add(entry["authority"])
         self.tokens += 1
+        self.last_token = number
         self.token_hashes[number] = entry["sha256"]
         size, authority, file = entry["checkpoint"], entry["authority"], entry["file"]
         if file not in (f"tokens/{size:08d}.{authority}.tsr", f"tokens/{size:08d}.{authority}.ers"):
@@ -425,7 +432,7 @@ class Entries:
         if valid:
             self.valid_checkpoints.add(size)
             if kind == "outside" and size > 0:
-                self.outside.append((number, size, root, None if self.oldest is None else entry["mono_ns"] - self.oldest))
+                self.outside.append((number, size, root, self.oldest, entry["mono_ns"]))
             if timed.earliest_ns is not None and not timed.stands and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
                 round_trip = timed.latest_ns - timed.earliest_ns
                 half = (round_trip + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
@@ -439,7 +446,7 @@ class Entries:
             self.report("file-hash-differs", entry["file"])
             return None, "", None
         if entry["checkpoint"] not in self.folder.note_sizes:
-            self.report("checkpoint-missing", entry["file"])
+            self.report("checkpoint-missing" if self.folder.all_listed else "file-unreadable", entry["file"])
             return None, "", None
         name = f"checkpoints/{entry['checkpoint']:08d}.note"
         data = self.folder.read(name, LARGEST_NOTE)
@@ -482,7 +489,7 @@ class Entries:
             self.judge_pre_roll(self.opening.get("begins_ns", 0))
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
-        were_set = self.clocks.finish()
+        were_set = self.clocks.finish(self.from_open)
         if self.tokens == 0:
             self.report("no-token", "there is no token")
         elif self.no_trust:
@@ -494,15 +501,22 @@ class Entries:
         for gen, middle, half in self.first_comparisons.values():
             if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
                 self.report("clock-differs", "by more than a minute")
-        outside = [(number, size, age) for number, size, root, age in self.outside if root not in were_set]
+        outside = [(number, size, oldest, mono_ns) for number, size, root, oldest, mono_ns in self.outside if root not in were_set]
         if self.whole_case:
-            alone_after = self.close is not None and outside and min(size for _, size, _ in outside) > self.close
+            alone_after = self.close is not None and outside and min(size for _, size, _, _ in outside) > self.close
         else:
             alone_after = self.last_checked is not None and outside and outside[0][0] > self.last_checked
         if alone_after:
             self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
-        elif outside and outside[0][2] is not None and outside[0][2] > FIRST_STAMP_LATE:
-            self.report("first-stamped-late", f"line {outside[0][0]}")
+        elif outside:
+            oldest = [at for at in (outside[0][2], self.oldest_live) if at is not None]
+            if oldest and outside[0][3] - min(oldest) > FIRST_STAMP_LATE:
+                self.report("first-stamped-late", f"line {outside[0][0]}")
+        for end_ns, token in self.entered_behind:
+            entered = [mono_ns for number, _, _, mono_ns in outside if number <= token]
+            if entered and entered[-1] - end_ns > FIRST_STAMP_LATE:
+                self.report("segments-entered-late", f"behind line {token}")
+                break
 
     @property
     def recorded_from(self):
@@ -635,7 +649,7 @@ class AgainstLog:
     """A case beside what the appliance log says of it."""
 
     def __init__(self, log, entries, report):
-        self.log, self.entries, self.report = log, entries, report
+        self.log, self.entries, self.report, self.silent = log, entries, report, False
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
         for name, number in log.held_and_erased if log else ():
@@ -644,13 +658,23 @@ class AgainstLog:
         if log:
             log.consents.report_of(entries.opening["case"] if entries.opening else None, report)
         if log and entries.opening:
-            if self.known and self.known.device != entries.opening["device"]:
-                report("log-of-another-device", entries.opening["device"])
+            device = entries.opening["device"]
+            if not (self.known.device if self.known else any(log.devices)):
+                report("log-silent", "no line names a device")
+                self.log = self.known = None
+                return
+            if self.known.device != device if self.known else log.devices and device not in log.devices:
+                report("log-of-another-device", device)
+                self.log = self.known = None  # it speaks neither for the case nor against it
+                return
             if self.known and self.known.erased:
                 report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
+            self.head, self.signed = stated["size"], log.signed_by_known(device, log.folder.trust.devices)
             if log.root_at(stated["size"]) != stated["root"]:
-                report("log-head-differs", f"at {stated['size']} entries")
+                self.silent = self.signed < self.head
+                if not self.silent:
+                    report("log-head-differs", f"at {stated['size']} entries")
 
     def knows_beyond(self, size):
         return bool(self.known and any(root.size > size for root in self.known.roots))
@@ -664,7 +688,7 @@ class AgainstLog:
 
     def vouched(self, ledger):
         """The most lines whose root the case's own device states in its log under a signature by its ML-DSA key, and by its hardware."""
-        if not self.known or self.known.device != self.entries.opening["device"]:
+        if not self.known:
             return 0, 0
         try:
             device = self.log.folder.known_device(note.parse_key(self.known.device))
@@ -681,8 +705,15 @@ class AgainstLog:
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
-            beginning = whole and len(ledger) == 1 and covered == 0
-            self.report("log-case-not-entered" if beginning else "log-case-unknown", self.entries.opening["case"])
+            if whole and len(ledger) == 1 and covered == 0:
+                self.report("log-case-not-entered", self.entries.opening["case"])
+            elif self.log.beside_a_case()[1] and self.signed > self.head:
+                self.report("log-case-unknown", self.entries.opening["case"])
+            else:
+                self.silent = True
+        if self.silent:
+            self.report("log-silent", f"{self.signed} lines are signed")
+        if self.known is None:
             return
         if hashlib.sha256(first_line).hexdigest() != self.known.opening_line:
             self._add("log-opening-differs", self.known.opened, covered >= 1, "open")
@@ -724,11 +755,13 @@ def verify_case(path, trust):
         folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [], None, True)
         return Judgement(folder.findings)
     newest = max(folder.note_sizes, default=0)
+    if _is_newer_case(folder, data):
+        return Judgement([("format-newer", "ledger.jsonl")])
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
     entries = Entries(folder, True)
     log = LogRead(trust.log, trust) if trust.log else None
     if log:
-        folder.findings += log.folder.findings
+        folder.findings += log.beside_a_case()[0]
     for number, entry in enumerate(ledger.entries):
         entries.take(number, entry)
         size = number + 1
@@ -766,6 +799,22 @@ def verify_case(path, trust):
     return Judgement(folder.findings)
 
 
+def _is_newer_case(folder, data):
+    """Whether the first line names a later version, and the smallest checkpoint is of these lines: nobody changed it into another."""
+    lines = data.split(b"\n")[:-1]
+    size = min(folder.note_sizes, default=0)
+    return bool(lines) and is_newer(lines[0], "case") and 0 < size <= len(lines) and _root_stated(folder, size) == merkle.root([merkle.leaf(line) for line in lines[:size]])
+
+
+def _is_newer_excerpt(folder, document):
+    """Likewise of an excerpt: by its proof the first line is that of the tree to which its lines lead."""
+    opening, size = _read_small(folder.path / "ledger-open.jsonl"), document["size"]
+    line = opening.split(b"\n")[0]
+    if b"\n" not in opening or not is_newer(line, "case") or size not in folder.note_sizes:
+        return False
+    return merkle.root_by_inclusion(merkle.leaf(line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) == _root_stated(folder, size) != b""
+
+
 def _judge_end(folder, ledger, entries, comparison, newest):
     count, close, covered = len(ledger), entries.close, folder.covered
     if ledger.torn:
@@ -775,6 +824,8 @@ def _judge_end(folder, ledger, entries, comparison, newest):
         folder.report("open-missing", "no whole line")
     if close is None:
         folder.report("not-closed", "there is no close")
+    elif not folder.all_listed or folder.unread > covered:
+        pass   # what could not be read is said, and whether it covers the end nobody knows
     elif covered <= close:
         folder.report("close-not-covered", f"line {close}")
     elif covered < count:
@@ -836,27 +887,47 @@ def _judge_carrying_on(folder, path, entries):
     later = ANNOUNCES.fullmatch(entries.close_entry["reason"]) if entries.close_entry else None
 
     def other(case):
-        """Lines and entries of the case that lies beside this one."""
+        """Lines and entries of the case that lies beside this one, up to a line that is too long."""
         try:
             lines = (path.parent / case / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
         except OSError:
             return None
+        lines = lines[:next((i for i, line in enumerate(lines) if len(line) > LARGEST_LINE), len(lines))]
         found = []
         for line in lines:
             try:
-                found.append(strict_json.parse(line))
-            except strict_json.Malformed:
+                found.append(parse_entry(line, "case-ledger", 4))
+            except (strict_json.Malformed, schema.Unfit):
                 found.append(None)
         return lines, found
-
-    def says(holds):
-        folder.report("carrying-on-holds" if holds else "carrying-on-broken", "the case beside it")
 
     def root_of(lines, size):
         return merkle.root([merkle.leaf(line) for line in lines[:size]]).hex() if len(lines) >= size else None
 
+    def is_signed(case, lines, least):
+        """Whether this case's device signed what lies there as that case, by its smallest note of at least so many lines."""
+        if entries.device is None:
+            return False
+        notes = path.parent / case / "checkpoints"
+        sizes = sorted(size for size in (size_of_note(f"checkpoints/{name}") for name in (os.listdir(notes) if notes.is_dir() else ())) if size and size >= least)
+        if not sizes or len(lines) < sizes[0]:
+            return False
+        try:
+            checkpoint = note.parse_checkpoint(_read_small(notes / f"{sizes[0]:08d}.note"))
+        except note.Malformed:
+            return False
+        device = folder.known_device(entries.device)
+        theirs = [s for s in checkpoint.signatures if s[:2] == (device.name, device.id)]
+        holds = bool(theirs) and note.holds(device.public, checkpoint.text, theirs[0][2])
+        holds = holds and not (device.ml_dsa and not device.by_ml_dsa(checkpoint)) and not (device.hardware and device.by_hardware(checkpoint) is False)
+        stated = (checkpoint.origin, checkpoint.size, checkpoint.root.hex())
+        return holds and stated == (f"kiroku/{device.name}/{case}", sizes[0], root_of(lines, sizes[0]))
+
     def begins(found, case):
-        return bool(found and found[0] and found[0].get("type") == "open" and found[0]["case"] == case and found[0]["device"] == opening["device"])
+        return bool(found and found[0] and found[0]["type"] == "open" and found[0]["case"] == case and found[0]["device"] == opening["device"])
+
+    def says(holds, by_device):
+        folder.report("carrying-on-holds" if holds else "carrying-on-broken" if by_device else "carried-on-not-compared", "the case beside it")
 
     if carried:
         case, size, root = carried[1], int(carried[2]), carried[3]
@@ -865,9 +936,11 @@ def _judge_carrying_on(folder, path, entries):
             folder.report("carried-on-not-here", case)
         else:
             lines, found = beside
-            closes = [e for e in found[:size] if e and e.get("type") == "close"]
+            closes = [e for e in found[:size] if e and e["type"] == "close"]
             announced = ANNOUNCES.fullmatch(closes[-1]["reason"]) if closes else None
-            says(root_of(lines, size) == root and announced is not None and announced[1] == opening["case"] and begins(found, case))
+            same = root_of(lines, size) == root
+            # The very lines that this one names speak for themselves.
+            says(same and announced is not None and announced[1] == opening["case"] and begins(found, case), same or len(lines) >= size and is_signed(case, lines, size))
     if later:
         beside = other(later[1])
         if beside is None:
@@ -877,7 +950,8 @@ def _judge_carrying_on(folder, path, entries):
             source = next((s["source"] for s in found[0]["streams"] if s["name"] == "events"), "") if begins(found, later[1]) else ""
             named = CARRIES_ON.fullmatch(source)
             own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
-            says(named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3])
+            holds = named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3]
+            says(holds, holds or is_signed(later[1], lines, 1))
 
 
 class PartOfLedger(Ledger):
@@ -909,7 +983,9 @@ def verify_excerpt(path, trust):
         if document["to_ns"] <= document["from_ns"] or document["size"] <= document["first_entry"]:
             raise strict_json.Malformed("a range is empty")
     except (strict_json.Malformed, schema.Unfit) as e:
-        return Judgement([("excerpt-malformed", str(e))], True)
+        return Judgement([("format-newer" if is_newer(text[:-1], "excerpt") else "excerpt-malformed", str(e))], True)
+    if _is_newer_excerpt(folder, document):
+        return Judgement([("format-newer", "ledger-open.jsonl")], True)
     first, size, begin, end = document["first_entry"], document["size"], document["from_ns"], document["to_ns"]
     report, selected, present = folder.report, set(), {f.path for f in folder.listing}
 
@@ -949,7 +1025,9 @@ def verify_excerpt(path, trust):
             return entries.judge_authority(file)
         return "named" if file.kind == "folder" and entries.is_folder(file.path) else "unnamed"
 
-    folder.judge_names(judge)
+    # Without the lines nothing says what is named.
+    if not any(code == "file-unreadable" and text.startswith(("ledger-open.jsonl: ", "ledger-part.jsonl: ")) for code, text in folder.findings):
+        folder.judge_names(judge)
     entries.check_device_file()
     return Judgement(folder.findings, True)
 
@@ -994,7 +1072,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
             lines_begin = entries.last_mono
             if trust.log and entries.opening:
                 log = LogRead(trust.log, trust)
-                folder.findings += log.folder.findings
+                folder.findings += log.beside_a_case()[0]
             comparison = AgainstLog(log, entries, report)
         if number + 1 in folder.note_sizes:
             entries.mono_at[number + 1] = entries.last_mono
@@ -1003,7 +1081,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
         report("excerpt-malformed", "the last line is not whole")
     if len(lines) != size:
         report("excerpt-malformed", "the lines do not end where excerpt.json says")
-    if size not in folder.note_sizes:
+    if size not in folder.note_sizes and folder.all_listed:
         report("checkpoint-missing", "nothing covers the lines")
     if signed_root and lines.left is not None and len(lines) == size and lines.root(size) != signed_root:
         report("excerpt-proof-invalid", "the root of the lines")
@@ -1025,7 +1103,10 @@ def _root_stated(folder, size):
 
 def _read_small(path):
     """Of a file of which nothing is said if it cannot be read: a sparse one may be larger than any memory."""
-    return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    try:
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+    except OSError:
+        return b""
 
 
 def _judge_reach(folder, entries, document, selected, lines):

@@ -784,6 +784,82 @@ def one_clock_set(world):
     return both_authorities(world, 60 * SECOND, 0)
 
 
+def left_out(world, accuracy_s=1, slow=False):
+    """Ninety seconds of six and a half minutes are left out, and both authorities say so; the second's time is right to so much, or is stated to have come slowly."""
+    case = world.begin(stamped=False)
+
+    def real(mono_ns):
+        return mono_ns - 10 * MS + (90 * SECOND if mono_ns > 150 * SECOND else 0)
+
+    def second(mono_ns, **token):
+        case.token(world.second, mono_ns, **{"gen_ns": real(mono_ns), "accuracy_s": accuracy_s, **token})
+    second(80 * MS)
+    case.token(world.outside, 100 * MS, gen_ns=90 * MS)
+    sizes = {}
+    for minute in range(1, 6):
+        world.record(case, 12 * (minute - 1), 12 * minute)
+        case.checkpoint()
+        sizes[minute] = len([s for s in case.steps if not isinstance(s, Checkpoint)])
+        at = 60 * minute * SECOND + 100 * MS
+        case.token(world.outside, at, gen_ns=real(at))
+        if not slow:
+            second(at + 20 * MS)
+        elif minute in (3, 5):  # asked for two minutes before, and answered in between
+            second(at + 200 * MS, gen_ns=60 * minute * SECOND, size=sizes[minute - 2],
+                   fields={"asked_ns": 60 * (minute - 2) * SECOND + 350 * MS, "answered_ns": at + 150 * MS})
+    case.close(300_400 * MS)
+    case.checkpoint()
+    second(300_500 * MS, asked=False)
+    case.token(world.outside, 300_550 * MS, gen_ns=real(300_550 * MS), asked=False)
+    case.checkpoint()
+    return case
+
+
+def both_roots(world):
+    return {"roots": [world.outside.root, world.second.root], "never": ["authority-clock-set"]}
+
+
+@reaches("clock-contradicted")
+def film_left_out_beside_two_clocks(world):
+    return world.write(left_out(world), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def a_clock_right_to_a_minute_clears_nothing(world):
+    return world.write(left_out(world, accuracy_s=60), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def a_slow_answer_clears_nothing(world):
+    return world.write(left_out(world, slow=True), **both_roots(world))
+
+
+@reaches("authority-clock-differs")
+def two_clocks_set_at_different_times(world):
+    """Each is as the case clock where the other is not: neither clears it."""
+    case = world.begin(stamped=False)
+    for i, (first, later) in enumerate([(0, 0), (0, 60), (60, 60)]):
+        world.record(case, 4 * i, 4 * i + 4)
+        case.checkpoint()
+        at = 20 * (i + 1) * SECOND
+        case.token(world.second, at + 100 * MS, gen_ns=at + 90 * MS + later * SECOND)
+        case.token(world.outside, at + 200 * MS, gen_ns=at + 190 * MS + first * SECOND)
+    return world.write(world.end(case, 60_300 * MS, gen_ns=120_440 * MS), **both_roots(world))
+
+
+@reaches("clock-disagreement")
+def own_clock_of_which_the_last_difference_is_not_stated(world):
+    """From the token before, more than is stated; from the first one, no more than that."""
+    case = world.begin(stamped=False)
+    for at, says in ((10, 10_000), (20, 21_900), (30, 34_500)):
+        world.record(case, (at - 10) // 5, at // 5)
+        case.checkpoint()
+        case.token(world.own, at * SECOND + 100 * MS, gen_ns=says * MS + 90 * MS, accuracy_s=0)
+        if at == 10:
+            case.add("clock", 15 * SECOND, synchronised=True, offset_ns=0, error_ns=250_000, step_ns=3 * SECOND)
+    return world.write(world.end(case, 30_300 * MS, authority=world.own, gen_ns=34_940 * MS, accuracy_s=0), roots=[], own=[world.own.root])
+
+
 @reaches("authority-clock-differs")
 def one_clock_alone(world):
     case = world.sound()
@@ -861,6 +937,76 @@ def own_token_first(world):
     case = stamped_late(world, 200)
     case.steps.insert(case.steps.index(case.of(Checkpoint)[0]) + 1, Token(world.own, 100 * MS, gen_ns=90 * MS))
     return world.write(case, own=[world.own.root])
+
+
+def entered_at_once(world, seconds, first_token=True, **begin):
+    """Film of so long, all of which is entered behind a token that comes at its end."""
+    case = world.begin(stamped=first_token, **begin)
+    at = seconds * SECOND
+    case.checkpoint()
+    case.token(world.outside, at + 100 * MS, gen_ns=at + 90 * MS)
+    for i in range(seconds // 5):
+        for name, count in (("endoscope", 125), ("vitals", 5)):
+            case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"{name} {i}", f"{name} {i}\n".encode()), count, mono_ns=at + 200 * MS + i)
+    return world.end(case, at + 500 * MS)
+
+
+@reaches("first-stamped-late", "segments-entered-late")
+def old_film_behind_the_first_token(world):
+    return world.write(entered_at_once(world, 200, first_token=False))
+
+
+@reaches("segments-entered-late")
+def old_film_in_the_midst(world):
+    """A token at the beginning says nothing of film that is entered behind a later one."""
+    return world.write(entered_at_once(world, 200), never=["first-stamped-late"])
+
+
+@reaches()
+def a_slow_disk(world):
+    return world.write(entered_at_once(world, 115, first_token=False), never=["first-stamped-late", "segments-entered-late"])
+
+
+@reaches()
+def old_film_without_an_outside_token_in_front_of_it(world):
+    """It has no earlier limit that could be read as its own."""
+    case = world.begin()
+    world.record(case, 0, 40)
+    for i, segment in enumerate(s for s in case.steps if isinstance(s, Entry) and s.type == "segment"):
+        segment.mono_ns = 200 * SECOND + i
+    return world.write(world.end(case, 200_100 * MS), never=["first-stamped-late", "segments-entered-late"])
+
+
+@reaches()
+def marks_that_are_entered_at_the_end(world):
+    case = world.begin()
+    world.record(case, 0, 40)
+    case.checkpoint()
+    case.token(world.outside, 200_100 * MS, gen_ns=200_090 * MS)
+    line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(world.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+    case.add("mark", 200_110 * MS, commitment=commitment)
+    case.segment("events", 0, 10 * SECOND, 12 * SECOND, world.seal("events", line), 1, mono_ns=200_120 * MS)
+    return world.write(world.end(case, 200_130 * MS), never=["first-stamped-late", "segments-entered-late"])
+
+
+def ahead(world, seconds):
+    """Film of before `open`, entered behind the first token."""
+    case = entered_at_once(world, seconds, first_token=False)
+    case.steps[0].mono_ns, case.steps[0].fields["begins_ns"] = seconds * SECOND, 1
+    case.find("clock").mono_ns = seconds * SECOND + MS
+    return world.write(case, never=["segments-entered-late"])
+
+
+@reaches("first-stamped-late")
+def recorded_long_ahead_behind_the_first_token(world):
+    return ahead(world, 200)
+
+
+@reaches()
+def recorded_ahead_behind_the_first_token(world):
+    given = ahead(world, 60)
+    given.never.append("first-stamped-late")
+    return given
 
 
 @reaches("end-stamped-late")
@@ -1344,6 +1490,90 @@ def unreadable(world):
     return world.given(written.folder, unprivileged=True)
 
 
+@reaches("file-unreadable")
+def unreadable_newest_checkpoint(world):
+    written = world.sound().write(world.folder)
+    max((written.folder / "checkpoints").iterdir()).chmod(0)
+    return dataclasses.replace(world.given(written.folder, unprivileged=True), never=["ledger-not-covered", "close-not-covered", "token-not-covered"])
+
+
+@reaches("file-unreadable")
+def excerpt_with_unreadable_lines(world):
+    given = excerpt(world)
+    (given.path / "ledger-part.jsonl").chmod(0)
+    return dataclasses.replace(given, unprivileged=True, never=["file-unnamed"])
+
+
+@reaches("file-unreadable")
+def excerpt_with_an_unreadable_beginning(world):
+    given = excerpt(world)
+    (given.path / "ledger-open.jsonl").chmod(0)
+    return dataclasses.replace(given, unprivileged=True, never=["file-unnamed"])
+
+
+def with_files_of_systems(world, *names):
+    written = world.sound().write(world.folder)
+    for name in names:
+        (written.folder / name).parent.mkdir(exist_ok=True)
+        (written.folder / name).write_bytes(b"x")
+    return world.given(written.folder)
+
+
+@reaches("file-of-a-system")
+def looked_at_by_other_systems(world):
+    return dataclasses.replace(with_files_of_systems(world, ".DS_Store", "segments/.DS_Store", "checkpoints/Thumbs.db", "desktop.ini", "@eaDir/ledger.jsonl@SynoEAStream",
+                                                     "segments/endoscope/00000000.ts.age:Zone.Identifier"), never=["file-unnamed"])
+
+
+@reaches("file-unnamed")
+def files_that_only_seem_to_be_of_a_system(world):
+    return dataclasses.replace(with_files_of_systems(world, "film.DS_Store", "Thumbs.db.ts.age", ":Zone.Identifier"), never=["file-of-a-system"])
+
+
+@reaches("file-unnamed")
+def file_with_the_name_of_a_system_s_folder(world):
+    return dataclasses.replace(with_files_of_systems(world, "@eaDir"), never=["file-of-a-system"])
+
+
+@reaches("format-newer")
+def case_of_a_later_version(world):
+    case = world.sound()
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    return dataclasses.replace(world.write(case), never=["entry-malformed"])
+
+
+@reaches("entry-malformed", "ledger-changed")
+def case_changed_into_one_of_a_later_version(world):
+    written = world.sound().write(world.folder)
+    path = written.folder / "ledger.jsonl"
+    path.write_bytes(path.read_bytes().replace(b"kiroku-case/1", b"kiroku-case/3", 1))
+    return dataclasses.replace(world.given(written.folder), never=["format-newer"])
+
+
+@reaches("format-newer")
+def excerpt_of_a_later_version(world):
+    def change(document, files):
+        document["format"] = "kiroku-excerpt/2"
+    return excerpt(world, change=change)
+
+
+@reaches("entry-malformed")
+def excerpt_changed_into_one_of_a_later_version(world):
+    given = excerpt(world)
+    path = given.path / "ledger-open.jsonl"
+    path.write_bytes(path.read_bytes().replace(b"kiroku-case/1", b"kiroku-case/3", 1))
+    return dataclasses.replace(given, never=["format-newer"])
+
+
+@reaches("format-newer")
+def excerpt_of_a_case_of_a_later_version(world):
+    case = world.sound()
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    written = case.write(world.folder / "whole")
+    tokens = [i for i, line in enumerate(written.lines) if b'"type":"token"' in line]
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", 6 * SECOND, 9 * SECOND, ["endoscope"], tokens[0], len(written.lines)))
+
+
 @reaches("authority-file-malformed")
 def authority_of_nonsense(world):
     case = world.sound()
@@ -1429,7 +1659,173 @@ def log_with_its_cases(world):
 def unknown_to_the_log(world):
     def change(log, written):
         del log.steps[2:]
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
     return with_log(world, change)
+
+
+OF_A_LOG_THAT_ACCUSES = ["log-case-unknown", "log-head-differs", "file-unnamed", "entry-malformed", "ledger-changed", "ledger-cut", "checkpoint-malformed",
+                         "checkpoint-signature-invalid", "outside-note-rolled-back"]
+
+
+def with_faulty_log(world, harm, change=None, judge=with_log, **more):
+    """A sound case that the log knows to its end, beside a copy of the log in which something else is wrong."""
+    def used(log, written):
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    given = judge(world, change or used, **more)
+    harm(given.log or given.path)
+    return dataclasses.replace(given, never=[] if given.as_log else OF_A_LOG_THAT_ACCUSES)
+
+
+def change_byte(path, at):
+    data = bytearray(path.read_bytes())
+    data[at] ^= 1
+    path.write_bytes(bytes(data))
+
+
+def last_line(log):
+    return (log / "ledger.jsonl").read_bytes()[:-1].rfind(b"\n") + 1
+
+
+@reaches("log-silent")
+def log_from_before_the_case(world):
+    def change(log, written):
+        del log.steps[2:]
+    return with_faulty_log(world, lambda log: None, change)
+
+
+@reaches("log-silent")
+def log_shorter_than_open_states(world):
+    return with_faulty_log(world, lambda log: None, lambda log, written: log.steps.__delitem__(slice(2, None)), head=(9, "0" * 64))
+
+
+def unsigned_log(world, *lines):
+    """Anybody writes a log in the device's name."""
+    made = world.sound()
+    written = made.write(world.folder)
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    for kind, fields in lines:
+        log.add(kind, 60 * SECOND, **fields)
+    log.write(world.folder, "log")
+    return dataclasses.replace(world.given(written.folder, log=world.folder / "log"), never=OF_A_LOG_THAT_ACCUSES)
+
+
+@reaches("log-silent")
+def log_that_nobody_signed(world):
+    return unsigned_log(world)
+
+
+@reaches("log-silent", "log-tail-unsigned")
+def longer_log_that_nobody_signed(world):
+    return unsigned_log(world, *[("access", {"case": "*", "what": "unlocked", "who": "sato"})] * 3)
+
+
+@reaches("log-silent", "log-tail-unsigned")
+def excerpt_beside_a_log_that_nobody_signed(world):
+    given = unsigned_log(world, *[("access", {"case": "*", "what": "unlocked", "who": "sato"})] * 3)
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"))
+    return dataclasses.replace(given, path=part.path)
+
+
+@reaches("log-silent")
+def log_of_the_device_that_a_stranger_signed_on(world):
+    """What the device signed of it ends before the case; whoever carried it on is not trusted."""
+    def change(log, written):
+        del log.steps[2:]
+        for step in log.of(Checkpoint):
+            step.signer = world.device
+        log.signer = world.stranger
+        log.signed("device-key-changed", 70 * SECOND, device=str(world.stranger.key))
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return with_faulty_log(world, lambda log: None, change)
+
+
+@reaches("log-not-sound")
+def log_with_a_changed_line_about_something_else(world):
+    return with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40))
+
+
+@reaches("ledger-changed")
+def log_itself_with_a_changed_line(world):
+    return with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40), judge=the_log)
+
+
+@reaches("log-not-sound", "log-silent")
+def log_whose_line_of_the_opening_is_broken(world):
+    def harm(log):
+        change_byte(log / "ledger.jsonl", (log / "ledger.jsonl").read_bytes().index(b"case-opened"))
+    return with_faulty_log(world, harm)
+
+
+@reaches("log-not-sound", "log-silent")
+def log_whose_first_line_is_broken(world):
+    """No other line names the device."""
+    given = with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", (log / "ledger.jsonl").read_bytes().index(b"boot_id")))
+    return dataclasses.replace(given, never=[*given.never, "log-of-another-device"])
+
+
+@reaches("log-not-sound")
+def log_with_an_entry_of_a_newer_type(world):
+    return with_faulty_log(world, lambda log: None, lambda log, written: log.signed("quota-stated", 90 * SECOND, case="*", n=1))
+
+
+@reaches("log-not-sound")
+def log_copied_before_its_newest_checkpoint(world):
+    return with_faulty_log(world, lambda log: (log / "ledger.jsonl").write_bytes((log / "ledger.jsonl").read_bytes()[:last_line(log)]))
+
+
+@reaches("log-not-sound")
+def log_whose_last_line_is_zeros(world):
+    def harm(log):
+        data, at = (log / "ledger.jsonl").read_bytes(), last_line(log)
+        (log / "ledger.jsonl").write_bytes(data[:at] + bytes(len(data) - at))
+    return with_faulty_log(world, harm)
+
+
+@reaches("log-not-sound")
+def log_older_than_a_kept_note(world):
+    kept_elsewhere = []
+
+    def harm(log):
+        newest = max((log / "checkpoints").iterdir())
+        kept_elsewhere.extend(kept(world, newest.read_bytes()))
+        newest.unlink()
+        (log / "ledger.jsonl").write_bytes((log / "ledger.jsonl").read_bytes()[:last_line(log)])
+    given = with_faulty_log(world, harm)
+    return dataclasses.replace(given, against=kept_elsewhere)
+
+
+@reaches("log-not-sound")
+def excerpt_beside_a_log_with_a_changed_line(world):
+    cases = []
+
+    def change(log, written):
+        cases.append(written)
+        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    given = with_faulty_log(world, lambda log: change_byte(log / "ledger.jsonl", last_line(log) + 40), change)
+    tokens = [i for i, line in enumerate(cases[0].lines) if b'"type":"token"' in line]
+    part = w.write_excerpt(cases[0], world.folder / "part", 6 * SECOND, 9 * SECOND, ["endoscope"], tokens[0], len(cases[0].lines))
+    return dataclasses.replace(given, path=part)
+
+
+@reaches("log-not-tidy")
+def log_with_a_checkpoint_that_does_not_hold(world):
+    return with_faulty_log(world, lambda log: change_byte(max((log / "checkpoints").iterdir()), -10))
+
+
+@reaches("log-not-tidy")
+def log_with_a_file_that_nothing_names(world):
+    return with_faulty_log(world, lambda log: (log / "notes.txt").write_bytes(b"x"))
+
+
+@reaches("file-of-a-system")
+def log_that_somebody_looked_at(world):
+    return with_faulty_log(world, lambda log: (log / ".DS_Store").write_bytes(b"Bud1"))
+
+
+@reaches("file-of-a-system")
+def log_itself_that_somebody_looked_at(world):
+    return with_faulty_log(world, lambda log: (log / "checkpoints/Thumbs.db").write_bytes(b"x"), judge=the_log)
 
 
 @reaches("log-case-not-entered", "not-closed")
@@ -1741,6 +2137,20 @@ def known_to_the_log_of_another_device(world):
     return with_log(world, device=world.stranger, devices=[world.device.key, world.stranger.key])
 
 
+@reaches("log-of-another-device")
+def unknown_to_the_log_of_another_device(world):
+    def change(log, written):
+        del log.steps[2:]
+    return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
+@reaches("log-of-another-device")
+def accused_by_the_log_of_another_device(world):
+    def change(log, written):
+        log.signed("case-checkpoint", 82 * SECOND, case=written.case.id, size=2, root="0" * 64)
+    return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
 @reaches("log-head-differs")
 def opened_over_another_log(world):
     return with_log(world, head=(1, "0" * 64))
@@ -1826,6 +2236,14 @@ def log_signed_later(world):
         for i in range(3):
             log.add("access", (90 + i) * SECOND, case="*", what="unlocked", who="sato")
         log.signed("access", 95 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-damage-stated")
+def log_that_was_changed(world):
+    def change(log, written):
+        log.add("damage-found", 90 * SECOND, size=3, stated_root="0" * 64, root="1" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
     return the_log(world, change)
 
 
@@ -2212,6 +2630,40 @@ def carried_on_alone(world):
     return world.given(operation(world, later_only=True)[1].folder)
 
 
+def beside_a_later_case(world, harm):
+    """A sound case that carries another one on, and what became of that one's folder."""
+    earlier, later = operation(world)
+    harm(earlier.folder)
+    return dataclasses.replace(world.given(later.folder), never=["carrying-on-broken"])
+
+
+@reaches("carried-on-not-compared")
+def carries_on_a_case_with_one_bit_changed(world):
+    return beside_a_later_case(world, lambda folder: change_byte(folder / "ledger.jsonl", 300))
+
+
+@reaches("carried-on-not-compared")
+def carries_on_a_case_of_which_the_beginning_was_copied(world):
+    return beside_a_later_case(world, lambda folder: (folder / "ledger.jsonl").write_bytes((folder / "ledger.jsonl").read_bytes()[:2000]))
+
+
+@reaches("carried-on-not-compared")
+def carries_on_what_anybody_wrote(world):
+    return beside_a_later_case(world, lambda folder: (folder / "ledger.jsonl").write_bytes(b"hello\n"))
+
+
+@reaches("carried-on-not-compared")
+def is_carried_on_by_what_anybody_wrote(world):
+    earlier, later = operation(world)
+    (later.folder / "ledger.jsonl").write_bytes(b"hello\n")
+    return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-broken"])
+
+
+@reaches("carrying-on-broken")
+def is_carried_on_from_others(world):
+    return world.given(operation(world, root="0" * 64)[0].folder)
+
+
 # Excerpts
 
 
@@ -2277,6 +2729,43 @@ def excerpt_of_film_of_before_the_first_token(world):
     case.steps = case.steps[:case.steps.index(case.find("close"))]
     world.record(case, 40, 41)
     return excerpt_from_its_opening_on(world, world.end(case, 205_040 * MS), SECOND, 204 * SECOND)
+
+
+@reaches("segments-entered-late")
+def excerpt_of_old_film_in_the_midst(world):
+    case = entered_at_once(world, 200)
+    return excerpt_of(world, case, 20 * SECOND, 60 * SECOND, 0, streams=("endoscope",))
+
+
+def slewed(world, gained=20):
+    """Of its second minute both authorities' clocks have so many seconds less; that the case clock is slewed is stated before the first token."""
+    case = world.begin(stamped=False)
+    case.add("clock", 5 * MS, synchronised=True, offset_ns=0, error_ns=250_000, step_ns=0, rate_ppb=83_333_000)
+    world.record(case, 0, 12)
+    for at, says in ((60, 60), (120, 120 - gained), (180, 180 - gained)):
+        case.checkpoint()
+        for i, authority in enumerate((world.outside, world.second)):
+            case.token(authority, at * SECOND + 100 * (i + 1) * MS, gen_ns=says * SECOND + 100 * (i + 1) * MS - 10 * MS)
+        if at < 180:
+            world.record(case, at // 5, at // 5 + 12)
+    case.close(180_400 * MS)
+    case.checkpoint()
+    case.token(world.outside, 180_500 * MS, gen_ns=(180 - gained) * SECOND + 490 * MS)
+    case.checkpoint()
+    return case
+
+
+@reaches("authority-clock-differs")
+def excerpt_that_does_not_show_a_slew(world):
+    """The case is intact; what states the slew lies before the lines."""
+    given = excerpt_of(world, slewed(world, 9), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
+    given.never = ["clock-contradicted"]
+    return given
+
+
+@reaches("clock-contradicted")
+def excerpt_of_more_than_a_slew(world):
+    return excerpt_of(world, slewed(world, 20), 70 * SECOND, 80 * SECOND, 0, roots=[world.outside.root, world.second.root])
 
 
 @reaches("excerpt-malformed")
@@ -3053,7 +3542,7 @@ def a_case_beside_a_log_with_quotes(world):
     return dataclasses.replace(log, path=case, log=log.path, as_log=False, never=["boot-quotes-hold"])
 
 
-@reaches("boot-quote-of-elsewhere")
+@reaches("log-not-sound")
 def a_quote_replayed_in_a_case_s_log(world):
     """What was forged in the log is told of the case, too."""
     given = quoted(world, lambda log, tpm: replay(log))

@@ -7,10 +7,13 @@ import re
 
 import note
 import tpm_quote
-from verifier import Folder, Judgement, Ledger, has_hole, outside_notes, size_of_note
+from verifier import Folder, Judgement, Ledger, has_hole, outside_notes, severities, size_of_note
 
 FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-attestation-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
 MOST_WITHOUT_THEIR_OWN = 3
+# What tampers with a log and hides no line of it.
+HIDES_NO_LINE = {"file-unnamed", "name-clash", "checkpoint-malformed", "checkpoint-unknown-key", "checkpoint-signature-invalid", "checkpoint-ml-dsa-missing",
+                 "checkpoint-of-other-origin", "checkpoint-size-differs"}
 CONSENT_FILE, LARGEST_CONSENT = re.compile("consents/([0-9a-f]{64})[.]age"), 64 << 20
 
 
@@ -119,6 +122,8 @@ class LogRead:
         self.ledger = Ledger(data, "appliance-log", 2, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
+        self.signed_by = {}    # lines that a checkpoint covers, by the device that signed it; None: one kept elsewhere
+        self.devices = set()   # every key that the log named as its device's
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -135,9 +140,11 @@ class LogRead:
                 if kind != "boot" and entry["mono_ns"] < mono:
                     report("clock-went-back", f"line {number} of the log")
                 mono = entry["mono_ns"]
-                named = entry["device"] if kind in ("boot", "device-key-changed") else named
+                if kind in ("boot", "device-key-changed"):
+                    named = entry["device"]
+                    self.devices.add(named)
                 if kind not in FOLLOWED_BY_NONE:
-                    since_note += kind != "recovered"
+                    since_note += kind not in ("recovered", "damage-found")
                     to_be_followed.append(number)
                 if kind in ("boot", "device-key-changed") and (device is None or str(device) != entry["device"]):
                     try:
@@ -157,6 +164,8 @@ class LogRead:
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
                 if kind == "device-hardware-added":
                     self._judge_hardware_key(entry["hardware"], device, report)
+                if kind == "damage-found":
+                    report("log-damage-stated", f"line {number}")
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
@@ -166,7 +175,12 @@ class LogRead:
                     if since_note > MOST_WITHOUT_THEIR_OWN:
                         report("log-signed-late", f"line {number}")
                     since_note = 0
-            own = folder.covered == size or any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
+            kept_elsewhere = any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
+            own = folder.covered == size or kept_elsewhere
+            if kept_elsewhere:
+                self.signed_by[None] = size
+            elif own and device is not None:
+                self.signed_by[str(device)] = size
             if erased and own:
                 erased.erased = True
             if own and entry is not None:
@@ -198,6 +212,16 @@ class LogRead:
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
+
+    def beside_a_case(self):
+        """What was found of the log itself, as it weighs for a case beside it; whether its lines are sound."""
+        weighed = [(code if severities()[code] != "tampered" else "log-not-tidy" if code in HIDES_NO_LINE else "log-not-sound", text)
+                   for code, text in self.folder.findings]
+        return weighed, all(code != "log-not-sound" for code, _ in weighed)
+
+    def signed_by_known(self, device, trusted):
+        """How many lines a checkpoint covers that this device signed, or one that is trusted."""
+        return max((self.signed_by.get(by, 0) for by in [None, device, *map(str, trusted)]), default=0)
 
     def _keep_covered(self, device):
         known = self.covered_by.get(str(device), (0, 0))

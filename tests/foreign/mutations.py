@@ -34,6 +34,7 @@ LOG = [
     _entry("device-ml-dsa-added", ml_dsa="d"), _entry("device-hardware-added", hardware="d"), _entry("device-hardware-silent", why="w"), _entry("plan-sealed", sha256=_HASH), _entry("case-opened", **_CASE, sha256=_HASH), _entry("case-checkpoint", **_CASE, size=1, root=_HASH),
     _entry("case-closed", **_CASE, size=1, root=_HASH, final_token=_HASH), _entry("replicated", **_CASE, target="t"),
     _entry("erased", **_CASE, stream="s", policy="p"), _entry("access", case="*", what="w", who="w"), _entry("recovered", truncated=1),
+    _entry("damage-found", size=1, stated_root=_HASH, root=_HASH),
     _entry("pre-roll-discarded", segments=1, duration_ns=2),
     _entry("case-held", **_CASE, reason="r", who="w"), _entry("case-released", **_CASE, hold=1, reason="r", who="w"),
     _entry("access", **_CASE, what="w", who="w", purpose="teaching"),

@@ -156,7 +156,7 @@ def _check_between_keys(entry):
 @dataclasses.dataclass(frozen=True)
 class Listed:
     path: str
-    kind: str   # regular, folder, link, special
+    kind: str   # regular, folder, link, special; unreadable: what it is or holds
     size: int
 
 
@@ -168,7 +168,10 @@ def list_folder(folder, prefix="", depth=0):
                 else "link" if stat.S_ISLNK(status.st_mode) else "special")
         found.append(Listed(prefix + name, kind, status.st_size))
         if kind == "folder" and depth < DEEPEST_FOLDER:
-            found += list_folder(folder / name, f"{prefix}{name}/", depth + 1)
+            try:
+                found += list_folder(folder / name, f"{prefix}{name}/", depth + 1)
+            except PermissionError:
+                found[-1] = Listed(prefix + name, "unreadable", 0)
     return found
 
 
@@ -188,6 +191,23 @@ def token_of_path(path):
     return (number_of(found[1]), found[2]) if found and number_of(found[1]) is not None else None
 
 
+def is_of_a_system(file):
+    """Whether operating systems leave such a file or folder behind by themselves."""
+    name, folder = file.path.split("/")[-1], file.kind == "folder"
+    above = file.path.split("/") if folder else file.path.split("/")[:-1]
+    return "@eaDir" in above or not folder and (name in (".DS_Store", "Thumbs.db", "desktop.ini") or bool(re.fullmatch("(?s).+:Zone[.]Identifier", name)))
+
+
+def is_newer(line, kind):
+    """Whether a document names a later version of its format than the first."""
+    try:
+        document = strict_json.parse(line)
+    except strict_json.Malformed:
+        return False
+    found = re.fullmatch(rf"kiroku-{kind}/([1-9][0-9]{{0,8}})", document["format"]) if isinstance(document, dict) and isinstance(document.get("format"), str) else None
+    return bool(found) and int(found[1]) > 1
+
+
 class Folder:
     """A folder to judge, what was found of it so far, and its checkpoints."""
 
@@ -195,6 +215,8 @@ class Folder:
         self.path, self.trust, self.findings = pathlib.Path(path), trust, []
         self.listing = list_folder(self.path)
         self.note_sizes = sorted(size for size in (size_of_note(f.path) for f in self.listing if f.kind != "folder") if size)
+        self.all_listed = not any(f.path == "checkpoints" and f.kind == "unreadable" for f in self.listing)
+        self.unread = 0         # the largest note that is there and could not be read
         self.covered = 0        # lines that a checkpoint covers which holds
         self.changed = False
         self.alone_until = 0    # lines up to which a checkpoint may be by Ed25519 alone, of a device that has an ML-DSA key
@@ -227,6 +249,9 @@ class Folder:
             status = os.lstat(path)
         except (FileNotFoundError, NotADirectoryError):
             self.report("file-missing", name)
+            return None
+        except PermissionError as e:
+            self.report("file-unreadable", f"{name}: {e}")
             return None
         if not stat.S_ISREG(status.st_mode):
             self.report("file-not-regular", name)
@@ -279,8 +304,10 @@ class Folder:
     def judge_note(self, size, root, device, origin, is_known=True):
         """A checkpoint against the root of the lines (None: there are too few), where that is known. True where it covers them."""
         name, by_ml_dsa, by_hardware = f"checkpoints/{size:08d}.note", None, None
+        before = len(self.findings)
         data = self.read(name, LARGEST_NOTE)
         if data is None:
+            self.unread = max(self.unread, size if self.findings[before][0] == "file-unreadable" else 0)
             return False
         self.notes[size] = data
         try:
@@ -352,8 +379,11 @@ class Folder:
             answer = judge(file)
             if answer == "named":
                 continue
-            if file.kind in ("link", "special"):
-                self.report("file-not-regular", file.path)
+            if file.kind in ("link", "special", "unreadable"):
+                self.report("file-unreadable" if file.kind == "unreadable" else "file-not-regular", file.path)
+                continue
+            if answer == "unnamed" and is_of_a_system(file):
+                self.report("file-of-a-system", file.path)
                 continue
             self.report({"part": "part-file", "token": "token-not-entered", "segment": "segment-not-entered", "unnamed": "file-unnamed"}[answer], file.path)
 

@@ -39,6 +39,18 @@ void check_message(std::string_view bytes) {
   require(taken.answer != "AA" || again.lines.size() == 1);
 }
 
+/// With places named, nothing of another one is written.
+void check_places(std::string_view bytes) {
+  const UtcTime now{std::chrono::microseconds(1'767'268'800'000'000)};
+  Hl7Vitals vitals(std::chrono::minutes(0), {}, PlaceList::parse("OR1", "fuzz"));
+  const auto taken = vitals.take(bytes, 1, now, "fuzz");
+  check_lines(taken.lines);
+  for (const media::VitalLine& line : taken.lines) {
+    const auto* const sample = std::get_if<media::VitalSample>(&line);
+    require(sample == nullptr || sample->source.find('[') != std::string::npos);
+  }
+}
+
 void check_framing(std::string_view bytes) {
   MllpDeframer deframer(1000);
   while (auto event = deframer.feed(bytes)) {
@@ -52,7 +64,10 @@ void check_framing(std::string_view bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text = text_of(std::as_bytes(std::span(data, size)));
   check_framing(text);
-  for (const std::string_view message : split_hl7_messages(text)) check_message(message);
+  for (const std::string_view message : split_hl7_messages(text)) {
+    check_message(message);
+    check_places(message);
+  }
   if (const auto time = parse_hl7_time(text))
     require(time->utc(std::chrono::minutes(0)).time_since_epoch().count() < INT64_MAX);
   return 0;

@@ -344,7 +344,7 @@ function listen({ page, problems, asked }: Visitor): void {
       message.type() === 'error' &&
       !/status of (401|404|422)|^WebSocket connection to .* failed: (HTTP Authentication failed|.*Unexpected response code: 4\d\d)/.test(message.text())
     )
-      problems.push(message.text());
+      problems.push(`${message.text()} ${message.location().url}`);
   });
   page.on('request', (request) => asked.push(request.url()));
 }

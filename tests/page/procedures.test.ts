@@ -63,3 +63,100 @@ describe('The hospital’s list', () => {
     expect(visitor.problems).toEqual([]);
   });
 });
+
+describe('What a person prepares in one case', () => {
+  const newest = () => appliance.cases().at(-1) as string;
+  const next = async () => {
+    await appliance.kiroku('case', 'stop');
+    await appliance.kiroku('case', 'start');
+    return newest();
+  };
+
+  it('gets into no other unless they say so, and nothing of it is lost', async () => {
+    const { page } = visitor;
+    await appliance.kiroku('case', 'start');
+    const first = newest();
+    await page.goto(`${appliance.url}#/rooms`);
+    const late = page.getByRole('dialog', { name: 'Whom is the case in or-1 about?' });
+    const record = late.getByRole('button', { name: 'Record these data' });
+    const patient = (dialog: typeof late) => dialog.getByLabel('Patient', { exact: true });
+    await page.getByRole('button', { name: 'Correct patient' }).click();
+    await late.getByRole('radio', { name: 'Type it in' }).check();
+    await patient(late).fill('Anton Before');
+
+    // Somebody else ends the case, and begins the next.
+    const second = await next();
+    await late.getByText(`Case ${first} has ended while this was open, and case ${second} runs now.`).waitFor();
+    await expect.poll(() => record.isDisabled()).toBe(true);
+    await page.keyboard.press('Enter');
+    expect(await seriousBarriers(page)).toEqual([]);
+    await expectFits(visitor, 'start-changed');
+    await expect.poll(() => patient(late).inputValue()).toBe('Anton Before');
+    await late.getByRole('button', { name: `They belong to case ${second}` }).click();
+    await record.click();
+    await late.waitFor({ state: 'detached' });
+
+    // The page does not know yet that the case has ended: the room does.
+    const shown = (await page.evaluate(async () => (await fetch('/api/status')).json() as Promise<unknown>)) as object;
+    await page.route('**/api/status', (route) => route.fulfill({ json: shown }));
+    await page.getByRole('button', { name: 'Correct patient' }).click();
+    await late.getByRole('radio', { name: 'Type it in' }).check();
+    await patient(late).fill('Berta Late');
+    await appliance.kiroku('case', 'stop');
+    await record.click();
+    await late.getByText(`room or-1 is not recording case ${second}: nothing was done`).waitFor();
+    await page.unroute('**/api/status');
+    await late.getByText(`Case ${second} has ended while this was open.`).waitFor();
+    await late.getByRole('button', { name: 'They belong to a case that is to begin' }).click();
+    const start = page.getByRole('dialog', { name: 'Start recording in or-1' });
+    await expect.poll(() => patient(start).inputValue()).toBe('Berta Late');
+    await start.getByRole('button', { name: 'Start with these data' }).click();
+    await start.waitFor({ state: 'detached' });
+    await page.locator('.room-recording').waitFor();
+    const third = newest();
+    expect(third).not.toBe(second);
+
+    // A mark and a question that were begun in that case.
+    await page.getByLabel('What happens now?').fill('clip placed');
+    const fourth = await next();
+    await page.getByText(`This was written before case ${fourth} began. Does it belong to it?`).waitFor();
+    await page.getByRole('button', { name: 'It belongs to it' }).click();
+    await page.getByRole('button', { name: 'Mark', exact: true }).click();
+    await expect.poll(() => page.getByLabel('What happens now?').inputValue()).toBe('');
+    await page.getByRole('button', { name: 'Stop', exact: true }).click();
+    const fifth = await next();
+    const stopping = page.locator('dialog');
+    await stopping.getByText(`Case ${fourth} has ended while this was open. Case ${fifth} goes on.`).waitFor();
+    await expect.poll(() => stopping.getByRole('button', { name: 'Stop' }).isDisabled()).toBe(true);
+    await stopping.getByRole('button', { name: 'Close' }).click();
+    await page.locator('.room-recording').waitFor();
+    await appliance.kiroku('case', 'stop');
+
+    await page.goto(`${appliance.url}#/cases`);
+    for (const [id, name] of [
+      [second, 'Anton Before'],
+      [third, 'Berta Late'],
+    ] as const)
+      await page.locator('.case-row', { hasText: id }).getByText(name).waitFor();
+    for (const id of [first, fourth, fifth]) await page.locator('.case-row', { hasText: id }).getByText('Ito Ken').waitFor();
+    expect(visitor.problems.splice(0).filter((one) => !/status of 409/.test(one))).toEqual([]);
+  });
+
+  it('is refused also where a dialog of a beginning finds that another case began', async () => {
+    const { page } = visitor;
+    await page.goto(`${appliance.url}#/rooms`);
+    await page.getByRole('button', { name: 'Start recording' }).click();
+    const start = page.getByRole('dialog', { name: 'Start recording in or-1' });
+    await start.getByRole('radio', { name: 'Type it in' }).check();
+    await start.getByLabel('Patient', { exact: true }).fill('Cora Next');
+    await appliance.kiroku('case', 'start');
+    await start.getByText(`Case ${newest()} began in or-1 while this was open.`).waitFor();
+    await expect.poll(() => start.getByRole('button', { name: 'Start with these data' }).isDisabled()).toBe(true);
+    const before = appliance.cases().length;
+    await appliance.kiroku('case', 'stop');
+    await start.getByText(`Case ${newest()} was recorded in or-1 while this was open.`).waitFor();
+    await start.getByRole('button', { name: 'Close' }).click();
+    expect(appliance.cases().length).toBe(before);
+    expect(visitor.problems).toEqual([]);
+  });
+});

@@ -52,6 +52,9 @@ class WorklistServer {
     for (int i = 0; i < 200 && !answers(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
 
+  /// It is away, and can be started again.
+  void stop() { server_.reset(); }
+
   /// `date` as "20260805", `time` as "0915"; `name` in `charset` ("ISO_IR 100").
   void add(const std::string& id, const std::string& name, const std::string& date, const std::string& time,
            const std::string& station = "ENDO1", const std::string& charset = "ISO_IR 192") const {

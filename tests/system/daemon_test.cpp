@@ -202,6 +202,11 @@ TEST_F(Daemon, RecordsWithoutWhatRecordingDoesNotNeed) {
   const std::string id = kiroku_json({"case", "start", "--json"})["case"];
   EXPECT_TRUE(until([](const nlohmann::json& room) { return room["missed"].get<int>() > 0; }));
   EXPECT_EQ(kiroku_json({"case", "stop", "--json"})["case"], id);
+
+  // The port is free after all.
+  taken.close();
+  EXPECT_TRUE(daemon.wait_for("no more: recording goes on without metrics and the hook"));
+  EXPECT_EQ(kiroku_json({"status", "--json"})["problems"].size(), 3U);
 }
 
 // One that accepts connections and never answers is the worst.
@@ -399,8 +404,133 @@ TEST_F(Daemon, SealsMarksAndPatientToWhomTheyAreFor) {
               HasSubstr("\"7\""));
 }
 
+// The file of a name that no room records was never looked at, and nobody heard that it sealed nothing.
+TEST_F(Daemon, TellsOfRecipientsThatNoRoomUses) {
+  const std::string good = without_recipients(read_text(home() / "kiroku.toml"));
+  const auto with = [&](const std::string& name) {
+    write_text(home() / "kiroku.toml", "[recipients]\n" + name + " = \"few.txt\"\n" + good);
+    return run_process(kirokud({"--check"}));
+  };
+  for (const char* const name : {"fluoroscopy", "training", "vitals"}) {
+    const ProcessResult without_file = with(name);
+    EXPECT_EQ(without_file.status, 2) << name;
+    EXPECT_THAT(without_file.err, HasSubstr("few.txt")) << name;
+    EXPECT_NE(run_process(kirokud()).status, 0) << name;
+  }
+  EXPECT_THAT(kiroku({"doctor"}).out, testing::ContainsRegex("BAD +recipients: .*few.txt"));
+  std::filesystem::copy_file(home() / "recipients.txt", home() / "few.txt");
+  EXPECT_EQ(with("training").err, "");
+  const ProcessResult told = with("fluoroscopy");
+  const std::string sentence = "[recipients] names the stream 'fluoroscopy', which no [[room]] records";
+  EXPECT_EQ(told.status, 0);
+  EXPECT_THAT(told.err, testing::AllOf(HasSubstr("warning: "), HasSubstr(sentence)));
+  EXPECT_THAT(kiroku({"doctor"}).out, HasSubstr("recipients: " + sentence));
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for(sentence));
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_THAT(kiroku_json({"status", "--json"})["problems"].dump(), HasSubstr(sentence));
+}
+
+// Its disk is not mounted, and a new log begins below the mount point.
+TEST_F(Daemon, AnotherLogInTheArchivesPlaceIsToldAndNothingIsErasedByIt) {
+  std::string held;
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    held = kiroku_json({"case", "start", "--json"})["case"];
+    EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+    EXPECT_EQ(kiroku_json({"status", "--json"})["problems"].size(), 0U);
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+  EXPECT_EQ(kiroku({"hold", held, "--reason", "court order"}).status, 0);
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+  const auto by_doctor = [this] {
+    const nlohmann::json examined = nlohmann::json::parse(kiroku({"doctor", "--json"}).out);
+    for (const nlohmann::json& check : examined["checks"]) {
+      if (check["subject"] == "appliance log") return check["health"].get<std::string>();
+    }
+    return "no such check: " + examined.dump();
+  };
+  EXPECT_EQ(by_doctor(), "good");
+  constexpr const char* kAnother = "is not the one that this home wrote last";
+  const std::string kept = read_text(home() / "newest-log.note");
+
+  std::filesystem::rename(home() / "archive", folder() / "away");
+  std::filesystem::create_directory(home() / "archive");
+  const ProcessResult checked = run_process(kirokud({"--check"}));
+  EXPECT_EQ(checked.status, 0) << "it would record";
+  EXPECT_THAT(checked.err, HasSubstr(kAnother));
+  EXPECT_EQ(by_doctor(), "bad");
+  std::string theirs;
+  {
+    Process daemon(kirokud());
+    ASSERT_TRUE(daemon.wait_for(kAnother)) << daemon.out();
+    ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+    EXPECT_THAT(kiroku({"status"}).out, HasSubstr(kAnother));
+    EXPECT_EQ(kiroku_json({"status", "--json"})["problems"].size(), 1U);
+    theirs = kiroku_json({"case", "start", "--json"})["case"];
+    EXPECT_TRUE(
+        until([](const nlohmann::json& room) { return room["streams"][0]["segments"].get<int>() > 0; }));
+    EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
+    daemon.signal(SIGTERM);
+    EXPECT_EQ(daemon.wait().status, 0);
+  }
+  EXPECT_EQ(read_text(home() / "newest-log.note"), kept) << "the other log is the one to compare with";
+  EXPECT_EQ(kiroku_json({"verify", "--json", (home() / "archive" / theirs).string()})["verdict"], "intact");
+  EXPECT_NE(kiroku({"log", "--verify"}).status, 0);
+  EXPECT_REFUSED(kiroku({"erase", theirs, "--stream", "endoscope", "--policy", "p", "--only-copy"}),
+                 kAnother);
+  EXPECT_REFUSED(kiroku({"hold", "--list"}), kAnother);
+  EXPECT_TRUE(std::filesystem::exists(home() / "archive" / theirs / "segments/endoscope"));
+
+  // The disk is back; an older copy of it is another log, too, though it has the same beginning.
+  std::filesystem::rename(home() / "archive", folder() / "below");
+  std::filesystem::rename(folder() / "away", home() / "archive");
+  EXPECT_EQ(by_doctor(), "good");
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+  EXPECT_THAT(kiroku({"hold", "--list"}).out, HasSubstr("court order"));
+  std::filesystem::copy(home() / "archive", folder() / "copy", std::filesystem::copy_options::recursive);
+  EXPECT_EQ(kiroku({"release", held, "--reason", "it is over"}).status, 0);
+  std::filesystem::rename(home() / "archive", folder() / "away");
+  std::filesystem::rename(folder() / "copy", home() / "archive");
+  EXPECT_EQ(by_doctor(), "bad");
+  EXPECT_REFUSED(kiroku({"release", held, "--reason", "it is over"}), kAnother);
+  // Where the newer one is lost for good, somebody says so.
+  std::filesystem::remove(home() / "newest-log.note");
+  EXPECT_EQ(by_doctor(), "good");
+  EXPECT_EQ(kiroku({"release", held, "--reason", "it is over"}).status, 0);
+  EXPECT_TRUE(std::filesystem::exists(home() / "newest-log.note"));
+}
+
+TEST_F(Daemon, AnArchiveThatGoesWhileItRecordsIsTold) {
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_EQ(kiroku({"case", "start"}).status, 0);
+  std::filesystem::rename(home() / "archive", folder() / "away");
+  ASSERT_TRUE(eventually([&] { return kiroku_json({"status", "--json"})["disk"].is_null(); }));
+  EXPECT_THAT(kiroku({"status"}).out, HasSubstr("cannot be looked at: No such file"));
+  EXPECT_TRUE(daemon.wait_for("cannot be looked at: No such file"));
+  EXPECT_TRUE(until([](const nlohmann::json& room) { return room["ended_by_error"].get<bool>(); }));
+}
+
 TEST_F(Daemon, ChecksItsConfiguration) {
   EXPECT_EQ(run_process(kirokud({"--check"})).status, 0);
+  const std::string good = read_text(home() / "kiroku.toml");
+  write_text(
+      home() / "kiroku.toml",
+      good + "[viewer]\nlisten = \"127.0.0.1:0\"\ncertificate = \"none.pem\"\n" + "key = \"none.key\"\n");
+  const ProcessResult without_page = run_process(kirokud({"--check"}));
+  EXPECT_EQ(without_page.status, 0);
+  EXPECT_THAT(without_page.err, HasSubstr("warning: "));
+  EXPECT_THAT(without_page.err, HasSubstr("recording would go on without the viewer: "));
+  std::string elsewhere = good;
+  elsewhere.replace(elsewhere.find(path("s")), path("s").size(), path("absent/s"));
+  write_text(home() / "kiroku.toml", elsewhere);
+  const ProcessResult nowhere = run_process(kirokud({"--check"}));
+  EXPECT_EQ(nowhere.status, 2);
+  EXPECT_THAT(nowhere.err, HasSubstr("there is no folder " + path("absent")));
+  write_text(home() / "kiroku.toml", good);
   write_text(path("bad.toml"),
              "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\nsorce = \"x\"\n");
   const ProcessResult bad = run_process(kirokud({"--check", "--config", path("bad.toml")}));

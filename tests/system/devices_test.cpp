@@ -104,7 +104,7 @@ TEST_F(Devices, HearMonitorsAndAcknowledgeNothing) {
   ASSERT_TRUE(listening.wait_for("waiting for monitors at " + address));
   MllpClient monitor("127.0.0.1", port);
   monitor.send_message(
-      "MSH|^~\\&|MON|OR1|||20260101120000+0000||ORU^R01|1|P|2.6\rPID|1||4711||DOE^JANE\r"
+      "MSH|^~\\&|MON|OR1|||20260101120000+0000||ORU^R01|1|P|2.6\rPID|1||4711||DOE^JANE\rPV1|1|I|SURG^OR1\r"
       "OBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC||72\r");
   ASSERT_TRUE(listening.wait_for("heard 127.0.0.1, MON/OR1"));
   listening.signal(SIGINT);
@@ -116,6 +116,7 @@ TEST_F(Devices, HearMonitorsAndAcknowledgeNothing) {
   EXPECT_EQ(heard[0]["address"], "127.0.0.1");
   EXPECT_EQ(heard[0]["types"], nlohmann::json::array({"ORU^R01"}));
   EXPECT_EQ(heard[0]["quantities"], nlohmann::json::array({"MDC_ECG_HEART_RATE"}));
+  EXPECT_EQ(heard[0]["places"], nlohmann::json::array({"SURG^OR1"}));
   EXPECT_THAT(ended.out + ended.err, Not(HasSubstr("DOE")));
   EXPECT_EQ(heard[0]["source"], address + "?allow=127.0.0.1&sender=MON/OR1");
 }

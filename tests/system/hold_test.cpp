@@ -73,6 +73,27 @@ TEST_F(LegalHold, OfALogThatWasRemovedNobodyCanTell) {
   EXPECT_THAT(listed.out, testing::Not(HasSubstr("No case is under legal hold")));
 }
 
+// The next entry's checkpoint is over the changed line, too.
+TEST_F(LegalHold, OfALogThatWasChangedAndSignedOnNobodyCanTell) {
+  EXPECT_EQ(kiroku({"hold", name(), "--reason", "court"}).status, 0);
+  std::string lines = read_text(log() / "ledger.jsonl");
+  char& digit = lines[lines.rfind(name()) + name().size() - 1];
+  digit = digit == '0' ? '1' : '0';
+  write_text(log() / "ledger.jsonl", lines);
+  const ProcessResult exported = kiroku({"export", name(), "--stream", "endoscope", "-o", path("film.mkv")});
+  EXPECT_EQ(exported.status, 0) << exported.err;
+  EXPECT_THAT(exported.err, HasSubstr("it was changed on the disk"));
+  const std::size_t before = segments();
+  for (const Arguments& asked :
+       {Arguments{"hold", "--list"},
+        Arguments{"erase", name(), "--stream", "endoscope", "--policy", "p", "--only-copy"}}) {
+    const ProcessResult told = kiroku(asked);
+    EXPECT_EQ(told.status, 2) << told.out;
+    EXPECT_THAT(told.err, HasSubstr("says in its entry "));
+  }
+  EXPECT_EQ(segments(), before);
+}
+
 // Rewritten without the hold and without a signature, it says as little.
 TEST_F(LegalHold, OfALogWithoutCheckpointsNobodyCanTell) {
   const std::string before = read_text(log() / "ledger.jsonl");

@@ -30,6 +30,8 @@ TEST_F(NetworkTrust, ACheckAsksWhoMaySendVitalSigns) {
   EXPECT_EQ(check("mllp://0.0.0.0:2575?allow=192.168.7.0/24").status, 0);
   EXPECT_EQ(check("mllp://0.0.0.0:2575?allow=any").status, 0);
   EXPECT_EQ(check("mllp://127.0.0.1:2575").status, 0);
+  EXPECT_EQ(check("mllp://127.0.0.1:2575?locations=SURG^OR1,OR1").status, 0);
+  EXPECT_EQ(check("mllp://127.0.0.1:2575?locations=").status, 2);
   EXPECT_EQ(check("mllp://127.0.0.1:2575?allow=192.168.7.1/24").status, 2);
 }
 

@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/writing/appliance_log.h"
 #include "base/attempt_guard.h"
@@ -75,6 +76,14 @@ void add_subject(json& question, const json& asked, const Request& request) {
   }
 }
 
+/// The case that the page shows, as a body may name it: where another one runs by now, the room does nothing.
+void add_meant_case(json& question, const json& asked) {
+  if (!asked.contains("case")) return;
+  question["case"] = take_text(asked, "case");
+  if (!archive::is_case_id(question["case"].get_ref<const std::string&>()))
+    throw Refusal(400, "'case' must be the name of a case");
+}
+
 /// Seals that the appliance log knows by signed entries, in hexadecimal, and since when.
 std::map<std::string, UtcTime> sealed_here(const ViewerContext& context) {
   std::map<std::string, UtcTime> seals;
@@ -110,8 +119,8 @@ class RoomAskings {
  public:
   explicit RoomAskings(ViewerContext& context) : context_(context) {}
 
-  /// Enters `what` and asks. What the recorder's state forbids is refused without an entry, and who was
-  /// refused often waits.
+  /// Enters `what` of the case that the question names, else of `case_id`, and asks. What the recorder's
+  /// state forbids is refused without an entry, and who was refused often waits.
   Response enter_and_ask(const Request& request, const std::string& case_id, const std::string& what,
                          const json& question) {
     const std::string& user = request.session->user();
@@ -127,7 +136,7 @@ class RoomAskings {
       // Nobody is kept from starting and ending a recording, which takes its time by itself.
       const std::string& deed = question.at("do").get_ref<const std::string&>();
       if (deed != "start" && deed != "stop") context_.require_pace(request.session->person());
-      context_.note_access(case_id, what, who(request));
+      context_.note_access(question.value("case", case_id), what, who(request));
       return ask(context_, question);
     } catch (const Refusal& refusal) {
       if (refusal.status() == 409) refused_.failed(user, now);
@@ -146,12 +155,31 @@ class RoomAskings {
       const bool is_free = state == "idle" || state == "standby";
       const bool starts = question.at("do") == "start";
       if (starts && !is_free) throw Refusal(409, "room " + name + " is recording already");
+      if (question.contains("case")) require_meant(question, room);
       // Stopping ends an operation between its cases, too.
       const bool ends_operation = question.at("do") == "stop" && room.value("tries_again", false);
       if (!starts && is_free && !ends_operation) throw Refusal(409, "room " + name + " is not recording");
       return;
     }
     throw Refusal(409, "there is no room named '" + name + "'");
+  }
+
+  /// Throws where the room has gone on to another case than the one that the question names, or to none. The
+  /// room itself decides, in the same words; what it would refuse is no entry of the log.
+  static void require_meant(const json& question, const ordered_json& room) {
+    const std::string& name = question.at("room").get_ref<const std::string&>();
+    const std::string& meant = question.at("case").get_ref<const std::string&>();
+    const std::string& state = room.at("state").get_ref<const std::string&>();
+    const std::string now = room.value("case", "");
+    const bool stops = question.at("do") == "stop";
+    const bool has_case = state == "recording" || state == "closing";
+    const bool can = state == "recording" || (stops && (has_case || room.value("tries_again", false)));
+    if (now == meant && can) return;
+    if (has_case && now != meant) {
+      throw Refusal(409, "room " + name + " is recording case " + now + ", and not case " + meant +
+                             ": nothing was done");
+    }
+    throw Refusal(409, "room " + name + " is not recording case " + meant + ": nothing was done");
   }
 
   ViewerContext& context_;
@@ -167,6 +195,8 @@ Response start(ViewerContext& context, RoomAskings& askings, const Request& requ
   json question{{"do", "start"}, {"room", room}};
   if (!request.body.empty()) {
     const json asked = request.json();
+    if (asked.contains("case"))
+      throw Refusal(400, "'case' names one that runs, and a start begins another: leave it out");
     add_subject(question, asked, request);
     if (asked.contains("plan")) {
       const std::string plan = take_text(asked, "plan");
@@ -184,7 +214,9 @@ Response start(ViewerContext& context, RoomAskings& askings, const Request& requ
 Response add_late_subject(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const std::string& room = request.parameter("room");
   json question{{"do", "subject"}, {"room", room}};
-  add_subject(question, request.json(), request);
+  const json asked = request.json();
+  add_subject(question, asked, request);
+  add_meant_case(question, asked);
   if (!question.contains("subject") && !question.contains("procedure"))
     throw Refusal(400, "give a 'subject' or a 'procedure'");
   return askings.enter_and_ask(request, context.case_of(room), "gave patient and procedure of " + room,
@@ -228,8 +260,10 @@ Response procedures(ViewerContext& context, const Request& request) {
 
 Response stop(ViewerContext& context, RoomAskings& askings, const Request& request) {
   const std::string& room = request.parameter("room");
+  json question{{"do", "stop"}, {"room", room}, {"wait", false}};
+  if (!request.body.empty()) add_meant_case(question, request.json());
   return askings.enter_and_ask(request, context.case_of(room), "asked to stop recording in " + room,
-                               {{"do", "stop"}, {"room", room}, {"wait", false}});
+                               question);
 }
 
 /// The mark's words stay in the case, where they are sealed.
@@ -241,8 +275,9 @@ Response mark(ViewerContext& context, RoomAskings& askings, const Request& reque
     throw Refusal(400, "'text' must be a text of 1 to " + std::to_string(kLongestMark) + " bytes");
   }
   const std::string& room = request.parameter("room");
-  return askings.enter_and_ask(request, context.case_of(room), "marked a moment in " + room,
-                               {{"do", "mark"}, {"room", room}, {"text", *text}});
+  json question{{"do", "mark"}, {"room", room}, {"text", *text}};
+  add_meant_case(question, asked);
+  return askings.enter_and_ask(request, context.case_of(room), "marked a moment in " + room, question);
 }
 
 /// In which form pictures are archived from here on. Why stays in the case, where it is sealed.
@@ -251,6 +286,7 @@ Response change_profile(ViewerContext& context, RoomAskings& askings, const Requ
   const std::string& room = request.parameter("room");
   json question{{"do", "profile"}, {"room", room}, {"by", request.session->user()}};
   question["profile"] = take_text(asked, "profile");
+  add_meant_case(question, asked);
   for (const char* further : {"stream", "why"}) {
     if (!asked.contains(further)) continue;
     question[further] = take_text(asked, further);

@@ -47,7 +47,9 @@ ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell
       users_(UserStore::open(home_.users_file, home_.password_hasher)),
       devices_(KnownDevices::open(home_.users_file.parent_path() / "devices.sqlite")),
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
-                                       home_.device.name())) {}
+                                       home_.device.name())) {
+  if (const std::string damage = log_->damage(); !damage.empty()) tell(damage);
+}
 
 playback::CasePlace ViewerContext::case_place(const Request& request) const {
   const std::string& id = request.parameter("case");

@@ -199,6 +199,12 @@ class CertificateMaker {
         return "That an outside clock confirms when recording began. By the case clock it began " +
                case_time(found_.age_at_first_stamp_ns.value_or(0), false) +
                " before the first time stamp; that it began no earlier, the recorder alone says.";
+      case TimeRemark::kEnteredLate:
+        return "That an outside clock confirms when all of it was recorded. By the case clock some of it "
+               "ended " +
+               case_time(found_.entered_late_ns.value_or(0), false) +
+               " before the time stamp behind which it is entered; that it is no older, the recorder alone "
+               "says.";
       case TimeRemark::kEndStampedLate:
         return "That recording ended when the record says: the time stamp over its end came later than that "
                "explains.";

@@ -226,7 +226,7 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
     Severity worst = Severity::kNote;
     std::size_t notes = 0;
     for (const archive::Finding& finding : verification.findings) {
-      if (check_of(finding.code).value_or(Check::kLedger) != check) continue;
+      if (check_of(finding).value_or(Check::kLedger) != check) continue;
       worst = std::max(worst, finding.severity);
       notes += finding.severity == Severity::kNote ? 1 : 0;
     }
@@ -250,6 +250,10 @@ std::vector<CheckAnswer> answer_checks(const archive::VerificationReport& verifi
 std::optional<Check> check_of(std::string_view code) {
   const FindingText* text = find_text(code);
   return text == nullptr ? std::nullopt : std::optional(text->check);
+}
+
+std::optional<Check> check_of(const archive::Finding& finding) {
+  return finding.file.starts_with("log/") ? Check::kLog : check_of(std::string_view(finding.code));
 }
 
 std::string meaning_of(Language language, std::string_view code) {

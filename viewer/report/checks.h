@@ -65,6 +65,9 @@ bool nothing_recorded(const archive::VerificationReport& verification);
 
 /// Which question a finding of this code belongs to; nothing for a code that is none.
 std::optional<Check> check_of(std::string_view code);
+/// The same of a finding: what is found of the log that lies beside a case says nothing of the case's own
+/// files.
+std::optional<Check> check_of(const archive::Finding& finding);
 /// What the code means, as a sentence; the code itself where it is none of the format's.
 std::string meaning_of(Language language, std::string_view code);
 std::string severity_words(Language language, archive::Severity severity);

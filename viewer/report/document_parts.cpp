@@ -102,6 +102,9 @@ std::string remark_sentence(const ReportInput& input, archive::TimeRemark remark
     case TimeRemark::kFirstStampedLate:
       return say(input.language, "time.remark.first-late",
                  {case_time(input.verification.age_at_first_stamp_ns.value_or(0), false)});
+    case TimeRemark::kEnteredLate:
+      return say(input.language, "time.remark.entered-late",
+                 {case_time(input.verification.entered_late_ns.value_or(0), false)});
     case TimeRemark::kEndStampedLate:
       return say(input.language, "time.remark.end-late");
     case TimeRemark::kClockDiffers:
@@ -119,9 +122,10 @@ std::string proof_sentence(const ReportInput& input, Brackets brackets) {
       return std::ranges::find(input.verification.findings, code, &archive::Finding::code) !=
              input.verification.findings.end();
     };
-    return found(kAlgorithmEnded)    ? say(input.language, "time.ended")
-           : found("ledger-changed") ? say(input.language, "time.other-entries")
-                                     : say(input.language, "time.none");
+    if (found(kAlgorithmEnded)) return say(input.language, "time.ended");
+    return found("ledger-changed") || found("excerpt-no-later-token")
+               ? say(input.language, "time.other-entries")
+               : say(input.language, "time.none");
   }
   if (input.verification.time == TimeProof::kSelfIssued) return say(input.language, "time.self-issued");
   if (input.verification.time == TimeProof::kExternalInPart) {

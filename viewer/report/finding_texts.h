@@ -27,6 +27,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "る。"},
     {"erased-before-close", Check::kFiles,
      "終了項目の前に、区間が消去されたという項目がある。記録装置はこのような項目を書かない。"},
+    {"format-newer", Check::kLedger,
+     "この症例または抜粋は、このプログラムの知る版より新しい形式のものである。何も確かめていない。"},
     {"open-missing", Check::kLedger, "最初の項目が開始項目でない。"},
     {"open-repeated", Check::kLedger, "開始項目が後で再び現れる。"},
     {"device-invalid", Check::kLedger, "開始項目の装置の鍵が検証鍵として成り立たない。"},
@@ -154,9 +156,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "を超えて症例時計と食い違い、別の外部認証"
      "局でも同じ期間に同じ向きに食い違う。"},
     {"authority-clock-differs", Check::kTime,
-     "一つの外部認証局だけで、タイムスタンプ間の時間が症例時計と食い違う。認証局の時計が合わせられたか、症例"
-     "時計が"
-     "偽りである。"},
+     "一つの外部認証局だけで、または時計合わせや時計の速度変更で説明しうる形で複数の認証局で、タイムスタンプ"
+     "間の"
+     "時間が症例時計と食い違う。時計が合わせられたか、症例時計が偽りである。"},
     {"end-stamped-late", Check::kTime,
      "終了に対する最初のタイムスタンプが、台帳の記載にかかわらず、終了時の症例時計で説明できるより 2 "
      "秒を超えて"
@@ -166,9 +168,13 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "いつ、どれだけの時間記録されたかは記録装置の言による。"},
     {"first-stamped-late", Check::kTime,
      "外部の認証局の最初のタイムスタンプが記入されたのは、症例時計で記録の始まりから 2 "
-     "分を超えた後である。それ以前の記録がより古いものでないことは、記録装置の言による。"},
+     "分を超えた後である。その記録がより古いものでないことは、記録装置の言による。"},
+    {"segments-entered-late", Check::kTime,
+     "到着時に記録されるストリームの区間が、その終わりから症例時計で 2 分を超えて後に記入された外部の認証局の"
+     "タイムスタンプより後に記入されている。より古いものでないことは、記録装置の言による。"},
     {"authority-clock-set", Check::kTime,
-     "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致する。"},
+     "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致し、前者とは一致しな"
+     "い。"},
     {"clock-disagreement", Check::kTime,
      "内蔵または未信頼の認証局のタイムスタンプ間の時間が症例時計と食い違い、記載された時計合わせでは説明でき"
      "ない。"},
@@ -233,6 +239,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "封印されたファイルに穴（ディスク上に実体のない部分）があり、読まなかった。記録装置はこれを残さない。"},
     {"file-hash-differs", Check::kFiles, "ファイルのハッシュ値が台帳の記載と異なる。"},
     {"file-unnamed", Check::kFiles, "どこにも記載のないファイルまたはフォルダーがある。"},
+    {"file-of-a-system", Check::kFiles,
+     "オペレーティングシステムが自ら残すファイルがある（名前による）。誰も記録していない。"},
     {"file-not-regular", Check::kFiles, "シンボリックリンク、特殊ファイル、または同じファイルの別名がある。"},
     {"name-clash", Check::kFiles, "大文字・小文字だけが異なる二つの名前がある。"},
     {"file-unreadable", Check::kFiles, "この利用者またはこのディスクでは読めないファイルがある。"},
@@ -240,6 +248,14 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"token-not-entered", Check::kFiles, "項目がまだ書かれていないタイムスタンプがある。"},
     {"segment-not-entered", Check::kFiles, "項目がまだ書かれていない、または書き込みに失敗した区間がある。"},
     {"log-case-unknown", Check::kLog, "装置ログにこの症例の開始がない。"},
+    {"log-silent", Check::kLog,
+     "装置ログには、この症例について確かめられる記載がない。症例の開始より前の写しか、末尾が削られたか、"
+     "署名がないか、行が壊れている。"},
+    {"log-not-sound", Check::kLog,
+     "装置ログ自体の行が署名されたものと異なるか、欠けている。壊れた行が症例について述べていたかは、"
+     "確かめていない。"},
+    {"log-not-tidy", Check::kLog,
+     "装置ログのフォルダーに、記載のない名前や成立しないチェックポイントがある。隠された行はない。"},
     {"log-case-not-entered", Check::kLog,
      "装置ログに症例の開始がないが、署名のない最初の項目だけがある。開始の途中であった。"},
     {"log-opening-differs", Check::kLog, "装置ログの知る最初の項目が異なる。"},
@@ -257,6 +273,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"log-tail-unsigned", Check::kLog,
      "装置ログ、またはその最新の複数の項目を覆うチェックポイントがない。誰も署名していない。"},
     {"log-tail-not-covered", Check::kLog, "装置ログの最新の項目を覆うチェックポイントがない。"},
+    {"log-damage-stated", Check::kLog, "装置ログ自身が、署名後にその行が変更されたと記している。"},
     {"log-case-open", Check::kLog, "装置ログに症例の終了がない。"},
     {"log-case-erased", Check::kLog,
      "装置ログによれば症例全体は消去されたが、ここに存在する。残された写しか、行われなかった消去である。"},
@@ -275,7 +292,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"consent-not-entered", Check::kLog,
      "どの項目にも記されていない、封印された同意の記載または書面がある。"},
     {"log-of-another-device", Check::kLog,
-     "装置ログは、症例の開始を記した時点で別の装置のものであった。署名した装置自身のログは確かめていない。"},
+     "装置ログが別の装置のものである、または症例の開始を記した時点でそうであった。"
+     "署名した装置自身のログは確かめていない。"},
     {"log-algorithm-ended", Check::kLog,
      "与えられた方針では、装置ログが拠るアルゴリズムがもう有効でない。装置ログとの一致は何も証明しない。"},
     {"log-doubted", Check::kLog,
@@ -311,6 +329,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "この症例と、引き継いだ、または引き継がれた症例とが、互いに合わない。"},
     {"carried-on-not-here", Check::kLedger,
      "引き継いだ、または引き継がれた症例が並んで置かれていない。照合されていない。"},
+    {"carried-on-not-compared", Check::kLedger,
+     "引き継いだ、または引き継がれた症例の場所に、別のものか、一部か、装置の署名のないものがある。"
+     "照合されていない。"},
     {"carrying-on-holds", Check::kLedger, "引き継いだ、または引き継がれた症例と、互いに名指しし合っている。"},
     {"excerpt-malformed", Check::kLedger, "excerpt.json が形式に合わないか、添えられた行と合わない。"},
     {"excerpt-empty", Check::kFiles, "抜粋の示す時間に、選ばれた系統の区間が一つもない。何の抜粋でもない。"},

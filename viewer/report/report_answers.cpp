@@ -56,7 +56,7 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   std::size_t all = 0;
   for (const Finding& finding : found_.findings) {
     const bool ended = answered.answer == Answer::kUnknown && finding.code == kAlgorithmEnded;
-    if (check_of(finding.code) != answered.check && !ended) continue;
+    if (check_of(finding) != answered.check && !ended) continue;
     ++all;
     if (gravest == nullptr || finding.severity > gravest->severity) gravest = &finding;
   }
@@ -114,7 +114,7 @@ std::string ReportMaker::unbroken_words() const {
 
 bool ReportMaker::has_gaps() const {
   return std::ranges::any_of(found_.findings, [](const Finding& finding) {
-    return finding.severity == archive::Severity::kGap && check_of(finding.code) == Check::kStreams;
+    return finding.severity == archive::Severity::kGap && check_of(finding) == Check::kStreams;
   });
 }
 

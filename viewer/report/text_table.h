@@ -77,6 +77,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "症例時計によれば、記録は最初のタイムスタンプの {0} "
      "前に始まりました。それ以前でないことは記録装置のみに依拠し"
      "ます。"},
+    {"time.remark.entered-late",
+     "By the case clock some of it ended {0} before the time stamp behind which it is entered: that it is no "
+     "older rests on the recorder's word.",
+     "症例時計によれば、タイムスタンプの後に記入された記録の一部は、その {0} "
+     "前に終わっています。より古くないことは記録装置のみに依拠します。"},
     {"time.remark.end-late",
      "That recording ended when it says rests on the recorder's word: the time stamp over its end is later.",
      "終了に対するタイムスタンプは終了時刻より遅く、そこで終わったことは記録装置のみに依拠します。"},

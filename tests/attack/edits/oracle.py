@@ -149,12 +149,21 @@ def _recorded_size(edited):
     return max(whole.notes)
 
 
+def _end_of(entries):
+    return next((i for i, e in enumerate(entries) if e["type"] == "close"), len(entries))
+
+
+def _erased_behind_the_end(entries):
+    """Whether an entry behind `close` says that a segment was erased, of the segment's entry."""
+    erased = [(e["stream"], e["first_index"], e["last_index"]) for e in entries[_end_of(entries):] if e["type"] == "erased"]
+    return lambda segment: any(s == segment["stream"] and first <= segment["index"] <= last for s, first, last in erased)
+
+
 def _of_its_files(edited, entries, said):
-    close = next((i for i, e in enumerate(entries) if e["type"] == "close"), len(entries))
-    erased = [(e["stream"], e["first_index"], e["last_index"]) for e in entries[close:] if e["type"] == "erased"]
+    is_erased = _erased_behind_the_end(entries)
     for entry in entries:
         if entry["type"] == "segment":
-            gone = any(s == entry["stream"] and first <= entry["index"] <= last for s, first, last in erased)
+            gone = is_erased(entry)
             if gone and said.verdict == "intact":
                 yield f"intact, where {entry['file']} is stated as erased"
             if not gone and not _holds(edited.tree, entry):
@@ -167,7 +176,7 @@ def _of_its_files(edited, entries, said):
     if subject and not _holds(edited.tree, subject):
         yield f"{said.verdict}, without the subject of the case"
     notes = [int(path[12:-5]) for path in edited.tree.files() if re.fullmatch(r"checkpoints/[0-9]{8}\.note", path)]
-    if max(notes, default=0) <= close:
+    if max(notes, default=0) <= _end_of(entries):
         yield f"{said.verdict}, where nothing signed covers the end"
 
 
@@ -347,8 +356,9 @@ def _of_evidence(edited, said):
     if lines is None or lines[:count] != edited.recorded[:count]:
         yield f"the record holds, of other lines than its {count}"
     elif said.verdict in INTACT:
+        is_erased = _erased_behind_the_end(_parsed(lines) or [])  # what was erased since takes nothing from what is left
         for entry in _parsed(lines[:count]):
-            if entry["type"] == "segment" and not _holds(edited.tree, entry):
+            if entry["type"] == "segment" and not is_erased(entry) and not _holds(edited.tree, entry):
                 yield f"the record holds and the case is {said.verdict}, without {entry['file']}"
 
 

@@ -56,6 +56,8 @@ TIME_REMARKS = {
     "stamped-after-close": ("when it was recorded, and for how long, rests", "When it was recorded, and for how long, rests", "いつ、どれだけの時間記録されたかは、記録装置のみに",
                             "That an outside clock confirms any of the times above: the time stamps"),
     "first-stamped-late": ("by the case clock it began", "By the case clock recording began", "症例時計によれば、記録は最初の", "That an outside clock confirms when recording began"),
+    "segments-entered-late": ("by the case clock some of it ended", "By the case clock some of it ended", "タイムスタンプの後に記入された記録の一部は",
+                              "That an outside clock confirms when all of it was recorded"),
     "end-stamped-late": ("that it ended when it says rests", "That recording ended when it says rests", "そこで終わったことは記録装置のみに",
                          "That recording ended when the record says"),
     "clock-differs": ("the recorder's clock was wrong", "By the time stamps the recorder's clock was wrong", "タイムスタンプによれば記録装置の時計は",
@@ -65,11 +67,12 @@ TIME_REMARKS = {
 }
 # Folders of which each reader must say what its time is not worth, and those whose sentence says no such thing.
 BY_TIME = {"sound", "stamped_after_the_end_alone", "wall_clock_wrong", "ended_a_year_later", "end_stamped_later", "film_of_before_the_first_token",
+           "old_film_behind_the_first_token", "old_film_in_the_midst",
            "excerpt_of_a_case_that_was_stamped_after_its_end_alone", "excerpt_of_film_of_before_the_first_token"}
 # A shell takes a second and more for each.
 REMARKS_OF_SCRIPTS = {"stamped-after-close": "when it was recorded, and for how long, rests", "first-stamped-late": "that it began no earlier rests",
-                      "end-stamped-late": "that recording ended there rests"}
-BY_SCRIPTS = {"stamped_after_the_end_alone", "film_of_before_the_first_token", "excerpt_of_a_case_that_was_stamped_after_its_end_alone",
+                      "end-stamped-late": "that recording ended there rests", "segments-entered-late": "that it is no older rests"}
+BY_SCRIPTS = {"old_film_behind_the_first_token", "excerpt_of_old_film_in_the_midst", "stamped_after_the_end_alone", "film_of_before_the_first_token", "excerpt_of_a_case_that_was_stamped_after_its_end_alone",
               "excerpt_of_film_of_before_the_first_token", "sound", "sound_excerpt", "changed_line", "note_of_a_stranger", "other_device", "no_token", "being_recorded", "bit_flipped", "excerpt_without_its_segment"}
 
 

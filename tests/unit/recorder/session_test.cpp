@@ -212,6 +212,29 @@ TEST(Session, ClosesProperlyWhenStopped) {
   EXPECT_GE(frames(segments), 10U);
 }
 
+TEST(Session, TellsWhereVitalSignsOfSeveralBedsComeInOneStream) {
+  const RecorderBench bench;
+  std::ofstream file(bench / "gateway.hl7", std::ios::binary);
+  for (const auto& [id, place] : {std::pair("1", "SURG^OR1"), std::pair("2", "ICU^BED9")}) {
+    file << "MSH|^~\\&|GATEWAY||||2026010112000" << id << "+0000||ORU^R01|" << id << "|P|2.6\rPID|||4711"
+         << id << "\rPV1||I|" << place << "\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|72\r";
+  }
+  file.close();
+  const auto record = [&](const std::string& more) {
+    SessionOptions options = bench.options();
+    options.vitals = {bench.stream("vitals", (bench / "gateway.hl7").string() + "?speed=max" + more)};
+    Session session(std::move(options));
+    return session.run({});
+  };
+  const SessionResult mixed = record("");
+  EXPECT_THAT(mixed.last.last_problem, HasSubstr("'vitals': vital signs of several "));
+  EXPECT_THAT(mixed.last.last_problem, Not(HasSubstr("4711")));
+  EXPECT_EQ(mixed.last.streams.at(0).elsewhere, 0U);
+  const SessionResult alone = record("&locations=OR1");
+  EXPECT_EQ(alone.last.last_problem, "");
+  EXPECT_EQ(alone.last.streams.at(0).elsewhere, 1U);
+}
+
 TEST(Session, StampsAtOpenEachIntervalAndAfterClose) {
   const RecorderBench bench;
   SessionOptions options = bench.options();

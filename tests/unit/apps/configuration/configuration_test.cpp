@@ -246,6 +246,125 @@ TEST(Configuration, RecipientsAreOfWhatIsRecorded) {
   EXPECT_THAT(without_rooms("rom"), HasSubstr("k.toml:2:1: [recipients] names the stream 'rom'"));
 }
 
+// 'endoscope' beside a stream 'endoscope-1' left its film to everybody in recipients.txt.
+TEST(Configuration, RecipientsOfANameThatIsAlmostRecordedAreRefused) {
+  const auto with = [](const std::string& name, const std::string& stream,
+                       const std::string& kind = "video") {
+    return refusal("[recipients]\n" + name +
+                   " = \"few.txt\"\n[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"" + stream +
+                   "\"\nkind = \"" + kind +
+                   "\"\nsource = \"synthetic:" + (kind == "video" ? "pattern" : "patient") + "\"\n");
+  };
+  EXPECT_EQ(with("endoscope", "endoscope-1"),
+            "k.toml:2:1: [recipients] names the stream 'endoscope', which no [[room]] records, and room "
+            "'or-1' records 'endoscope-1', which everybody in recipients.txt could open: write the name of "
+            "what is recorded");
+  EXPECT_EQ(with("endoscope-1", "endoscope-1"), "accepted");
+  EXPECT_THAT(with("endoscope-1", "endoscope"), HasSubstr("which nothing here records"));
+  EXPECT_THAT(with("vitals", "vital", "vitals"), HasSubstr("records 'vital'"));
+  EXPECT_THAT(with("forces", "forces-1"), HasSubstr("records 'forces-1'"));
+  EXPECT_EQ(with("events", "events-1"), "accepted") << "marks and the patient are always there";
+  EXPECT_EQ(with("room", "endoscope-1"), "accepted");
+}
+
+TEST(Configuration, RecipientsOfWhatNoRoomRecordsAreTold) {
+  const auto doubts = [](const std::string& name, const std::string& rooms) {
+    return doubts_of(parse_configuration("[recipients]\n" + name + " = \"few.txt\"\n" + rooms, "k.toml"));
+  };
+  EXPECT_THAT(doubts("room", kRuleRoom),
+              testing::ElementsAre(HasSubstr("names the stream 'room', which no [[room]] records")));
+  for (const char* const name : {"endoscope", "vitals", "events", "training"})
+    EXPECT_THAT(doubts(name, kRuleRoom), testing::IsEmpty()) << name;
+  EXPECT_THAT(doubts("room", ""), testing::IsEmpty());
+}
+
+std::string room_of(const std::string& name, const std::string& keys, const std::string& source) {
+  return "[[room]]\nname = \"" + name + "\"\n" + keys + "[[room.stream]]\nname = \"endoscope\"\nsource = \"" +
+         source + "\"\n";
+}
+
+std::string two_rooms(const std::string& first, const std::string& second,
+                      const std::string& source = "synthetic:pattern") {
+  return room_of("or-1", first, source) + room_of("or-2", second, source);
+}
+
+// A patient of one room was sealed into the case of the other.
+TEST(Configuration, TwoRoomsHaveNoPlaceInCommon) {
+  const auto hl7 = [](const std::string& locations, int port = 2576, const std::string& options = "") {
+    return "[room.procedure.hl7]\nlisten = \"mllp://0.0.0.0:" + std::to_string(port) + options + "\"\n" +
+           (locations.empty() ? "" : "locations = [" + locations + "]\n");
+  };
+  EXPECT_EQ(refusal(two_rooms(hl7("\"OR1\""), hl7("\"OR2\""))), "accepted");
+  EXPECT_EQ(refusal(two_rooms(hl7("\"SURGERY^OR1\""), hl7("\"CARDIO^OR1\""))), "accepted");
+  EXPECT_THAT(refusal(two_rooms(hl7("\"OR1\", \"X\""), hl7("\"or1\""))),
+              HasSubstr("k.toml:9:1: rooms 'or-1' and 'or-2' have one of their 'locations' in common, 'OR1' "
+                        "and 'or1': a patient who is there would be sealed into the cases of both"));
+  EXPECT_THAT(refusal(two_rooms(hl7("\"SURGERY^OR1\""), hl7("\"OR1\""))), HasSubstr("in common"));
+  EXPECT_THAT(refusal(two_rooms(hl7("\"OR1\""), hl7("\"OR1\"", 2577))), HasSubstr("in common"));
+  EXPECT_EQ(refusal(two_rooms(hl7(""), hl7("", 2577))), "accepted") << "each has an address of its own";
+  EXPECT_THAT(refusal(two_rooms(hl7(""), hl7(""))), HasSubstr("room 'or-2' has no 'locations'"));
+  EXPECT_THAT(refusal(two_rooms(hl7("\"OR1\""), hl7(""))), HasSubstr("room 'or-2' has no 'locations'"));
+  EXPECT_THAT(refusal(two_rooms(hl7(""), hl7("\"OR2\""))), HasSubstr("room 'or-1' has no 'locations'"));
+}
+
+TEST(Configuration, TwoThatWaitAtOneAddressAreRefused) {
+  const auto hl7 = [](const std::string& address) {
+    return "[room.procedure.hl7]\nlisten = \"mllp://" + address + "\"\nlocations = [\"" + address + "\"]\n";
+  };
+  const auto vitals = [](const std::string& address) {
+    return "[[room.stream]]\nname = \"vitals\"\nkind = \"vitals\"\nsource = \"mllp://" + address + "\"\n";
+  };
+  EXPECT_THAT(refusal(two_rooms(hl7("0.0.0.0:2576?allow=10.0.0.1"), hl7("0.0.0.0:2576?allow=10.0.0.2"))),
+              HasSubstr("write the same 'listen' in both rooms"));
+  EXPECT_THAT(refusal(two_rooms(hl7("0.0.0.0:2576"), vitals("127.0.0.1:2576"))),
+              HasSubstr("[room.procedure.hl7] of room 'or-1' and the stream 'vitals' of room 'or-2' wait for "
+                        "messages at one port, 2576"));
+  EXPECT_THAT(refusal(two_rooms(vitals("0.0.0.0:2575"), vitals("0.0.0.0:2575?sender=B"))),
+              HasSubstr("give each a port of its own"));
+  EXPECT_THAT(refusal(room_of("or-1", hl7("0.0.0.0:2576") + vitals("0.0.0.0:2576"), "synthetic:pattern")),
+              HasSubstr("one port"));
+  EXPECT_EQ(refusal(two_rooms(vitals("127.0.0.1:2575"), vitals("127.0.0.2:2575"))), "accepted");
+}
+
+TEST(Configuration, TwoRoomsAskForStepsOfTheirOwn) {
+  const auto worklist = [](const std::string& keys) {
+    return "[room.procedure.worklist]\naddress = \"ris:104\"\n" + keys;
+  };
+  const std::string one = "station_ae = \"ENDO1\"\n", two = "station_ae = \"ENDO2\"\n";
+  EXPECT_EQ(refusal(two_rooms(worklist(one), worklist(two))), "accepted");
+  EXPECT_EQ(refusal(two_rooms(worklist("modality = \"ES\"\n"), worklist("modality = \"XA\"\n"))), "accepted");
+  for (const auto& [first, second] :
+       {std::pair{std::string(), std::string()}, {one, ""}, {"", one}, {one, one}}) {
+    EXPECT_THAT(refusal(two_rooms(worklist(first), worklist(second))),
+                HasSubstr("rooms 'or-1' and 'or-2' ask the worklist ANY-SCP for the same steps"));
+  }
+  // Some worklists list by who asks.
+  const Configuration by_who_asks = parse_configuration(
+      two_rooms(worklist("calling_ae = \"OR1\"\n"), worklist("calling_ae = \"OR2\"\n")), "k.toml");
+  EXPECT_THAT(doubts_of(by_who_asks), testing::ElementsAre(HasSubstr("lists by 'calling_ae'")));
+}
+
+TEST(Configuration, WhatRoomsShareIsRefusedOrTold) {
+  EXPECT_THAT(refusal(two_rooms("", "", "/dev/video0?size=640x480")),
+              HasSubstr("the device /dev/video0 is the source of or-1/endoscope and of or-2/endoscope"));
+  EXPECT_THAT(refusal(room_of("or-1", "[[room.stream]]\nname = \"room\"\nsource = \"/dev/video0\"\n",
+                              "v4l2:/dev/video0")),
+              HasSubstr("'also' archives pictures in a second form"));
+  const auto told = [](const std::string& toml) { return doubts_of(parse_configuration(toml, "k.toml")); };
+  EXPECT_THAT(
+      told(two_rooms("", "", "rtsp://user:secret@camera/1")),
+      testing::ElementsAre(testing::AllOf(HasSubstr("or-1/endoscope and or-2/endoscope have one source"),
+                                          testing::Not(HasSubstr("secret")))));
+  EXPECT_THAT(told(two_rooms("", "")), testing::IsEmpty()) << "each room has a synthetic one of its own";
+  const std::string pedal = "[[room.footswitch]]\ndevice = \"name:P\"\nkey = 183\npress = ";
+  EXPECT_THAT(told(two_rooms(pedal + "\"start\"\n", pedal + "\"start\"\n")),
+              testing::ElementsAre(HasSubstr("both act on key 183 of the footswitch name:P")));
+  EXPECT_THAT(refusal(two_rooms("", pedal + "\"start-stop\"\n" + pedal + "\"start\"\n")),
+              HasSubstr("room 'or-2' has two presses for key 183 of the footswitch name:P, \"start-stop\" "
+                        "and \"start\""));
+  EXPECT_EQ(refusal(two_rooms("", pedal + "\"start\"\n" + pedal + "\"mark\"\n")), "accepted");
+}
+
 TEST(Configuration, RetentionOfWhatNothingRecordsIsTold) {
   const auto idle = [](const std::string& rule, const std::string& rooms) {
     return idle_retention(parse_configuration(

@@ -43,7 +43,7 @@ TEST(ReportText, SaysWhichBracketsHaveOneLimitAlone) {
 TEST(ReportText, SaysBesideTheTimeWhatItIsNotWorth) {
   const auto with = [](std::string_view code) {
     archive::VerificationReport report = stamped_late();
-    report.age_at_first_stamp_ns = 200 * kSecond;
+    report.age_at_first_stamp_ns = report.entered_late_ns = 200 * kSecond;
     report.findings.push_back({std::string(code), archive::Severity::kNote, {}, {}, {}, "why"});
     return told(report);
   };
@@ -60,6 +60,13 @@ TEST(ReportText, SaysBesideTheTimeWhatItIsNotWorth) {
                      HasSubstr("             by the case clock it began 3:20 before the first outside "
                                "time-stamp: that it began no earlier rests on the recorder's word\n"),
                      Not(HasSubstr(proved))));
+  EXPECT_THAT(with("segments-entered-late"),
+              testing::AllOf(
+                  HasSubstr("how old some of it is, is not\n"),
+                  HasSubstr("             by the case clock some of it ended 3:20 before the outside "
+                            "time-stamp in front of its entry: that it is no older rests on the recorder's "
+                            "word\n"),
+                  Not(HasSubstr(proved))));
   EXPECT_THAT(with("end-stamped-late"),
               HasSubstr("             that it ended when it says rests on the recorder's word"));
   EXPECT_THAT(with("clock-differs"), HasSubstr("             the recorder's clock was wrong"));

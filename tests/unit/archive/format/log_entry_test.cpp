@@ -69,6 +69,10 @@ std::vector<Example> examples() {
       {AccessEntry{"a/folder", "export room", "Dr. Sato"},
        head_of("access") + R"(,"case":"a/folder","what":"export room","who":"Dr. Sato"})"},
       {LogRecoveredEntry{17}, head_of("recovered") + R"(,"truncated":17})"},
+      {LogDamageEntry{7, some_digest(), some_digest()},
+       head_of("damage-found") + ",\"size\":7,\"stated_root\":\"" + hex + "\",\"root\":\"" + hex + "\"}"},
+      {LogDamageEntry{7, some_digest(), {}},
+       head_of("damage-found") + ",\"size\":7,\"stated_root\":\"" + hex + "\"}"},
       {PreRollDiscardedEntry{3, 4'000'000'000},
        head_of("pre-roll-discarded") + R"(,"segments":3,"duration_ns":4000000000})"},
       {PreRollDiscardedEntry{3, {}}, head_of("pre-roll-discarded") + R"(,"segments":3})"},
@@ -152,7 +156,8 @@ TEST(LogEntry, RefusesRegistersThatAreNone) {
 
 TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
   for (const Example& example : examples()) {
-    // Cut each member out in turn; `final_token`, an erased stream and a lost duration may be absent.
+    // Cut each member out in turn; `final_token`, an erased stream, a lost duration and the root of
+    // what is not there may be absent.
     std::size_t start = 1;
     while (start < example.line.size() - 1) {
       const bool last = example.line.find(",\"", start) == std::string::npos;
@@ -168,7 +173,8 @@ TEST(LogEntry, RefusesALineFromWhichAnyMemberIsMissing) {
           example.line.compare(start, 13, "\"duration_ns\"") != 0 &&
           example.line.compare(start, 9, "\"purpose\"") != 0 &&
           example.line.compare(start, 10, "\"no_quote\"") != 0 &&
-          example.line.compare(start, 6, "\"form\"") != 0) {
+          example.line.compare(start, 6, "\"form\"") != 0 &&
+          !(example.line.find("damage-found") < start && example.line.compare(start, 6, "\"root\"") == 0)) {
         EXPECT_FALSE(parse_log_entry(cut).entry) << cut;
       }
       start = end + 1;

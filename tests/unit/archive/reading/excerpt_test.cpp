@@ -232,6 +232,56 @@ TEST_F(Excerpt, WithStatedGapsIsAnIntactExcerptThatSaysSo) {
   EXPECT_EQ(report.streams[0].gap_ns, 500'000'000);
 }
 
+// A silence is entered up to a minute after it was.
+TEST_F(Excerpt, WithoutItsSoundHasTheEntryThatSaysSoHoweverLateThatIs) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.stamp();
+  archive_.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive_.now());
+  sample.stamp();
+  sample.stamp();
+  archive_.now_ns = 6 * kSecond;
+  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive_.now());
+  sample.writer().append({GapEntry{"endoscope", {kSecond, 5 * kSecond}, GapCause::kSignalLost, true}},
+                         archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  ExcerptOptions options;
+  options.to_ns = 2 * kSecond;
+  options.streams = {"endoscope"};
+  make(options);
+  const VerificationReport report = verify();
+  EXPECT_THAT(summary(report), testing::HasSubstr("intact-excerpt\nsound-gap ")) << details(report);
+  EXPECT_TRUE(report.excerpt->with_gaps);
+}
+
+// Else the case clock seems to go on by another time than the authorities' clocks.
+TEST_F(Excerpt, OfTimeWithASlewHasTheEntryThatStatesIt) {
+  for (const std::int64_t rate_ppb : {83'333'000, 0}) {
+    archive_.clear();
+    fs::remove_all(excerpt());
+    test::SampleCase sample(archive_);
+    sample.writer().append({ClockEntry{true, 0, 0, 0, 83'333'000}}, archive_.now());
+    sample.writer().append({ClockEntry{true, 0, 0, 0, rate_ppb}}, archive_.now());
+    for (std::uint64_t i = 0; i < 3; ++i) {
+      const auto begin_ns = static_cast<std::int64_t>(i) * 2 * kSecond;
+      archive_.now_ns = begin_ns + 2 * kSecond;
+      sample.writer().append({sample.segment(0, i, {begin_ns, archive_.now_ns})}, archive_.now());
+      sample.stamp();
+    }
+    sample.close();
+    folder_ = sample.folder();
+    ExcerptOptions options = middle();
+    options.from_ns = 4 * kSecond + 1;
+    options.to_ns = 5 * kSecond;
+    make(options);
+    EXPECT_EQ(verify().verdict, Verdict::kIntactExcerpt) << details(verify());
+    const std::string lines = read(excerpt() / "ledger-part.jsonl");
+    EXPECT_EQ(lines.find("rate_ppb") != std::string::npos, rate_ppb != 0) << lines;
+  }
+}
+
 TEST_F(Excerpt, OfAStreamThatHasNothingShowsThatItHasNothing) {
   for (const bool is_stated : {false, true}) {
     archive_.clear();

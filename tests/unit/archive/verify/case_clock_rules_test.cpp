@@ -21,15 +21,17 @@ constexpr std::int64_t kChronyPpb = 83'333'000;
 class CaseClock : public testing::Test {
  protected:
   /// A token that is asked for and answered at once; by default of the first outside authority.
-  void stamp(std::int64_t mono_ns, std::chrono::microseconds says, const std::string& root = "first") {
+  void stamp(std::int64_t mono_ns, std::chrono::microseconds says, const std::string& root = "first",
+             std::int64_t asked_before_ns = 0, std::int64_t accuracy_ns = 0) {
     TimedToken token;
+    token.stamped.accuracy_ns = accuracy_ns;
     token.stamped.entry = ++entry_;
     token.stamped.checkpoint = entry_;
     token.stamped.gen_time = UtcTime(1'785'920'400s) + says;
     token.stamped.authority = token.stamped.root = root;
     token.file = token_path(entry_, root);
     token.written_ns = token.latest_ns = mono_ns;
-    token.earliest_ns = mono_ns;
+    token.earliest_ns = mono_ns - asked_before_ns;
     token.external = true;
     rules_.take(std::move(token));
   }
@@ -39,8 +41,8 @@ class CaseClock : public testing::Test {
     const double true_ns = static_cast<double>(mono_ns) - fast + fast / (1 + kChronyPpb / 1e9);
     return std::chrono::microseconds(static_cast<std::int64_t>(true_ns / 1e3));
   }
-  std::vector<std::string> codes() {
-    set_ = rules_.finish();
+  std::vector<std::string> codes(bool from_open = true) {
+    set_ = rules_.finish(from_open);
     std::vector<std::string> codes;
     for (const Finding& each : findings_.take()) {
       codes.emplace_back(each.code);
@@ -102,6 +104,59 @@ TEST_F(CaseClock, AnAuthorityThatIsSetIsNamed) {
   stamp(60 * kSecond, 60s, "second");
   EXPECT_THAT(codes(), ElementsAre("authority-clock-set"));
   EXPECT_THAT(set_, ElementsAre("first"));
+}
+
+// Ninety seconds are missing by the first authority, and by the second one, of which that cannot be seen.
+TEST_F(CaseClock, AnAuthorityWhoseTimeFitsBothClocksClearsNone) {
+  for (int i = 0; i <= 2; ++i) {
+    stamp(i * 60 * kSecond, i * 60s);
+    stamp(i * 60 * kSecond, i * 60s, "second", 0, 60 * kSecond);
+  }
+  stamp(180 * kSecond, 270s);
+  stamp(180 * kSecond, 270s, "second", 0, 60 * kSecond);
+  EXPECT_THAT(codes(), ElementsAre("authority-clock-differs"));
+  EXPECT_THAT(set_, IsEmpty());
+}
+
+TEST_F(CaseClock, AnAuthorityThatIsStatedToBeSlowClearsNone) {
+  for (const char* root : {"first", "second"}) stamp(0, 0s, root);
+  for (int i = 1; i <= 2; ++i) stamp(i * 60 * kSecond, i * 60s);
+  stamp(180 * kSecond, 270s);
+  stamp(180 * kSecond, 180s, "second", 120 * kSecond);
+  stamp(240 * kSecond, 330s);
+  stamp(300 * kSecond, 390s);
+  stamp(300 * kSecond, 300s, "second", 120 * kSecond);
+  EXPECT_THAT(codes(), ElementsAre("authority-clock-differs"));
+}
+
+TEST_F(CaseClock, AnAuthorityThatIsSetItselfClearsNoOther) {
+  for (const char* root : {"second", "first"}) stamp(0, 0s, root);
+  stamp(60 * kSecond, 120s, "second");
+  stamp(60 * kSecond, 60s);
+  for (const char* root : {"second", "first"}) stamp(120 * kSecond, 180s, root);
+  EXPECT_THAT(codes(), ElementsAre("authority-clock-differs", "authority-clock-differs"));
+  EXPECT_THAT(set_, IsEmpty());
+}
+
+TEST_F(CaseClock, AnAuthorityThatIsSetByLittleIsNamedByAnExactOne) {
+  for (const auto set : {2'500'000us, -2'500'000us}) {
+    rules_ = CaseClockRules(findings_);
+    for (int i = 0; i <= 10; ++i) {
+      stamp(i * 60 * kSecond, i * 60s + (i > 5 ? set : 0us));
+      stamp(i * 60 * kSecond, i * 60s, "second");
+    }
+    EXPECT_THAT(codes(), ElementsAre("authority-clock-set"));
+  }
+}
+
+// What states a slew may lie in front of the lines. No slew explains more than a kernel makes.
+TEST_F(CaseClock, ASlewMayBeStatedInFrontOfAnExcerptsLines) {
+  for (const auto says : {55s, 45s}) {
+    rules_ = CaseClockRules(findings_);
+    for (const char* root : {"first", "second"}) stamp(0, 0s, root);
+    for (const char* root : {"first", "second"}) stamp(60 * kSecond, says, root);
+    EXPECT_THAT(codes(false), testing::Each(says == 55s ? "authority-clock-differs" : "clock-contradicted"));
+  }
 }
 
 TEST_F(CaseClock, NothingIsComparedAcrossACrash) {

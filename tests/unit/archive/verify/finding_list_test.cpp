@@ -105,5 +105,26 @@ TEST(FindingList, TakesFromAnotherAlsoWhatThatOnlyCounted) {
   EXPECT_TRUE(of_log.take().empty());
 }
 
+TEST(FindingList, TakesFromAnotherUnderOtherCodesAlsoWhatThatOnlyCounted) {
+  FindingList of_log;
+  for (std::uint64_t i = 0; i < kMostFindingsOfOneCode + 5; ++i) {
+    of_log.add("entry-malformed", {"ledger.jsonl", i}, "t");
+  }
+  of_log.add("gap", {"ledger.jsonl"}, "g");
+  FindingList list;
+  list.take_from(of_log, "log", [](const FindingCode& code) {
+    return code.severity == Severity::kTampered ? std::optional(CodeName("log-not-sound")) : std::nullopt;
+  });
+  EXPECT_TRUE(list.has("log-not-sound"));
+  EXPECT_FALSE(list.has("entry-malformed"));
+  EXPECT_EQ(list.worst(), Severity::kUnproven);
+  const std::vector<Finding> findings = list.take();
+  EXPECT_EQ(texts_of(findings, "gap"), std::vector<std::string>{"g"});
+  ASSERT_EQ(texts_of(findings, "log-not-sound").size(), kMostFindingsOfOneCode);
+  EXPECT_EQ(findings.front().text, "entry-malformed: t");
+  EXPECT_THAT(texts_of(findings, "more-findings"),
+              testing::ElementsAre("there are 5 more findings of code log-not-sound"));
+}
+
 }  // namespace
 }  // namespace kiroku::archive

@@ -394,5 +394,67 @@ TEST_F(ApplianceLogTest, WhereverItIsKilledNoNoteCoversWhatIsNotThere) {
   }
 }
 
+/// Puts `to` for the last `from` in the log's file, of the same length: what a disk, or whoever can write to
+/// it, does.
+void change_log(const fs::path& file, const std::string& from, const std::string& to) {
+  std::ifstream input(file, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(input), {}};
+  const std::size_t at = text.rfind(from);
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, from.size(), to);
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+// Whoever signs over it would make the newest checkpoint fit, and nobody would look at the one before.
+TEST_F(ApplianceLogTest, ThatWasChangedSaysSoBeforeAnythingIsSignedOverIt) {
+  open()->case_held(kApplianceCase, "court order", "anna");
+  const std::optional<crypto::Checkpoint> signed_then = note(2);
+  change_log(folder_ / "log" / kLedgerFile, "3f9c21ab", "3f9c21aa");
+  const auto log = open();
+  EXPECT_THAT(log->damage(), HasSubstr("other lines than those over which its checkpoint of 2 entries"));
+  log->access("*", "unlocked", "sato");
+  EXPECT_THAT(types(), ElementsAre("boot", "case-held", "damage-found", "access"));
+  const auto stated =
+      std::get<LogDamageEntry>(parse_log_entry(read_log(folder_ / "log")[2].json).entry->body);
+  EXPECT_EQ(stated.size, 2U);
+  EXPECT_EQ(stated.stated_root, signed_then->root);
+  EXPECT_EQ(stated.root, root_of_first(2));
+  EXPECT_EQ(note(4)->root, root_of_first(4));
+  log->access("*", "unlocked", "sato");
+  EXPECT_EQ(types().size(), 5U) << "once";
+  EXPECT_EQ(open()->damage(), "") << "the newest checkpoint fits";
+}
+
+TEST_F(ApplianceLogTest, ThatWasChangedBehindAStartSaysSo) {
+  open()->access("*", "unlocked", "sato");
+  open()->boot("b2");  // has no checkpoint of its own
+  change_log(folder_ / "log" / kLedgerFile, "unlocked", "unlockeD");
+  EXPECT_THAT(open()->damage(), HasSubstr("of 2 entries"));
+}
+
+TEST_F(ApplianceLogTest, WhoseEndWasCutOffSaysSo) {
+  open()->access("*", "unlocked", "sato");
+  const auto size = fs::file_size(folder_ / "log" / kLedgerFile);
+  open()->case_held(kApplianceCase, "court order", "anna");
+  fs::resize_file(folder_ / "log" / kLedgerFile, size);
+  const auto log = open();
+  EXPECT_THAT(log->damage(), HasSubstr("has fewer lines than the 3"));
+  log->access("*", "unlocked", "sato");
+  const auto stated =
+      std::get<LogDamageEntry>(parse_log_entry(read_log(folder_ / "log")[2].json).entry->body);
+  EXPECT_EQ(stated.size, 3U);
+  EXPECT_FALSE(stated.root);
+}
+
+TEST_F(ApplianceLogTest, IsSignedWhereAnotherFileLiesInTheCheckpointsPlace) {
+  open()->access("*", "unlocked", "sato");
+  fs::copy_file(folder_ / "log" / note_path(2), folder_ / "log" / note_path(3));
+  const auto log = open();
+  EXPECT_EQ(log->damage(), "");
+  log->case_held(kApplianceCase, "court order", "anna");
+  ASSERT_TRUE(note(3));
+  EXPECT_EQ(note(3)->root, root_of_first(3));
+}
+
 }  // namespace
 }  // namespace kiroku::archive

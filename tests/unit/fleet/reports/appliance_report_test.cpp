@@ -54,6 +54,12 @@ TEST(ApplianceReportTest, IsMadeOfWhatTheRecorderSays) {
   EXPECT_EQ(recorder.authorities.front().token_s, 60);
 }
 
+TEST(ApplianceReportTest, ADiskThatCannotBeLookedAtIsToldAsOneThatTakesNothing) {
+  json gone = status();
+  gone["disk"] = nullptr;
+  EXPECT_EQ(recorder_report(gone, kNow).disk.hours_left, 0);
+}
+
 TEST(ApplianceReportTest, TellsThatARoomHadToAskForATokenOfItsOwn) {
   json two = status();
   two["rooms"].push_back(two["rooms"][0]);

@@ -425,19 +425,21 @@ TEST_F(ExporterTest, TabulatesVitalSignsInOrderOfTime) {
   wave.rate_hz = 250;
   wave.values = {0.5, -0.25};
   wave.unit = "mV";
+  wave.device_time = parse_utc("2026-08-05T09:15:03Z");
   VitalSample missing = sample_at(1'000'000'000, "a \"b\", c", 0);
   missing.value.reset();
   missing.quality = VitalQuality::kMissing;
+  missing.device_time = parse_utc("2026-08-05T08:15:00Z");
   const std::string first = to_json_line(sample_at(394'000'000, "HR", 72)) + "\n" + to_json_line(wave) + "\n";
   const std::string second = to_json_line(missing) + "\n";
   record({{"vitals", "vitals", "application/jsonl", {to_bytes(first), to_bytes(second)}, {2, 1}}});
   EXPECT_EQ(run("vitals", "vitals.csv").frames, 3U);
   EXPECT_EQ(read_file(folder_ / "vitals.csv"),
-            "time,code,value,unit,quality,source,since_start\n"
-            "0.392,MDC_ECG_ELEC_POTL_II,0.5,mV,good,bed 4,0.392\n"
-            "0.394,HR,72,/min,good,bed 4,0.394\n"
-            "0.396,MDC_ECG_ELEC_POTL_II,-0.25,mV,good,bed 4,0.396\n"
-            "1,\"a \"\"b\"\", c\",,/min,missing,bed 4,1\n");
+            "time,code,value,unit,quality,source,since_start,device_time\n"
+            "0.392,MDC_ECG_ELEC_POTL_II,0.5,mV,good,bed 4,0.392,\n"
+            "0.394,HR,72,/min,good,bed 4,0.394,\n"
+            "0.396,MDC_ECG_ELEC_POTL_II,-0.25,mV,good,bed 4,0.396,2026-08-05T09:15:03.000000Z\n"
+            "1,\"a \"\"b\"\", c\",,/min,missing,bed 4,1,2026-08-05T08:15:00.000000Z\n");
 }
 
 // One stream from the start, one from 3 s on, of which every other second lacks: the same stretch gives the

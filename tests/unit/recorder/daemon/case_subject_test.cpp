@@ -48,7 +48,7 @@ class CaseSubjectTest : public testing::Test {
 
 TEST_F(CaseSubjectTest, WhatAPersonGaveIsTakenAndNothingLookedFor) {
   source->known = somebody();
-  const auto found = subject.at_beginning({}, to_bytes("{}"), false);
+  const auto found = subject.at_beginning({}, to_bytes("{}"), GoesOn::kNo);
   EXPECT_EQ(found.state, SubjectState::kGiven);
   EXPECT_EQ(found.json, to_bytes("{}"));
   EXPECT_EQ(source->asked, 0);
@@ -58,7 +58,7 @@ TEST_F(CaseSubjectTest, WhatAPersonGaveIsTakenAndNothingLookedFor) {
 
 TEST_F(CaseSubjectTest, WhatIsKnownIsFound) {
   source->known = somebody();
-  const auto found = subject.at_beginning({}, {}, false);
+  const auto found = subject.at_beginning({}, {}, GoesOn::kNo);
   EXPECT_EQ(found.state, SubjectState::kFound);
   EXPECT_EQ(found.json, subject_json(somebody()));
   EXPECT_EQ(subject.why_missing(), std::nullopt);
@@ -66,14 +66,14 @@ TEST_F(CaseSubjectTest, WhatIsKnownIsFound) {
 
 TEST_F(CaseSubjectTest, ACaseThatCarriesOnAnotherTakesItsSubject) {
   source->known = somebody();
-  const auto found = subject.at_beginning({}, {}, true);
+  const auto found = subject.at_beginning({}, {}, GoesOn::kWithSubject);
   EXPECT_EQ(found.state, SubjectState::kCarriedOver);
   EXPECT_EQ(found.json, std::nullopt);
   EXPECT_EQ(source->asked, 0);
 }
 
 TEST_F(CaseSubjectTest, LooksEachSecondUntilSomethingIsKnownAndTellsItOnce) {
-  EXPECT_EQ(subject.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_EQ(subject.at_beginning({}, {}, GoesOn::kNo).state, SubjectState::kNone);
   EXPECT_EQ(subject.why_missing(),
             "the case begins without procedure data; worklist: the server does not answer");
   EXPECT_EQ(source->hurried, 1);
@@ -85,9 +85,38 @@ TEST_F(CaseSubjectTest, LooksEachSecondUntilSomethingIsKnownAndTellsItOnce) {
   EXPECT_EQ(subject.late(Clock::Time(12s)), std::nullopt);
 }
 
+// Around now is the next patient, as soon as they are booked.
+TEST_F(CaseSubjectTest, AnOperationThatGoesOnWithoutASubjectLooksForNone) {
+  source->known = somebody();
+  EXPECT_EQ(subject.at_beginning({}, {}, GoesOn::kWithoutSubject).state, SubjectState::kNone);
+  EXPECT_THAT(subject.why_missing().value_or(""), HasSubstr("a person must say whom it is about"));
+  EXPECT_EQ(subject.late(Clock::Time(1h)), std::nullopt);
+  EXPECT_EQ(source->asked, 0);
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  EXPECT_EQ(subject.why_missing(), std::nullopt) << "the next operation's case";
+}
+
+TEST_F(CaseSubjectTest, WhatIsPlannedForLaterBecomesNoRunningCasesByItself) {
+  const UtcTime begun(std::chrono::sys_days(std::chrono::year(2026) / 8 / 5) + 9h);
+  subject.at_beginning(begun, {}, GoesOn::kNo);
+  source->known = somebody();
+  source->known->chosen_by_plan = begun + 7h;
+  EXPECT_EQ(subject.late(Clock::Time(10s)), std::nullopt);
+  source->known->chosen_by_plan = begun + 1h;
+  EXPECT_EQ(subject.late(Clock::Time(20s)), subject_json(somebody())) << "it is looked for still";
+}
+
+// A patient who was placed in the room may have an appointment at any time.
+TEST_F(CaseSubjectTest, WhoIsPlacedInTheRoomBecomesItsPatientWhateverIsPlanned) {
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  source->known = somebody();
+  source->known->planned = "2026-08-05T16:00:00+00:00";
+  EXPECT_EQ(subject.late(Clock::Time(10s)), subject_json(*source->known));
+}
+
 TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
   source->doubtful = true;
-  subject.at_beginning({}, {}, false);
+  subject.at_beginning({}, {}, GoesOn::kNo);
   EXPECT_EQ(subject.why_missing(),
             "the case begins without procedure data; two patients are planned equally near to its beginning, "
             "and a person must choose; worklist: the server does not answer");
@@ -101,7 +130,7 @@ TEST_F(CaseSubjectTest, SaysThatWhatIsPlannedLiesTooFarAhead) {
 }
 
 TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {
-  subject.at_beginning({}, {}, false);
+  subject.at_beginning({}, {}, GoesOn::kNo);
   subject.given_while_running();
   source->known = somebody();
   EXPECT_EQ(subject.late(Clock::Time(1h)), std::nullopt);
@@ -109,13 +138,13 @@ TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {
 
 TEST_F(CaseSubjectTest, ASourceThatFailsIsToldAndKeepsNoCaseFromBeginning) {
   source->fails = true;
-  EXPECT_EQ(subject.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_EQ(subject.at_beginning({}, {}, GoesOn::kNo).state, SubjectState::kNone);
   EXPECT_THAT(told, ElementsAre(HasSubstr("procedure data cannot be looked up: the worklist's answer")));
 }
 
 TEST_F(CaseSubjectTest, WithoutProcedureDataNothingIsMissed) {
   CaseSubject alone({}, [this](const std::string& sentence) { told.push_back(sentence); });
-  EXPECT_EQ(alone.at_beginning({}, {}, false).state, SubjectState::kNone);
+  EXPECT_EQ(alone.at_beginning({}, {}, GoesOn::kNo).state, SubjectState::kNone);
   EXPECT_EQ(alone.why_missing(), std::nullopt);
   EXPECT_EQ(alone.late(Clock::Time(1h)), std::nullopt);
   EXPECT_THAT(told, IsEmpty());

@@ -111,6 +111,33 @@ class FootswitchTest : public testing::Test {
   std::vector<std::string> told;
 };
 
+// Two equal footswitches of two rooms were one: each press was both rooms'.
+TEST(InputDevices, OneOfANameIsChosenAndNoneOfSeveral) {
+  const InputDevice keys{"/dev/input/event3", "usb-0000:00:14.0-1/input0", true, ""};
+  const InputDevice mouse{"/dev/input/event2", "usb-0000:00:14.0-1/input1", false, ""};
+  const InputDevice more_keys{"/dev/input/event4", "usb-0000:00:14.0-1/input2", true, ""};
+  const InputDevice other{"/dev/input/event9", "usb-0000:00:14.0-2/input0", true, ""};
+  const InputDevice other_mouse{"/dev/input/event10", "usb-0000:00:14.0-2/input1", false, ""};
+  EXPECT_EQ(choose_by_name("P", {mouse, keys}), keys.node) << "not the part without the key";
+  EXPECT_EQ(choose_by_name("P", {keys, more_keys}), keys.node) << "parts of one thing";
+  EXPECT_EQ(choose_by_name("P", {mouse}), mouse.node) << "which is refused later, for its key";
+  EXPECT_EQ(choose_by_name("P", {keys, other_mouse}), keys.node);
+  EXPECT_THAT(
+      [&] {
+        (void)choose_by_name("P", {keys, mouse, other});
+      },
+      testing::ThrowsMessage<Error>(testing::AllOf(
+          HasSubstr("several footswitches are named 'P' (/dev/input/event3, /dev/input/event9)"),
+          HasSubstr("/dev/input/by-path"))));
+  const InputDevice nowhere{"/dev/input/event5", "", true, ""},
+      nowhere_too{"/dev/input/event6", "", true, ""};
+  EXPECT_THROW((void)choose_by_name("P", {nowhere, nowhere_too}), Error);
+  // By radio both are where the receiver is.
+  const InputDevice near{"/dev/input/event7", "00:1a:7d:da:71:13", true, "aa:00:00:00:00:01"};
+  const InputDevice far{"/dev/input/event8", "00:1a:7d:da:71:13", true, "aa:00:00:00:00:02"};
+  EXPECT_THROW((void)choose_by_name("P", {near, far}), Error);
+}
+
 TEST_F(FootswitchTest, CountsPressesOfItsKeyAlone) {
   pedal.plug_in();
   std::atomic<int> presses = 0;

@@ -80,6 +80,52 @@ TEST_F(RunningNoteTest, TellsOfTheCaseUntilItIsCleared) {
   EXPECT_FALSE(note.read());
 }
 
+TEST_F(RunningNoteTest, HasTheNewestSubjectUntilACaseThatCarriesItOnHasOne) {
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  note.begins({kCase, "", "operator", false});
+  note.newest_subject(sign_newest_subject(kOther, to_bytes("another case's"), key));
+  EXPECT_FALSE(note.read()->subject);
+  note.newest_subject(sign_newest_subject(kCase, to_bytes("typed"), key));
+  note.newest_subject(sign_newest_subject(kCase, to_bytes("corrected"), key));
+  note.begins({kOther, kCase, "operator", false});
+  note.ends(kOther);
+  const auto kept = note.read()->subject;
+  ASSERT_TRUE(kept);
+  EXPECT_EQ(kept->case_id, kCase);
+  EXPECT_EQ(kept->sealed, to_bytes("corrected"));
+  EXPECT_TRUE(is_signed(*kept, key.public_key()));
+  note.newest_subject(sign_newest_subject(kOther, to_bytes("once more"), key));
+  EXPECT_EQ(note.read()->subject->sealed, to_bytes("once more"));
+  note.begins({kCase, "", "operator", false});
+  EXPECT_FALSE(note.read()->subject) << "another operation";
+}
+
+TEST_F(RunningNoteTest, ASubjectCountsOnlyAsTheDeviceSignedItForThatCase) {
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  const NewestSubject subject = sign_newest_subject(kCase, to_bytes("typed"), key);
+  EXPECT_TRUE(is_signed(subject, key.public_key()));
+  EXPECT_FALSE(is_signed(subject, crypto::SigningKey::generate().public_key()));
+  NewestSubject other = subject;
+  other.sealed = to_bytes("somebody else");
+  EXPECT_FALSE(is_signed(other, key.public_key()));
+  other = subject;
+  other.case_id = kOther;
+  EXPECT_FALSE(is_signed(other, key.public_key()));
+}
+
+TEST_F(RunningNoteTest, ASubjectThatCannotBeReadIsNotNone) {
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  std::filesystem::create_directory(folder / ".running");
+  for (const std::string subject : {"7", "{}", "{\"case\":\"x\"}", "{\"sealed\":\"!\",\"signature\":\"\"}"}) {
+    std::ofstream(folder / ".running" / "or-1.json")
+        << "{\"case\":\"" << kCase << "\",\"ending\":false,\"subject\":" << subject << "}";
+    const auto running = note.read();
+    ASSERT_TRUE(running && running->subject) << subject;
+    EXPECT_EQ(running->subject->case_id, kCase);
+    EXPECT_FALSE(is_signed(*running->subject, key.public_key()));
+  }
+}
+
 TEST_F(RunningNoteTest, WhatCannotBeReadIsNoLeaveToRecord) {
   std::filesystem::create_directory(folder / ".running");
   for (const std::string text : {"", "[]", "{\"case\":7}", "{\"case\":\"../x\",\"ending\":false}"}) {

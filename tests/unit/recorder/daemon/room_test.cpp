@@ -12,6 +12,7 @@
 
 #include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
+#include "crypto/age_file.h"
 #include "recorder/daemon/daemon.h"
 #include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
@@ -72,6 +73,15 @@ class RoomTest : public testing::Test {
   [[nodiscard]] std::size_t told() {
     const std::lock_guard guard(mutex);
     return warnings.size();
+  }
+
+  /// A day's window begins so much later, in whatever zone this machine is.
+  void open_window_in(std::chrono::seconds later) {
+    std::tm midnight = local_time(time.utc());
+    midnight.tm_hour = midnight.tm_min = midnight.tm_sec = 0;
+    midnight.tm_isdst = -1;
+    const auto day = std::chrono::system_clock::from_time_t(std::mktime(&midnight));
+    time.set_utc(std::chrono::floor<UtcTime::duration>(day) - later);
   }
 
   const RecorderBench bench;
@@ -139,6 +149,52 @@ TEST_F(RoomTest, OneCaseAtATime) {
   EXPECT_EQ(bench.cases(), 2U);
 }
 
+// Whoever prepared something while one case ran says so, and the next one is not given it.
+TEST_F(RoomTest, WhatIsMeantForOneCaseReachesNoOther) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    RoomPlan asked = plan({kCamera});
+    asked.rules.pre_roll = pre_roll;
+    Room room(std::move(asked), listener());
+    const RoomState waits = pre_roll > 0ms ? RoomState::kStandby : RoomState::kIdle;
+    const std::vector<std::function<void(const std::string&)>> deeds{
+        [&](const std::string& meant) { room.mark("clip", meant); },
+        [&](const std::string& meant) { room.add_subject(to_bytes(R"({"patient":"typed"})"), meant); },
+        [&](const std::string& meant) {
+          room.change_profile({{}, Profile::kLossless, "anna", ""}, meant);
+        },
+        [&](const std::string& meant) { room.stop("operator", true, meant); }};
+    const auto refused = [&](const std::string& meant) {
+      std::vector<std::string> sentences;
+      for (const auto& deed : deeds) {
+        try {
+          deed(meant);
+          ADD_FAILURE() << "deed " << sentences.size() << " was done";
+        } catch (const UsageError& error) {
+          sentences.emplace_back(error.what());
+        }
+      }
+      return sentences;
+    };
+    const std::size_t before = closed();
+    const std::string earlier = room.start("operator");
+    EXPECT_EQ(room.mark("clip", earlier), earlier);
+    EXPECT_EQ(room.stop("operator", true, earlier), earlier);
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == waits; }));
+    EXPECT_THAT(refused(earlier),
+                testing::Each("room or-1 is not recording case " + earlier + ": nothing was done"));
+    const std::string later = room.start("operator");
+    EXPECT_THAT(refused(earlier), testing::Each("room or-1 is recording case " + later + ", and not case " +
+                                                earlier + ": nothing was done"));
+    EXPECT_EQ(room.status().state, RoomState::kRecording);
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+    for (const auto& deed : deeds) deed(later);
+    ASSERT_EQ(closed(), before + 2);
+    // The mark, the patient and the change of profile that meant it, once each.
+    EXPECT_THAT(bench.read(results[before].folder).all<archive::MarkEntry>(), SizeIs(1));
+    EXPECT_THAT(bench.read(results[before + 1].folder).all<archive::MarkEntry>(), SizeIs(3));
+  }
+}
+
 TEST_F(RoomTest, BeginsWithoutASourceThatIsAbsentAndStatesTheGap) {
   Room room(plan({kCamera, kAbsentCamera}), listener());
   room.start("operator");
@@ -194,12 +250,7 @@ TEST_F(RoomTest, EndsACaseThatIsTooLong) {
 TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
   RoomPlan scheduled = plan({kCamera});
   scheduled.rules.schedule = Schedule::parse({"daily 00:00-12:00"});
-  // The day's window begins a second after the room does, in whatever zone this machine is.
-  std::tm midnight = local_time(time.utc());
-  midnight.tm_hour = midnight.tm_min = midnight.tm_sec = 0;
-  midnight.tm_isdst = -1;
-  const auto day = std::chrono::system_clock::from_time_t(std::mktime(&midnight));
-  time.set_utc(std::chrono::floor<UtcTime::duration>(day) - 1s);
+  open_window_in(1s);
   Room room(std::move(scheduled), listener(), time);
   time.await_waiting(1);
   EXPECT_EQ(room.status().state, RoomState::kIdle) << "before the window";
@@ -221,6 +272,24 @@ TEST_F(RoomTest, ScheduleStartsByItselfAndRestsAfterAPersonStoppedIt) {
   time.move(12h);
   ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
   EXPECT_EQ(room.status().reason, "schedule");
+}
+
+TEST_F(RoomTest, NoRuleBeginsACaseWhileItIsAboutToEnd) {
+  RoomPlan scheduled = plan({kCamera});
+  scheduled.rules.schedule = Schedule::parse({"daily 00:00-12:00"});
+  open_window_in(1s);
+  Room room(std::move(scheduled), listener(), time);
+  time.await_waiting(1);
+  EXPECT_TRUE(room.begin_no_more());
+  for (int looks = 0; looks < 3; ++looks) {
+    time.move(1s);
+    time.await_waiting(1);
+    EXPECT_EQ(room.status().state, RoomState::kIdle);
+  }
+  room.may_begin_again();
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_FALSE(room.begin_no_more());
 }
 
 TEST_F(RoomTest, ClosesTheCaseThatRunsWhenItEnds) {
@@ -248,6 +317,76 @@ TEST_F(RoomTest, BeginsNothingMoreOnceItIsShutDownAndCanStillBeAsked) {
   EXPECT_THROW(room.mark("too late"), UsageError);
   room.shut_down();
   EXPECT_EQ(closed(), 1U);
+}
+
+TEST_F(RoomTest, BeginsNothingWhileItIsAboutToEndAndWhoAsksWaits) {
+  for (const bool goes_on : {true, false}) {
+    Room room(plan({kCamera}), listener());
+    EXPECT_TRUE(room.begin_no_more());
+    std::future<std::string> asked = std::async(std::launch::async, [&]() -> std::string {
+      try {
+        return room.start("operator");
+      } catch (const Error& error) {
+        return error.what();
+      }
+    });
+    if (goes_on) {
+      room.may_begin_again();
+      EXPECT_EQ(asked.get(), room.status().case_id);
+      EXPECT_FALSE(room.begin_no_more()) << "a case runs";
+      room.stop("operator", true);
+    } else {
+      room.shut_down();
+      EXPECT_EQ(asked.get(), "the recorder is being shut down");
+    }
+  }
+  EXPECT_EQ(bench.cases(), 1U);
+}
+
+TEST_F(RoomTest, TheRecorderEndsForANewerOneOnlyWhereEveryRoomRests) {
+  DaemonOptions options;
+  options.rooms.push_back(plan({kCamera}));
+  options.rooms.push_back(plan({kCamera}));
+  options.rooms[1].name = "or-2";
+  options.archive = bench.options().archive;
+  Daemon daemon(std::move(options));
+  daemon.handle({{"do", "start"}, {"room", "or-2"}});
+  EXPECT_FALSE(daemon.begin_no_more());
+  EXPECT_NO_THROW(daemon.handle({{"do", "start"}, {"room", "or-1"}})) << "the other room is as before";
+  daemon.handle({{"do", "stop"}, {"room", "or-1"}});
+  daemon.handle({{"do", "stop"}, {"room", "or-2"}});
+  EXPECT_TRUE(daemon.begin_no_more());
+}
+
+TEST_F(RoomTest, AnArchiveThatIsGoneIsToldAndRoomsAreAsBefore) {
+  DaemonOptions options;
+  options.rooms.push_back(plan({kCamera}));
+  options.archive = bench.options().archive / "mount";
+  options.listener = listener();
+  std::filesystem::create_directory(options.archive);
+  Daemon daemon(std::move(options));
+  daemon.watch_disk();
+  EXPECT_TRUE(daemon.handle({{"do", "status"}})["disk"].is_object());
+  EXPECT_THAT(daemon.metrics(), HasSubstr("kiroku_archive_gone 0\n"));
+  EXPECT_THAT(daemon.metrics(), HasSubstr("kiroku_problems 0\n"));
+  std::filesystem::rename(bench.options().archive / "mount", bench.options().archive / "elsewhere");
+  const nlohmann::ordered_json gone = daemon.handle({{"do", "status"}});
+  EXPECT_TRUE(gone["disk"].is_null());
+  ASSERT_EQ(gone["problems"].size(), 1U);
+  EXPECT_THAT(gone["problems"][0].get<std::string>(), HasSubstr("cannot be looked at: No such file"));
+  EXPECT_EQ(gone["rooms"][0]["state"], "idle");
+  const std::string metrics = daemon.metrics();
+  EXPECT_THAT(metrics, HasSubstr("kiroku_room_ended_by_error{room=\"or-1\"} 0\n"));
+  EXPECT_THAT(metrics, HasSubstr("kiroku_archive_gone 1\n"));
+  EXPECT_THAT(metrics, HasSubstr("kiroku_problems 1\n"));
+  EXPECT_THAT(metrics, testing::Not(HasSubstr("kiroku_disk_free_bytes ")));
+  daemon.watch_disk();
+  daemon.watch_disk();
+  EXPECT_EQ(told(), 1U) << "once";
+  std::filesystem::rename(bench.options().archive / "elsewhere", bench.options().archive / "mount");
+  daemon.watch_disk();
+  EXPECT_EQ(told(), 2U);
+  EXPECT_TRUE(daemon.handle({{"do", "status"}})["disk"].is_object());
 }
 
 TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
@@ -329,8 +468,11 @@ TEST_F(RoomTest, ASignalBeginsACaseAndAPersonEndsIt) {
 /// What a test makes known.
 class StatedProcedure : public ProcedureSource {
  public:
+  /// "": nobody is known.
   void state(const std::string& patient) {
     const std::lock_guard guard(mutex_);
+    data_.reset();
+    if (patient.empty()) return;
     data_ = ProcedureData{};
     data_->patient_id = patient;
   }
@@ -423,6 +565,37 @@ TEST_F(RoomTest, APersonSaysWhomTheCaseIsAboutWhileItRuns) {
   ASSERT_THAT(events, SizeIs(3));
   EXPECT_THAT(events[1], HasSubstr("typed"));
   EXPECT_THAT(events[2], HasSubstr("corrected"));
+}
+
+// A person says whom a case is about at its last moment; the next one begins before they are heard out.
+TEST_F(RoomTest, APatientSaidAtTheLastMomentKeepsNobodyFromLookingForTheNextOne) {
+  std::promise<void> release;
+  const std::shared_future<void> released = release.get_future().share();
+  std::atomic<bool> held = false;
+  RoomListener told = listener();
+  told.warn = [&](const std::string& sentence) {
+    if (!sentence.starts_with("the procedure became known")) return;
+    held = true;
+    released.wait();
+  };
+  const auto procedure = std::make_shared<StatedProcedure>();
+  RoomPlan unknown = plan({kCamera});
+  unknown.procedure = procedure;
+  unknown.profile_rules = {{"liver", {"liver"}, {}, Profile::kLossless, {}}};
+  Room room(std::move(unknown), std::move(told));
+  const std::string earlier = room.start("operator");
+  auto said = std::async(std::launch::async, [&room] {
+    return room.add_subject(to_bytes(R"({"procedure":{"description":"liver resection"}})"));
+  });
+  ASSERT_TRUE(test::eventually([&] { return held.load(); }));
+  room.stop("operator", true);
+  EXPECT_NE(room.start("operator"), earlier);
+  release.set_value();
+  EXPECT_EQ(said.get(), earlier) << "of which it was said";
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  procedure->state("4711");
+  EXPECT_TRUE(test::eventually([&] { return room.status().subject == SubjectState::kLate; }));
+  room.stop("operator", true);
 }
 
 TEST_F(RoomTest, ListsWhatCouldBeDoneInIt) {
@@ -587,6 +760,193 @@ TEST_F(RoomTest, AfterADiskErrorAnotherCaseBeginsWhereTheRoomMayGoOn) {
   EXPECT_EQ(status.subject, SubjectState::kCarriedOver);
   room.stop("operator", true);
   EXPECT_EQ(bench.read(bench.options().archive / status.case_id).subject(), R"({"patient":{"id":"7"}})");
+}
+
+/// A room that goes on after an error, with somebody in the hospital who is planned around now.
+class GoingOn : public RoomTest {
+ protected:
+  [[nodiscard]] RoomPlan failing_plan(std::chrono::milliseconds pre_roll) {
+    RoomPlan failing = plan({kCamera});
+    failing.session.files = &faults;
+    failing.procedure = procedure;
+    failing.rules.pre_roll = pre_roll;
+    return failing;
+  }
+  /// An error ends the case, and the next patient is booked meanwhile; the case after it, which runs.
+  std::string break_and_go_on(Room& room) {
+    const std::string before = room.status().case_id;
+    faults.fail("create " + before + "/segments", ENOSPC);
+    EXPECT_TRUE(test::eventually([&] { return room.status().ended_by_error; }));
+    faults.heal();
+    procedure->state("next");
+    EXPECT_TRUE(test::eventually([&] {
+      time.move(1s);
+      const RoomStatus now = room.status();
+      return now.state == RoomState::kRecording && now.case_id != before;
+    }));
+    return room.status().case_id;
+  }
+  /// Nothing is looked up while the case runs, either.
+  void expect_no_late_subject(Room& room) {
+    for (int looks = 0; looks < 2; ++looks) {
+      time.move(2s);
+      const Clock::Time moved = time.now();
+      EXPECT_TRUE(test::eventually([&] { return room.heartbeat() >= moved; }));
+    }
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  }
+  [[nodiscard]] RecordedCase read(const std::string& id) const {
+    return bench.read(bench.options().archive / id);
+  }
+
+  test::FaultFileSystem faults{bench.options().archive};
+  const std::shared_ptr<StatedProcedure> procedure = std::make_shared<StatedProcedure>();
+};
+
+TEST_F(GoingOn, AfterAnErrorTheCaseIsAboutWhomItWasSaidToBeLast) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    RoomPlan failing = failing_plan(pre_roll);
+    failing.rules.resume_within = 10min;
+    Room room(std::move(failing), listener(), time);
+    room.start("operator", to_bytes(R"({"patient":"wrong"})"));
+    room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+    const std::string second = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+    const std::string third = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+    room.stop("operator", true);
+    EXPECT_EQ(read(second).subject(), R"({"patient":"corrected"})");
+    EXPECT_EQ(read(third).subject(), R"({"patient":"corrected"})");
+  }
+}
+
+TEST_F(GoingOn, AfterAnErrorNoPatientIsLookedUpForAnOperationThatHadNone) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    procedure->state("");
+    RoomPlan failing = failing_plan(pre_roll);
+    failing.rules.resume_within = 10min;
+    Room room(std::move(failing), listener(), time);
+    room.start("operator");
+    const std::string second = break_and_go_on(room);
+    EXPECT_EQ(room.status().subject, SubjectState::kNone);
+    EXPECT_THAT(room.status().problem, HasSubstr("a person must say whom it is about"));
+    expect_no_late_subject(room);
+    EXPECT_THAT(room.procedures(), SizeIs(1)) << "to choose from";
+    room.stop("operator", true);
+    EXPECT_FALSE(read(second).all<archive::OpenEntry>().at(0).subject);
+  }
+}
+
+TEST_F(GoingOn, AWindowThatGoesOnAfterAnErrorKeepsItsPatient) {
+  procedure->state("first");
+  RoomPlan failing = failing_plan(0ms);
+  failing.rules.schedule = Schedule::parse({"daily 00:00-24:00"});
+  Room room(std::move(failing), listener(), time);
+  time.await_waiting(1);
+  time.move(1s);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().subject, SubjectState::kFound);
+  const std::string second = break_and_go_on(room);
+  EXPECT_EQ(room.status().reason, "schedule");
+  EXPECT_EQ(room.status().subject, SubjectState::kCarriedOver);
+  room.stop("operator", true);
+  EXPECT_THAT(read(second).subject(), HasSubstr("first"));
+}
+
+TEST_F(GoingOn, AfterACrashNoPatientIsLookedUpForAnOperationThatHadNone) {
+  procedure->state("next");
+  RoomPlan resumed = plan({kCamera});
+  resumed.procedure = procedure;
+  resumed.resume.emplace();
+  resumed.resume->case_id = "20260805T091502Z-3f9c21ab";
+  resumed.resume->earlier = {"20260805T081502Z-3f9c21ab", 7, {}};
+  resumed.resume->reason = "operator";
+  resumed.resume->within = 10min;
+  Room room(std::move(resumed), listener(), time);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(room.status().carries_on, "20260805T081502Z-3f9c21ab");
+  EXPECT_THAT(room.status().problem, HasSubstr("a person must say whom it is about"));
+  expect_no_late_subject(room);
+  room.add_subject(to_bytes(R"({"patient":"chosen"})"));
+  EXPECT_EQ(room.status().subject, SubjectState::kLate);
+  room.stop("operator", true);
+}
+
+TEST_F(GoingOn, TheRoomsNoteHasWhomTheCaseWasSaidToBeAboutLast) {
+  const auto note =
+      std::make_shared<RunningNote>(archive::real_file_system(), bench.options().archive, "or-1");
+  RoomPlan noted = plan({kCamera});
+  noted.procedure = procedure;
+  noted.running = note;
+  Room room(std::move(noted), listener(), time);
+  const std::string id = room.start("operator");
+  procedure->state("4711");
+  const auto kept = [&] {
+    const auto running = note->read();
+    const bool is_signed_here =
+        running && running->subject && is_signed(*running->subject, bench.options().key->public_key());
+    return is_signed_here
+               ? std::string(text_of(crypto::unseal_bytes(running->subject->sealed, bench.identities())))
+               : std::string();
+  };
+  ASSERT_TRUE(test::eventually([&] {
+    time.move(1s);
+    return kept().find("4711") != std::string::npos;
+  }));
+  room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+  EXPECT_EQ(kept(), R"({"patient":"corrected"})");
+  EXPECT_EQ(note->read()->subject->case_id, id);
+  room.stop("operator", true);
+  EXPECT_FALSE(note->read());
+}
+
+// The note that a crash would leave may fail where the case's own files do not.
+TEST_F(GoingOn, ANoteThatCannotBeWrittenIsToldAndTriedAgain) {
+  const auto note = std::make_shared<RunningNote>(faults, bench.options().archive, "or-1");
+  RoomPlan noted = plan({kCamera});
+  noted.running = note;
+  Room room(std::move(noted), listener(), time);
+  room.start("operator");
+  faults.fail("create .running", EIO);
+  room.add_subject(to_bytes(R"({"patient":"corrected"})"));
+  EXPECT_THAT(room.status().problem, HasSubstr("would go on with the subject of before"));
+  EXPECT_EQ(room.status().subject, SubjectState::kLate) << "in the case it is";
+  EXPECT_FALSE(note->read()->subject);
+  faults.heal();
+  EXPECT_TRUE(test::eventually([&] {
+    time.move(1s);
+    return note->read()->subject.has_value();
+  }));
+  room.stop("operator", true);
+}
+
+// What people are told of a rule takes a while, in which the search would still go on.
+TEST_F(GoingOn, NothingThatIsFoundComesAfterWhatAPersonSaid) {
+  RoomPlan ruled = plan({kCamera});
+  ruled.procedure = procedure;
+  ruled.profile_rules = {{"mucosa", {"EMR"}, {}, Profile::kLossless, {}}};
+  Room* running = nullptr;
+  RoomListener told = listener();
+  told.warn = [&](const std::string& sentence) {
+    if (sentence.find("rule mucosa") == std::string::npos) return;
+    procedure->state("4711");
+    for (int looks = 0; looks < 2; ++looks) {
+      time.move(2s);
+      const Clock::Time moved = time.now();
+      EXPECT_TRUE(test::eventually([&] { return running->heartbeat() >= moved; }));
+    }
+  };
+  Room room(std::move(ruled), told, time);
+  running = &room;
+  room.start("operator");
+  room.add_subject(to_bytes(R"({"patient":"typed","procedure":"EMR"})"));
+  room.stop("operator", true);
+  std::vector<std::string> subjects;
+  for (const std::string& event : bench.read(results.at(0).folder).lines("events")) {
+    if (event.find(R"(\"subject\":{)") != std::string::npos) subjects.push_back(event);
+  }
+  ASSERT_THAT(subjects, SizeIs(1));
+  EXPECT_THAT(subjects[0], HasSubstr("typed"));
 }
 
 // A start that waited for the one before it to be carried out would begin a case by itself when that one has

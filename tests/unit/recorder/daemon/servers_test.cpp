@@ -104,6 +104,28 @@ TEST_F(ControlServerTest, ReplacesADeadSocketButNotALivingOne) {
   EXPECT_EQ(std::filesystem::status(socket).permissions(), std::filesystem::perms(0660));
 }
 
+TEST_F(ControlServerTest, TellsBeforeItIsMadeWhereNothingCouldListen) {
+  const auto why_not = [](const std::filesystem::path& at) -> std::string {
+    try {
+      ControlServer::check(at);
+      return "";
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(why_not(socket), "");
+  {
+    const ControlServer server(socket, echo);
+    EXPECT_EQ(why_not(socket), "") << "a recorder that runs makes room for its successor";
+  }
+  EXPECT_THAT(why_not(folder / "absent" / "s"), HasSubstr("there is no folder"));
+  EXPECT_EQ(why_not("/run/a-service-of-a-test/s"), "") << "its folder is made as the service starts";
+  std::ofstream(folder / "file") << "x";
+  EXPECT_THAT(why_not(folder / "file"), HasSubstr("something else lies already"));
+  EXPECT_THAT(why_not(folder.path()), HasSubstr("something else lies already"));
+  EXPECT_THAT(why_not(folder / std::string(108, 's')), HasSubstr("longer than 107 characters"));
+}
+
 TEST_F(ControlServerTest, SaysThatNobodyAnswers) {
   EXPECT_THROW(ask_recorder(socket, {{"do", "x"}}), NobodyAnswers);
   EXPECT_THROW(ask_recorder("/" + std::string(200, 'x'), {{"do", "x"}}), UsageError);
@@ -118,10 +140,11 @@ class HttpServerTest : public testing::Test {
     options.now = [this] { return now; };
     options.tell = [this](const std::string& sentence) { told.push_back(sentence); };
     options.metrics = [] { return std::string("kiroku_x 1\n"); };
-    options.hook = [this](const std::string& room, const std::string& action, const std::string& body) {
+    options.hook = [this](const std::string& room, const std::string& action, const std::string& body,
+                          const std::string& meant) {
       if (room == "bad") throw UsageError("no such room");
       if (room.starts_with('\xff')) throw UsageError("there is no room " + room);
-      called = room + " " + action + " " + body;
+      called = room + " " + action + " " + body + (meant.empty() ? "" : " of " + meant);
       return ordered_json{{"case", "c"}};
     };
     return options;
@@ -275,6 +298,21 @@ TEST_F(HttpServerTest, IsNotShutByConnectionsThatSayNothing) {
   boost::system::error_code error;
   idle.front().read_some(asio::buffer(byte), error);
   EXPECT_TRUE(error);
+}
+
+TEST_F(HttpServerTest, TheHookMayNameTheCaseThatIsMeant) {
+  const std::string token = "a token of some length", id = "20261128T231843Z-0123abcd";
+  EXPECT_THAT(post("/rooms/or-1/stop?case=" + id, token, ""), HasSubstr(" 200 OK"));
+  EXPECT_EQ(called, "or-1 stop  of " + id);
+  EXPECT_THAT(post("/rooms/or-1/mark?case=" + id, token, "clip"), HasSubstr(" 200 OK"));
+  EXPECT_EQ(called, "or-1 mark clip of " + id);
+  called.clear();
+  // What is not understood is never taken for whichever case runs.
+  for (const std::string& query : {std::string("?"), std::string("?case="), "?case=" + id + "&x=1",
+                                   "?Case=" + id, "?case=" + id + "/stop", std::string("?case=../x")})
+    EXPECT_THAT(post("/rooms/or-1/stop" + query, token, ""), HasSubstr(" 400 ")) << query;
+  EXPECT_THAT(post("/rooms/or-1/stop?case=" + id, "wrong", ""), HasSubstr(" 401 "));
+  EXPECT_EQ(called, "");
 }
 
 TEST_F(HttpServerTest, TellsWhatItCannotDo) {

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/error.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -54,6 +56,60 @@ TEST(ProcedureBook, TheLastPatientPlacedInTheRoomIsTaken) {
   EXPECT_EQ(found(book, kMorning + 3h, {}), "3 ") << "every message is about the room";
   EXPECT_EQ(found(book, kMorning + 3h, {"OR9"}), "nobody");
   EXPECT_EQ(found(book, kMorning + 20h), "nobody") << "too long ago";
+}
+
+// Whatever one book does from here on, the other does, too.
+TEST(ProcedureBook, BytesHoldAllOfIt) {
+  ProcedureBook book;
+  ProcedureMessage first = placed("1", {"OR1", "SURGERY^OR1"});
+  first.moves = true;
+  first.data.patient = {"山田", "太郎", "Yamada^Tarou=山田^太郎"};
+  first.data.staff = {{"surgeon", "s7", {"Right", "Anna", "Right^Anna"}}};
+  first.data.birth_date = "1980-01-15";
+  book.take(first, {kMorning, 5h});
+  book.take(planned("1", "lobectomy", kMorning + 2h), {kMorning + 1min, 5h + 1min});
+  book.take(planned("2", "hernia", {}), {kMorning + 2min, 5h + 2min});
+  ProcedureBook other = ProcedureBook::imported(book.exported());
+  const ProcedureRule rule{{"or1"}, 12h};
+  const ProcedureMoment later{kMorning - 3h, 6h};  // by a wall clock that was set back
+  EXPECT_EQ(other.list(rule, later), book.list(rule, later));
+  EXPECT_EQ(other.find(rule, later), book.find(rule, later));
+  EXPECT_EQ(other.find(rule, later).value().staff, first.data.staff);
+  EXPECT_EQ(other.exported(), book.exported());
+  // Who only has other facts stated comes before whoever came since.
+  for (ProcedureBook* each : {&book, &other}) {
+    each->take(placed("3", {"OR1"}), {kMorning + 3min, 5h + 3min});
+    each->take(placed("1", {"OR1"}), {kMorning + 4min, 5h + 4min});
+  }
+  EXPECT_EQ(other.find(rule, {kMorning + 1h, 6h}).value().patient_id, "3");
+  EXPECT_EQ(other.exported(), book.exported());
+  EXPECT_EQ(ProcedureBook::imported(ProcedureBook().exported()).size(), 0U);
+}
+
+TEST(ProcedureBook, NothingIsTakenOfBytesThatAreNoBook) {
+  ProcedureBook book;
+  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(planned("1", "lobectomy", kMorning + 2h), kMorning);
+  const Bytes whole = book.exported();
+  for (std::size_t size = 0; size < whole.size(); ++size)
+    EXPECT_THROW(ProcedureBook::imported(ByteView(whole).first(size)), Error) << size;
+  Bytes longer = whole;
+  longer.push_back(std::byte{0});
+  EXPECT_THROW(ProcedureBook::imported(longer), Error);
+  // A byte that is another one is refused, or is another book: none reads beyond the bytes.
+  std::size_t refused = 0;
+  for (std::size_t at = 0; at < whole.size(); ++at) {
+    for (const unsigned changed : {0x01U, 0x80U, 0xFFU}) {
+      Bytes damaged = whole;
+      damaged[at] ^= static_cast<std::byte>(changed);
+      try {
+        (void)ProcedureBook::imported(damaged).list({{}, 12h}, kMorning);
+      } catch (const Error&) {
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(refused, whole.size());
 }
 
 // The clock of the machine is set while it waits: back by NTP, or on, from where its battery had left it.
@@ -351,6 +407,24 @@ TEST(ProcedureBook, AMessageThatComesLateTellsOfBefore) {
   EXPECT_EQ(found(book, kMorning + 12min), "present ") << "who came again left before";
   book.take(told_by("ORIS", theirs - 50h, moved("other", "OR1")), kMorning + 13min);
   EXPECT_EQ(found(book, kMorning + 14min), "other ") << "another sender has another clock";
+}
+
+TEST(ProcedureBook, WhatComesLateAfterAStartIsToldOfBefore) {
+  ProcedureBook before;
+  before.take(told_by("HIS", kMorning, moved("present", "OR1")), {kMorning, 1h});
+  before.take(told_by("HIS", kMorning - 10h, moved("before", "OR1")), {kMorning, 1h});
+  before.take(told_by("HIS", kMorning, leaving("left")), {kMorning, 1h});
+  ProcedureMessage cancelled = numbered(planned("1", "", {}), "P1", "");
+  cancelled.kind = Kind::kCancels;
+  before.take(told_by("HIS", kMorning, cancelled), {kMorning, 1h});
+  ProcedureBook book = ProcedureBook::imported(before.exported());
+  EXPECT_EQ(book.exported(), before.exported());
+  const ProcedureMoment now{kMorning + 1min, 1h + 1min};
+  book.take(told_by("HIS", kMorning - 9h, moved("third", "OR1")), now);
+  book.take(told_by("HIS", kMorning - 9h, moved("left", "OR1")), now);
+  book.take(told_by("HIS", kMorning - 9h, numbered(planned("1", "", kMorning), "P1", "F1")), now);
+  EXPECT_EQ(book.size(), 3U);
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, now)->patient_id, "present");
 }
 
 TEST(ProcedureBook, TimesOfOneMinuteAreOfOneMoment) {

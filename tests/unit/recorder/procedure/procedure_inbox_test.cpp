@@ -136,6 +136,52 @@ TEST_F(ProcedureInboxTest, ListensToTheNetworkOnlyWhereItIsSaidWhoMaySend) {
   EXPECT_THAT(inbox.way().state, HasSubstr("say who may send with allow="));
 }
 
+TEST_F(ProcedureInboxTest, NobodyOfATrainingSystemIsInTheRoom) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  for (const char* mode : {"T", "D", "T^T"}) {
+    std::string training = kInOr1;
+    training.replace(training.find("|P|"), 3, std::string("|") + mode + "|");
+    EXPECT_THAT(answer(client, training), HasSubstr("AR|77|messages of training and debugging (MSH-11)"))
+        << mode;
+  }
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()), std::nullopt);
+  EXPECT_THAT(inbox.way().state, HasSubstr("0 taken, 3 refused"));
+  EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("MSH-11) are not taken here; 1 such messages so far\n"));
+  EXPECT_THAT(told, HasSubstr("MSH-11) are not taken here; 2 such messages so far\n"));
+  EXPECT_THAT(told, Not(HasSubstr("3 such")));
+}
+
+// The event of the first one is not that of the second one's patient.
+TEST_F(ProcedureInboxTest, NothingIsTakenOfAFrameOfSeveralMessages) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  const auto event = [](const std::string& name, const std::string& id, const std::string& patient) {
+    return "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^" + name + "|" + id + "|P|2.5\rPID|1||" + patient +
+           "^^^HOSP^MR||" + patient + "^X\rPV1|1|I|SURGERY^OR1\r";
+  };
+  EXPECT_EQ(answer(client, event("A10", "1", "WILMA")), "AA|1\r");
+  const std::string leaves = event("A03", "2", "WILMA"), comes = event("A10", "3", "PETRA");
+  for (const std::string& frame : {leaves + comes, leaves.substr(0, leaves.size() - 1) + comes}) {
+    EXPECT_THAT(answer(client, frame), HasSubstr("AE|2|several messages came in one frame"));
+  }
+  const auto found = inbox.find({{"OR1"}, 12h}, utc_now());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->patient.family, "WILMA") << "neither has left, nor has anybody come";
+  EXPECT_EQ(answer(client, leaves), "AA|2\r");
+  EXPECT_EQ(answer(client, comes), "AA|3\r");
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()).value_or(ProcedureData()).patient.family, "PETRA");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("several messages came in one frame"));
+  EXPECT_THAT(told, Not(HasSubstr("PETRA")));
+}
+
 TEST_F(ProcedureInboxTest, TellsNothingOfAPatient) {
   ProcedureInbox inbox("mllp://127.0.0.1:0", [this](const std::string& sentence) { tell(sentence); });
   inbox.tend();
@@ -180,9 +226,78 @@ TEST_F(ProcedureInboxTest, APortThatIsTakenIsToldAndTriedAgain) {
   EXPECT_THAT(told, HasSubstr("are waited for at " + taken + " now"));
 }
 
+TEST_F(ProcedureInboxTest, AStartForgetsNobodyWhereSomethingKeepsWhatWasSaid) {
+  test::MovedClock time;
+  Bytes kept;
+  int times = 0;
+  const auto keep = [&](ByteView state) {
+    kept = to_bytes(state);
+    ++times;
+  };
+  const std::string listen = "mllp://127.0.0.1:0?zone=UTC";
+  const ProcedureRule rule{{"OR1"}, 12h};
+  const auto tells = [this](const std::string& sentence) { tell(sentence); };
+  {
+    ProcedureInbox first(listen, tells, time, {{}, keep});
+    first.tend();
+    EXPECT_THAT(first.way().state, HasSubstr("0 refused; messages before 2026-08-05T09:00Z are not known"));
+    EXPECT_EQ(times, 1) << "since when it is known";
+    time.move(1h);
+    MllpClient client("127.0.0.1", first.port());
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(times, 2) << "before it is acknowledged";
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(times, 2) << "a hospital's messages come by the dozen";
+    time.move(1s);
+    first.tend();
+    EXPECT_EQ(times, 3);
+    first.tend();
+    EXPECT_EQ(times, 3) << "nothing is new";
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    first.end();
+    EXPECT_EQ(times, 4);
+    EXPECT_FALSE(first.way().well);
+    first.tend();
+    EXPECT_EQ(first.port(), 0) << "it does not listen again";
+  }
+  time.move(1min);
+  ProcedureInbox second(listen, tells, time, {kept, keep});
+  second.tend();
+  const auto found = second.find(rule, time.utc());
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->patient.family, "Müller");
+  EXPECT_THAT(found->chosen, HasSubstr("; messages before 2026-08-05T09:00Z are not known"));
+  EXPECT_THAT(second.way().state, HasSubstr("4 taken, 0 refused; messages before 2026-08-05T09:00Z"));
+  // Without, nobody is known, and it says since when that is so.
+  ProcedureInbox third(listen, tells, time);
+  third.tend();
+  EXPECT_EQ(third.find(rule, time.utc()), std::nullopt);
+  EXPECT_THAT(third.way().state, HasSubstr("messages before 2026-08-05T10:01Z are not known"));
+  time.move(73h);
+  EXPECT_THAT(third.way().state, Not(HasSubstr("not known"))) << "all that counts came since";
+  EXPECT_EQ(told, "");
+}
+
+TEST_F(ProcedureInboxTest, BeginsAnewWhereWhatWasKeptIsDamaged) {
+  test::MovedClock time;
+  Bytes kept;
+  const auto keep = [&kept](ByteView state) { kept = to_bytes(state); };
+  const auto tells = [this](const std::string& sentence) { tell(sentence); };
+  {
+    ProcedureInbox first("mllp://127.0.0.1:0", tells, time, {{}, keep});
+    first.tend();
+  }
+  kept.pop_back();
+  ProcedureInbox second("mllp://127.0.0.1:0", tells, time, {kept, keep});
+  EXPECT_THAT(told, HasSubstr("what was known before this start cannot be used"));
+  second.tend();
+  EXPECT_TRUE(second.way().well);
+}
+
 TEST_F(ProcedureInboxTest, RefusesAddressesThatAreNone) {
-  for (const char* listen :
-       {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9", "x"}) {
+  for (const char* listen : {"rtsp://camera", "mllp://127.0.0.1:x", "mllps://127.0.0.1", "mllp://a?speed=9",
+                             "mllp://127.0.0.1?locations=OR1", "x"}) {
     EXPECT_THROW(ProcedureInbox::check(listen), UsageError) << listen;
   }
 }

@@ -191,6 +191,58 @@ TEST_F(WorklistTest, AnAnswerFromBeforeTheClockWasSetIsNotChosenFrom) {
       << worklist.way().state;
 }
 
+// A step that was called off while the worklist was away went on naming its patient for the whole window.
+TEST_F(WorklistTest, AnAnswerThatIsOldWhileNoneComesIsForPeopleAlone) {
+  test::MovedClock time(now);
+  add("1", "Stale^Alice", now + 30min);
+  server.start();
+  WorklistOptions asked = options();
+  asked.refresh = 1min;
+  asked.timeout = 1s;
+  const Worklist worklist(asked, {}, time);
+  ASSERT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
+  time.await_waiting(1);
+  server.stop();
+  time.move(1min);
+  ASSERT_TRUE(test::eventually([&] { return !worklist.way().well; }));
+  EXPECT_TRUE(worklist.find(time.utc()).has_value()) << "it was asked a minute ago";
+  EXPECT_THAT(worklist.way().state, HasSubstr("the worklist RIS at"));
+  time.await_waiting(1);
+  time.suspend(3min);
+  EXPECT_EQ(worklist.find(time.utc()), std::nullopt);
+  EXPECT_FALSE(worklist.is_doubtful(time.utc()));
+  const std::vector<ProcedureData> listed = worklist.list(time.utc());
+  ASSERT_THAT(listed, SizeIs(1));
+  EXPECT_EQ(listed[0].patient_id, "1");
+  EXPECT_THAT(listed[0].chosen, HasSubstr("Z, 4 min before, and has not answered since"));
+  EXPECT_THAT(worklist.way().state, testing::AllOf(HasSubstr("nothing is chosen from the list of "),
+                                                   HasSubstr(", which is 4 min old: the worklist RIS at")));
+  server.start();
+  time.move(5min);
+  EXPECT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
+}
+
+// Nobody asked while the machine slept.
+TEST_F(WorklistTest, AnAnswerFromBeforeTheMachineSleptIsNotChosenFrom) {
+  test::MovedClock time(now);
+  add("1", "Stale^Alice", now + 30min);
+  server.start();
+  WorklistOptions asked = options();
+  asked.refresh = 1min;
+  const Worklist worklist(asked, {}, time);
+  ASSERT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
+  time.await_waiting(1);
+  time.suspend(1h);
+  EXPECT_EQ(worklist.find(time.utc()), std::nullopt);
+  EXPECT_THAT(worklist.way().state, HasSubstr("which is 60 min old: it is asked again"));
+  time.move(5s);
+  EXPECT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+      << worklist.way().state;
+}
+
 TEST_F(WorklistTest, SaysWhyItCannotBeAsked) {
   EXPECT_THAT(ask_worklist(options(), now).problem, HasSubstr("the worklist RIS at 127.0.0.1:"))
       << "nobody listens";

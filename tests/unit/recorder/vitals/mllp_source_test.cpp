@@ -22,6 +22,7 @@ namespace {
 
 using test::MllpClient;
 using testing::HasSubstr;
+using testing::Not;
 using testing::SizeIs;
 
 std::string message(int id, const std::string& value = "97") {
@@ -41,6 +42,7 @@ class Running {
 
   [[nodiscard]] std::uint16_t port() const { return port_; }
   [[nodiscard]] std::uint64_t refused() const { return source_->refused(); }
+  [[nodiscard]] std::uint64_t elsewhere() const { return source_->elsewhere(); }
   std::vector<VitalLine> finish() {
     if (thread_.joinable()) {
       source_->interrupt();
@@ -249,6 +251,28 @@ TEST(MllpSource, StoresNothingOfASenderThatMayNotSend) {
   EXPECT_THAT(notices(lines, "sender-refused"),
               HasSubstr("this sender's messages (MSH-3, MSH-4) are not taken here; 1 of it refused so far "
                         "STRANGER/OR1@127.0.0.1\n"));
+}
+
+TEST(MllpSource, StoresNothingOfOtherPlaces) {
+  Running running("?locations=SURG^OR1,OR1");
+  MllpClient gateway("127.0.0.1", running.port());
+  const auto of_bed = [](const std::string& place, int id) {
+    return "MSH|^~\\&|GATEWAY||||20260101120000+0000||ORU^R01|" + std::to_string(id) + "|P|2.6\rPV1||I|" +
+           place + "\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|72\r";
+  };
+  for (int id = 1; id <= 6; ++id) {
+    gateway.send_message(of_bed(id % 2 == 1 ? "SURG^OR1" : "ICU^BED9", id));
+    EXPECT_EQ(acknowledged(gateway), "AA " + std::to_string(id)) << "the gateway goes on";
+  }
+  EXPECT_EQ(running.elsewhere(), 3U);
+  EXPECT_EQ(running.refused(), 0U);
+  const auto lines = running.finish();
+  const auto samples = lines_of<VitalSample>(lines);
+  ASSERT_THAT(samples, SizeIs(3));
+  for (const VitalSample& sample : samples) EXPECT_EQ(sample.source, "GATEWAY[SURG^OR1]@127.0.0.1");
+  EXPECT_THAT(lines_of<media::DeviceMessage>(lines), SizeIs(3));
+  EXPECT_EQ(notices(lines, "several-beds"), "");
+  for (const VitalLine& line : lines) EXPECT_THAT(media::to_json_line(line), Not(HasSubstr("BED9")));
 }
 
 TEST(MllpSource, IsNotShutToAMonitorByConnectionsThatSayNothing) {

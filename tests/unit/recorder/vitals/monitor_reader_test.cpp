@@ -17,6 +17,7 @@ using media::VitalQuality;
 using media::VitalSample;
 using media::VitalText;
 using std::chrono::minutes;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
@@ -94,6 +95,30 @@ TEST_F(MonitorReaderTest, KnowsMissingValuesInAllTheirForms) {
       sample("OBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|0|264864^MDC_DIM_BEAT_PER_MIN^MDC||NAV|||R").quality,
       VitalQuality::kMissing);
   EXPECT_EQ(sample("OBX|1|NM|1^MDC_X^MDC|1|-98").value, -98);
+}
+
+TEST_F(MonitorReaderTest, TellsOfValuesThatWereMeasuredLongBefore) {
+  const auto measured = [](const std::string& time) {
+    return "OBR|1|||1^MDC_X^MDC|||" + time +
+           "\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|72|264864^MDC_DIM_BEAT_PER_MIN^MDC";
+  };
+  EXPECT_THAT(notices(read(measured("20260101115801+0000"))), IsEmpty());
+  const auto late = read(measured("20260101110000+0000"));
+  EXPECT_THAT(notices(late), ElementsAre(HasSubstr("measured-earlier: OBX 1 (MDC_ECG_HEART_RATE)")));
+  const auto samples = of<VitalSample>(late);
+  ASSERT_THAT(samples, SizeIs(1));
+  EXPECT_EQ(samples[0].time_ns, 1'000'000'000) << "when it arrived";
+  EXPECT_EQ(samples[0].device_time, parse_utc("2026-01-01T11:00:00Z"));
+  EXPECT_EQ(samples[0].quality, VitalQuality::kGood) << "the monitor's word";
+  EXPECT_THAT(notices(read(measured("20260101110001+0000"))), IsEmpty()) << "once a monitor and quantity";
+}
+
+// The monitor kept it while the network was away: the message is as old as its values.
+TEST_F(MonitorReaderTest, TellsOfAMessageThatWasHeldUp) {
+  constexpr std::int64_t kHourNs = 3'600'000'000'000;
+  read("OBX|1|NM|1^MDC_X^MDC|1|5", kHourNs, "20260101130000+0000");
+  EXPECT_THAT(notices(read("OBX|1|NM|2^MDC_Y^MDC|1|5", kHourNs + 1, "20260101121000+0000")),
+              ElementsAre(HasSubstr("measured-earlier: OBX 1 (MDC_Y)")));
 }
 
 TEST_F(MonitorReaderTest, TellsQualities) {
@@ -191,7 +216,7 @@ TEST_F(MonitorReaderTest, TakesTheTimeOfTheOrderOrOfTheMessageWhereTheObservatio
 TEST_F(MonitorReaderTest, SaysByWhichZoneItReadTimesWithoutOne) {
   reader_ = MonitorReader("bed 4", minutes(330));
   const auto lines = read(kSaturation, 1, "20260101173000");
-  EXPECT_THAT(notices(lines), ElementsAre("zone-assumed: times without zone were taken to be UTC+0530"));
+  EXPECT_THAT(notices(lines), Contains("zone-assumed: times without zone were taken to be UTC+0530"));
   EXPECT_EQ(of<VitalSample>(lines).at(0).device_time, parse_utc("2026-01-01T06:29:59Z"));
 }
 

@@ -258,6 +258,24 @@ TEST_F(DicomSeriesTest, RefusesPicturesThatDiffer) {
               HasSubstr("direction in the patient"));
 }
 
+// Two patients under one SeriesInstanceUID were one volume.
+TEST_F(DicomSeriesTest, RefusesPicturesOfTwoPatientsUnderOneSeries) {
+  const auto with = [&](const std::string& tag, const std::string& one, const std::string& other) {
+    int number = 0;
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0,
+                [&](DicomSlice& slice) { slice.elements[tag] = ++number == 1 ? one : other; });
+    return refusal();
+  };
+  EXPECT_EQ(with("(0010,0020)", "4711", "4711"), "");
+  const std::string of_patients = with("(0010,0020)", "4711", "4712");
+  EXPECT_THAT(of_patients, HasSubstr("slice90.dcm and slice89.dcm differ in whose they are (PatientID)"));
+  EXPECT_THAT(of_patients, testing::Not(HasSubstr("471")));
+  EXPECT_THAT(with("(0010,0020)", "4711", ""), HasSubstr("(PatientID)"));
+  EXPECT_THAT(with("(0010,0010)", "Abe^Akiko", "Baba^Emi"), HasSubstr("(PatientName)"));
+  EXPECT_THAT(with("(0020,000d)", "1.2.9.1", "1.2.9.2"), HasSubstr("their study (StudyInstanceUID)"));
+  EXPECT_THAT(with("(0020,0052)", "1.2.8.1", "1.2.8.2"), HasSubstr("(FrameOfReferenceUID)"));
+}
+
 TEST_F(DicomSeriesTest, RefusesSeveralSeriesWithTheirListUnlessOneIsChosen) {
   for (const std::string uid : {"1.2.77", "1.2.78"}) {
     std::filesystem::create_directory(folder() / uid);

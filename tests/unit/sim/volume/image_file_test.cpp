@@ -1,5 +1,6 @@
 #include "sim/volume/image_file.h"
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -34,6 +35,11 @@ struct Nifti {
   Vector3 offset_mm = {1, 2, 3};
   float slope = 0, intercept = 0;
   std::int16_t sform_code = 1, volumes = 1, type = 4;  // DT_INT16
+  char unit = 2;                                       // mm
+  std::int16_t qform_code = 0;
+  Eigen::Quaternionf qform_turn = Eigen::Quaternionf::Identity();
+  float qform_hand = 1;
+  Eigen::Vector3f qform_offset_mm = {1, 2, 3};
   std::string values = raw(std::vector<std::int16_t>{0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11,
                                                      12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23});
 
@@ -48,14 +54,18 @@ struct Nifti {
     for (std::size_t at = 0; at < 8; ++at) put(40 + 2 * at, size[at]);
     put(70, type);
     put(72, static_cast<std::int16_t>(type == 16 ? 32 : 16));
-    put(76, 1.0F);
+    put(76, qform_hand);
     for (int axis = 0; axis < 3; ++axis)
       put(80 + 4 * std::size_t(axis), static_cast<float>(affine.col(axis).norm()));
     put(108, 352.0F);
     put(112, slope);
     put(116, intercept);
-    put(123, char{2});  // mm
+    put(123, unit);
+    put(252, qform_code);
     put(254, sform_code);
+    const std::array<float, 6> qform{qform_turn.x(),      qform_turn.y(),      qform_turn.z(),
+                                     qform_offset_mm.x(), qform_offset_mm.y(), qform_offset_mm.z()};
+    for (std::size_t at = 0; at < qform.size(); ++at) put(256 + 4 * at, qform[at]);
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column) {
         put(280 + 16 * std::size_t(row) + 4 * std::size_t(column), static_cast<float>(affine(row, column)));
@@ -129,6 +139,34 @@ TEST_F(ImageFileTest, SaysWhereNothingIsKnownOfThePatient) {
               Contains(HasSubstr("does not say how it lies")));
 }
 
+// One was taken, and an organ of the left came to lie on the right.
+TEST_F(ImageFileTest, RefusesNiftiThatIsPlacedTwiceAndContradictsItself) {
+  Nifti nifti;
+  nifti.qform_code = 1;
+  const auto findings = [&] { return read_volume(write("a.nii", nifti.text()), {}).findings; };
+  const auto is_told = Contains(HasSubstr("says twice how it lies"));
+  EXPECT_EQ(refusal(write("a.nii", nifti.text())), "");
+  EXPECT_THAT(findings(), testing::Not(is_told));
+  nifti.qform_offset_mm = {1, 2, 5.5};
+  EXPECT_THAT(findings(), Contains(HasSubstr("differ by 0 degrees and up to 2.5 voxels")));
+  nifti.qform_offset_mm = {1, 2, 3};
+  nifti.qform_turn = Eigen::AngleAxisf(0.1F, Eigen::Vector3f::UnitZ());
+  EXPECT_THAT(findings(), is_told);
+  nifti.qform_turn = Eigen::AngleAxisf(float(M_PI), Eigen::Vector3f::UnitZ());
+  EXPECT_THAT(refusal(write("a.nii", nifti.text())),
+              AllOf(HasSubstr("one is turned against the other"), HasSubstr("run to LPS by its qform"),
+                    HasSubstr("to RAS by its sform")));
+  nifti.qform_turn = Eigen::Quaternionf::Identity();
+  nifti.qform_hand = -1;
+  EXPECT_THAT(refusal(write("a.nii", nifti.text())),
+              AllOf(HasSubstr("one is the mirror image of the other"), HasSubstr("run to RAI by its qform"),
+                    HasSubstr("by an organ of one side")));
+  EXPECT_THAT([&] { (void)read_label_map(write("a.nii", nifti.text())); },
+              testing::ThrowsMessage<Error>(HasSubstr("mirror image")));
+  nifti.sform_code = 0;
+  EXPECT_EQ(refusal(write("a.nii", nifti.text())), "") << "one alone contradicts nothing";
+}
+
 const std::string kNrrd =
     "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 4 3 2\n"
     "space directions: (0,2,0) (3,0,0) (0,0,-4)\nspace origin: (1,2,3)\nencoding: raw\nendian: little\n\n";
@@ -151,6 +189,86 @@ TEST_F(ImageFileTest, ReadsNrrdAndMetaImage) {
              Vector3(-0.001, -0.004, 0.003))
                 .norm(),
             1e-12);
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  text.replace(text.find(what), what.size(), by);
+  return text;
+}
+
+TEST_F(ImageFileTest, TakesUnitsOfLengthAsTheyAreStated) {
+  const auto of = [&](const std::string& name, const std::string& header) {
+    return read_image_file(write(name, header + Nifti().values)).grid;
+  };
+  const auto nrrd_in = [&](const std::string& units) {
+    return replaced(kNrrd, "encoding", "space units: " + units + "\nencoding");
+  };
+  const auto meta_in = [&](const std::string& unit) {
+    return replaced(kMetaImage, "DimSize", "DistanceUnits = " + unit + "\nDimSize");
+  };
+  const Grid grid = of("a.nrrd", kNrrd);
+  for (const auto& [unit, times] :
+       {std::pair{"mm", 1.0}, {"cm", 10.0}, {"m", 1000.0}, {"um", 1e-3}, {"???", 1.0}, {"", 1.0}}) {
+    const std::string each = "\"" + std::string(unit) + "\"";
+    const Grid scaled = of("a.nrrd", nrrd_in(each + " " + each + " " + each));
+    EXPECT_TRUE(scaled.spacing_m.isApprox(times * grid.spacing_m)) << unit;
+    EXPECT_TRUE(scaled.origin_m.isApprox(times * grid.origin_m)) << unit;
+  }
+  EXPECT_TRUE(of("a.mha", meta_in("cm")).spacing_m.isApprox(10 * of("a.mha", kMetaImage).spacing_m));
+  // ITK takes the distances of such a file, and the first voxel a thousand times nearer.
+  for (const auto& [unit, times] : {std::pair{char{1}, 0.001}, {char{3}, 1000.0}}) {
+    Nifti nifti;
+    nifti.unit = unit;
+    nifti.affine *= times;
+    nifti.qform_offset_mm *= float(times);
+    nifti.qform_code = 1;
+    nifti.sform_code = 0;
+    EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("not the millimetre; save it in mm"));
+  }
+  EXPECT_THAT(refusal(write("a.nrrd", nrrd_in("\"in\" \"in\" \"in\"") + Nifti().values)),
+              HasSubstr("its unit of length is 'in', which is not known; save it in mm"));
+  EXPECT_THAT(refusal(write("a.nrrd", nrrd_in("\"mm\" \"mm\" \"cm\"") + Nifti().values)),
+              HasSubstr("units that differ"));
+  const std::string bare =
+      "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspacings: 2 3 4\nunits: \"cm\" \"cm\" "
+      "\"cm\"\nencoding: raw\nendian: little\n\n";
+  EXPECT_TRUE(of("a.nrrd", bare).spacing_m.isApprox(Vector3(0.02, 0.03, 0.04)));
+}
+
+TEST_F(ImageFileTest, SaysWhereASpaceIsNotThePatients) {
+  const auto in = [&](const std::string& space) {
+    return write("a.nrrd", replaced(kNrrd, "left-posterior-superior", space) + Nifti().values);
+  };
+  for (const char* const of_patient : {"left-posterior-superior", "LAS", "right-anterior-superior"})
+    EXPECT_TRUE(read_image_file(in(of_patient)).placed) << of_patient;
+  for (const char* const other : {"scanner-xyz", "3D-right-handed"})
+    EXPECT_FALSE(read_image_file(in(other)).placed) << other;
+  EXPECT_THAT(refusal(in("3D-left-handed")), HasSubstr("its mirror image"));
+}
+
+TEST_F(ImageFileTest, AMetaImageSaysHowItLiesOrThatIsTold) {
+  const auto image = [&](const std::string& matrix, const std::string& orientation) {
+    std::string header = replaced(kMetaImage, "TransformMatrix = 0 1 0 1 0 0 0 0 -1\n", matrix);
+    if (!orientation.empty())
+      header = replaced(header, "DimSize", "AnatomicalOrientation = " + orientation + "\nDimSize");
+    return write("a.mha", header + Nifti().values);
+  };
+  const std::string identity = "TransformMatrix = 1 0 0 0 1 0 0 0 1\n";
+  const std::string mirrored = "TransformMatrix = -1 0 0 0 1 0 0 0 1\n";
+  EXPECT_TRUE(read_image_file(image(identity, "")).placed);
+  EXPECT_TRUE(read_image_file(image(identity, "RAI")).placed) << "as ITK writes it";
+  EXPECT_TRUE(read_image_file(image(identity, "LPS")).placed) << "as others do";
+  EXPECT_TRUE(read_image_file(image(mirrored, "LAI")).placed);
+  EXPECT_TRUE(read_image_file(image("", "RAI")).placed);
+  for (const char* const unsaid : {"", "???"}) {
+    EXPECT_FALSE(read_image_file(image("", unsaid)).placed);
+    EXPECT_THAT(read_volume(image("", unsaid), {}).findings, Contains(HasSubstr("does not say how it lies")));
+  }
+  EXPECT_THAT(refusal(image(identity, "RAS")),
+              HasSubstr("AnatomicalOrientation = RAS, which contradicts its TransformMatrix"));
+  EXPECT_THAT(refusal(image(mirrored, "RAI")), HasSubstr("contradicts its TransformMatrix"));
+  for (const char* const unclear : {"RAS", "LAI", "LPS"})
+    EXPECT_THAT(refusal(image("", unclear)), HasSubstr("has no TransformMatrix")) << unclear;
 }
 
 /// A header with the line that says where its voxels are.
@@ -251,6 +369,13 @@ TEST_F(ImageFileTest, TakesWhatIsNoNumberForPadding) {
 
 TEST_F(ImageFileTest, ReadsLabelsAndRefusesOtherNumbers) {
   EXPECT_EQ(read_label_map(write("a.nii", Nifti().text())).labels[23], 23);
+  std::vector<std::string> findings;
+  (void)read_label_map(write("a.nii", Nifti().text()), &findings);
+  EXPECT_THAT(findings, testing::IsEmpty());
+  Nifti nowhere;
+  nowhere.sform_code = 0;
+  (void)read_label_map(write("organs.nii", nowhere.text()), &findings);
+  EXPECT_THAT(findings, ElementsAre(HasSubstr("labels organs.nii: the file does not say how it lies")));
   Nifti half;
   half.slope = 0.5;
   EXPECT_THROW((void)read_label_map(write("a.nii", half.text())), Error);

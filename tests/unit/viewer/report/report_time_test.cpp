@@ -330,6 +330,10 @@ TEST_F(ReportDocument, EveryDocumentSaysWhatItsTimeIsNotWorth) {
       {"first-stamped-late", "By the case clock recording began 0:03:20 before the first time stamp:",
        "記録は最初のタイムスタンプの 0:03:20 前に始まりました",
        "That an outside clock confirms when recording began. By the case clock it began 0:03:20 before"},
+      {"segments-entered-late", "By the case clock some of it ended 0:03:20 before the time stamp behind",
+       "タイムスタンプの後に記入された記録の一部は、その 0:03:20 前に終わっています",
+       "That an outside clock confirms when all of it was recorded. By the case clock some of it ended "
+       "0:03:20"},
       {"end-stamped-late", "That recording ended when it says rests on the recorder's word",
        "そこで終わったことは記録装置のみに依拠します", "That recording ended when the record says"},
       {"clock-differs", "By the time stamps the recorder's clock was wrong, and so",
@@ -340,7 +344,7 @@ TEST_F(ReportDocument, EveryDocumentSaysWhatItsTimeIsNotWorth) {
   for (const Limit& stated : limits) {
     ReportInput in = input();
     in.verification.time = archive::TimeProof::kExternal;
-    in.verification.age_at_first_stamp_ns = 200'000'000'000;
+    in.verification.age_at_first_stamp_ns = in.verification.entered_late_ns = 200'000'000'000;
     in.verification.findings.push_back({stated.code, archive::Severity::kNote, {}, {}, {}, "why"});
     for (const Limit& each : limits) {
       const auto says = [&](const std::string& words) {
@@ -377,7 +381,8 @@ TEST_F(ReportDocument, AReceiptWithAllThatItsTimeIsNotWorthHasOnePage) {
   if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
   const std::vector<std::vector<std::string>> cases = {
       {"first-stamped-late"},
-      {"first-stamped-late", "end-stamped-late", "clock-differs", "close-utc-differs"},
+      {"first-stamped-late", "segments-entered-late", "end-stamped-late", "clock-differs",
+       "close-utc-differs"},
       {"stamped-after-close", "clock-differs", "close-utc-differs"}};
   for (const Language language : {Language::kEnglish, Language::kJapanese}) {
     for (const std::vector<std::string>& codes : cases) {

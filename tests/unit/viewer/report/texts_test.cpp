@@ -52,6 +52,29 @@ TEST(Texts, KnowEveryFindingOfTheFormatAndNoOther) {
   EXPECT_TRUE(codes.empty());
 }
 
+// What is wrong with the log beside a case says nothing of the case's own files, device or lines.
+TEST(Checks, PutWhatIsFoundOfTheLogToTheLogAlone) {
+  archive::VerificationReport found;
+  found.entries = found.signed_entries = 9;
+  found.close_entry = 8;
+  found.time = archive::TimeProof::kExternal;
+  for (const char* code :
+       {"file-unreadable", "device-not-trusted", "checkpoint-not-by-both", "log-not-sound", "log-silent"}) {
+    found.findings.push_back({code, archive::Severity::kUnproven, "log/ledger.jsonl", {}, {}, code});
+  }
+  found.findings.push_back({"file-of-a-system", archive::Severity::kNote, "log/.DS_Store", {}, {}, "x"});
+  Given given;
+  given.log.push_back({"log", {}});
+  for (const CheckAnswer& each : answer_checks(found, given, false)) {
+    const bool is_of_log = each.check == Check::kLog;
+    const Answer wanted = is_of_log                        ? Answer::kUnknown
+                          : each.check == Check::kContents ? Answer::kNotAsked
+                                                           : Answer::kYes;
+    EXPECT_EQ(each.answer, wanted) << static_cast<int>(each.check);
+    EXPECT_EQ(each.notes, is_of_log ? 1U : 0U) << static_cast<int>(each.check);
+  }
+}
+
 TEST(Texts, OfUnknownLanguagesAreRefused) {
   EXPECT_EQ(parse_language("ja"), Language::kJapanese);
   EXPECT_ANY_THROW(parse_language("jp"));

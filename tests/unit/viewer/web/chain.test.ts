@@ -74,6 +74,7 @@ describe('The chain of proof', () => {
     expect(told('frames-dropped')).toEqual(['timeWhat.external']);
     expect(told('stamped-after-close')).toEqual(['timeWhat.external-until', 'timeRemark.stamped-after-close']);
     expect(told('clock-differs', 'first-stamped-late')).toEqual(['timeWhat.external', 'timeRemark.first-stamped-late', 'timeRemark.clock-differs']);
+    expect(told('segments-entered-late')).toEqual(['timeWhat.external', 'timeRemark.segments-entered-late']);
     expect(told('end-stamped-late', 'close-utc-differs')).toEqual(['timeWhat.external', 'timeRemark.end-stamped-late', 'timeRemark.close-utc-differs']);
     const selfIssued = report([finding('close-utc-differs', 'note')], { time: 'self-issued' });
     expect(wordsOfTime(selfIssued)).toEqual(['timeWhat.self-issued', 'timeRemark.close-utc-differs']);
@@ -120,6 +121,16 @@ describe('The chain of proof', () => {
       states(report([finding('ledger-changed', 'tampered'), finding('file-missing', 'tampered', { file: 'segments/room/00000001.ts.age' })])),
     ).toMatchObject({ ledger: 'broken', segments: 'broken' });
   });
+  it('says of the case no more than of the log beside it', () => {
+    const ofLog = (code: string, severity: Severity, file: string) => states(report([finding(code, severity, { file: `log/${file}` })]));
+    const open = { segments: 'holds', ledger: 'open', checkpoints: 'holds', tokens: 'holds', authority: 'holds' };
+    expect(ofLog('log-not-sound', 'unproven', 'ledger.jsonl')).toEqual(open);
+    expect(ofLog('log-silent', 'unproven', 'ledger.jsonl')).toEqual(open);
+    expect(ofLog('file-unreadable', 'unproven', 'checkpoints/00000004.note')).toEqual(open);
+    expect(ofLog('device-not-trusted', 'unproven', '')).toEqual(open);
+    expect(ofLog('log-not-tidy', 'note', '.DS_Store')).toEqual({ ...open, ledger: 'holds' });
+    expect(ofLog('file-hash-differs', 'tampered', 'consents/x.age')).toEqual({ ...open, ledger: 'broken' });
+  });
   it('says of nothing that it holds where an algorithm ended', () => {
     expect(new Set(Object.values(states(report([finding('algorithm-ended', 'unproven')]))))).toEqual(new Set(['open']));
   });
@@ -143,7 +154,7 @@ describe('The chain of proof', () => {
     expect(
       ofLedger.filter(
         (code) =>
-          !/^(entry|open|close-utc|ledger|log|outside|stream-unknown|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|consent|boots?-|measured-boot|access-without-consent|folder|more)/.test(
+          !/^(entry|format-newer|open|close-utc|ledger|log|outside|stream-unknown|excerpt|case|device-invalid|clock|utc|not-closed|recovered|carrying-on|carried-on|consent|boots?-|measured-boot|access-without-consent|folder|more)/.test(
             code,
           ),
       ),

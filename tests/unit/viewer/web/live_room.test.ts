@@ -10,6 +10,7 @@ const stream = (more: Partial<StreamStatus>): StreamStatus => ({
   frames: 9,
   dropped: 0,
   refused: 0,
+  elsewhere: 0,
   segments: 1,
   bytes: 9,
   age_ms: 40,

@@ -143,14 +143,22 @@ describe('The ways to the hospital’s procedures', () => {
       ...ofListening,
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused',
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused; messages before 2026-11-28T14:02Z are not known',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers; messages before 2026-11-28T14:02Z are not known',
       'HIS listed 7 steps at 2026-11-23T09:00:00Z',
       'is being asked for the first time',
+      'nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: it is asked again',
       'does not wait for messages yet',
     ];
     for (const state of states) expect(wayInJapanese(state), state).toMatch(kJapanese);
     expect(wayInJapanese('the worklist HIS at 192.0.2.9:104 cannot be asked: Peer aborted')).toBe(
       '192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）',
     );
+    expect(
+      wayInJapanese(
+        'nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: the worklist HIS at 192.0.2.9:104 cannot be asked',
+      ),
+    ).toBe('2026-11-23T09:00:00Z の一覧は 60 分前のものであるため、自動では選択しません。192.0.2.9:104 のワークリスト HIS に問い合わせできません');
   });
 });
 

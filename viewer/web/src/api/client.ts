@@ -200,11 +200,12 @@ export const appliance = {
   /** Waves after `after_ns` of the case clock. */
   vitals: (room: string, after_ns: number, signal?: AbortSignal) =>
     json<LiveVitals>('GET', `rooms/${part(room)}/vitals?after_ns=${Math.max(0, Math.round(after_ns))}`, undefined, signal),
-  /** While the case runs. */
-  say: (room: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/subject`, said),
-  stop: (room: string) => json<void>('POST', `rooms/${part(room)}/stop`),
-  mark: (room: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text }),
-  archiveAs: (room: string, stream: string, profile: Profile) => json<ProfileChanged>('POST', `rooms/${part(room)}/profile`, { profile, stream }),
+  /** What acts on a case names it: the server refuses it where the room has gone on to another one by now. */
+  say: (room: string, id: string, said: SaidOfCase) => json<void>('POST', `rooms/${part(room)}/subject`, { ...said, case: id }),
+  stop: (room: string, id: string) => json<void>('POST', `rooms/${part(room)}/stop`, { case: id }),
+  mark: (room: string, id: string, text: string) => json<void>('POST', `rooms/${part(room)}/mark`, { text, case: id }),
+  archiveAs: (room: string, id: string, stream: string, profile: Profile) =>
+    json<ProfileChanged>('POST', `rooms/${part(room)}/profile`, { profile, stream, case: id }),
 };
 
 /** RFC 6455, section 7.4.1, policy violation: how a socket ends whose session has ended. */

@@ -80,6 +80,7 @@ export class PickingModel {
   private again = false;
   private closed = false;
   private judging = 0;
+  private asking: Promise<unknown> = Promise.resolve();
   private frameRequest: AbortController | undefined;
   private readonly unfollow: (() => void)[];
 
@@ -246,10 +247,17 @@ export class PickingModel {
     return { step: moment.step, plan_s: moment.plan_s, ...this.view.peek(), width: side(frame.width), height: side(frame.height) };
   }
 
+  /** One question at a time: the plan's program answers no two at once, and the appliance lets few wait. */
+  private inTurn<T>(ask: () => Promise<T>): Promise<T> {
+    const answer = this.asking.then(ask);
+    this.asking = answer.catch(() => undefined);
+    return answer;
+  }
+
   /** Asks until the plan is carried out. */
   private async answered<T extends object>(ask: () => Promise<T | Preparing>): Promise<T | undefined> {
     for (;;) {
-      const answer = await ask();
+      const answer = await this.inTurn(ask);
       if (this.closed || !this.isOpen.peek()) return undefined;
       if (!isPreparing(answer)) {
         this.preparing.value = undefined;

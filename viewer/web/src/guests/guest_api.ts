@@ -4,7 +4,8 @@ import type { Invitation, Session } from '@/api/types';
 
 export const invitations = {
   list: async () => (await get<{ invitations: Invitation[] }>('invitations')).invitations,
-  make: (guest: string, room: string, minutes: number) => post<Invitation & { token: string }>('invitations', { guest, room, minutes }),
+  /** `id`: the case that is recorded; '' where none is, and the guest is to see the next one. */
+  make: (guest: string, room: string, id: string, minutes: number) => post<Invitation & { token: string }>('invitations', { guest, room, minutes, case: id }),
   end: (id: string) => del(`invitations/${encodeURIComponent(id)}`),
   join: (token: string) => post<Session>('session', { invitation: token }),
 };

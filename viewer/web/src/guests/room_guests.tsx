@@ -44,14 +44,24 @@ const lengthOf = (minutes: number): string =>
   minutes < 60 ? t('guests.minutes', { n: minutes }) : minutes === 60 ? t('guests.hour') : t('guests.hours', { n: minutes / 60 });
 const timeOf = (utc: string): string => new Date(utc).toLocaleTimeString(language.value === 'ja' ? 'ja-JP' : 'en-GB', { hour: '2-digit', minute: '2-digit' });
 
-function InviteDialog({ room, onMade, onClose }: { room: string; onMade: () => void; onClose: () => void }) {
+interface InviteProps {
+  room: string;
+  /** The case that is recorded; '': none is. */
+  recorded: string;
+  onMade: () => void;
+  onClose: () => void;
+}
+
+function InviteDialog({ room, recorded, onMade, onClose }: InviteProps) {
+  const about = useSignal(recorded);
   const made = useSignal<(Invitation & { token: string }) | undefined>(undefined);
   const link = useRef<HTMLInputElement>(null);
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
     const fields = new FormData(event.currentTarget as HTMLFormElement);
+    if (about.value !== recorded) return;
     void attempt(async () => {
-      made.value = await api.make(typed(fields, 'guest').trim(), room, Number(fields.get('minutes')));
+      made.value = await api.make(typed(fields, 'guest').trim(), room, about.value, Number(fields.get('minutes')));
       onMade();
     });
   };
@@ -81,8 +91,18 @@ function InviteDialog({ room, onMade, onClose }: { room: string; onMade: () => v
               ))}
             </select>
           </label>
+          {about.value !== recorded && (
+            <div class="changed" role="alert">
+              <p class="problem">
+                <Icon name="alarm" /> {recorded === '' ? t('guests.over', { id: about.value }) : t('guests.next', { id: recorded })}
+              </p>
+              <button type="button" class="button" onClick={() => (about.value = recorded)}>
+                {recorded === '' ? t('guests.toTheFirst') : t('guests.toNext', { id: recorded })}
+              </button>
+            </div>
+          )}
           <div class="dialog-end">
-            <button type="submit" class="button button-main">
+            <button type="submit" class="button button-main" disabled={about.value !== recorded}>
               {t('guests.do')}
             </button>
           </div>
@@ -138,7 +158,15 @@ function Guest({ one, refresh }: { one: Invitation; refresh: () => Promise<unkno
   );
 }
 
-export function RoomGuests({ room, list, refresh }: { room: string; list: readonly Invitation[]; refresh: () => Promise<unknown> }) {
+interface RoomGuestsProps {
+  room: string;
+  /** The case that is recorded; '': none is. */
+  recorded: string;
+  list: readonly Invitation[];
+  refresh: () => Promise<unknown>;
+}
+
+export function RoomGuests({ room, recorded, list, refresh }: RoomGuestsProps) {
   const inviting = useSignal(false);
   const own = list.filter((one) => one.room === room);
   const shown = [...own.filter((one) => one.state !== 'ended'), ...own.filter((one) => one.state === 'ended').slice(0, kMostEnded)];
@@ -162,7 +190,7 @@ export function RoomGuests({ room, list, refresh }: { room: string; list: readon
           ))}
         </ul>
       )}
-      {inviting.value && <InviteDialog room={room} onMade={() => void refresh()} onClose={() => (inviting.value = false)} />}
+      {inviting.value && <InviteDialog room={room} recorded={recorded} onMade={() => void refresh()} onClose={() => (inviting.value = false)} />}
     </section>
   );
 }

@@ -46,6 +46,8 @@ export const casesEn = {
   'timeWhat.none': 'Nothing outside the device says when this was recorded.',
   'timeRemark.stamped-after-close': 'When it was recorded, and for how long, rests on the recorder’s word.',
   'timeRemark.first-stamped-late': 'It began well before the first outside time-stamp. That it began no earlier than it says rests on the recorder’s word.',
+  'timeRemark.segments-entered-late':
+    'Some of it is entered behind an outside time-stamp that came well after it. That it is no older than it says rests on the recorder’s word.',
   'timeRemark.end-stamped-late': 'The time-stamp over its end is later than that end explains. That recording ended there rests on the recorder’s word.',
   'timeRemark.clock-differs': 'By the outside time-stamps the recorder’s clock was wrong. So is every time by it.',
   'timeRemark.close-utc-differs':
@@ -97,6 +99,8 @@ export const casesJa: Record<keyof typeof casesEn, string> = {
   'timeWhat.none': 'いつ記録されたかを示すものが装置の外にありません。',
   'timeRemark.stamped-after-close': 'いつ、どれだけの時間記録されたかは、記録装置のみに依拠します。',
   'timeRemark.first-stamped-late': '外部の最初のタイムスタンプよりかなり前に始まっています。記載より前に始まっていないことは、記録装置のみに依拠します。',
+  'timeRemark.segments-entered-late':
+    '一部は、記録の終わりよりかなり後の外部のタイムスタンプの後に記入されています。記載より古くないことは、記録装置のみに依拠します。',
   'timeRemark.end-stamped-late': '終了に対するタイムスタンプは、記載された終了時刻より遅いものです。そこで記録が終わったことは、記録装置のみに依拠します。',
   'timeRemark.clock-differs': '外部のタイムスタンプによれば、記録装置の時計は誤っていました。この時計によるすべての時刻も誤りです。',
   'timeRemark.close-utc-differs': '開始から終了までに記録装置の時計が進んだ時間は、症例時計と異なります。記録の長さを示すのは症例時計のみです。',

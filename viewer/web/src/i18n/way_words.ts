@@ -5,6 +5,14 @@ import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
 
 export const kWaySentences: readonly SentencePair[] = [
   [
+    'nothing is chosen from the list of {time}, which is {n} min old: it is asked again',
+    '{time} の一覧は {n} 分前のものであるため、自動では選択しません。再度問い合わせ中です',
+  ],
+  [
+    'nothing is chosen from the list of {time}, which is {n} min old: {way}',
+    '{time} の一覧は {n} 分前のものであるため、自動では選択しません。{way}',
+  ],
+  [
     "the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed",
     'DCMTK のデータ辞書（dicom.dic）が導入されていないため、ワークリストに問い合わせできません',
   ],
@@ -23,6 +31,14 @@ export const kWaySentences: readonly SentencePair[] = [
   ],
   ['{ae} listed {n} steps at {time}', '{ae} は {time} に {n} 件を返しました'],
   ['does not wait for messages yet', 'まだメッセージを待ち受けていません'],
+  [
+    'waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers; messages before {since} are not known',
+    '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）。{since} より前のメッセージは不明です',
+  ],
+  [
+    'waits for messages at {place}; {taken} taken, {refused} refused; messages before {since} are not known',
+    '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件）。{since} より前のメッセージは不明です',
+  ],
   [
     'waits for messages at {place}; {taken} taken, {refused} refused, {strangers} connections of strangers',
     '{place} で待ち受け中（受理 {taken} 件、拒否 {refused} 件、許可のない接続 {strangers} 件）',
@@ -43,4 +59,5 @@ export function wayInOwnWords(state: string): string {
   return wayInJapanese(state) ?? `装置からの報告：${state}`;
 }
 
-export const wayInJapanese = (state: string): string | undefined => kPatterns.inJapanese(state);
+export const wayInJapanese = (state: string): string | undefined =>
+  kPatterns.inJapanese(state, (name, value) => (name === 'way' ? (wayInJapanese(value) ?? value) : value));

@@ -25,6 +25,7 @@ export const kLogTypes = [
   'device-hardware-silent',
   'pre-roll-discarded',
   'recovered',
+  'damage-found',
 ] as const;
 
 /** What belongs to a quote and is for verifiers is left out, too: its signature, and the registers. */

@@ -2,10 +2,11 @@
 import { useSignal } from '@preact/signals';
 import { useEffect } from 'preact/hooks';
 import { appliance as api } from '@/api/client';
-import type { SaidOfCase, StartChoices } from '@/api/types';
+import type { RoomStatus, SaidOfCase, StartChoices } from '@/api/types';
 import { typed } from '@/base/form_fields';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { wayInOwnWords } from '@/i18n/way_words';
+import { type About, aboutNow, recordedCase, standingOf } from '@/rooms/about_case';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { textOf } from '@/shell/state';
@@ -17,16 +18,38 @@ const kTyped = 'typed';
 const kManyProcedures = 6;
 
 interface Props {
-  room: string;
-  /** Before the case begins; else while it runs. */
-  starts: boolean;
-  onSaid: (said: SaidOfCase) => void;
+  room: RoomStatus;
+  /** Says it of the case that the dialog is about; where that fails it stays open, with all that was typed. */
+  onSaid: (about: About, said: SaidOfCase) => Promise<void>;
   onClose: () => void;
 }
 
 const kNothing: Omit<StartChoices, 'room'> = { procedures: [], ways: [], plans: [] };
 
-export function StartDialog({ room, starts, onSaid, onClose }: Props) {
+/** That the room has gone on since the dialog was opened, and of which case its words are now, which a person says. */
+function Changed({ room, about, onChanged }: { room: RoomStatus; about: About; onChanged: (now: About) => void }) {
+  const standing = standingOf(about, room);
+  if (standing === 'stands') return null;
+  const belongs = standing === 'wait' ? '' : recordedCase(room) === '' ? t('start.toAnother') : t('start.toCase', { id: room.case });
+  return (
+    <div class="changed" role="alert">
+      <p class="problem">
+        <Icon name="alarm" /> {t(`start.${standing}`, { room: room.room, id: room.case, earlier: about.case })}
+      </p>
+      {belongs !== '' && (
+        <button type="button" class="button" onClick={() => onChanged(aboutNow(room))}>
+          {belongs}
+        </button>
+      )}
+    </div>
+  );
+}
+
+export function StartDialog({ room: status, onSaid, onClose }: Props) {
+  const { room } = status;
+  const about = useSignal(aboutNow(status));
+  const starts = about.value.begins;
+  const saying = useSignal(false);
   const choices = useSignal<Omit<StartChoices, 'room'> | undefined>(undefined);
   const problem = useSignal('');
   const chosen = useSignal(kNobody);
@@ -48,6 +71,7 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
   const hasList = procedures.length > 0;
   const types = !hasList || chosen.value === kTyped;
   const isSaid = types ? filled.value : chosen.value !== kNobody;
+  const stands = standingOf(about.value, status) === 'stands';
   const words = looksFor.value.toLowerCase().split(/\s+/);
   const shown = procedures.filter(({ key, subject }) => {
     const text = `${patientText(subject)} ${procedureText(subject)} ${staffText(subject)}`.toLowerCase();
@@ -76,8 +100,19 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
     const said = saidIn(event.currentTarget as HTMLFormElement);
-    if (!starts && !said.subject && !said.procedure) return;
-    onSaid(said);
+    if (saying.value || !stands || (!starts && !said.subject && !said.procedure)) return;
+    saying.value = true;
+    problem.value = '';
+    const say = async () => {
+      try {
+        await onSaid(about.value, said);
+        onClose();
+      } catch (error) {
+        problem.value = textOf(error);
+        saying.value = false;
+      }
+    };
+    void say();
   };
   const look = (event: Event) => (filled.value = saidIn(event.currentTarget as HTMLFormElement).subject !== undefined);
   const choice = (value: string, content: preact.ComponentChildren) => (
@@ -164,11 +199,19 @@ export function StartDialog({ room, starts, onSaid, onClose }: Props) {
             <Icon name="alarm" /> {problem.value}
           </p>
         )}
-        <p class="start-stated" aria-live="polite">
-          {isSaid ? t('start.sealed') : !starts ? t('start.saySomething') : ways.length > 0 ? t('start.emptyLooks') : t('start.empty')}
-        </p>
+        {!saying.value && <Changed room={status} about={about.value} onChanged={(now) => (about.value = now)} />}
+        {(stands || saying.value) && (
+          <p class="start-stated" aria-live="polite">
+            {isSaid ? t('start.sealed') : !starts ? t('start.saySomething') : ways.length > 0 ? t('start.emptyLooks') : t('start.empty')}
+          </p>
+        )}
         <div class="dialog-end">
-          <button type="submit" class={starts ? 'button button-record' : 'button button-main'} autofocus={starts} disabled={!starts && !isSaid}>
+          <button
+            type="submit"
+            class={starts ? 'button button-record' : 'button button-main'}
+            autofocus={starts}
+            disabled={saying.value || !stands || (!starts && !isSaid)}
+          >
             {starts && <Icon name="record" filled />}
             {t(!starts ? 'start.say' : isSaid ? 'start.doWith' : 'start.doWithout')}
           </button>

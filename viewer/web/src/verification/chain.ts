@@ -38,6 +38,7 @@ const kByCode: Record<string, LinkName> = {
   'end-stamped-late': 'tokens',
   'stamped-after-close': 'tokens',
   'first-stamped-late': 'tokens',
+  'segments-entered-late': 'tokens',
   'clock-contradicted': 'tokens',
   'authority-clock-differs': 'tokens',
   'authority-clock-set': 'tokens',
@@ -67,9 +68,13 @@ const kByPrefix: readonly [string, LinkName][] = [
   ['token-', 'tokens'],
 ];
 
+/** Of the appliance log beside the case: it says nothing of the case's own files. */
+const isOfLog = (finding: Finding): boolean => finding.file?.startsWith('log/') ?? false;
+
 export function linkOf(finding: Finding): LinkName {
   const exact = kByCode[finding.code];
-  if (exact) return exact;
+  if (exact && !(isOfLog(finding) && !finding.code.startsWith('log-'))) return exact;
+  if (isOfLog(finding)) return 'ledger';
   // A file that is missing or changed breaks the link it belongs to.
   if (finding.code.startsWith('file-') && finding.file) {
     if (/(^|\/)tokens\//.test(finding.file)) return 'tokens';
@@ -118,7 +123,7 @@ const kOfOthers = /^(log|consent|access|boot|measured-boot|case-missing|erased-w
 /** Whether the ledger's lines are not what was signed: then nobody signed which files there were, and what was stamped were other lines. */
 const isLedgerChanged = (report: VerificationReport): boolean =>
   report.findings.some(
-    (one) => one.severity === 'tampered' && !kOfOthers.test(one.code) && (linkOf(one) === 'ledger' || /^(checkpoint|outside)-/.test(one.code)),
+    (one) => one.severity === 'tampered' && !kOfOthers.test(one.code) && !isOfLog(one) && (linkOf(one) === 'ledger' || /^(checkpoint|outside)-/.test(one.code)),
   );
 
 /** Whether what the link says is true only if something holds that does not. */
@@ -139,7 +144,7 @@ const nothingBehind = (name: LinkName, report: VerificationReport): boolean =>
   (name === 'authority' && report.time !== 'external');
 
 // What limits the worth of a case's times, as every reader says it beside the time (archive/verify/report.h, TimeRemark).
-const kTimeRemarks = ['stamped-after-close', 'first-stamped-late', 'end-stamped-late', 'clock-differs', 'close-utc-differs'] as const;
+const kTimeRemarks = ['stamped-after-close', 'first-stamped-late', 'segments-entered-late', 'end-stamped-late', 'clock-differs', 'close-utc-differs'] as const;
 
 const isFound = (report: VerificationReport, code: string): boolean => report.findings.some((one) => one.code === code);
 

@@ -11,9 +11,11 @@ import { formatMoment, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
 import { useCompany } from '@/pointing/use_company';
 import { alertSound, alertSoundWaits, ring, setAlertSound, wakeAlertSound } from '@/rooms/alert_sound';
+import { canEnd, isIdle, recordedCase } from '@/rooms/about_case';
+import { kNoNote, MarkForm } from '@/rooms/mark_form';
+import { StopDialog } from '@/rooms/stop_dialog';
 import { StreamTable } from '@/rooms/stream_table';
 import { AlertBell, type Trouble, troublesOf } from '@/rooms/trouble';
-import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { may } from '@/shell/rights';
 import { announce, attempt, session, textOf } from '@/shell/state';
@@ -79,17 +81,21 @@ interface RoomProps {
 function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
   const asking = useSignal(false);
-  const note = useSignal('');
-  const recording = room.state === 'recording';
-  const idle = room.state === 'idle' || room.state === 'standby';
+  const note = useSignal(kNoNote);
+  const recorded = recordedCase(room);
+  const recording = recorded !== '';
+  const idle = isIdle(room);
   const watched = room.state === 'idle' ? [] : seen;
   const company = useCompany(room.room, watched.length > 0);
-  const act = (action: () => Promise<void>, said: string) =>
-    attempt(async () => {
+  /** What it shows may be older than what the room does: also after a refusal it looks again. */
+  const act = async (action: () => Promise<void>, said: string) => {
+    try {
       await action();
       announce(said);
-      await refresh();
-    });
+    } finally {
+      void refresh();
+    }
+  };
   return (
     <section class={`card room${recording ? ' room-recording' : ''}${watched.length > 0 ? ' room-live' : ''}`} aria-labelledby={`room-${room.room}`}>
       <header class="room-head">
@@ -143,12 +149,14 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
           {room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && <LiveVitalsPanel room={room.room} clock={clock} />}
           {room.streams.length > 0 && (
             <StreamTable
+              // A list that was opened in one case is none of the next.
+              key={room.case}
               room={room}
               onArchiveAs={
                 mayControl && recording
                   ? (stream, profile) =>
                       void attempt(async () => {
-                        const { warning } = await api.archiveAs(room.room, stream, profile);
+                        const { warning } = await api.archiveAs(room.room, recorded, stream, profile);
                         const said = t('rooms.archivesAs', { name: word('stream', stream), profile: word('profile', profile) });
                         announce(warning ?? said);
                         await refresh();
@@ -178,7 +186,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
               ))}
             </ul>
           )}
-          {guests && <RoomGuests room={room.room} list={guests.list} refresh={guests.refresh} />}
+          {guests && <RoomGuests room={room.room} recorded={recorded} list={guests.list} refresh={guests.refresh} />}
           {mayControl && recording && (
             <p class="room-subject">
               <span class={room.subject === 'none' ? 'state state-warn' : 'state state-good'}>
@@ -207,31 +215,13 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
                 </>
               ) : (
                 <>
-                  <form
-                    class="mark-form"
-                    onSubmit={(event) => {
-                      event.preventDefault();
-                      const text = note.value.trim() || t('rooms.defaultMark');
-                      note.value = '';
-                      void act(() => api.mark(room.room, text), t('rooms.marked', { text }));
-                    }}
-                  >
-                    <label class="only-heard" for={`mark-${room.room}`}>
-                      {t('rooms.markText')}
-                    </label>
-                    <input
-                      id={`mark-${room.room}`}
-                      placeholder={t('rooms.markText')}
-                      value={note.value}
-                      maxLength={500}
-                      onInput={(event) => (note.value = event.currentTarget.value)}
-                    />
-                    <button type="submit" class="button button-main">
-                      <Icon name="mark" />
-                      {t('rooms.mark')}
-                    </button>
-                  </form>
-                  <button type="button" class="button" onClick={() => (stopping.value = true)}>
+                  <MarkForm
+                    room={room.room}
+                    recorded={recorded}
+                    note={note}
+                    mark={(id, text) => act(() => api.mark(room.room, id, text), t('rooms.marked', { text }))}
+                  />
+                  <button type="button" class="button" disabled={!canEnd(room)} onClick={() => (stopping.value = true)}>
                     <Icon name="stop" filled />
                     {t('rooms.stop')}
                   </button>
@@ -243,32 +233,25 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
       </div>
       {asking.value && (
         <StartDialog
-          room={room.room}
-          starts={idle}
+          room={room}
           onClose={() => (asking.value = false)}
-          onSaid={(said) => {
-            asking.value = false;
-            if (idle) void act(() => api.start(room.room, said), t('rooms.started', { room: room.room }));
-            else void act(() => api.say(room.room, said), t('start.said'));
-          }}
+          onSaid={(about, said) =>
+            about.begins
+              ? act(() => api.start(room.room, said), t('rooms.started', { room: room.room }))
+              : act(() => api.say(room.room, about.case, said), t('start.said'))
+          }
         />
       )}
       {stopping.value && (
-        <Dialog title={t(idle ? 'rooms.endTitle' : 'rooms.stopTitle', { room: room.room })} onClose={() => (stopping.value = false)}>
-          <p>{t(idle ? 'rooms.endWhat' : 'rooms.stopWhat')}</p>
-          <div class="dialog-end">
-            <button
-              type="button"
-              class="button button-danger"
-              onClick={() => {
-                stopping.value = false;
-                void act(() => api.stop(room.room), t(idle ? 'rooms.ended' : 'rooms.stopped', { room: room.room }));
-              }}
-            >
-              {t(idle ? 'rooms.endOperation' : 'rooms.stop')}
-            </button>
-          </div>
-        </Dialog>
+        <StopDialog
+          room={room}
+          onClose={() => (stopping.value = false)}
+          onStop={(id, endsOperation) => {
+            stopping.value = false;
+            const said = t(endsOperation ? 'rooms.ended' : 'rooms.stopped', { room: room.room });
+            void attempt(() => act(() => api.stop(room.room, id), said));
+          }}
+        />
       )}
     </section>
   );
@@ -276,17 +259,17 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
 
 function Appliance({ status }: { status: ApplianceStatus }) {
   const { disk, clock } = status;
-  const scarce = disk.hours_left !== null && disk.hours_left < 8;
+  const scarce = disk === null || (disk.hours_left !== null && disk.hours_left < 8);
+  const left =
+    disk === null ? t('appliance.diskUnknown') : disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left });
   return (
     <section class="card appliance" aria-label={t('appliance.title')}>
       <div class="fact">
         <Icon name="disk" />
         <span>
           <small>{t('appliance.disk')}</small>
-          <strong class={scarce ? 'state-bad' : undefined}>
-            {disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left })}
-          </strong>
-          <small class="muted">{t('appliance.free', { free: formatBytes(disk.free_bytes), total: formatBytes(disk.total_bytes) })}</small>
+          <strong class={scarce ? 'state-bad' : undefined}>{left}</strong>
+          {disk && <small class="muted">{t('appliance.free', { free: formatBytes(disk.free_bytes), total: formatBytes(disk.total_bytes) })}</small>}
         </span>
       </div>
       <div class="fact">

@@ -1,0 +1,47 @@
+// Of which patient and place a message speaks: one gateway may send for every bed of a hospital, and HL7 lets
+// one message hold the observations of several patients. Pure functions, thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "recorder/vitals/hl7_message.h"
+
+namespace kiroku::recorder {
+
+/// The segments of one patient.
+struct PatientPart {
+  std::size_t begin = 0, end = 0;  // of Hl7Message::segments()
+  /// Point of care, room and bed of PV1-3, or of PV1-11 where PV1-3 names none: "SURG^OR1", "^^ICU&BED9"; ""
+  /// where neither does.
+  std::string place;
+  /// Every way to write the places of PV1-3 and PV1-11: components, their subcomponents, and all of them
+  /// joined.
+  std::vector<std::string> spellings;
+  std::string patient, issuer;  // PID-3 (else PID-2): to be compared, never to be told
+  bool observes = false;        // holds an OBX
+};
+
+/// In their order, together all of the message; one at least. A part begins with a PID, or with a PV1 behind
+/// observations or another PV1.
+std::vector<PatientPart> patient_parts(const Hl7Message& message);
+
+/// Which places' messages are taken. Immutable; thread-safe.
+class PlaceList {
+ public:
+  /// Takes every place.
+  PlaceList() = default;
+  /// Places as PatientPart::spellings has them, upper and lower case alike; several separated by commas, with
+  /// %26 for '&', %2C for ',' and %25 for '%'. Throws kiroku::UsageError, naming `source`, for a list with an
+  /// empty place.
+  static PlaceList parse(std::string_view text, const std::string& source);
+  [[nodiscard]] bool takes_all() const { return places_.empty(); }
+  [[nodiscard]] bool takes(const PatientPart& part) const;
+
+ private:
+  std::vector<std::string> places_;  // in lower case
+};
+
+}  // namespace kiroku::recorder
