@@ -48,6 +48,7 @@ std::optional<std::string> CaseSubject::why_missing() const {
   source_->hurry();
   std::string why = "the case begins without procedure data";
   if (source_->is_doubtful(begun_at_)) why += std::string("; ") + kTwoPatients;
+  if (source_->is_too_early(begun_at_)) why += std::string("; ") + kTooEarly;
   for (const ProcedureWay& way : source_->ways()) why += "; " + way.name + ": " + way.state;
   return why;
 }

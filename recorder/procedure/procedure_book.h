@@ -42,11 +42,18 @@ struct ProcedureMoment {
 };
 
 /// Who is in a room goes by the order in which messages came and by how long ago that was, never by what the
-/// wall clock showed then: NTP may set it back between two of them. Planned times are the hospital's.
+/// wall clock showed then: NTP may set it back between two of them. Planned times are the hospital's. What
+/// one sender tells goes by that sender's own times: a message that comes late tells of before.
 class ProcedureBook {
  public:
   static constexpr std::size_t kMostKept = 2000;           // of each kind; the oldest go
   static constexpr std::chrono::hours kLongestWindow{72};  // and what is older than that
+  /// Two times of a sender that are less apart are of one moment: some state minutes alone, and their clock
+  /// may be corrected.
+  static constexpr std::chrono::minutes kSameMoment{1};
+  /// A sender who for so long told of nothing but what was before has set its clock back.
+  static constexpr std::chrono::hours kLongestBehind{1};
+  static constexpr std::size_t kMostSenders = 64;
 
   void take(ProcedureMessage message, ProcedureMoment received);
   /// All that one message says, of each of its patients: an appointment is of these from then on.
@@ -54,18 +61,25 @@ class ProcedureBook {
 
   /// For a case that begins at `at`. If a message within the window placed a patient in the room, it is that
   /// patient (the last one placed), completed by their appointment; else the appointment planned nearest to
-  /// `at` (one without a time counts as planned when its message came), and nobody where those of two
-  /// patients are equally near.
+  /// `at` (one without a time counts as planned when its message came) that is not over, and nobody where
+  /// those of two patients are equally near, or where it lies more than kFurthestAhead ahead.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, ProcedureMoment at) const;
 
   /// Whether find() gives nothing for that reason.
   [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, ProcedureMoment at) const {
     return choose(rule, at).is_doubtful;
   }
+  /// Whether it gives nothing because the nearest appointment lies too far ahead.
+  [[nodiscard]] bool is_too_early(const ProcedureRule& rule, ProcedureMoment at) const {
+    return choose(rule, at).is_too_early;
+  }
 
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, ProcedureMoment at) const;
+
+  /// So many left by numbers of whom nothing was known.
+  [[nodiscard]] std::uint64_t strangers_left() const { return strangers_left_; }
 
   [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
 
@@ -79,6 +93,8 @@ class ProcedureBook {
   struct Arrival {
     std::uint64_t number = 0;  // in the order of messages; what one message says arrives at once
     ProcedureMoment at;
+    std::string sender = {};  // and by its clock:
+    std::optional<UtcTime> happened = {};
   };
   struct Kept {
     Arrival received;
@@ -90,27 +106,50 @@ class ProcedureBook {
   static std::optional<Arrival> came(const ProcedureRule& rule, const Kept& kept);
   struct Choice {
     std::optional<ProcedureData> data;
-    bool is_doubtful = false;
+    bool is_doubtful = false, is_too_early = false;
   };
   [[nodiscard]] Choice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
   using Messages = std::map<std::string, Kept>;
   static std::string key_of_appointment(const ProcedureMessage& message) {
     return message.appointment + "\n" + message.patient;
   }
+  static std::string key_of_ended(const ProcedureMessage& message) {
+    return message.kind == ProcedureMessage::Kind::kCancels ? "\n" + key_of_appointment(message)
+                                                            : message.patient;
+  }
+  /// So long ago, at most, comes what is told late: it is forgotten at once then.
+  static constexpr std::chrono::hours kLongestBefore = 2 * kLongestWindow;
   static void forget_old(Messages& messages, const ProcedureMoment& now);
   /// When the appointment is planned by the clock of `at`.
   static UtcTime planned(const Kept& kept, const ProcedureMoment& at) {
     return kept.message.planned.value_or(at.by_this_clock(kept.received.at));
   }
-  void rename(const ProcedureMessage& message);
+  template <typename Use>  // void(Arrival&)
+  void with_each_arrival(const Use& use);
+  void watch_clock(const ProcedureMessage& message, const ProcedureMoment& received);
+  /// As one that comes now, or as one before what its sender told of later things.
+  Arrival arrival_of(const ProcedureMessage& message, const ProcedureMoment& received);
+  /// The same sender told later things of the same patient, or appointment, already.
+  [[nodiscard]] bool is_outdated(const ProcedureMessage& message) const;
+  /// Those who are placed and may be whom it names: by the same number; else by one of their numbers, if
+  /// birth or name agree, or if nobody else may be meant.
+  [[nodiscard]] std::vector<std::string> known_as(const ProcedureMessage& message, bool surely) const;
+  void rename(ProcedureMessage& message);
+  void leave(ProcedureMessage message, const Arrival& received);
   void place(ProcedureMessage message, const Arrival& received);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
-  void cancel(const std::string& appointment);
+  void take_out_appointment(std::vector<ProcedureMessage>& by);
 
-  std::uint64_t arrivals_ = 0;
-  Messages placed_;        // by patient
-  Messages appointments_;  // by appointment and patient
+  struct SenderClock {
+    UtcTime newest;                                    // told
+    std::optional<Clock::Duration> behind_since = {};  // since boot
+  };
+  std::uint64_t arrivals_ = 0, strangers_left_ = 0;
+  std::map<std::string, SenderClock> clocks_;  // by sender
+  Messages placed_;                            // by patient
+  Messages appointments_;                      // by appointment and patient
+  Messages ended_;  // who left, by patient; what was cancelled, by "\n", appointment and patient
 };
 
 }  // namespace kiroku::recorder

@@ -10,7 +10,7 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 1;
+constexpr std::uint64_t kVersion = 2;
 
 template <typename T, typename Wanted>
 concept Is = std::same_as<std::remove_const_t<T>, Wanted>;
@@ -41,7 +41,8 @@ void members(Codec& codec, Member& member) {
 template <typename Codec, Is<ProcedureData> Data>
 void members(Codec& codec, Data& data) {
   auto& [patient_id, patient_id_issuer, patient, birth_date, sex, visit, description, code, coding_system,
-         procedure_id, accession, study_uid, planned, location, staff, origin, chosen] = data;
+         procedure_id, accession, study_uid, planned, location, staff, origin, chosen, by_plan] = data;
+  static_cast<void>(by_plan);  // of what was chosen; of what is known it says nothing
   codec.all(patient_id, patient_id_issuer, birth_date, sex, visit, description, code, coding_system,
             procedure_id, accession, study_uid, planned, location, origin, chosen);
   members(codec, patient);
@@ -62,16 +63,35 @@ void members(Codec& codec, Time& time) {
   if constexpr (Codec::kReads) time = is_there ? std::optional(moment.utc) : std::nullopt;
 }
 
+template <typename Codec, Is<std::vector<PatientNumber>> Numbers>
+void members(Codec& codec, Numbers& numbers) {
+  const auto one = [&codec](auto& each) {
+    auto& [number, issuer, issuer_id, type, is_of_account] = each;
+    codec.all(number, issuer, issuer_id, type, is_of_account);
+  };
+  if constexpr (Codec::kReads) {
+    for (std::size_t left = codec.length(); left > 0; --left) one(numbers.emplace_back());
+  } else {
+    codec.one(static_cast<std::uint64_t>(numbers.size()));
+    for (const PatientNumber& each : numbers) one(each);
+  }
+}
+
 template <typename Codec, Is<ProcedureMessage> Message>
 void members(Codec& codec, Message& message) {
-  auto& [kind, moves, patient, replaces, appointment, places, planned, data] = message;
+  auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
+         placer, filler, is_over, places, planned, data] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
   } else {
     codec.one(static_cast<std::uint64_t>(kind));
   }
-  codec.all(moves, patient, replaces, appointment);
+  codec.all(moves, sender, patient, replaces, appointment, placer, filler, is_over);
+  members(codec, told);
+  members(codec, happened);
+  members(codec, numbers);
+  members(codec, replaced_numbers);
   members(codec, places);
   members(codec, planned);
   members(codec, data);
@@ -82,8 +102,12 @@ void members(Codec& codec, Message& message) {
 struct ProcedureBook::AsBytes {
   template <typename Codec, Is<Arrival> Came>
   static void arrival(Codec& codec, Came& came) {
-    auto& [number, at] = came;
-    codec.all(number, at);
+    auto& [number, at, sender, happened] = came;
+    // What was told late may have come before the boot.
+    ProcedureMoment later{at.utc + kLongestBefore, at.since_boot + kLongestBefore};
+    codec.all(number, later, sender);
+    members(codec, happened);
+    if constexpr (Codec::kReads) at = {later.utc - kLongestBefore, later.since_boot - kLongestBefore};
   }
 
   template <typename Codec, Is<Kept> One>
@@ -105,6 +129,19 @@ struct ProcedureBook::AsBytes {
         codec.one(place);
         arrival(codec, came);
       }
+    }
+  }
+
+  template <typename Codec, Is<SenderClock> Shown>
+  static void clock(Codec& codec, Shown& shown) {
+    auto& [newest, behind_since] = shown;
+    // With a moment's bounds.
+    ProcedureMoment moment{newest, behind_since.value_or(Clock::Duration::zero())};
+    bool is_behind = behind_since.has_value();
+    codec.all(is_behind, moment);
+    if constexpr (Codec::kReads) {
+      newest = moment.utc;
+      behind_since = is_behind ? std::optional(moment.since_boot) : std::nullopt;
     }
   }
 
@@ -134,6 +171,12 @@ Bytes ProcedureBook::exported() const {
   writer.one(arrivals_);
   AsBytes::write(writer, placed_);
   AsBytes::write(writer, appointments_);
+  AsBytes::write(writer, ended_);
+  writer.one(static_cast<std::uint64_t>(clocks_.size()));
+  for (const auto& [sender, shown] : clocks_) {
+    writer.one(sender);
+    AsBytes::clock(writer, shown);
+  }
   return writer.take();
 }
 
@@ -146,6 +189,14 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   reader.one(book.arrivals_);
   book.placed_ = AsBytes::read(reader, book.arrivals_, [](const auto& message) { return message.patient; });
   book.appointments_ = AsBytes::read(reader, book.arrivals_, key_of_appointment);
+  book.ended_ = AsBytes::read(reader, book.arrivals_, key_of_ended);
+  for (std::int64_t left = reader.number_below(kMostSenders + 1); left > 0; --left) {
+    std::string sender;
+    SenderClock shown{};
+    reader.one(sender);
+    AsBytes::clock(reader, shown);
+    book.clocks_.insert_or_assign(std::move(sender), shown);
+  }
   reader.require_end();
   return book;
 }

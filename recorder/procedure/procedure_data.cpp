@@ -135,6 +135,7 @@ NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at
     found.index = i;
     found.equally_near.push_back(i);
   }
+  found.is_far_ahead = found.index && *times[*found.index] - at > kFurthestAhead;
   return found;
 }
 

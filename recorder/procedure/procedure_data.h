@@ -70,9 +70,14 @@ std::string key_of(const ProcedureData& data);
 /// "2026-08-05" of "20260805", "2026-08" of "202608"; anything else as it is.
 std::string iso_date(std::string_view digits);
 
+/// What is planned further ahead of a case's beginning is not taken by itself: whoever lies there now is
+/// hardly that patient.
+inline constexpr std::chrono::hours kFurthestAhead{1};
+
 /// What is planned nearest to a moment.
 struct NearestPlan {
   std::optional<std::size_t> index;  // the last one of those that are equally near; absent: none is near
+  bool is_far_ahead = false;         // by more than kFurthestAhead
   /// Those that are as near as that one, itself among them.
   std::vector<std::size_t> equally_near;
 };

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/tally.h"
+#include "recorder/procedure/repeated_messages.h"
 #include "recorder/procedure/state_codec.h"
 #include "recorder/source/source_address.h"
 #include "recorder/vitals/hl7_refusal.h"
@@ -25,11 +26,7 @@ constexpr std::uint64_t kStateVersion = 1;
 struct Listening {
   MllpServer::Options server;
   SenderList senders;
-  SourceAddress address;
-  /// Looked at for each message: a recorder runs for months, and "local" changes twice a year.
-  [[nodiscard]] std::chrono::minutes zone() const {
-    return parse_assumed_zone(address.option("zone", "local"), address.stated);
-  }
+  AssumedZone zone;
 };
 
 Listening listening_at(const std::string& listen) {
@@ -43,13 +40,13 @@ Listening listening_at(const std::string& listen) {
                      "': locations of an address are those of vital signs; here each room says its own, as "
                      "locations = [\"OR1\"] beside listen");
   }
-  Listening listening{mllp_server_options(address), mllp_senders(address), address};
-  static_cast<void>(listening.zone());  // refuses what is none
-  return listening;
+  return {mllp_server_options(address), mllp_senders(address),
+          parse_assumed_zone(address.option("zone", "local"), address.stated)};
 }
 
 std::size_t kept_bytes(const ProcedureMessage& message) {
-  std::size_t bytes = subject_json(message.data).size() + message.patient.size() + message.appointment.size();
+  std::size_t bytes = subject_json(message.data).size() + message.patient.size() +
+                      message.appointment.size() + message.placer.size() + message.filler.size();
   for (const std::string& place : message.places) bytes += place.size();
   return bytes;
 }
@@ -103,6 +100,7 @@ struct ProcedureInbox::State {
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
     std::optional<std::vector<ProcedureMessage>> messages;
+    std::optional<std::uint64_t> strangers;
     if (!parsed.message) {
       answer = "AE";
       why = parsed.problem;
@@ -119,7 +117,7 @@ struct ProcedureInbox::State {
       answer = "AR";
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
     } else {
-      messages = read_procedure_messages(*parsed.message, listening.zone());
+      messages = read_procedure_messages(*parsed.message, listening.zone);
       if (std::ranges::any_of(*messages, [](const auto& each) { return kept_bytes(each) > kLongestKept; })) {
         answer = "AE";
         why = "the message says more of a patient and a procedure than is kept";
@@ -129,11 +127,17 @@ struct ProcedureInbox::State {
     {
       const std::lock_guard guard(mutex);
       ++(messages ? taken : refused);
-      if (messages) {
+      if (messages && !repeated.is_repeated(*parsed.message, bytes)) {
+        const std::uint64_t before = book.strangers_left();
         book.take_all(std::move(*messages), now);
+        if (book.strangers_left() != before) strangers = strangers_left.add("");
         is_news = true;
         if (!kept_at || time.now() - *kept_at >= kKeepEvery) keep();
       }
+    }
+    if (strangers) {
+      complain("a patient left whom no message had placed under any of the numbers that it names (" +
+               std::to_string(*strangers) + " so far): whoever is known to be in a room may be gone");
     }
     const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
     return {make_acknowledgement(parsed.message.get(), answer, why, now.utc), is_to_sender};
@@ -167,7 +171,9 @@ struct ProcedureInbox::State {
   Tally refusals{};
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
+  RepeatedMessages repeated;
   std::uint64_t taken = 0, refused = 0;
+  Tally strangers_left;
   std::optional<ProcedureMoment> since;  // from which on messages are known
   bool is_news = false;                  // something is not kept yet
   std::optional<Clock::Time> kept_at;
@@ -245,6 +251,11 @@ std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, Utc
 bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   return state_->book.is_doubtful(rule, state_->moment(at));
+}
+
+bool ProcedureInbox::is_too_early(const ProcedureRule& rule, UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.is_too_early(rule, state_->moment(at));
 }
 
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {

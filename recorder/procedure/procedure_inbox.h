@@ -46,6 +46,7 @@ class ProcedureInbox {
   /// As those of ProcedureBook.
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
+  [[nodiscard]] bool is_too_early(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   /// Its sentence says since when messages are known, if that is not since before all that counts.
   [[nodiscard]] ProcedureWay way() const;

@@ -6,19 +6,22 @@
 #include <string_view>
 
 #include "base/ascii.h"
+#include "base/bytes.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
 #include "recorder/vitals/hl7_time.h"
 
 namespace kiroku::recorder {
 namespace {
 
 // Events of HL7 v2.5, chapter 3. Of the pending ones (A05, A14 to A16, and their cancelling) PV1 says where
-// the patient is to be, or was to be; of those of somebody who goes away (A09, A21, A32, A53) it says where
-// they were.
-constexpr std::array<std::string_view, 4> kLeaving{"A03", "A11", "A23", "A29"};
+// the patient is to be, or was to be; of those of somebody who goes away (A09, A32) it says where they were.
+// Who is on leave (A21, or back no more: A53) is nowhere in the hospital.
+constexpr std::array<std::string_view, 6> kLeaving{"A03", "A11", "A21", "A23", "A29", "A53"};
+constexpr std::array<std::string_view, 2> kDeparting{"A09", "A32"};
 constexpr std::array<std::string_view, 12> kMoving{"A01", "A02", "A04", "A06", "A07", "A10",
                                                    "A12", "A13", "A17", "A22", "A33", "A52"};
-constexpr std::array<std::string_view, 12> kPending{"A05", "A09", "A14", "A15", "A16", "A21",
-                                                    "A25", "A26", "A27", "A32", "A38", "A53"};
+constexpr std::array<std::string_view, 8> kPending{"A05", "A14", "A15", "A16", "A25", "A26", "A27", "A38"};
 constexpr std::array<std::string_view, 22> kOfPersons{"A18", "A24", "A28", "A30", "A31", "A34", "A35", "A36",
                                                       "A37", "A39", "A40", "A41", "A42", "A43", "A44", "A45",
                                                       "A46", "A47", "A48", "A49", "A50", "A51"};
@@ -34,6 +37,12 @@ bool is_one_of(std::string_view event, std::span<const std::string_view> events)
 bool is_called_off(const std::string& status) {
   const std::string word = lower_case(status);
   return word.starts_with("cancel") || word == "dc" || word == "deleted" || word == "noshow";
+}
+
+/// Whether it was kept, and is done with.
+bool is_finished(const std::string& status) {
+  const std::string word = lower_case(status);
+  return word.starts_with("complete") || word == "finished" || word == "done";
 }
 
 /// Belongs to the whole appointment, though it stands behind a patient.
@@ -55,20 +64,25 @@ std::string iso_time(const Hl7Time& time) {
 /// Reads one message, segment by segment.
 class Reader {
  public:
-  Reader(const Hl7Message& message, std::chrono::minutes assumed_zone)
-      : message_(message), assumed_zone_(assumed_zone) {}
+  Reader(const Hl7Message& message, const AssumedZone& assumed_zone)
+      : message_(message), assumed_zone_(assumed_zone), event_(event_of(message)) {
+    constexpr std::size_t kShort = 14;
+    const std::string sender = message.sender();
+    if (!sender.empty()) out_.sender = crypto::to_hex(crypto::sha256(bytes_of(sender))).substr(0, kShort);
+  }
 
   /// What concerns the patient of the `which`th PID, and what concerns all of them.
   ProcedureMessage read(std::size_t which) {
     const std::string type = message_.type();
     const bool is_appointment = type.starts_with("SIU");
+    read_times();
     std::size_t patient = 0;
     for (const Hl7Segment& segment : message_.segments()) {
       if (segment.name() == "PID") ++patient;
       const bool is_common = patient == 0 || (is_appointment && is_of_resources(segment.name()));
       if (is_common || patient == which) read(segment);
     }
-    const std::string_view event = std::string_view(type).substr(std::min(type.size(), type.find('^') + 1));
+    const std::string_view event = event_;
     using Kind = ProcedureMessage::Kind;
     if (is_appointment) {
       if (out_.appointment.empty() && out_.planned) {
@@ -80,12 +94,16 @@ class Reader {
         out_.kind = Kind::kAppointment;
       }
     } else if (!out_.patient.empty()) {
-      const bool says_nothing_of_now = is_one_of(event, kPending) || is_one_of(event, kOfPersons);
-      out_.kind = is_one_of(event, kLeaving) ? Kind::kLeaves
-                  : says_nothing_of_now      ? Kind::kFacts
-                                             : Kind::kPlaces;
+      const bool says_nothing_of_now =
+          event.empty() || is_one_of(event, kPending) || is_one_of(event, kOfPersons);
+      out_.kind = is_one_of(event, kLeaving)     ? Kind::kLeaves
+                  : is_one_of(event, kDeparting) ? Kind::kDeparts
+                  : says_nothing_of_now          ? Kind::kFacts
+                                                 : Kind::kPlaces;
       out_.moves = is_one_of(event, kMoving);
     }
+    // What is told of somebody's record may name when they came.
+    if (!out_.moves) out_.happened = out_.told;
     const bool is_renamed = is_one_of(event, kRenaming) && !out_.patient.empty();
     if (!is_renamed || out_.replaces == out_.patient) out_.replaces.clear();
     out_.data.origin = "hl7";
@@ -93,6 +111,38 @@ class Reader {
   }
 
  private:
+  /// Some leave it to EVN-1.
+  static std::string event_of(const Hl7Message& message) {
+    const std::string type = message.type();
+    const std::size_t end = type.find('^');
+    std::string event = end == std::string::npos ? "" : type.substr(end + 1);
+    for (const Hl7Segment& segment : message.segments()) {
+      if (event.empty() && segment.name() == "EVN") event = segment.field(1).component(1).text();
+    }
+    return event;
+  }
+
+  void read_times() {
+    const auto time = [this](const Hl7Field& field) -> std::optional<UtcTime> {
+      const auto read = parse_hl7_time(field.component(1).raw());
+      if (!read || !read->is_instant() || read->utc(assumed_zone_) < UtcTime{}) return {};
+      return read->utc(assumed_zone_);
+    };
+    const auto earlier = [](std::optional<UtcTime>& of, const std::optional<UtcTime>& other) {
+      if (other && (!of || *other < *of)) of = other;
+    };
+    // What is told was not told after the message was sent, nor did it happen after it was told.
+    out_.told = time(message_.header().field(7));
+    std::optional<UtcTime> happened;
+    for (const Hl7Segment& segment : message_.segments()) {
+      if (segment.name() != "EVN") continue;
+      earlier(out_.told, time(segment.field(2)));
+      earlier(happened, time(segment.field(6)));
+    }
+    out_.happened = out_.told;
+    earlier(out_.happened, happened);
+  }
+
   [[nodiscard]] std::string first_subcomponent(const Hl7Field& field) const {
     const Hl7Separators& separators = message_.separators();
     return Hl7Field(field.raw().substr(0, field.raw().find(separators.subcomponent)), separators).text();
@@ -119,6 +169,7 @@ class Reader {
   }
 
   void add_place(const Hl7Field& field, std::size_t components) {
+    if (out_.places.size() > kMostPlaces) return;
     std::string joined;
     for (std::size_t i = 1; i <= components; ++i) {
       const std::string part = first_subcomponent(field.component(i));
@@ -135,7 +186,7 @@ class Reader {
     const auto time = parse_hl7_time(field.component(1).raw());
     if (!time || out_.planned) return;
     out_.data.planned = iso_time(*time);
-    if (time->is_instant()) out_.planned = time->utc(assumed_zone_);
+    if (time->is_instant() && time->utc(assumed_zone_) >= UtcTime{}) out_.planned = time->utc(assumed_zone_);
   }
 
   /// A coded service or procedure; the first one stands.
@@ -147,14 +198,37 @@ class Reader {
     data.coding_system = coded.component(3).text();
   }
 
-  /// The medical record number where one of the list is said to be that, else the first identifier; `older`
-  /// (PID-2, MRG-4, before v2.3) where the list is empty.
+  [[nodiscard]] PatientNumber number(const Hl7Field& cx, bool is_of_account) const {
+    PatientNumber number{cx.component(1).text(), first_subcomponent(cx.component(4)), "",
+                         cx.component(5).text()};
+    const std::string_view issuer = cx.component(4).raw();
+    const std::size_t first = issuer.find(message_.separators().subcomponent);
+    if (first != std::string_view::npos) {
+      number.issuer_id = first_subcomponent(Hl7Field(issuer.substr(first + 1), message_.separators()));
+    }
+    number.is_of_account = is_of_account || is_type_of_account(number.type);
+    return number;
+  }
+
+  void take_numbers(std::vector<PatientNumber>& into, const Hl7Field& list, bool is_of_account) const {
+    for (const Hl7Field& each : list.repetitions()) {
+      if (!each.component(1).empty()) add_numbers(into, {number(each, is_of_account)});
+    }
+  }
+
+  /// The medical record number where one of the list is said to be that, else the first identifier that is
+  /// not said to be an account's, else the first; `older` (PID-2, MRG-4, before v2.3) where the list is
+  /// empty.
   static Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older) {
     const std::vector<Hl7Field> identifiers = list.repetitions();
     const auto record_number = std::find_if(identifiers.begin(), identifiers.end(), [](const Hl7Field& one) {
       return one.component(5).text() == "MR" && !one.component(1).empty();
     });
     if (record_number != identifiers.end()) return *record_number;
+    const auto persons = std::find_if(identifiers.begin(), identifiers.end(), [](const Hl7Field& one) {
+      return !one.component(1).empty() && !is_type_of_account(one.component(5).text());
+    });
+    if (persons != identifiers.end()) return *persons;
     return list.component(1).empty() ? older : identifiers.front();
   }
   /// "" where it is empty.
@@ -169,6 +243,9 @@ class Reader {
     data.patient_id = chosen.component(1).text();
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
     out_.patient = key_of(chosen);
+    take_numbers(out_.numbers, pid.field(3), false);
+    take_numbers(out_.numbers, pid.field(2), false);
+    take_numbers(out_.numbers, pid.field(18), true);
     data.patient = name(pid.field(5), 1);
     if (const auto born = parse_hl7_time(pid.field(7).component(1).raw())) {
       constexpr std::size_t kYear = 4, kMonth = 7, kDay = 10;
@@ -191,9 +268,17 @@ class Reader {
       read_patient(segment);
     } else if (name == "MRG") {
       out_.replaces = key_of(chosen_identifier(segment.field(1), segment.field(4)));
+      take_numbers(out_.replaced_numbers, segment.field(1), false);
+      take_numbers(out_.replaced_numbers, segment.field(4), false);
     } else if (name == "PV1") {
       add_place(segment.field(11), 3);  // temporary location first: the operating room of an in-patient
-      add_place(segment.field(3), 3);
+      const bool departs = is_one_of(event_, kDeparting);
+      if (departs) add_place(segment.field(43), 3);  // the prior temporary one
+      // Whoever departs from the operating room keeps their bed: it is not what they depart from then.
+      if (!departs || out_.places.empty()) {
+        add_place(segment.field(3), 3);
+        if (departs) add_place(segment.field(6), 3);
+      }
       add_staff("attending", segment.field(7));
       out_.data.visit = segment.field(19).component(1).text();
     } else if (name == "PR1") {
@@ -201,10 +286,13 @@ class Reader {
       plan(segment.field(5));
       add_staff("surgeon", segment.field(11));
     } else if (name == "SCH") {
-      const std::string filler = segment.field(2).component(1).text();
-      out_.appointment = filler.empty() ? segment.field(1).component(1).text() : filler;
+      out_.placer = segment.field(1).component(1).text();
+      out_.filler = segment.field(2).component(1).text();
+      out_.appointment = out_.filler.empty() ? out_.placer : out_.filler;
       plan(segment.field(11).component(4));
-      called_off_ = is_called_off(segment.field(25).component(1).text());
+      const std::string status = segment.field(25).component(1).text();
+      called_off_ = is_called_off(status);
+      out_.is_over = is_finished(status);
     } else if (name == "TQ1") {
       plan(segment.field(7));
     } else if (name == "AIS") {
@@ -222,7 +310,8 @@ class Reader {
   }
 
   const Hl7Message& message_;
-  std::chrono::minutes assumed_zone_;
+  const AssumedZone assumed_zone_;
+  const std::string event_;
   bool called_off_ = false, group_taken_out_ = false;
   ProcedureMessage out_;
 };
@@ -230,11 +319,19 @@ class Reader {
 }  // namespace
 
 bool is_of_procedures(const std::string& type) {
-  return type.starts_with("ADT^") || type.starts_with("SIU^");
+  // Some leave the event to EVN-1.
+  return type == "ADT" || type.starts_with("ADT^") || type.starts_with("SIU^");
+}
+
+bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b) {
+  // A filler's number is of one appointment; a placer's may be of a series.
+  if (!a.filler.empty() && !b.filler.empty()) return a.filler == b.filler;
+  if (!a.placer.empty() && !b.placer.empty()) return a.placer == b.placer;
+  return a.appointment == b.appointment;
 }
 
 std::vector<ProcedureMessage> read_procedure_messages(const Hl7Message& message,
-                                                      std::chrono::minutes assumed_zone) {
+                                                      const AssumedZone& assumed_zone) {
   const auto named =
       static_cast<std::size_t>(std::ranges::count(message.segments(), "PID", &Hl7Segment::name));
   const std::size_t patients = std::clamp<std::size_t>(named, 1, kMostPatients);

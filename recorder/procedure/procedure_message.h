@@ -2,12 +2,13 @@
 // says of a procedure. Pure functions, thread-safe.
 #pragma once
 
-#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "recorder/procedure/patient_number.h"
 #include "recorder/procedure/procedure_data.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/hl7_message.h"
 
 namespace kiroku::recorder {
@@ -18,7 +19,8 @@ struct ProcedureMessage {
               // A10, …
     kFacts,  // what is known of the patient has changed, and nothing of where they are: ADT^A28, A31, A40, …;
              // or where they may come to be, or may no more: ADT^A05, A14 to A16, A25 to A27, A38
-    kLeaves,       // the patient is gone: ADT^A03, A11, A23, A29
+    kLeaves,       // the patient is gone: ADT^A03, A11, A23, A29, on leave: A21, A53
+    kDeparts,      // gone from the places that it names: ADT^A09, A32; naming none, from where they were
     kAppointment,  // a procedure is planned: SIU^S12, S13, S14, S18 to S24
     kCancels,      // it is planned no more: SIU^S15, S16, S17, S26, or SCH-25 says so
     kNothing,      // names no patient, or no appointment: a blocked slot
@@ -26,9 +28,18 @@ struct ProcedureMessage {
   Kind kind = Kind::kNothing;
   /// Of kPlaces: the event says where the patient went. Others (A08) only state where they are known to be.
   bool moves = false;
-  std::string patient;      // PID-3 with its issuer: the same for the same patient of one sender
-  std::string replaces;     // MRG-1 likewise: what the patient was called before (A18, A40, A47, …)
-  std::string appointment;  // SCH-2, else SCH-1, else patient and time; "" of ADT
+  /// Stands for who sent it (MSH-3, MSH-4), in few characters; "" of nobody.
+  std::string sender;
+  /// By the sender's clock, which nothing but itself is to be compared with: when it was told (EVN-2, else
+  /// MSH-7), and when what it tells of happened (EVN-6 of who moves, else then).
+  std::optional<UtcTime> told, happened;
+  std::string patient;   // PID-3 with its issuer: the same for the same patient of one sender
+  std::string replaces;  // MRG-1 likewise: what the patient was called before (A18, A40, A47, …)
+  /// All of PID-2, PID-3 and PID-18; of MRG-1 and MRG-4.
+  std::vector<PatientNumber> numbers, replaced_numbers;
+  std::string appointment;     // SCH-2, else SCH-1, else patient and time; "" of ADT
+  std::string placer, filler;  // SCH-1, SCH-2
+  bool is_over = false;        // the appointment was kept, and is done with: SCH-25
   /// Every way to write where it is done: point of care, room, bed of PV1-3, PV1-11 and AIL-3, and those
   /// joined by '^'; resource and its name of AIG-3.
   std::vector<std::string> places;
@@ -42,10 +53,15 @@ bool is_of_procedures(const std::string& type);
 /// A message that swaps (A17) or merges patients names several, and an appointment may be of several; beyond
 /// so many the rest is not read.
 inline constexpr std::size_t kMostPatients = 16;
+/// Of ways to write a place; of more no further places are read.
+inline constexpr std::size_t kMostPlaces = 256;
+
+/// Whether both are of one appointment. Its systems name it by either number, or by both.
+bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b);
 
 /// What the message says of each patient that it names, in its order; one that names nobody is one, too.
 /// `message` must be of such a type; times without zone count by `assumed_zone`.
 std::vector<ProcedureMessage> read_procedure_messages(const Hl7Message& message,
-                                                      std::chrono::minutes assumed_zone);
+                                                      const AssumedZone& assumed_zone);
 
 }  // namespace kiroku::recorder

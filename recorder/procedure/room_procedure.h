@@ -35,6 +35,9 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] bool is_doubtful(UtcTime at) const override {
     return (inbox_ && inbox_->is_doubtful(rule_, at)) || (worklist_ && worklist_->is_doubtful(at));
   }
+  [[nodiscard]] bool is_too_early(UtcTime at) const override {
+    return (inbox_ && inbox_->is_too_early(rule_, at)) || (worklist_ && worklist_->is_too_early(at));
+  }
   [[nodiscard]] bool knows_by_messages(UtcTime at) const override {
     return inbox_ && !inbox_->list(rule_, at).empty();
   }

@@ -58,7 +58,7 @@ std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime 
                                           std::chrono::nanoseconds window) {
   const std::vector<WorklistItem>& items = answer.items;
   const NearestPlan plan = nearest_plan(answer, at, window);
-  if (!plan.index || answer.is_cut || is_anybodys(answer, plan)) return {};
+  if (!plan.index || plan.is_far_ahead || answer.is_cut || is_anybodys(answer, plan)) return {};
   ProcedureData data = items[*plan.index].data;
   data.chosen_by_plan = items[*plan.index].planned;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
@@ -69,6 +69,11 @@ std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime 
 bool is_doubtful(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
   const NearestPlan plan = nearest_plan(answer, at, window);
   return plan.equally_near.size() > 1 && is_anybodys(answer, plan);
+}
+
+bool is_too_early(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
+  const NearestPlan plan = nearest_plan(answer, at, window);
+  return plan.is_far_ahead && !answer.is_cut && !is_anybodys(answer, plan);
 }
 
 struct Worklist::State {
@@ -224,6 +229,13 @@ bool Worklist::is_doubtful(UtcTime at) const {
   const auto window = state_->options.window;
   if (!state_->may_choose(at)) return false;
   return recorder::is_doubtful(state_->newest, at, window);
+}
+
+bool Worklist::is_too_early(UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  const auto window = state_->options.window;
+  if (!state_->may_choose(at)) return false;
+  return recorder::is_too_early(state_->newest, at, window);
 }
 
 std::vector<ProcedureData> Worklist::list(UtcTime at) const {

@@ -64,7 +64,7 @@ std::optional<UtcTime> start_of(std::string_view date, std::string_view time) {
 
 }  // namespace
 
-EdfReader::EdfReader(std::unique_ptr<crypto::ByteSource> file, std::string name, std::chrono::minutes zone)
+EdfReader::EdfReader(std::unique_ptr<crypto::ByteSource> file, std::string name, const AssumedZone& zone)
     : file_(std::move(file)), name_(std::move(name)), zone_(zone) {
   read_header();
 }
@@ -107,7 +107,7 @@ void EdfReader::read_header() {
   discontinuous_ = field(192, 44).starts_with("EDF+D");
   start_ = start_of(std::string_view(fixed).substr(168, 8), std::string_view(fixed).substr(176, 8));
   if (start_) {
-    *start_ -= zone_;
+    start_ = zone_.utc(*start_);
   } else {
     notice("time-unreadable", "the header states no start: '" + readable(field(168, 16)) + "'");
   }

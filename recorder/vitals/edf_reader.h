@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "crypto/byte_source.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/signal_file.h"
 
 namespace kiroku::recorder {
@@ -20,7 +21,7 @@ namespace kiroku::recorder {
 class EdfReader : public SignalReader {
  public:
   /// `name` stands in lines and errors; `zone` is that of the start in the header.
-  EdfReader(std::unique_ptr<crypto::ByteSource> file, std::string name, std::chrono::minutes zone);
+  EdfReader(std::unique_ptr<crypto::ByteSource> file, std::string name, const AssumedZone& zone);
   bool read_block(std::vector<VitalLine>& lines) override;
 
  private:
@@ -43,7 +44,7 @@ class EdfReader : public SignalReader {
 
   std::unique_ptr<crypto::ByteSource> file_;
   std::string name_;
-  std::chrono::minutes zone_;
+  AssumedZone zone_;
   std::optional<UtcTime> start_;
   std::vector<Signal> signals_;
   std::vector<VitalLine> pending_;  // notices that stand before the next block

@@ -86,7 +86,7 @@ class Hl7FileSource : public BlockSource {
     return last_ns_;
   }
 
-  std::chrono::minutes zone_;
+  AssumedZone zone_;
   std::string bytes_;
   std::vector<std::string_view> messages_;  // of bytes_
   std::size_t next_message_ = 0;

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "base/utc_time.h"
+#include "recorder/vitals/assumed_zone.h"
 
 namespace kiroku::recorder {
 
@@ -18,7 +19,9 @@ struct Hl7Time {
   Precision precision = Precision::kSecond;
 
   /// UTC, by the stated zone, else by `assumed`.
-  [[nodiscard]] UtcTime utc(std::chrono::minutes assumed) const { return local - zone.value_or(assumed); }
+  [[nodiscard]] UtcTime utc(const AssumedZone& assumed) const {
+    return zone ? local - *zone : assumed.utc(local);
+  }
   /// Whether it says when, and not only on which day.
   [[nodiscard]] bool is_instant() const { return precision >= Precision::kMinute; }
 };

@@ -1,7 +1,6 @@
 #include "recorder/vitals/hl7_vitals.h"
 
 #include <algorithm>
-#include <ctime>
 #include <utility>
 
 #include "base/ascii.h"
@@ -81,7 +80,8 @@ std::string counted(std::string_view sentence, std::uint64_t count) {
   return std::string(sentence) + "; " + std::to_string(count) + " such messages so far";
 }
 
-/// Of all that a message says but when it was sent (MSH-7), which a retry may state anew.
+}  // namespace
+
 crypto::Sha256Digest content_hash(const Hl7Message& message) {
   constexpr std::size_t kSentAt = 7;
   crypto::Sha256 hash;
@@ -100,17 +100,12 @@ crypto::Sha256Digest content_hash(const Hl7Message& message) {
   return hash.finish();
 }
 
-}  // namespace
-
-std::chrono::minutes parse_assumed_zone(const std::string& text, const std::string& source) {
+AssumedZone parse_assumed_zone(const std::string& text, const std::string& source) {
   if (text == "UTC") {
     return std::chrono::minutes(0);
   }
   if (text == "local") {
-    const std::time_t now = std::time(nullptr);
-    std::tm here{};
-    localtime_r(&now, &here);
-    return std::chrono::minutes(here.tm_gmtoff / 60);
+    return AssumedZone::local();
   }
   const auto time = parse_hl7_time("20260101000000" + text);
   if (!time || !time->zone || text.empty()) {

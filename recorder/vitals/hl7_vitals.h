@@ -14,15 +14,16 @@
 #include "base/tally.h"
 #include "crypto/hash.h"
 #include "media/vital_line.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/hl7_patient_part.h"
 #include "recorder/vitals/monitor_reader.h"
 #include "recorder/vitals/sender_list.h"
 
 namespace kiroku::recorder {
 
-/// "+0530", "+05:30", "UTC" or "local" (this machine's zone now). Throws kiroku::UsageError naming `source`
+/// "+0530", "+05:30", "UTC" or "local" (this machine's zone). Throws kiroku::UsageError naming `source`
 /// for anything else.
-std::chrono::minutes parse_assumed_zone(const std::string& text, const std::string& source);
+AssumedZone parse_assumed_zone(const std::string& text, const std::string& source);
 
 /// The acknowledgement of a message (ACK, HL7 v2 chapter 2.9.2, original mode): MSA-2 is its MSH-10.
 /// `message` may be null where none could be read. "" where the sender asks for none (MSH-15 and MSH-16 are
@@ -30,12 +31,15 @@ std::chrono::minutes parse_assumed_zone(const std::string& text, const std::stri
 std::string make_acknowledgement(const Hl7Message* message, std::string_view code, std::string_view text,
                                  UtcTime now);
 
+/// Of all that a message says but when it was sent (MSH-7), which a retry may state anew.
+crypto::Sha256Digest content_hash(const Hl7Message& message);
+
 class Hl7Vitals {
  public:
   /// Messages of senders that `senders` does not take are answered with AR and recorded as a notice, ever
   /// more rarely for one sender; nothing of what they say is. What is of no place that `places` takes is
   /// acknowledged, so that its sender goes on, and not recorded either.
-  explicit Hl7Vitals(std::chrono::minutes assumed_zone, SenderList senders = {}, PlaceList places = {})
+  explicit Hl7Vitals(const AssumedZone& assumed_zone, SenderList senders = {}, PlaceList places = {})
       : assumed_zone_(assumed_zone), senders_(std::move(senders)), places_(std::move(places)) {}
 
   struct Taken {
@@ -113,7 +117,7 @@ class Hl7Vitals {
   MonitorReader& reader_of(const std::string& source);
   Taken refuse(const Hl7Message& message, const std::string& source, std::int64_t arrival_ns, UtcTime now);
 
-  std::chrono::minutes assumed_zone_;
+  AssumedZone assumed_zone_;
   SenderList senders_;
   PlaceList places_;
   Tally strangers_, elsewhere_, unplaced_;

@@ -90,7 +90,7 @@ struct MonitorReader::Order {
   }
 };
 
-MonitorReader::MonitorReader(std::string source, std::chrono::minutes assumed_zone)
+MonitorReader::MonitorReader(std::string source, const AssumedZone& assumed_zone)
     : source_(std::move(source)), assumed_zone_(assumed_zone) {}
 
 bool MonitorReader::reads(const std::string& type) {
@@ -160,9 +160,10 @@ void MonitorReader::read_clock(const Hl7Message& message) {
     return;
   }
   if (!time->zone) {
-    const auto minutes = assumed_zone_.count();
-    const std::string zone = format_hl7_zone(assumed_zone_);
-    notice("zone-assumed", "times without zone were taken to be " + (minutes == 0 ? "UTC" : "UTC" + zone));
+    const auto minutes = std::chrono::duration_cast<std::chrono::minutes>(assumed_zone_.at(time->local));
+    const std::string zone = format_hl7_zone(minutes);
+    notice("zone-assumed",
+           "times without zone were taken to be " + (minutes.count() == 0 ? "UTC" : "UTC" + zone));
   }
   message_time_ = time->utc(assumed_zone_);
   const auto step_us = clock_.add(arrival_ns_, *message_time_);

@@ -31,6 +31,7 @@
 #include <vector>
 
 #include "media/vital_line.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/device_clock_estimate.h"
 #include "recorder/vitals/hl7_message.h"
 #include "recorder/vitals/hl7_observation.h"
@@ -43,7 +44,7 @@ class MonitorReader {
   static constexpr std::int64_t kLateUs = 120'000'000;
 
   /// `source` stands in the lines; times without zone count by `assumed_zone`.
-  MonitorReader(std::string source, std::chrono::minutes assumed_zone);
+  MonitorReader(std::string source, const AssumedZone& assumed_zone);
 
   /// Whether messages of this type (MSH-9, "ORU^R01") hold what is read here.
   static bool reads(const std::string& type);
@@ -72,7 +73,7 @@ class MonitorReader {
   media::VitalQuality quality_of(const Observation& observation);
 
   std::string source_;
-  std::chrono::minutes assumed_zone_;
+  AssumedZone assumed_zone_;
   std::int64_t arrival_ns_ = 0;
   std::optional<UtcTime> message_time_;
   std::vector<media::VitalLine> lines_;  // of the message being read

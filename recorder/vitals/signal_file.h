@@ -24,7 +24,8 @@ class SignalReader {
 };
 
 /// Opens `FILE.edf` (edf_reader.h), `FILE.hea` (wfdb_reader.h) or `FILE.vital` (vital_file_reader.h).
-/// Options: `speed=max`, `zone=+05:30|UTC|local`: the zone of times of day in EDF and WFDB files (local).
+/// Options: `speed=max`, `zone=+05:30|UTC|local`: the zone of times of day in EDF and WFDB files (local:
+/// this machine's, by its rules for then).
 std::unique_ptr<VitalSource> open_signal_source(const SourceAddress& address);
 
 /// Turns the numbers of a file into values, rounded to a thousandth of a step, so that a value is no longer

@@ -115,7 +115,7 @@ bool is_plain_name(std::string_view name) {
 
 }  // namespace
 
-WfdbReader::WfdbReader(const crypto::ByteSource& header, std::string name, std::chrono::minutes zone,
+WfdbReader::WfdbReader(const crypto::ByteSource& header, std::string name, const AssumedZone& zone,
                        const OpenFile& open)
     : name_(std::move(name)), zone_(zone) {
   if (header.size() > kLongestHeader) {
@@ -200,7 +200,7 @@ void WfdbReader::read_record_line(const std::vector<std::string_view>& words) {
   if (words.size() > 5) {
     start_ = start_of(words[4], words[5]);
     if (start_) {
-      *start_ -= zone_;
+      start_ = zone_.utc(*start_);
     } else {
       notice("time-unreadable",
              "the header states no start: '" + std::string(words[4]) + " " + std::string(words[5]) + "'");

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "crypto/byte_source.h"
+#include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/signal_file.h"
 
 namespace kiroku::recorder {
@@ -24,7 +25,7 @@ class WfdbReader : public SignalReader {
   using OpenFile = std::function<std::unique_ptr<crypto::ByteSource>(const std::string& name)>;
   /// `name` stands in lines and errors; `zone` is that of the header's time; `open` is called for each signal
   /// file, with a plain name.
-  WfdbReader(const crypto::ByteSource& header, std::string name, std::chrono::minutes zone,
+  WfdbReader(const crypto::ByteSource& header, std::string name, const AssumedZone& zone,
              const OpenFile& open);
   bool read_block(std::vector<VitalLine>& lines) override;
 
@@ -58,7 +59,7 @@ class WfdbReader : public SignalReader {
   void check_sums();
 
   std::string name_;
-  std::chrono::minutes zone_;
+  AssumedZone zone_;
   double frames_a_second_ = 250;
   std::size_t signals_stated_ = 0, signals_read_ = 0;
   std::optional<std::uint64_t> frames_stated_;

@@ -22,13 +22,14 @@ class KnownProcedure : public ProcedureSource {
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
   [[nodiscard]] bool is_doubtful(UtcTime) const override { return doubtful; }
+  [[nodiscard]] bool is_too_early(UtcTime) const override { return early; }
   void hurry() override { ++hurried; }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "the server does not answer"}};
   }
 
   std::optional<ProcedureData> known;
-  bool fails = false, doubtful = false;
+  bool fails = false, doubtful = false, early = false;
   mutable int asked = 0;
   int hurried = 0;
 };
@@ -119,6 +120,13 @@ TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
   EXPECT_EQ(subject.why_missing(),
             "the case begins without procedure data; two patients are planned equally near to its beginning, "
             "and a person must choose; worklist: the server does not answer");
+}
+
+TEST_F(CaseSubjectTest, SaysThatWhatIsPlannedLiesTooFarAhead) {
+  source->early = true;
+  subject.at_beginning({}, {}, false);
+  EXPECT_THAT(subject.why_missing().value_or(""),
+              HasSubstr("lies more than an hour ahead, and a person must choose"));
 }
 
 TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {

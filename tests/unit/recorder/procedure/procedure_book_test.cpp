@@ -303,8 +303,261 @@ TEST(ProcedureBook, TheNearestAppointmentIsTakenAndSaysOfHowMany) {
   ProcedureMessage cancelled = planned("1", "first", {});
   cancelled.kind = Kind::kCancels;
   book.take(cancelled, kMorning);
-  EXPECT_EQ(found(book, kMorning), "2 second");
+  EXPECT_EQ(found(book, kMorning + 8h), "2 second");
   EXPECT_EQ(book.size(), 2U);
+}
+
+TEST(ProcedureBook, WhatIsPlannedMoreThanAnHourAheadIsNotTakenByItself) {
+  ProcedureBook book;
+  const ProcedureRule rule{{"OR1"}, 12h};
+  book.take(planned("1", "long ago", kMorning - 9h), kMorning - 10h);
+  book.take(planned("2", "afternoon", kMorning + 6h), kMorning - 10h);
+  EXPECT_EQ(found(book, kMorning), "nobody") << "nor is whoever was planned longer ago than that";
+  EXPECT_TRUE(book.is_too_early(rule, kMorning));
+  EXPECT_FALSE(book.is_doubtful(rule, kMorning));
+  EXPECT_EQ(book.list(rule, kMorning).size(), 2U) << "a person chooses";
+  EXPECT_EQ(found(book, kMorning + 5h), "2 afternoon");
+  EXPECT_FALSE(book.is_too_early(rule, kMorning + 5h));
+  book.take(placed("2", {"OR1"}), kMorning);
+  EXPECT_EQ(found(book, kMorning), "2 afternoon") << "who is there is there";
+  EXPECT_FALSE(book.is_too_early(rule, kMorning));
+}
+
+TEST(ProcedureBook, AFinishedAppointmentIsNotTaken) {
+  ProcedureBook book;
+  ProcedureMessage done = planned("1", "first", kMorning);
+  done.is_over = true;
+  book.take(done, kMorning);
+  book.take(planned("2", "second", kMorning + 2h), kMorning);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 second");
+  EXPECT_EQ(book.list({{"OR1"}, 12h}, kMorning + 1h).size(), 2U);
+}
+
+ProcedureMessage numbered(ProcedureMessage message, const std::string& placer, const std::string& filler) {
+  message.placer = placer;
+  message.filler = filler;
+  message.appointment = filler.empty() ? placer : filler;
+  return message;
+}
+
+TEST(ProcedureBook, AnAppointmentIsKnownByEitherOfItsNumbers) {
+  const auto cancelled = [](const std::string& placer, const std::string& filler) {
+    ProcedureMessage message = planned("1", "", {});
+    message.kind = Kind::kCancels;
+    return numbered(message, placer, filler);
+  };
+  const auto left_of = [&](const std::string& placer, const std::string& filler,
+                           const ProcedureMessage& gone) {
+    ProcedureBook book;
+    book.take(numbered(planned("1", "A", kMorning), placer, filler), kMorning);
+    book.take(gone, kMorning);
+    return book.size();
+  };
+  EXPECT_EQ(left_of("P1", "", cancelled("P1", "F9")), 0U);
+  EXPECT_EQ(left_of("P1", "F9", cancelled("P1", "")), 0U);
+  EXPECT_EQ(left_of("P1", "F9", cancelled("", "F9")), 0U);
+  EXPECT_EQ(left_of("P1", "F9", cancelled("P1", "F8")), 1U) << "another one of a series";
+  EXPECT_EQ(left_of("5", "F9", cancelled("P1", "5")), 1U) << "another system's number";
+  ProcedureBook book;
+  book.take(numbered(planned("1", "A", kMorning), "P1", "F9"), kMorning);
+  book.take(numbered(planned("1", "A", kMorning + 1h), "P1", ""), kMorning);
+  book.take(cancelled("", "F9"), kMorning);
+  EXPECT_EQ(book.size(), 0U) << "a change that names one number leaves it the other";
+}
+
+/// By the sender's clock.
+ProcedureMessage told_by(const std::string& sender, UtcTime at, ProcedureMessage message) {
+  message.sender = sender;
+  message.told = message.happened = at;
+  return message;
+}
+ProcedureMessage moved(const std::string& patient, const std::string& place) {
+  ProcedureMessage message = placed(patient, {place});
+  message.moves = true;
+  return message;
+}
+ProcedureMessage leaving(const std::string& patient) {
+  ProcedureMessage message = placed(patient, {});
+  message.kind = Kind::kLeaves;
+  return message;
+}
+
+// An interface engine drains its queue, or replays it. The sender's clock is its own: here it is years
+// behind.
+TEST(ProcedureBook, AMessageThatComesLateTellsOfBefore) {
+  const UtcTime theirs = kMorning - 30'000h;
+  ProcedureBook book;
+  book.take(told_by("HIS", theirs, moved("present", "OR1")), kMorning);
+  book.take(told_by("HIS", theirs - 10h, moved("before", "OR1")), kMorning + 1min);
+  EXPECT_EQ(found(book, kMorning + 2min), "present ");
+  EXPECT_EQ(book.list({{"OR1"}, 12h}, kMorning).size(), 2U);
+  EXPECT_THAT(book.list({{"OR1"}, 12h}, kMorning).front().chosen, HasSubstr(format_utc(kMorning - 10h)))
+      << "came so long before the other";
+  EXPECT_EQ(book.list({{"OR1"}, 12h}, kMorning + 3h).size(), 1U) << "and is not within the window any more";
+  book.take(told_by("HIS", theirs - 9h, moved("between", "OR1")), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 3min), "present ");
+  book.take(told_by("HIS", theirs + 1min, leaving("present")), kMorning + 3min);
+  EXPECT_EQ(found(book, kMorning + 4min, {"OR1"}, 72h), "between ") << "came after the one before";
+  // What is told of the same patient, too.
+  book.take(told_by("HIS", theirs - 1h, moved("present", "OR1")), kMorning + 4min);
+  EXPECT_EQ(found(book, kMorning + 5min), "between ") << "who left came before";
+  book.take(told_by("HIS", theirs + 10min, moved("present", "OR1")), kMorning + 10min);
+  book.take(told_by("HIS", theirs, leaving("present")), kMorning + 11min);
+  book.take(told_by("HIS", theirs, moved("present", "ICU")), kMorning + 11min);
+  EXPECT_EQ(found(book, kMorning + 12min), "present ") << "who came again left before";
+  book.take(told_by("ORIS", theirs - 50h, moved("other", "OR1")), kMorning + 13min);
+  EXPECT_EQ(found(book, kMorning + 14min), "other ") << "another sender has another clock";
+}
+
+TEST(ProcedureBook, WhatComesLateAfterAStartIsToldOfBefore) {
+  ProcedureBook before;
+  before.take(told_by("HIS", kMorning, moved("present", "OR1")), {kMorning, 1h});
+  before.take(told_by("HIS", kMorning - 10h, moved("before", "OR1")), {kMorning, 1h});
+  before.take(told_by("HIS", kMorning, leaving("left")), {kMorning, 1h});
+  ProcedureMessage cancelled = numbered(planned("1", "", {}), "P1", "");
+  cancelled.kind = Kind::kCancels;
+  before.take(told_by("HIS", kMorning, cancelled), {kMorning, 1h});
+  ProcedureBook book = ProcedureBook::imported(before.exported());
+  EXPECT_EQ(book.exported(), before.exported());
+  const ProcedureMoment now{kMorning + 1min, 1h + 1min};
+  book.take(told_by("HIS", kMorning - 9h, moved("third", "OR1")), now);
+  book.take(told_by("HIS", kMorning - 9h, moved("left", "OR1")), now);
+  book.take(told_by("HIS", kMorning - 9h, numbered(planned("1", "", kMorning), "P1", "F1")), now);
+  EXPECT_EQ(book.size(), 3U);
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, now)->patient_id, "present");
+}
+
+TEST(ProcedureBook, TimesOfOneMinuteAreOfOneMoment) {
+  ProcedureBook book;
+  book.take(told_by("HIS", kMorning + 50s, moved("1", "OR1")), kMorning);
+  book.take(told_by("HIS", kMorning, moved("2", "OR1")), kMorning + 5s);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 ") << "its minute alone was stated";
+}
+
+TEST(ProcedureBook, ASenderWhoseClockIsSetBackIsBelievedAfterAnHour) {
+  ProcedureBook book;
+  book.take(told_by("HIS", kMorning + 24h, moved("1", "OR1")), kMorning);
+  book.take(told_by("HIS", kMorning + 30min, moved("2", "OR1")), kMorning + 30min);
+  EXPECT_EQ(found(book, kMorning + 31min), "1 ");
+  book.take(told_by("HIS", kMorning + 2h, moved("3", "OR1")), kMorning + 2h);
+  EXPECT_EQ(found(book, kMorning + 2h), "3 ");
+  book.take(told_by("HIS", kMorning + 3h, leaving("1")), kMorning + 3h);
+  book.take(told_by("HIS", kMorning + 3h, leaving("3")), kMorning + 3h);
+  EXPECT_EQ(found(book, kMorning + 3h), "nobody") << "what it says of who came before counts, too";
+}
+
+TEST(ProcedureBook, ABookingThatComesLateRevivesNothing) {
+  ProcedureBook book;
+  ProcedureMessage cancelled = planned("1", "A", {});
+  cancelled.kind = Kind::kCancels;
+  book.take(told_by("PLAN", kMorning + 10min, cancelled), kMorning);
+  book.take(told_by("PLAN", kMorning, planned("1", "A", kMorning)), kMorning);
+  EXPECT_EQ(found(book, kMorning), "nobody");
+  book.take(told_by("PLAN", kMorning + 20min, planned("1", "A", kMorning)), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 A") << "booked anew";
+  book.take(told_by("PLAN", kMorning + 15min, planned("1", "A", kMorning + 9h)), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 A") << "moved before that";
+}
+
+// The patient is seen off by whoever tracks patients, and the record of their admission goes on.
+TEST(ProcedureBook, WhoDepartsFromTheRoomIsNotInItAnyMore) {
+  const auto departs = [](const std::vector<std::string>& places) {
+    ProcedureMessage message = placed("1", places);
+    message.kind = Kind::kDeparts;
+    return message;
+  };
+  const auto after = [](const ProcedureMessage& message) {
+    ProcedureBook book;
+    book.take(placed("1", {"SURGERY", "OR1", "SURGERY^OR1", "WARD"}), kMorning);
+    book.take(message, kMorning);
+    return found(book, kMorning + 1h);
+  };
+  EXPECT_EQ(after(departs({"SURGERY", "OR1", "SURGERY^OR1"})), "nobody");
+  EXPECT_EQ(after(departs({"or1"})), "nobody");
+  EXPECT_EQ(after(departs({"WARD"})), "nobody") << "the one place is where they were";
+  EXPECT_EQ(after(departs({})), "nobody");
+  EXPECT_EQ(after(departs({"SURGERY", "OR2", "SURGERY^OR2"})), "1 ") << "seen off there late";
+  EXPECT_EQ(after(departs({"XRAY"})), "1 ");
+}
+
+ProcedureMessage with_numbers(ProcedureMessage message, const std::vector<PatientNumber>& numbers,
+                              const std::string& born = "1950-01-01") {
+  message.numbers = numbers;
+  message.patient = numbers.front().number + "\n" + numbers.front().issuer;
+  message.data.patient_id = numbers.front().number;
+  message.data.birth_date = born;
+  return message;
+}
+
+TEST(ProcedureBook, WhoLeavesByAnotherFormOfTheNumberIsGone) {
+  const PatientNumber known{"0077", "H", "", "MR"};
+  const auto after = [&](const ProcedureMessage& message) {
+    ProcedureBook book;
+    book.take(with_numbers(placed("", {"OR1"}), {known}), kMorning);
+    book.take(message, kMorning + 1min);
+    return found(book, kMorning + 1h) + (book.strangers_left() == 0 ? "" : ", told");
+  };
+  const std::vector<std::vector<PatientNumber>> forms{{{"0077", "", "", "MR"}},
+                                                      {{"0077", "H", "1.2.3", ""}},
+                                                      {{"77", "H", "", "PI"}},
+                                                      {{"V900", "H", "", "AN", true}, {"77", "h", "", ""}}};
+  for (const auto& numbers : forms) {
+    EXPECT_EQ(after(with_numbers(leaving(""), numbers)), "nobody") << numbers.front().number;
+    EXPECT_EQ(after(with_numbers(leaving(""), numbers, "")), "nobody") << "and no day of birth";
+    EXPECT_EQ(after(with_numbers(moved("", "ICU"), numbers)), "nobody") << "moved elsewhere";
+  }
+  EXPECT_EQ(after(with_numbers(leaving(""), {{"77", "CLINIC", "", "MR"}})), "0077 , told");
+  EXPECT_EQ(after(with_numbers(leaving(""), {{"77", "", "", "SS"}})), "0077 , told") << "another kind";
+  EXPECT_EQ(after(with_numbers(leaving(""), {{"77", "H", "", "AN", true}})), "0077 , told") << "an account";
+  EXPECT_EQ(after(with_numbers(leaving(""), {{"77", "H", "", "MR"}}, "1980-02-02")), "0077 , told");
+}
+
+TEST(ProcedureBook, OfTwoWhoMayBeMeantNeitherLeavesByHalfANumber) {
+  ProcedureBook book;
+  book.take(with_numbers(placed("", {"OR1"}), {{"77", "H", "", ""}}, ""), kMorning);
+  book.take(with_numbers(placed("", {"OR2"}), {{"77", "CLINIC", "", ""}}, "1980"), kMorning);
+  book.take(with_numbers(leaving(""), {{"77", "", "", ""}}, ""), kMorning);
+  EXPECT_EQ(book.size(), 2U);
+  EXPECT_EQ(book.strangers_left(), 1U);
+  book.take(with_numbers(leaving(""), {{"77", "", "", ""}}, "1980-05-05"), kMorning);
+  EXPECT_EQ(found(book, kMorning, {"OR1"}), "77 ");
+  EXPECT_EQ(found(book, kMorning, {"OR2"}), "nobody") << "born as this one";
+}
+
+// Newborn, of one day and on their mother's account.
+TEST(ProcedureBook, TwinsAreTwo) {
+  ProcedureBook book;
+  const PatientNumber account{"V9", "H", "", "AN", true};
+  book.take(with_numbers(placed("", {"OR1"}), {{"1", "H", "", "MR"}, account}), kMorning);
+  book.take(with_numbers(placed("", {"OR1"}), {{"2", "H", "", "MR"}, account}), kMorning + 1min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 ");
+  book.take(with_numbers(leaving(""), {account}), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 ") << "nobody knows which of them";
+  book.take(with_numbers(leaving(""), {{"2", "H", "", "MR"}, account}), kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
+  book.take(with_numbers(placed("", {"OR2"}), {{"3", "H", "", "MR"}, {"1", "", "", "SS"}}), kMorning + 3min);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
+  book.take(with_numbers(leaving(""), {account}), kMorning + 4min);
+  EXPECT_EQ(found(book, kMorning + 1h), "nobody") << "by an account alone";
+}
+
+TEST(ProcedureBook, TimesThatCannotBeAreTakenAll) {
+  ProcedureBook book;
+  book.take(told_by("HIS", *parse_utc("9999-12-31T23:59:59Z"), moved("1", "OR1")), kMorning);
+  book.take(told_by("HIS", *parse_utc("1850-01-01T00:00:00Z"), moved("2", "OR1")), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 ");
+}
+
+TEST(ProcedureBook, WhoeverWasMergedLeavesByEitherNumber) {
+  ProcedureBook book;
+  book.take(with_numbers(placed("", {"OR1"}), {{"0815", "H", "", "MR"}}), kMorning);
+  ProcedureMessage merged = with_numbers(facts(""), {{"4711", "H", "", "MR"}});
+  merged.replaces = "815\n";
+  merged.replaced_numbers = {{"815", "", "", "MR"}};
+  book.take(merged, kMorning);
+  EXPECT_EQ(found(book, kMorning), "4711 ");
+  book.take(with_numbers(leaving(""), {{"0815", "H", "", "MR"}}), kMorning);
+  EXPECT_EQ(found(book, kMorning), "nobody");
 }
 
 TEST(ProcedureBook, OfTwoPatientsWhoAreEquallyNearNeitherIsTaken) {

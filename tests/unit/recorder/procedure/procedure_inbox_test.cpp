@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/local_zone.h"
 #include "tests/support/mllp_client.h"
 #include "tests/support/moved_clock.h"
 
@@ -55,6 +56,62 @@ TEST_F(ProcedureInboxTest, TakesMessagesOverASocketAndAcknowledges) {
               HasSubstr("AR|5|only messages of patients and appointments"));
   EXPECT_THAT(answer(client, "PID|1||4711||Secret^Name\r"), HasSubstr("AE|"));
   EXPECT_THAT(inbox.way().state, HasSubstr("1 taken, 2 refused"));
+}
+
+std::string adt(const std::string& event, const std::string& id, const std::string& patient,
+                const std::string& place) {
+  return "MSH|^~\\&|ADT|HOSP|||20260805080000||ADT^" + event + "|" + id + "|P|2.5\rEVN|" + event +
+         "|20260805080000\rPID|1||" + patient + "^^^HOSP^MR\rPV1|1|I|" + place + "\r";
+}
+
+// An engine that saw no acknowledgement.
+TEST_F(ProcedureInboxTest, AMessageThatIsSentAgainIsAcknowledgedAndTakenOnce) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC", {});
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  const std::string olga = adt("A01", "77", "olga", "OR1");
+  EXPECT_EQ(answer(client, olga), "AA|77\r");
+  EXPECT_EQ(answer(client, adt("A02", "78", "olga", "ICU")), "AA|78\r");
+  EXPECT_EQ(answer(client, adt("A01", "79", "paul", "OR1")), "AA|79\r");
+  EXPECT_EQ(answer(client, olga), "AA|77\r");
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now())->patient_id, "paul");
+}
+
+TEST_F(ProcedureInboxTest, TellsWhereSomebodyLeavesWhoIsNotKnown) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  EXPECT_EQ(answer(client, adt("A01", "1", "0077", "OR1")), "AA|1\r");
+  EXPECT_EQ(answer(client, adt("A03", "2", "77", "OR1")), "AA|2\r");
+  EXPECT_EQ(answer(client, adt("A03", "3", "77", "OR1")), "AA|3\r");
+  {
+    const std::lock_guard guard(mutex);
+    EXPECT_EQ(told, "");
+  }
+  EXPECT_EQ(answer(client, adt("A03", "4", "4711", "OR1")), "AA|4\r");
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("a patient left whom no message had placed under any of the numbers"));
+  EXPECT_THAT(told, Not(HasSubstr("4711")));
+}
+
+// Booked before clocks change, for after it: another patient would be the nearest, by today's offset.
+TEST_F(ProcedureInboxTest, WhatIsPlannedForAfterAChangeOfClocksGoesByTheClocksOfThen) {
+  const test::LocalZone berlin("CET-1CEST,M3.5.0,M10.5.0/3");
+  ProcedureInbox inbox("mllp://127.0.0.1:0", {});
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  for (const std::string day : {"20270115", "20270715"}) {
+    EXPECT_THAT(answer(client, "MSH|^~\\&|PLAN|HOSP|||2026||SIU^S12|" + day + "|P|2.5\rSCH||" + day +
+                                   "|||||||||^^^" + day + "0900\rPID|1||" + day + "\rAIL|1||OR1\r"),
+                HasSubstr("AA|"));
+  }
+  const auto found = [&](const char* at) {
+    const auto data = inbox.find({{"OR1"}, 5min}, *parse_utc(at));
+    return data ? data->patient_id : "nobody";
+  };
+  EXPECT_EQ(found("2027-01-15T08:00:00Z"), "20270115");
+  EXPECT_EQ(found("2027-07-15T07:00:00Z"), "20270715");
 }
 
 TEST_F(ProcedureInboxTest, TakesNothingOfStrangers) {

@@ -15,7 +15,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-constexpr std::chrono::minutes kZone{120};
+const AssumedZone kZone = std::chrono::minutes(120);
 
 std::vector<ProcedureMessage> read_all(const std::string& text) {
   const Hl7Parse parsed = parse_hl7_message(text);
@@ -77,7 +77,7 @@ TEST(ProcedureMessage, ReadsAnAppointment) {
 }
 
 TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
-  for (const char* event : {"A03", "A11", "A23", "A29"})
+  for (const char* event : {"A03", "A11", "A21", "A23", "A29", "A53"})
     EXPECT_EQ(read(adt(event)).kind, Kind::kLeaves) << event;
   for (const char* event : {"A01", "A04", "A08", "A10"}) {
     EXPECT_EQ(read(adt(event)).kind, Kind::kPlaces) << event;
@@ -95,9 +95,59 @@ TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
 
 // What is to be, or was to be, and what is said of a person, tells nothing of who lies in the room now.
 TEST(ProcedureMessage, WhatIsPendingOrOfAPersonPlacesNobody) {
-  for (const char* event :
-       {"A05", "A14", "A15", "A27", "A38", "A28", "A31", "A40", "A47", "A09", "A21", "A32", "A53"})
+  for (const char* event : {"A05", "A14", "A15", "A25", "A26", "A27", "A38", "A28", "A31", "A40", "A47"})
     EXPECT_EQ(read(adt(event)).kind, Kind::kFacts) << event;
+}
+
+TEST(ProcedureMessage, WhoDepartsNamesWhereTheyWere) {
+  for (const char* event : {"A09", "A32"}) {
+    EXPECT_EQ(read(adt(event)).kind, Kind::kDeparts) << event;
+    EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3^2||||||||OR1\r")).places, ElementsAre("OR1", "OR1"))
+        << "the bed is theirs still";
+    EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3|||WARD^2\r")).places,
+                testing::IsSupersetOf({"WARD^3", "WARD^2"}));
+    EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3" + std::string(40, '|') + "OR1\r")).places,
+                testing::Each("OR1"))
+        << "the prior temporary location";
+  }
+  EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT^^ADT_A03|1|P|2.5\rEVN|A03\rPID|1||7\r").kind, Kind::kLeaves)
+      << "the event stands in EVN-1 alone";
+  EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT|1|P|2.5\rPID|1||7\rPV1|1|I|OR1\r").kind, Kind::kFacts);
+  EXPECT_TRUE(is_of_procedures("ADT"));
+}
+
+TEST(ProcedureMessage, SaysWhoToldItAndWhenByTheirClock) {
+  const auto times = [](const std::string& event, const std::string& evn, const std::string& sent) {
+    const ProcedureMessage message = read("MSH|^~\\&|ADT|HOSP|||" + sent + "||ADT^" + event +
+                                          "|1|P|2.5\rEVN|" + evn + "\rPID|1||7\rPV1|1|I|OR1\r");
+    const auto text = [](const std::optional<UtcTime>& time) {
+      return time ? format_utc(*time).substr(11, 5) : "none";
+    };
+    return text(message.told) + " " + text(message.happened);
+  };
+  EXPECT_EQ(times("A02", "A02|202608050800||||202608050730", "20260805090000+0200"), "06:00 05:30");
+  EXPECT_EQ(times("A02", "A02", "20260805090000+0200"), "07:00 07:00");
+  EXPECT_EQ(times("A02", "A02|202608051000", "20260805090000+0200"), "07:00 07:00") << "not later than sent";
+  EXPECT_EQ(times("A02", "A02|202608050800||||202608051600", ""), "06:00 06:00") << "nor later than told";
+  EXPECT_EQ(times("A08", "A08|202608050800||||202608050730", ""), "06:00 06:00") << "when they came";
+  EXPECT_EQ(times("A02", "A02", "20260805"), "none none");
+  const std::string sender = read(adt("A01")).sender;
+  EXPECT_FALSE(sender.empty());
+  EXPECT_NE(read(kAppointment).sender, sender);
+}
+
+TEST(ProcedureMessage, KeepsEveryNumberOfAPatient) {
+  const ProcedureMessage message = read(
+      "MSH|^~\\&|A||||2026||ADT^A01|1|P|2.5\r"
+      "PID|1|X1|V9^^^H^AN~77^^^H&1.2.3&ISO^PI||Doe^John||1980|||||||||||V8^^^H\r");
+  EXPECT_EQ(message.patient, "77\nH") << "the patient's, and not the account's";
+  ASSERT_THAT(message.numbers, SizeIs(4));
+  EXPECT_TRUE(message.numbers[0].is_of_account);
+  EXPECT_EQ(message.numbers[1].issuer + " " + message.numbers[1].issuer_id + " " + message.numbers[1].type,
+            "H 1.2.3 PI");
+  EXPECT_EQ(message.numbers[2].number, "X1");
+  EXPECT_TRUE(message.numbers[3].is_of_account);
+  EXPECT_THAT(read(adt("A40", "MRG|99^^^^PI~0815^^^HOSP^MR\r")).replaced_numbers, SizeIs(2));
 }
 
 TEST(ProcedureMessage, KnowsWhatAPatientWasCalledBefore) {
@@ -155,11 +205,15 @@ TEST(ProcedureMessage, AnAppointmentThatItsStatusCallsOffIsCancelled) {
     text.replace(text.find("S12"), 3, event);
     const std::size_t end = text.find('\r', text.find("SCH|"));
     text.insert(end, std::string(14, '|') + status);
-    return read(text).kind;
+    const ProcedureMessage message = read(text);
+    EXPECT_EQ(message.is_over, status == "COMPLETE") << status;
+    EXPECT_EQ(message.placer + message.filler, "P1F77");
+    return message.kind;
   };
   EXPECT_EQ(with_status("S14", "Cancelled^^HL70278"), Kind::kCancels);
   EXPECT_EQ(with_status("S14", "NOSHOW"), Kind::kCancels);
   EXPECT_EQ(with_status("S14", "Booked"), Kind::kAppointment);
+  EXPECT_EQ(with_status("S14", "COMPLETE"), Kind::kAppointment);
 }
 
 TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {

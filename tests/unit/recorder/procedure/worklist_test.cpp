@@ -187,7 +187,7 @@ TEST_F(WorklistTest, AnAnswerFromBeforeTheClockWasSetIsNotChosenFrom) {
   EXPECT_THAT(worklist.list(time.utc()), SizeIs(0));
   EXPECT_TRUE(worklist.find(now + 12h) == std::nullopt);
   time.move(5s);  // it is asked again soon
-  EXPECT_TRUE(test::eventually([&] { return worklist.find(time.utc()).has_value(); }))
+  EXPECT_TRUE(test::eventually([&] { return worklist.list(time.utc()).size() == 1; }))
       << worklist.way().state;
 }
 
@@ -282,6 +282,9 @@ TEST_F(WorklistTest, IsAskedAgainUntilItAnswersAndKeepsTheNearestStep) {
   EXPECT_EQ(worklist.find(now)->patient_id, "1");
   EXPECT_EQ(worklist.find(now - 90min)->patient_id, "2");
   EXPECT_EQ(worklist.find(now - 40h), std::nullopt);
+  EXPECT_EQ(worklist.find(now - 5h), std::nullopt) << "three hours before the first one";
+  EXPECT_TRUE(worklist.is_too_early(now - 5h));
+  EXPECT_FALSE(worklist.is_too_early(now));
   EXPECT_THAT(worklist.way().state, HasSubstr("RIS listed 2 steps"));
   const std::lock_guard guard(mutex);
   ASSERT_THAT(told, SizeIs(2));

@@ -342,7 +342,9 @@ TEST(Hl7Vitals, NothingIsTakenOfAFrameOfSeveralMessages) {
 }
 
 TEST(Hl7Vitals, TakesZonesInEveryForm) {
-  const auto zone = [](const std::string& text) { return parse_assumed_zone(text, "s").count(); };
+  const auto zone = [](const std::string& text) {
+    return parse_assumed_zone(text, "s").at(kNow).count() / 60;
+  };
   EXPECT_EQ(zone("+05:30"), 330);
   EXPECT_EQ(zone("-0800"), -480);
   EXPECT_EQ(zone("UTC"), 0);
@@ -371,7 +373,7 @@ TEST(Hl7Vitals, TakesEveryRealMessage) {
   }
   EXPECT_GE(answers["AA"], 25);
   EXPECT_GE(answers["AR"], 23);  // three of them of training and debugging
-  EXPECT_EQ(answers["AE"], 1);  // "MSH|^~"
+  EXPECT_EQ(answers["AE"], 1);   // "MSH|^~"
 }
 
 }  // namespace

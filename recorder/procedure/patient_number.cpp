@@ -1,0 +1,71 @@
+#include "recorder/procedure/patient_number.h"
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include "base/ascii.h"
+
+namespace kiroku::recorder {
+namespace {
+
+std::string_view without_zeros(std::string_view number) {
+  if (number.find_first_not_of("0123456789") != std::string_view::npos) return number;
+  return number.substr(std::min(number.find_first_not_of('0'), number.size()));
+}
+
+/// Of one issuer and one type, of which a patient has one.
+bool is_of_one_kind(const PatientNumber& a, const PatientNumber& b) {
+  return !a.type.empty() && a.type == b.type && !a.issuer.empty() && same_but_for_case(a.issuer, b.issuer) &&
+         !a.is_of_account && !b.is_of_account;
+}
+
+}  // namespace
+
+bool is_type_of_account(const std::string& type) {
+  constexpr std::array<std::string_view, 5> kOfAccounts{"AN", "ANC", "AND", "ANT", "VN"};
+  return std::ranges::find(kOfAccounts, type) != kOfAccounts.end();
+}
+
+bool may_be_one(const PatientNumber& a, const PatientNumber& b) {
+  const std::string_view number = without_zeros(a.number);
+  if (number.empty() || a.is_of_account != b.is_of_account) return false;
+  if (!same_but_for_case(number, without_zeros(b.number))) return false;
+  if (!a.issuer_id.empty() && a.issuer_id == b.issuer_id) return true;
+  if (!a.issuer.empty() && !b.issuer.empty()) return same_but_for_case(a.issuer, b.issuer);
+  if (!a.issuer_id.empty() && !b.issuer_id.empty()) return false;
+  // One of them does not say who gave it: a social security number is no record number then.
+  return a.type.empty() || b.type.empty() || a.type == b.type;
+}
+
+bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
+  const auto is_persons = [](const PatientNumber& each) { return !each.is_of_account; };
+  const bool by_persons = std::ranges::any_of(a, is_persons) && std::ranges::any_of(b, is_persons);
+  bool shared = false;
+  for (const PatientNumber& one : a) {
+    if (by_persons && one.is_of_account) continue;
+    bool is_there = false, is_another = false;
+    for (const PatientNumber& other : b) {
+      is_there = is_there || may_be_one(one, other);
+      is_another = is_another || is_of_one_kind(one, other);
+    }
+    if (!is_there && is_another) return false;
+    shared = shared || is_there;
+  }
+  return shared;
+}
+
+void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more) {
+  for (const PatientNumber& each : more) {
+    const bool is_there = std::ranges::any_of(numbers, [&](const PatientNumber& other) {
+      return each.number == other.number && each.issuer == other.issuer &&
+             each.issuer_id == other.issuer_id && each.type == other.type &&
+             each.is_of_account == other.is_of_account;
+    });
+    const std::size_t length =
+        each.number.size() + each.issuer.size() + each.issuer_id.size() + each.type.size();
+    if (!is_there && length <= kLongestNumber && numbers.size() < kMostNumbers) numbers.push_back(each);
+  }
+}
+
+}  // namespace kiroku::recorder

@@ -1,0 +1,33 @@
+// The numbers by which a patient goes in HL7 v2 messages (data type CX), and which of them may be one:
+// senders write the same number with its issuer and without, with leading zeros and without. Pure,
+// thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace kiroku::recorder {
+
+struct PatientNumber {
+  std::string number;
+  std::string issuer, issuer_id;  // CX-4: namespace and universal identifier ("H", "1.2.3" of "H&1.2.3&ISO")
+  std::string type;               // CX-5: "MR", "PI"
+  bool is_of_account = false;  // of an account or a visit (PID-18, AN, VN): another number than a patient's
+};
+
+inline constexpr std::size_t kMostNumbers = 16;     // of one patient; further ones are not kept
+inline constexpr std::size_t kLongestNumber = 256;  // with all that is said of it; HL7 gives it some 50
+
+/// Whether CX-5 says that a number is an account's or a visit's.
+bool is_type_of_account(const std::string& type);
+/// Whether they are the same number, and nothing says that two issuers gave it.
+bool may_be_one(const PatientNumber& a, const PatientNumber& b);
+/// Whether one of the numbers may be the same, and none says that they are two patients: two record numbers
+/// that one issuer gave do. Accounts count only where one of them has nothing else: mother and child may
+/// share one.
+bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
+/// Those of `more` that are not there.
+void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more);
+
+}  // namespace kiroku::recorder

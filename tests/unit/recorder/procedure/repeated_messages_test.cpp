@@ -1,0 +1,44 @@
+#include "recorder/procedure/repeated_messages.h"
+
+#include <gtest/gtest.h>
+
+namespace kiroku::recorder {
+namespace {
+
+bool is_repeated(RepeatedMessages& messages, const std::string& sender, const std::string& sent,
+                 const std::string& id, const std::string& patient) {
+  const std::string text =
+      "MSH|^~\\&|" + sender + "||||" + sent + "||ADT^A01|" + id + "|P|2.5\rPID|1||" + patient + "\r";
+  const Hl7Parse parsed = parse_hl7_message(text);
+  return messages.is_repeated(*parsed.message, text);
+}
+
+TEST(RepeatedMessages, AreKnownByTheirSenderAndControlId) {
+  RepeatedMessages messages;
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", "1", "A"));
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", "2", "B"));
+  EXPECT_TRUE(is_repeated(messages, "HIS", "20260805080000", "1", "A"));
+  EXPECT_TRUE(is_repeated(messages, "HIS", "20260805110000", "1", "A")) << "sent again with a new time";
+  EXPECT_FALSE(is_repeated(messages, "LAB", "20260805080000", "1", "A"));
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", "1", "C")) << "it counts anew";
+}
+
+TEST(RepeatedMessages, AnIdentifierThatIsAlwaysTheSameTellsNothing) {
+  RepeatedMessages messages;
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", "1", "A"));
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805090000", "1", "A"));
+  EXPECT_TRUE(is_repeated(messages, "HIS", "20260805090000", "1", "A")) << "every byte, its time, too";
+  EXPECT_FALSE(is_repeated(messages, "HIS", "", "1", "A"));
+  EXPECT_FALSE(is_repeated(messages, "HIS", "", "1", "A")) << "no time";
+}
+
+TEST(RepeatedMessages, ForgetWhatIsLongAgo) {
+  RepeatedMessages messages;
+  for (std::size_t i = 0; i <= RepeatedMessages::kRemembered; ++i)
+    EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", std::to_string(i), "A"));
+  EXPECT_TRUE(is_repeated(messages, "HIS", "20260805080000", "1", "A"));
+  EXPECT_FALSE(is_repeated(messages, "HIS", "20260805080000", "0", "A"));
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
