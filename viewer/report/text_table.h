@@ -72,15 +72,13 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"time.remark.there-by-then", "When it was recorded, and for how long, rests on the recorder's word.",
      "いつ、どれだけの時間記録されたかは、記録装置のみに依拠します。"},
     {"time.remark.first-late",
-     "By the case clock recording began {0} before the first time stamp: that it began no earlier rests on "
-     "the recorder's word.",
+     "By the case clock recording began {0} before the first time stamp: that it began no earlier is not "
+     "proved.",
      "症例時計によれば、記録は最初のタイムスタンプの {0} "
      "前に始まりました。それ以前でないことは記録装置のみに依拠し"
      "ます。"},
     {"time.remark.entered-late",
-     "By the case clock some of it ended {0} before the time stamp in front of it: the recorder alone says "
-     "how "
-     "old it is.",
+     "By the case clock some of it ended {0} before the time stamp in front of it: its age is not proved.",
      "症例時計によれば、タイムスタンプの後に記入された記録の一部は、その {0} "
      "前に終わっています。より古くないことは記録装置のみに依拠します。"},
     {"time.remark.end-late",
