@@ -64,8 +64,9 @@ std::vector<Listening> listening_of(const RoomConfiguration& room) {
 }
 
 std::string clash_of(const Listening& one, const Listening& other) {
-  const bool meets =
-      one.port == other.port && (one.address == other.address || one.is_anywhere() || other.is_anywhere());
+  // Port 0 is any that is free.
+  const bool meets = one.port != 0 && one.port == other.port &&
+                     (one.address == other.address || one.is_anywhere() || other.is_anywhere());
   // The same words: rooms share who listens there.
   const bool shared = one.of_procedures && other.of_procedures && one.stated == other.stated;
   if (!meets || shared) return {};

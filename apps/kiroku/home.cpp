@@ -243,13 +243,6 @@ fs::path find_case(const std::optional<Home>& home, const std::string& named) {
   return home->archive() / found.front();
 }
 
-std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
-  auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
-  if (const std::string damage = log->damage(); !damage.empty()) print_error("kiroku", "warning: " + damage);
-  return log;
-}
-
 void log_access(const std::optional<Home>& home, const fs::path& case_folder, const std::string& what) {
   if (!home || !home->holds(case_folder)) return;
   try {

@@ -36,10 +36,6 @@
 #include "recorder/device_key/hardware_description.h"
 #include "timestamp/token_verifier.h"
 
-namespace kiroku::archive {
-class ApplianceLog;
-}
-
 namespace kiroku::apps {
 
 /// Hears what recording goes on without, and why.
@@ -133,10 +129,6 @@ crypto::AgeRecipients load_recipients(const std::filesystem::path& file);
 /// The case a person named: a folder, or the identifier (or its beginning, if only one has it) of a case in
 /// the home's archive. Throws kiroku::UsageError.
 std::filesystem::path find_case(const std::optional<Home>& home, const std::string& named);
-
-/// The appliance log, for whoever enters something into it by a command: a warning on standard error says
-/// where it was changed.
-std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key);
 
 /// Writes an `access` entry into the appliance log where the case is this home's. What was asked for goes on
 /// even if that fails: then a warning on standard error says so.

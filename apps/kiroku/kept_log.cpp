@@ -100,7 +100,7 @@ std::optional<archive::OutsideNote> home_newest_note(const Home& home) {
   return std::nullopt;
 }
 
-std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
+std::unique_ptr<archive::ApplianceLog> open_kept_log(const Home& home, const crypto::SigningKey& key) {
   const bool is_another = !why_another_log(home).empty();
   auto log =
       archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
@@ -117,6 +117,12 @@ std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::
                                   error.what());
     }
   });
+  return log;
+}
+
+std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
+  auto log = open_kept_log(home, key);
+  if (const std::string damage = log->damage(); !damage.empty()) print_error("kiroku", "warning: " + damage);
   return log;
 }
 

@@ -27,6 +27,8 @@ std::optional<archive::OutsideNote> home_newest_note(const Home& home);
 
 /// ApplianceLog::open() of the home's log. Its checkpoints are kept in the home from then on, but for those
 /// of a log that is another one than the home knows.
+std::unique_ptr<archive::ApplianceLog> open_kept_log(const Home& home, const crypto::SigningKey& key);
+/// The same for a command: a warning on standard error says where the log was changed.
 std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key);
 
 }  // namespace kiroku::apps

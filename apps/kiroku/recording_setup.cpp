@@ -20,7 +20,7 @@ WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
       another_log(why_another_log(home)),
-      log(open_log(home, key)) {
+      log(open_kept_log(home, key)) {
   if (another_log.empty()) return;
   if (without) {
     without(another_log);

@@ -34,8 +34,11 @@ ConsentConfiguration consent_configuration(const Home& home) {
 }
 
 archive::Consents standing_consents(const Home& home) {
+  // What the log itself shows says more than that it is another one.
+  archive::Consents consents =
+      archive::read_consents(home.log_folder(), home.device(), home_witnessed_checkpoint(home));
   require_same_log(home);
-  return archive::read_consents(home.log_folder(), home.device(), home_witnessed_checkpoint(home));
+  return consents;
 }
 
 void enter_use(const Home& home, const std::filesystem::path& case_folder, const std::string& purpose,

@@ -45,8 +45,8 @@ class KeptServer {
   KeptServer(std::string what, Open open, KeptServerListener listener, const Clock& clock)
       : what_(std::move(what)), open_(std::move(open)), listener_(std::move(listener)), clock_(&clock) {
     if (!open_) return;
-    attempt_ = begin_behind_the_recording(open_);
-    take();
+    begin();
+    if (attempt_.valid()) take();
   }
 
   /// Call each second or so; never waits for an attempt.
@@ -55,25 +55,38 @@ class KeptServer {
     if (attempt_.valid()) {
       if (attempt_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) take();
     } else if (clock_->now() >= pause_.next()) {
-      attempt_ = begin_behind_the_recording(open_);
+      begin();
     }
   }
 
   [[nodiscard]] bool is_there() const { return server_ != nullptr; }
 
  private:
+  /// A machine that has no thread left ends no recorder for it.
+  void begin() {
+    try {
+      attempt_ = begin_behind_the_recording(open_);
+    } catch (const std::exception& error) {
+      failed(error.what());
+    }
+  }
+
   void take() {
     try {
       server_ = attempt_.get();
       if (!told_.empty()) listener_.no_more(std::exchange(told_, ""));
     } catch (const std::exception& error) {
-      pause_.failed(clock_->now(), {});
-      const std::string sentence = "recording goes on without " + what_ + ": " + error.what();
-      if (sentence == told_) return;
-      if (!told_.empty()) listener_.no_more(told_);
-      told_ = sentence;
-      listener_.without(sentence);
+      failed(error.what());
     }
+  }
+
+  void failed(const std::string& why) {
+    pause_.failed(clock_->now(), {});
+    const std::string sentence = "recording goes on without " + what_ + ": " + why;
+    if (sentence == told_) return;
+    if (!told_.empty()) listener_.no_more(told_);
+    told_ = sentence;
+    listener_.without(sentence);
   }
 
   std::string what_;

@@ -127,7 +127,8 @@ LogContents LogWalk::run() {
     }
     // A note that was kept elsewhere is by a trusted device.
     const bool is_kept_elsewhere = outside_ != nullptr && outside_->held() == tree_.size();
-    if (is_kept_elsewhere || (has_its_own && may_accuse_)) {
+    // What was signed before the log was the case's device's does not speak of its cases.
+    if (contents_.was_case_devices && (is_kept_elsewhere || (has_its_own && may_accuse_))) {
       contents_.accusing = tree_.size();
     }
     judge_told(number, has_its_own);
@@ -553,9 +554,10 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
     std::stable_sort(roots_.begin(), roots_.end(),
                      [](const KnownRoot& a, const KnownRoot& b) { return a.size < b.size; });
   }
-  // Of a log that is shorter, or of whose lines nobody signed so many, nothing says which state it had.
+  // Of a log that is shorter, of whose lines nobody signed so many, or whose lines were changed before they
+  // were signed over, nothing says which state it had.
   const bool differs = log->root_at_head != opening->appliance_log_root;
-  silent_ = differs && log->accusing < head_;
+  silent_ = differs && (log->accusing < head_ || !log->sound);
   if (differs && !silent_) {
     findings_->add("log-head-differs", in_ledger(0),
                    "open states the log's root at " + std::to_string(head_) +

@@ -40,12 +40,19 @@ std::optional<std::string> newer_format(std::string_view json, std::string_view 
   return std::nullopt;
 }
 
-/// The root that the note of this size states, whoever signed it: to say that something could not be checked
-/// takes no signature.
-std::optional<crypto::Sha256Digest> stated_root(const CaseFolder& folder, std::uint64_t size) {
+/// The root that the note of this size states, by one of the devices, or by anybody where none is known:
+/// whoever has no key must not make what was changed into something that cannot be checked.
+std::optional<crypto::Sha256Digest> stated_root(const CaseFolder& folder, std::uint64_t size,
+                                                const std::vector<crypto::VerifierKey>& devices) {
   FindingList nobody_asks;
   const auto note = read_note(folder, size, std::nullopt, nobody_asks);
-  const auto checkpoint = note ? crypto::Checkpoint::parse(crypto::open_note(*note, {}).text) : std::nullopt;
+  if (!note) return std::nullopt;
+  const crypto::OpenedNote opened = crypto::open_note(*note, devices);
+  using crypto::NoteFailure;
+  const bool is_theirs = !opened.failure || *opened.failure == NoteFailure::kLacksMlDsa ||
+                         *opened.failure == NoteFailure::kLacksHardware;
+  if (!devices.empty() && !is_theirs) return std::nullopt;
+  const auto checkpoint = crypto::Checkpoint::parse(opened.text);
   return checkpoint ? std::optional(checkpoint->root) : std::nullopt;
 }
 
@@ -66,7 +73,8 @@ VerificationReport report_of(const std::string& format, std::string_view file) {
 
 }  // namespace
 
-std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder, const ReadableFile& ledger) {
+std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder, const ReadableFile& ledger,
+                                                       const std::vector<crypto::VerifierKey>& devices) {
   LineReader reader(ledger);
   LedgerLine line;
   if (!reader.next(line) || line.torn || line.too_long) return std::nullopt;
@@ -77,12 +85,13 @@ std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder,
   do {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
   } while (tree.size() < sizes.front() && reader.next(line) && !line.torn && !line.too_long);
-  const bool is_whole = tree.size() == sizes.front() && stated_root(folder, sizes.front()) == tree.root();
+  const bool is_whole =
+      tree.size() == sizes.front() && stated_root(folder, sizes.front(), devices) == tree.root();
   return is_whole ? std::optional(report_of(*format, kLedgerFile)) : std::nullopt;
 }
 
-std::optional<VerificationReport> report_on_newer_excerpt(const CaseFolder& folder,
-                                                          std::string_view document) {
+std::optional<VerificationReport> report_on_newer_excerpt(const CaseFolder& folder, std::string_view document,
+                                                          const std::vector<crypto::VerifierKey>& devices) {
   if (document.ends_with('\n')) {
     if (const auto format = newer_format(document.substr(0, document.size() - 1), kExcerptFormat)) {
       return report_of(*format, kExcerptFile);
@@ -95,7 +104,7 @@ std::optional<VerificationReport> report_on_newer_excerpt(const CaseFolder& fold
   LedgerLine line;
   if (!reader.next(line) || line.torn || line.too_long) return std::nullopt;
   const std::optional<std::string> format = newer_format(line.text, OpenEntry::kFormat);
-  const auto root = format ? stated_root(folder, parse.document->size) : std::nullopt;
+  const auto root = format ? stated_root(folder, parse.document->size, devices) : std::nullopt;
   const bool is_its =
       root && crypto::verify_inclusion(crypto::merkle_leaf_hash(bytes_of(line.text)), 0, parse.document->size,
                                        parse.document->open_proof, *root);

@@ -528,7 +528,7 @@ std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& fol
                 ledger.explanation);
   }
   if (ledger.file) {
-    if (auto newer = report_on_newer_case(opened, *ledger.file)) {
+    if (auto newer = report_on_newer_case(opened, *ledger.file, options.devices)) {
       return {std::move(*newer), false};
     }
   }

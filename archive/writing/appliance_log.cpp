@@ -320,14 +320,20 @@ struct ApplianceLog::State {
     return is_its ? checkpoint : std::nullopt;
   }
 
-  /// With the turn, of a log that was just opened. The newest checkpoint is looked for by its name: a log of
-  /// years has a million, and entries of which none has its own are never many. One that cannot be read is
-  /// left to whoever verifies: it keeps nobody from recording.
+  /// With the turn, of a log that was just opened. Entries of which none has a checkpoint of its
+  /// own are never many. One that cannot be read is left to whoever verifies: it keeps nobody from recording.
   void look_for_damage_locked() {
     const std::uint64_t lines = ledger->size();
     const std::uint64_t last = lines + kMostRemembered;
     const std::uint64_t first = lines - std::min<std::uint64_t>(lines, kMostRemembered);
     try {
+      // Of an end that was cut off further back the checkpoints are left.
+      if (const std::uint64_t newest = newest_note(folder, files); newest > last) {
+        if (const auto signed_then = own_checkpoint(newest)) {
+          damage = LogDamageEntry{newest, signed_then->root, std::nullopt};
+          return;
+        }
+      }
       for (std::uint64_t size = last; size > first; --size) {
         if (!files.exists(folder / note_path(size))) {
           continue;
@@ -351,12 +357,22 @@ struct ApplianceLog::State {
     }
   }
 
+  /// Whether a file, and no folder, lies in the place of that checkpoint that this device did not sign. One
+  /// that cannot be read may be its own.
+  [[nodiscard]] bool is_strangers_file(std::uint64_t size) const {
+    try {
+      return !files.is_folder(folder / note_path(size)) && !own_checkpoint(size);
+    } catch (const Error&) {
+      return false;
+    }
+  }
+
   void checkpoint_locked() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
     // What else lies there than a checkpoint of this device's is no reason not to sign; one of its own over
     // other lines is kept, as it shows that lines were changed.
-    if (text.size > 0 && (!files.exists(file) || !own_checkpoint(text.size))) {
+    if (text.size > 0 && (!files.exists(file) || is_strangers_file(text.size))) {
       crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
       reserve.write_durably(file, bytes_of(written.note));
       if (keep_note) {
@@ -599,15 +615,19 @@ void ApplianceLog::keep_notes(std::function<void(std::string_view note)> keep) {
   const std::lock_guard guard(state_->mutex);
   const Ledger::Turn turn(*state_->ledger);
   state_->keep_note = std::move(keep);
-  const std::uint64_t newest = newest_note(state_->folder);
-  if (newest == 0) {
-    return;
-  }
-  const FileOpening opening = CaseFolder::open(state_->folder).open_file(note_path(newest));
-  const std::optional<std::string> note =
-      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
-  if (note) {
-    state_->keep_note(*note);
+  // A checkpoint that cannot be read is left to whoever verifies: it keeps nobody from recording.
+  try {
+    const std::uint64_t newest = newest_note(state_->folder);
+    if (newest == 0) {
+      return;
+    }
+    const FileOpening opening = CaseFolder::open(state_->folder).open_file(note_path(newest));
+    const std::optional<std::string> note =
+        opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+    if (note) {
+      state_->keep_note(*note);
+    }
+  } catch (const Error&) {  // NOLINT(bugprone-empty-catch): said above
   }
 }
 

@@ -57,7 +57,7 @@ std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!looked_for_ || now < next_look_) return {};
   next_look_ = now + kLookInterval;
   const std::optional<ProcedureData> found = find();
-  if (!found || (found->chosen_by_plan && *found->chosen_by_plan - begun_at_ > kFarthestAhead)) return {};
+  if (!found || (found->chosen_by_plan && *found->chosen_by_plan - begun_at_ > kFurthestAhead)) return {};
   // A person may have given one meanwhile.
   if (!looked_for_.exchange(false)) return {};
   return subject_json(*found);

@@ -16,6 +16,7 @@ namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::seconds kRuleInterval{1};
+constexpr std::chrono::seconds kNoteInterval{30};  // between tries to write whom a case is about
 // So long after an error what a rule begins is taken for the same operation: as long as `resume` goes on
 // where nothing else is said.
 constexpr std::chrono::minutes kSameOperation{10};
@@ -198,7 +199,9 @@ struct Room::State {
   void take_over_after_error(Request& asked) const {
     if (!status.ended_by_error || time.now() > same_operation_before) return;
     asked.goes_on = true;
-    if (asked.reason == "schedule") asked.identity.sealed_subject = newest_subject;
+    if (asked.reason != "schedule" || begun_for != "schedule") return;
+    asked.identity.sealed_subject = newest_subject;
+    asked.profiles = newest_profiles;
   }
 
   /// A case was ended by an error or a full disk, and `lasted` so long. What follows from that, in words: ""
@@ -212,6 +215,7 @@ struct Room::State {
       const std::lock_guard guard(mutex);
       if (ending || end_wanted) return "";
       status.ended_by_error = true;
+      newest_profiles = profiles;
       same_operation_before = time.now() + kSameOperation;
       goes_on = plan.rules.resume_within || begun_for == "schedule";
       if (plan.rules.resume_within) {
@@ -497,10 +501,12 @@ struct Room::State {
     try {
       plan.running->newest_subject(*not_noted);
       not_noted.reset();
+      not_noted_why.clear();
     } catch (const std::exception& error) {
-      note_again = time.now() + kRuleInterval;
-      tell_problem("after a crash the operation would go on with the subject of before: " +
-                   std::string(error.what()));
+      note_again = time.now() + kNoteInterval;
+      const std::string why = error.what();
+      if (std::exchange(not_noted_why, why) != why)
+        tell_problem("after a crash the operation would go on with the subject of before: " + why);
     }
   }
 
@@ -842,7 +848,8 @@ struct Room::State {
   /// Of subjects that come while a case runs; held from before one is sealed until the search for one is
   /// over, so that the last one sealed is the last one said. Taken before the other one.
   std::mutex late_mutex;
-  std::optional<NewestSubject> not_noted;  // guarded by it, as is
+  std::optional<NewestSubject> not_noted;  // guarded by it, as are
+  std::string not_noted_why;
   Clock::Time note_again{};
 
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
@@ -869,6 +876,7 @@ struct Room::State {
   // whether somebody or a rule ends it.
   std::string begun_for;
   std::optional<crypto::Sha256Digest> plan_of_case;
+  Profiles newest_profiles;             // of the case that an error ended
   std::optional<Bytes> newest_subject;  // of that case, or of the last one: sealed
   Clock::Time same_operation_before{};  // a case that a rule begins after the error that ended the last one
   bool after_error_too = false, end_wanted = false;

@@ -74,7 +74,8 @@ class StateReader {
   }
   void one(Bytes& bytes) { bytes = to_bytes(take(length())); }
   void one(ProcedureMoment& moment) {
-    constexpr std::uint64_t kLatest_us = 253'402'300'800'000'000;      // the year 10000
+    // The year 10000 and a week: "no end" is planned for the last second before, in whatever zone.
+    constexpr std::uint64_t kLatest_us = 253'402'300'800'000'000 + 7 * 86'400'000'000ULL;
     constexpr std::uint64_t kLongest_ns = 3'153'600'000'000'000'000U;  // a hundred years since the boot
     moment = {UtcTime(UtcTime::duration(number_below(kLatest_us))),
               Clock::Duration(number_below(kLongest_ns))};

@@ -657,6 +657,9 @@ class AgainstLog:
                 report("erased-while-held", f"line {number} of the log")
         if log:
             log.consents.report_of(entries.opening["case"] if entries.opening else None, report)
+        if log and not log.ledger.readable:
+            self.log = self.known = None
+            return
         if log and entries.opening:
             device = entries.opening["device"]
             if not (self.known.device if self.known else any(log.devices)):
@@ -672,7 +675,7 @@ class AgainstLog:
             stated = entries.opening["appliance_log"]
             self.head, self.signed = stated["size"], log.signed_by_known(device, log.folder.trust.devices)
             if log.root_at(stated["size"]) != stated["root"]:
-                self.silent = self.signed < self.head
+                self.silent = self.signed < self.head or not log.beside_a_case()[1]
                 if not self.silent:
                     report("log-head-differs", f"at {stated['size']} entries")
 
@@ -799,18 +802,30 @@ def verify_case(path, trust):
     return Judgement(folder.findings)
 
 
+def _may_be_of_a_device(folder, size):
+    """Whether a trusted device signed that note; of whom none is named anybody may have."""
+    if not folder.trust.devices:
+        return True
+    try:
+        checkpoint = note.parse_checkpoint(_read_small(folder.path / "checkpoints" / f"{size:08}.note"))
+    except (note.Malformed, OSError):
+        return False
+    signatures = [(key, s[2]) for key in folder.trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
+    return any(note.holds(key.public, checkpoint.text, signature) for key, signature in signatures)
+
+
 def _is_newer_case(folder, data):
     """Whether the first line names a later version, and the smallest checkpoint is of these lines: nobody changed it into another."""
     lines = data.split(b"\n")[:-1]
     size = min(folder.note_sizes, default=0)
-    return bool(lines) and is_newer(lines[0], "case") and 0 < size <= len(lines) and _root_stated(folder, size) == merkle.root([merkle.leaf(line) for line in lines[:size]])
+    return bool(lines) and _may_be_of_a_device(folder, size) and is_newer(lines[0], "case") and 0 < size <= len(lines) and _root_stated(folder, size) == merkle.root([merkle.leaf(line) for line in lines[:size]])
 
 
 def _is_newer_excerpt(folder, document):
     """Likewise of an excerpt: by its proof the first line is that of the tree to which its lines lead."""
     opening, size = _read_small(folder.path / "ledger-open.jsonl"), document["size"]
     line = opening.split(b"\n")[0]
-    if b"\n" not in opening or not is_newer(line, "case") or size not in folder.note_sizes:
+    if b"\n" not in opening or not is_newer(line, "case") or size not in folder.note_sizes or not _may_be_of_a_device(folder, size):
         return False
     return merkle.root_by_inclusion(merkle.leaf(line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) == _root_stated(folder, size) != b""
 

@@ -124,6 +124,7 @@ class LogRead:
         named = None   # the device's key as the newest entry says it
         self.signed_by = {}    # lines that a checkpoint covers, by the device that signed it; None: one kept elsewhere
         self.devices = set()   # every key that the log named as its device's
+        self.named_first = {}  # in which line
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -143,6 +144,7 @@ class LogRead:
                 if kind in ("boot", "device-key-changed"):
                     named = entry["device"]
                     self.devices.add(named)
+                    self.named_first.setdefault(named, number)
                 if kind not in FOLLOWED_BY_NONE:
                     since_note += kind not in ("recovered", "damage-found")
                     to_be_followed.append(number)
@@ -221,7 +223,9 @@ class LogRead:
 
     def signed_by_known(self, device, trusted):
         """How many lines a checkpoint covers that this device signed, or one that is trusted."""
-        return max((self.signed_by.get(by, 0) for by in [None, device, *map(str, trusted)]), default=0)
+        sizes = [self.signed_by.get(by, 0) for by in [None, device, *map(str, trusted)]]
+        # What was signed before the log was that device's does not speak of its cases.
+        return max((size for size in sizes if size > self.named_first.get(device, len(self.ledger))), default=0)
 
     def _keep_covered(self, device):
         known = self.covered_by.get(str(device), (0, 0))

@@ -307,7 +307,8 @@ class Folder:
         before = len(self.findings)
         data = self.read(name, LARGEST_NOTE)
         if data is None:
-            self.unread = max(self.unread, size if self.findings[before][0] == "file-unreadable" else 0)
+            is_unread = root is not None and self.findings[before][0] == "file-unreadable"
+            self.unread = max(self.unread, size if is_unread else 0)
             return False
         self.notes[size] = data
         try:

@@ -124,7 +124,7 @@ TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
 
 TEST_F(CaseSubjectTest, SaysThatWhatIsPlannedLiesTooFarAhead) {
   source->early = true;
-  subject.at_beginning({}, {}, false);
+  subject.at_beginning({}, {}, GoesOn::kNo);
   EXPECT_THAT(subject.why_missing().value_or(""),
               HasSubstr("lies more than an hour ahead, and a person must choose"));
 }
