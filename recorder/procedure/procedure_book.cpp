@@ -369,8 +369,7 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
       complete(all.back(), planned[*chosen]->data);
   }
   for (const auto& [appointment, kept] : appointments_) {
-    if (kept.message.is_over || !concerns(rule, kept.message) || placed.contains(kept.message.patient))
-      continue;
+    if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
     if (!is_near(planned(kept, at))) continue;
     all.push_back(kept.message.data);
     all.back().chosen =

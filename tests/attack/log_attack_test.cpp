@@ -402,9 +402,13 @@ TEST(AttackOnTheArchive, ACaseAndItsLogEntriesTakenAwayAreToldByTheNextCase) {
   std::vector<std::string> lines = log_lines(victim.log());
   std::erase_if(lines,
                 [&](const std::string& line) { return line.find(first.filename()) != std::string::npos; });
+  // What is left is numbered anew.
+  const std::string number = "\"seq\":";
   std::string text;
-  for (const std::string& line : lines) {
-    text += line + "\n";
+  for (std::size_t seq = 0; seq < lines.size(); ++seq) {
+    const std::size_t at = lines[seq].find(number) + number.size();
+    lines[seq].replace(at, lines[seq].find(',', at) - at, std::to_string(seq));
+    text += lines[seq] + "\n";
   }
   write_file(victim.log() / kLedgerName, text);
   archive::VerifyOptions options = archive.options();

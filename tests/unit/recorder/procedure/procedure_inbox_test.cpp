@@ -236,6 +236,14 @@ TEST_F(ProcedureInboxTest, AStartForgetsNobodyWhereSomethingKeepsWhatWasSaid) {
   };
   const std::string listen = "mllp://127.0.0.1:0?zone=UTC";
   const ProcedureRule rule{{"OR1"}, 12h};
+  // Each has a number of its own: one that is sent again is news to nobody.
+  int control_id = 77;
+  const auto is_taken = [&](MllpClient& client) {
+    std::string message = kInOr1;
+    const std::string number = std::to_string(control_id++);
+    message.replace(message.find("|77|"), 4, "|" + number + "|");
+    return answer(client, message) == "AA|" + number + "\r";
+  };
   const auto tells = [this](const std::string& sentence) { tell(sentence); };
   {
     ProcedureInbox first(listen, tells, time, {{}, keep});
@@ -244,17 +252,17 @@ TEST_F(ProcedureInboxTest, AStartForgetsNobodyWhereSomethingKeepsWhatWasSaid) {
     EXPECT_EQ(times, 1) << "since when it is known";
     time.move(1h);
     MllpClient client("127.0.0.1", first.port());
-    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_TRUE(is_taken(client));
     EXPECT_EQ(times, 2) << "before it is acknowledged";
-    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_TRUE(is_taken(client));
     EXPECT_EQ(times, 2) << "a hospital's messages come by the dozen";
     time.move(1s);
     first.tend();
     EXPECT_EQ(times, 3);
     first.tend();
     EXPECT_EQ(times, 3) << "nothing is new";
-    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
-    EXPECT_EQ(answer(client, kInOr1), "AA|77\r");
+    EXPECT_TRUE(is_taken(client));
+    EXPECT_TRUE(is_taken(client));
     first.end();
     EXPECT_EQ(times, 4);
     EXPECT_FALSE(first.way().well);
