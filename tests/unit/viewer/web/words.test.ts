@@ -155,9 +155,7 @@ describe('The ways to the hospital’s procedures', () => {
       '192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）',
     );
     expect(
-      wayInJapanese(
-        'nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: the worklist HIS at 192.0.2.9:104 cannot be asked',
-      ),
+      wayInJapanese('nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: the worklist HIS at 192.0.2.9:104 cannot be asked'),
     ).toBe('2026-11-23T09:00:00Z の一覧は 60 分前のものであるため、自動では選択しません。192.0.2.9:104 のワークリスト HIS に問い合わせできません');
   });
 });

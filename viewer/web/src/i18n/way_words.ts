@@ -8,10 +8,7 @@ export const kWaySentences: readonly SentencePair[] = [
     'nothing is chosen from the list of {time}, which is {n} min old: it is asked again',
     '{time} の一覧は {n} 分前のものであるため、自動では選択しません。再度問い合わせ中です',
   ],
-  [
-    'nothing is chosen from the list of {time}, which is {n} min old: {way}',
-    '{time} の一覧は {n} 分前のものであるため、自動では選択しません。{way}',
-  ],
+  ['nothing is chosen from the list of {time}, which is {n} min old: {way}', '{time} の一覧は {n} 分前のものであるため、自動では選択しません。{way}'],
   [
     "the worklist cannot be asked: DCMTK's data dictionary (dicom.dic) is not installed",
     'DCMTK のデータ辞書（dicom.dic）が導入されていないため、ワークリストに問い合わせできません',
