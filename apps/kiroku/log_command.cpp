@@ -106,8 +106,6 @@ int verify(const Home& home, const Request& request) {
   options.devices = {home.device()};
   options.trust = &trust;
   for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
-  // What the home keeps tells of a log that is another one, as when the archive's disk is not mounted.
-  if (auto newest = home_newest_note(home)) options.against.push_back(std::move(*newest));
   std::optional<archive::OutsideNote> witnessed = home_witnessed_note(home);
   std::optional<evidence::Policy> algorithms;
   if (request.policy) {
@@ -115,6 +113,8 @@ int verify(const Home& home, const Request& request) {
     options.policy = &*algorithms;
   }
   std::vector<archive::OutsideNote> notes = options.against;  // that may hold cosignatures
+  // What the home keeps tells of a log that is another one, as when the archive's disk is not mounted.
+  if (auto newest = home_newest_note(home)) options.against.push_back(std::move(*newest));
   if (witnessed) notes.push_back(*witnessed);
   // What the device signed and gave away binds it, whoever cosigned it.
   if (witnessed && is_of_log(*witnessed, home.device())) options.against.push_back(std::move(*witnessed));

@@ -78,8 +78,8 @@ TEST_F(Verify, TheListOfCasesKnowsNoVerdictByKeysThatSomebodyNamed) {
                 .status,
             0);
   EXPECT_EQ(listed(slipped_in), nullptr) << "nobody here vouches for it";
-  EXPECT_EQ(kiroku({"verify", slipped_in.string()}).status, 1);
-  EXPECT_EQ(listed(slipped_in), "tampered");
+  EXPECT_EQ(kiroku({"verify", slipped_in.string()}).status, 3);
+  EXPECT_EQ(listed(slipped_in), "unproven");
 }
 
 TEST_F(Verify, OfSeveralCasesReturnsTheWorst) {
@@ -152,7 +152,7 @@ TEST_F(Verify, MissesACaseThatTheLogDoesNotKnow) {
   ASSERT_EQ(kiroku({"init", "--demo", "--home", path("other")}).status, 0);
   const ProcessResult judged = kiroku({"verify", "--log", path("other/archive/log"), case_.string()});
   EXPECT_NE(judged.status, 0) << judged.out;
-  EXPECT_THAT(judged.out, HasSubstr("; it knows nothing of the case that was signed"));
+  EXPECT_THAT(judged.out, HasSubstr("it is another device's, and says nothing of this case"));
 }
 
 TEST_F(Verify, SaysOfALogThatNobodyLookedIntoThatItWasNotCompared) {
