@@ -1,5 +1,6 @@
 #include <csignal>
 #include <cstring>
+#include <fcntl.h>
 #include <thread>
 #include <utility>  // Boost 1.74 forgets it before its awaitable
 
@@ -181,6 +182,7 @@ TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
 TEST_F(Daemon, RecordsWithoutWhatRecordingDoesNotNeed) {
   boost::asio::io_context context;
   boost::asio::ip::tcp::acceptor taken(context, {boost::asio::ip::make_address("127.0.0.1"), 0});
+  ASSERT_EQ(::fcntl(taken.native_handle(), F_SETFD, FD_CLOEXEC), 0);  // the recorder must not hold it, too
   write_text(home() / "kiroku.toml", read_text(home() / "kiroku.toml") + "listen = \"127.0.0.1:" +
                                          std::to_string(taken.local_endpoint().port()) +
                                          "\"\nhook_token_file = \"hook-token\"\n");

@@ -84,7 +84,7 @@ TEST_F(Exporting, ShowsOneInstantAtOneTimeInEveryFormAndStream) {
     }
     with({"--stream", "vitals", "-o", "vitals.csv"});
     EXPECT_THAT(read_text(folder() / "vitals.csv"),
-                HasSubstr("\n5,HR,72,/min,good,bed 4," + std::to_string(int(5 - zero)) + "\n"));
+                HasSubstr("\n5,HR,72,/min,good,bed 4," + std::to_string(int(5 - zero)) + ",\n"));
   }
 }
 
