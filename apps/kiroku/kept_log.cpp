@@ -1,6 +1,9 @@
 #include "apps/kiroku/kept_log.h"
 
+#include <condition_variable>
 #include <filesystem>
+#include <mutex>
+#include <thread>
 #include <utility>
 
 #include "apps/common/command_line.h"
@@ -9,8 +12,8 @@
 #include "apps/verify/witness_judgement.h"
 #include "archive/format/case_layout.h"
 #include "archive/storage/file_system.h"
-#include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "crypto/merkle_tree.h"
 
 namespace kiroku::apps {
 namespace {
@@ -31,57 +34,114 @@ std::optional<crypto::Checkpoint> kept_checkpoint(const Home& home) {
   throw Error("it is no checkpoint of this home's log");
 }
 
-/// What the log in the archive lacks of it; "" where it goes on from it.
+/// What the log in the archive lacks of it; "" where it goes on from it. Reads it all: files in checkpoints/
+/// alone say nothing of its lines.
 std::string what_lacks(const Home& home, const crypto::Checkpoint& kept) {
   const fs::path log = home.log_folder();
   std::error_code ignored;
   if (!fs::exists(log / archive::kLedgerFile, ignored)) return "there is none";
-  // The log's own note of that size spares reading the entries of years at each start.
-  const bool goes_on = archive::newest_note(log) >= kept.size &&
-                       archive::is_signed_entry(log, home.device(), kept.size - 1, kept.root);
-  if (goes_on) return "";
   std::uint64_t entries = 0;
-  if (const std::string damage =
-          archive::for_each_readable_log_line(log, [&](const archive::LogLine& /*line*/) { ++entries; });
-      !damage.empty())
-    return damage;
-  if (entries < kept.size) return "it has " + std::to_string(entries) + " entries";
-  return archive::root_of_log(log, kept.size) == kept.root ? "" : "its entries are others";
+  crypto::MerkleFrontier tree;
+  std::string damage = archive::for_each_readable_log_line(log, [&](const archive::LogLine& line) {
+    ++entries;
+    if (tree.size() < kept.size) tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+  });
+  if (tree.size() == kept.size && tree.root() == kept.root) return "";
+  if (!damage.empty()) return damage;
+  return entries < kept.size ? "it has " + std::to_string(entries) + " entries" : "its entries are others";
 }
 
-void keep_durably(const fs::path& file, std::string_view note) {
-  archive::FileSystem& files = archive::real_file_system();
-  std::error_code ignored;
-  if (fs::is_regular_file(fs::symlink_status(file, ignored)) &&
-      text_of(read_small_file(file, "the newest checkpoint")) == note)
-    return;
-  // Another process that keeps one has the log's turn, as this one has.
-  const fs::path beside = file.string() + ".new";
-  if (files.exists(beside)) files.remove(beside);
-  files.write_durably(beside, bytes_of(note));
-  files.rename(beside, file);
-  files.sync_folder(file.parent_path());
+std::string words_of(const Home& home, const crypto::Checkpoint& kept, const std::string& lacks) {
+  return "the appliance log in " + home.log_folder().string() +
+         " is not the one that this home wrote last, which was signed over " + std::to_string(kept.size) +
+         " entries: " + lacks +
+         ". Holds and consents that stand in the other one are not known, and nothing is erased. See "
+         "whether the archive's disk is mounted, or put the log back; where it is lost for good, remove " +
+         home.newest_log_note().string() + ", and this one counts from the next start on";
 }
+
+std::string words_of(const Home& home, const std::exception& why) {
+  const std::string file = home.newest_log_note().string();
+  return "nobody can tell whether the appliance log in " + home.log_folder().string() +
+         " is the one that this home wrote last: " + file + " cannot be compared with it: " + why.what() +
+         ". Nothing is erased. Where 'kiroku log --verify' finds the log whole, remove that file";
+}
+
+/// Keeps the newest of the checkpoints that it is given, on a thread of its own: a home whose disk is slow
+/// holds up no room's entry. The last one is kept before it is destroyed.
+class NoteKeeper {
+ public:
+  explicit NoteKeeper(const Home& home)
+      : home_(Home::open(home.folder().string())), thread_([this] { work(); }) {}
+  ~NoteKeeper() {
+    {
+      const std::lock_guard guard(mutex_);
+      ended_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+  NoteKeeper(const NoteKeeper&) = delete;
+  NoteKeeper& operator=(const NoteKeeper&) = delete;
+
+  void give(std::string_view note) {
+    {
+      const std::lock_guard guard(mutex_);
+      given_ = std::string(note);
+    }
+    changed_.notify_all();
+  }
+
+ private:
+  void work() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      changed_.wait(lock, [this] { return given_ || ended_; });
+      if (!given_) return;
+      const std::string note = *std::exchange(given_, std::nullopt);
+      lock.unlock();
+      keep(note);
+      lock.lock();
+    }
+  }
+
+  void keep(const std::string& note) {
+    try {
+      const fs::path file = home_.newest_log_note();
+      // Whoever writes to the archive can put anything into the newest one's place, and an older log in the
+      // log's.
+      if (!is_of_log({file.string(), note}, home_.device())) return;
+      const auto stated = crypto::Checkpoint::parse(crypto::open_note(note, {home_.device()}).text);
+      const auto kept = kept_checkpoint(home_);
+      if (stated && (!kept || kept->size < stated->size))
+        archive::real_file_system().write_durably(file, bytes_of(note));
+      is_told_ = false;
+    } catch (const std::exception& error) {
+      if (!std::exchange(is_told_, true))
+        print_error("kiroku", "warning: the log's newest checkpoint is not kept in " +
+                                  home_.newest_log_note().string() + ": " + error.what());
+    }
+  }
+
+  const Home home_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<std::string> given_;
+  bool ended_ = false;
+  bool is_told_ = false;  // the thread's alone
+  std::thread thread_;    // last: uses the rest
+};
 
 }  // namespace
 
 std::string why_another_log(const Home& home) {
-  const std::string file = home.newest_log_note().string();
   try {
     const auto kept = kept_checkpoint(home);
     if (!kept || kept->size == 0) return "";
     const std::string lacks = what_lacks(home, *kept);
-    if (lacks.empty()) return "";
-    return "the appliance log in " + home.log_folder().string() +
-           " is not the one that this home wrote last, which was signed over " + std::to_string(kept->size) +
-           " entries: " + lacks +
-           ". Holds and consents that stand in the other one are not known, and nothing is erased. See "
-           "whether the archive's disk is mounted, or put the log back; where it is lost for good, remove " +
-           file + ", and this one counts from the next start on";
+    return lacks.empty() ? "" : words_of(home, *kept, lacks);
   } catch (const std::exception& error) {
-    return "nobody can tell whether the appliance log in " + home.log_folder().string() +
-           " is the one that this home wrote last: " + file + " cannot be compared with it: " + error.what() +
-           ". Nothing is erased. Where 'kiroku log --verify' finds the log whole, remove that file";
+    return words_of(home, error);
   }
 }
 
@@ -100,28 +160,29 @@ std::optional<archive::OutsideNote> home_newest_note(const Home& home) {
   return std::nullopt;
 }
 
-std::unique_ptr<archive::ApplianceLog> open_kept_log(const Home& home, const crypto::SigningKey& key) {
-  const bool is_another = !why_another_log(home).empty();
-  auto log =
-      archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key, home.device().name());
-  if (is_another) return log;
-  log->keep_notes([file = home.newest_log_note(), device = home.device(),
-                   is_told = false](std::string_view note) mutable {
-    try {
-      // Whoever writes to the archive can put anything into the newest one's place.
-      if (is_of_log({file.string(), std::string(note)}, device)) keep_durably(file, note);
-      is_told = false;
-    } catch (const std::exception& error) {
-      if (!std::exchange(is_told, true))
-        print_error("kiroku", "warning: the log's newest checkpoint is not kept in " + file.string() + ": " +
-                                  error.what());
-    }
-  });
-  return log;
+OpenedLog open_kept_log(const Home& home, const crypto::SigningKey& key) {
+  OpenedLog opened;
+  std::optional<crypto::Checkpoint> kept;
+  try {
+    kept = kept_checkpoint(home);
+  } catch (const std::exception& error) {
+    opened.why_another = words_of(home, error);
+  }
+  std::error_code unknown;
+  const bool is_new = !fs::exists(home.log_folder() / archive::kLedgerFile, unknown);
+  opened.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
+                                           home.device().name(), kept);
+  if (const std::string lacks = opened.log->lacks(); kept && !lacks.empty())
+    opened.why_another = words_of(home, *kept, is_new ? "there is none" : lacks);
+  if (opened.why_another.empty()) {
+    opened.log->keep_notes(
+        [keeper = std::make_shared<NoteKeeper>(home)](std::string_view note) { keeper->give(note); });
+  }
+  return opened;
 }
 
 std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
-  auto log = open_kept_log(home, key);
+  auto log = open_kept_log(home, key).log;
   if (const std::string damage = log->damage(); !damage.empty()) print_error("kiroku", "warning: " + damage);
   return log;
 }

@@ -25,9 +25,13 @@ void require_same_log(const Home& home);
 /// why_another_log() says so.
 std::optional<archive::OutsideNote> home_newest_note(const Home& home);
 
+struct OpenedLog {
+  std::unique_ptr<archive::ApplianceLog> log;
+  std::string why_another;  // as why_another_log() says of it
+};
 /// ApplianceLog::open() of the home's log. Its checkpoints are kept in the home from then on, but for those
-/// of a log that is another one than the home knows.
-std::unique_ptr<archive::ApplianceLog> open_kept_log(const Home& home, const crypto::SigningKey& key);
+/// of a log that is another one than the home knows; never is one kept of fewer entries than the one before.
+OpenedLog open_kept_log(const Home& home, const crypto::SigningKey& key);
 /// The same for a command: a warning on standard error says where the log was changed.
 std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key);
 

@@ -19,8 +19,10 @@ WritableHome::WritableHome(const Home& its_home, const TellWithout& without)
       trust(home.trust(without)),
       queue(open_stamping_queue(home)),
       key(home.signing_key()),
-      another_log(why_another_log(home)),
-      log(open_kept_log(home, key)) {
+      log(nullptr) {
+  OpenedLog opened = open_kept_log(home, key);
+  another_log = std::move(opened.why_another);
+  log = std::move(opened.log);
   if (another_log.empty()) return;
   if (without) {
     without(another_log);

@@ -49,6 +49,32 @@ void check_case_id(const std::string& case_id) {
   }
 }
 
+struct OwnCheckpoint {
+  crypto::Checkpoint checkpoint;
+  std::string note;
+};
+
+/// The checkpoint of that size, if it is one that the device signed. Anybody who can write to the disk makes
+/// others. Throws kiroku::IoError.
+std::optional<OwnCheckpoint> checkpoint_of(const fs::path& folder, const crypto::VerifierKey& device,
+                                           std::uint64_t size, const FileReading& files) {
+  const FileOpening opening = CaseFolder::open(folder, files).open_file(note_path(size));
+  std::optional<std::string> note =
+      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
+  if (!note) {
+    return std::nullopt;
+  }
+  const crypto::OpenedNote opened = crypto::open_note(*note, {device});
+  if (!crypto::is_signed_for_log(opened, device, size)) {
+    return std::nullopt;
+  }
+  std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (!checkpoint || checkpoint->origin != log_origin(device.name()) || checkpoint->size != size) {
+    return std::nullopt;
+  }
+  return OwnCheckpoint{std::move(*checkpoint), std::move(*note)};
+}
+
 /// Of the first `size` lines, whatever they say; nothing where there are fewer.
 std::optional<crypto::Sha256Digest> root_of_lines(const FileReading& files, const fs::path& file,
                                                   std::uint64_t size) {
@@ -83,6 +109,7 @@ struct ApplianceLog::State {
       stated_ml_dsa.reset();
       stated_hardware.reset();
       stated_attestation.reset();
+      stated_damage.reset();
     }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
@@ -92,7 +119,7 @@ struct ApplianceLog::State {
       signing.pop_front();
     }
     if (!type.starts_with("boot\"") && !type.starts_with("device-") && !type.starts_with("case-opened\"") &&
-        !type.starts_with("case-closed\"")) {
+        !type.starts_with("case-closed\"") && !type.starts_with("damage-found\"")) {
       return;
     }
     const LogEntryParse parsed = parse_log_entry(line);
@@ -111,6 +138,8 @@ struct ApplianceLog::State {
       stated_ml_dsa.reset();
       stated_hardware.reset();
       stated_attestation.reset();
+    } else if (const auto* found = std::get_if<LogDamageEntry>(&parsed.entry->body)) {
+      stated_damage = found->size;
     } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
       cases.try_emplace(opened->case_id, CaseState::kOpened);
     } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
@@ -225,13 +254,30 @@ struct ApplianceLog::State {
     const Ledger::Turn turn(*ledger);
     settle_locked();
     append_locked(body);
+    bool is_signed = false;
     try {
-      checkpoint_locked();
+      is_signed = checkpoint_locked();
     } catch (const IoError&) {
       take_back_unsigned_line();
       throw;
     }
+    if (!is_signed && is_statement(body)) {
+      const std::string file = (folder / note_path(ledger->size())).string();
+      ledger->take_back(ledger->size() - 1, false);
+      throw Error(
+          "what was to be entered into the appliance log cannot be signed: " + file +
+          " is in the way, which is a folder, cannot be read, or is a checkpoint of other lines: 'kiroku log "
+          "--verify' tells more. Nothing was entered");
+    }
     return ledger->size() - 1;
+  }
+
+  /// What somebody relies on who asked for it. A recorder goes on where its own entries are not signed.
+  [[nodiscard]] static bool is_statement(const LogEntryBody& body) {
+    return std::holds_alternative<CaseHeldEntry>(body) || std::holds_alternative<CaseReleasedEntry>(body) ||
+           std::holds_alternative<ConsentGivenEntry>(body) ||
+           std::holds_alternative<ConsentWithdrawnEntry>(body) ||
+           std::holds_alternative<CaseErasedEntry>(body);
   }
 
   /// Whether there is no note of the log's size; where that cannot be told there is one.
@@ -301,89 +347,95 @@ struct ApplianceLog::State {
     }
   }
 
-  /// The checkpoint of that size, if it is one that this device signed. Anybody who can write to the disk
-  /// makes others.
-  [[nodiscard]] std::optional<crypto::Checkpoint> own_checkpoint(std::uint64_t size) const {
-    const FileOpening opening = CaseFolder::open(folder, files).open_file(note_path(size));
-    const std::optional<std::string> note =
-        opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
-    if (!note) {
-      return std::nullopt;
-    }
-    const crypto::OpenedNote opened = crypto::open_note(*note, {device});
-    if (!crypto::is_signed_for_log(opened, device, size)) {
-      return std::nullopt;
-    }
-    std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
-    const bool is_its =
-        checkpoint && checkpoint->origin == log_origin(device.name()) && checkpoint->size == size;
-    return is_its ? checkpoint : std::nullopt;
+  [[nodiscard]] std::optional<OwnCheckpoint> own_checkpoint(std::uint64_t size) const {
+    return checkpoint_of(folder, device, size, files);
   }
 
-  /// With the turn, of a log that was just opened. Entries of which none has a checkpoint of its
-  /// own are never many. One that cannot be read is left to whoever verifies: it keeps nobody from recording.
-  void look_for_damage_locked() {
+  /// With the turn: the newest checkpoint of this device's, of those that could be over entries which are
+  /// here, or were. Whoever puts other files there, of whatever size, does not hide it. Entries of which none
+  /// has its own are never many.
+  [[nodiscard]] std::optional<OwnCheckpoint> newest_own_checkpoint() const {
     const std::uint64_t lines = ledger->size();
-    const std::uint64_t last = lines + kMostRemembered;
-    const std::uint64_t first = lines - std::min<std::uint64_t>(lines, kMostRemembered);
+    std::vector<std::uint64_t> sizes;
+    for (const std::string& name : files.names_in(folder / kCheckpointsFolder)) {
+      const std::uint64_t size = size_of_note_name(name).value_or(0);
+      if (size > 0 && size + kMostRemembered > lines) sizes.push_back(size);
+    }
+    std::ranges::sort(sizes, std::greater<>());
+    for (const std::uint64_t size : sizes) {
+      if (std::optional<OwnCheckpoint> own = own_checkpoint(size)) return own;
+    }
+    return std::nullopt;
+  }
+
+  /// The root of the first `size` lines; nothing where there are fewer.
+  [[nodiscard]] std::optional<crypto::Sha256Digest> root_of_first(std::uint64_t size) const {
+    if (size == ledger->size()) return ledger->root();
+    if (size > ledger->size()) return std::nullopt;
+    return root_of_lines(files, ledger->file(), size);
+  }
+
+  /// With the turn, of a log that was just opened. A checkpoint that cannot be read is left to whoever
+  /// verifies: it keeps nobody from recording.
+  void compare_locked(const std::optional<crypto::Checkpoint>& expected) {
     try {
-      // Of an end that was cut off further back the checkpoints are left.
-      if (const std::uint64_t newest = newest_note(folder, files); newest > last) {
-        if (const auto signed_then = own_checkpoint(newest)) {
-          damage = LogDamageEntry{newest, signed_then->root, std::nullopt};
-          return;
+      std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
+      std::optional<crypto::Sha256Digest> root;
+      if (newest) {
+        root = root_of_first(newest->checkpoint.size);
+        if (root != newest->checkpoint.root) {
+          damage = LogDamageEntry{newest->checkpoint.size, newest->checkpoint.root, root};
+          damage_stated = stated_damage == newest->checkpoint.size;
         }
+        newest_note_text = std::move(newest->note);
       }
-      for (std::uint64_t size = last; size > first; --size) {
-        if (!files.exists(folder / note_path(size))) {
-          continue;
-        }
-        const std::optional<crypto::Checkpoint> signed_then = own_checkpoint(size);
-        if (!signed_then) {
-          continue;
-        }
-        std::optional<crypto::Sha256Digest> root;
-        if (size == lines) {
-          root = ledger->root();
-        } else if (size < lines) {
-          root = root_of_lines(files, ledger->file(), size);
-        }
-        if (root != signed_then->root) {
-          damage = LogDamageEntry{size, signed_then->root, root};
-        }
-        return;
+      if (expected && expected->size > 0) {
+        const bool is_newest = newest && newest->checkpoint.size == expected->size;
+        lacks = what_lacks(*expected, is_newest ? root : root_of_first(expected->size));
       }
-    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): said above
+    } catch (const Error& error) {
+      if (expected) lacks = std::string("it could not be compared: ") + error.what();
     }
   }
 
-  /// Whether a file, and no folder, lies in the place of that checkpoint that this device did not sign. One
-  /// that cannot be read may be its own.
-  [[nodiscard]] bool is_strangers_file(std::uint64_t size) const {
-    try {
-      return !files.is_folder(folder / note_path(size)) && !own_checkpoint(size);
-    } catch (const Error&) {
-      return false;
-    }
+  [[nodiscard]] std::string what_lacks(const crypto::Checkpoint& expected,
+                                       const std::optional<crypto::Sha256Digest>& root) const {
+    if (!root) return "it has " + std::to_string(ledger->size()) + " entries";
+    return *root == expected.root ? "" : "its entries are others";
   }
 
-  void checkpoint_locked() {
+  /// Whether a checkpoint of this device's, over these very lines, lies in its place then. What else lies
+  /// there than a checkpoint of this device's is overwritten; one of its own over other lines is kept, as it
+  /// shows that lines were changed, and so is what cannot be read.
+  bool checkpoint_locked() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
-    // What else lies there than a checkpoint of this device's is no reason not to sign; one of its own over
-    // other lines is kept, as it shows that lines were changed.
-    if (text.size > 0 && (!files.exists(file) || is_strangers_file(text.size))) {
-      crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
-      reserve.write_durably(file, bytes_of(written.note));
-      if (keep_note) {
-        keep_note(written.note);
-      }
-      if (device.hardware()) {
-        silence = std::move(written.hardware_silent);
-        silence_stated = silence_stated && !silence.empty();
+    known_signed = text.size;
+    if (text.size == 0) {
+      return true;
+    }
+    if (files.exists(file)) {
+      try {
+        if (files.is_folder(file)) {
+          return false;
+        }
+        if (const std::optional<OwnCheckpoint> there = own_checkpoint(text.size)) {
+          return there->checkpoint == text;
+        }
+      } catch (const Error&) {
+        return false;
       }
     }
-    known_signed = text.size;
+    crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
+    reserve.write_durably(file, bytes_of(written.note));
+    if (keep_note) {
+      keep_note(written.note);
+    }
+    if (device.hardware()) {
+      silence = std::move(written.hardware_silent);
+      silence_stated = silence_stated && !silence.empty();
+    }
+    return true;
   }
 
   [[nodiscard]] std::string words_of_damage() const {
@@ -433,6 +485,9 @@ struct ApplianceLog::State {
   bool silence_stated = false;
   std::optional<LogDamageEntry> damage;
   bool damage_stated = false;
+  std::optional<std::uint64_t> stated_damage;  // the size that the log's newest damage-found names
+  std::string lacks;                           // as of lacks()
+  std::string newest_note_text;  // of the newest checkpoint by this device when the log was opened
   std::function<void(std::string_view note)> keep_note;  // may be null
   std::unordered_map<std::string, CaseState> cases;
   std::deque<Signing> signing;     // of the newest lines
@@ -447,7 +502,8 @@ const fs::path& ApplianceLog::folder() const { return state_->folder; }
 
 std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::path& folder,
                                                  const crypto::SigningKey& key,
-                                                 const std::string& device_name) {
+                                                 const std::string& device_name,
+                                                 const std::optional<crypto::Checkpoint>& expected) {
   auto state = std::make_unique<State>(files, folder, key, device_name);
   make_folder_unless_there(files, folder);
   make_folder_unless_there(files, folder / kCheckpointsFolder);
@@ -457,13 +513,18 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
       [folder, &files] { return newest_note(folder, files); });
   const Ledger::Turn turn(*state->ledger);
   state->settle_locked();
-  state->look_for_damage_locked();
+  state->compare_locked(expected);
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 
 std::string ApplianceLog::damage() const {
   const std::lock_guard guard(state_->mutex);
   return state_->words_of_damage();
+}
+
+std::string ApplianceLog::lacks() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->lacks;
 }
 
 void ApplianceLog::boot(const std::string& boot_id) {
@@ -613,21 +674,9 @@ ApplianceLog::CaseState ApplianceLog::case_state(const std::string& case_id) con
 
 void ApplianceLog::keep_notes(std::function<void(std::string_view note)> keep) {
   const std::lock_guard guard(state_->mutex);
-  const Ledger::Turn turn(*state_->ledger);
   state_->keep_note = std::move(keep);
-  // A checkpoint that cannot be read is left to whoever verifies: it keeps nobody from recording.
-  try {
-    const std::uint64_t newest = newest_note(state_->folder);
-    if (newest == 0) {
-      return;
-    }
-    const FileOpening opening = CaseFolder::open(state_->folder).open_file(note_path(newest));
-    const std::optional<std::string> note =
-        opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
-    if (note) {
-      state_->keep_note(*note);
-    }
-  } catch (const Error&) {  // NOLINT(bugprone-empty-catch): said above
+  if (!state_->newest_note_text.empty()) {
+    state_->keep_note(state_->newest_note_text);
   }
 }
 
@@ -694,16 +743,8 @@ std::string for_each_readable_log_line(const fs::path& folder,
 
 bool is_signed_entry(const fs::path& folder, const crypto::VerifierKey& device, std::uint64_t seq,
                      const crypto::Sha256Digest& root) {
-  const std::uint64_t size = seq + 1;
-  const FileOpening opening = CaseFolder::open(folder).open_file(note_path(size));
-  const std::optional<std::string> note =
-      opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
-  if (!note) {
-    return false;
-  }
-  const crypto::OpenedNote opened = crypto::open_note(*note, {device});
-  return crypto::is_signed_for_log(opened, device, size) &&
-         crypto::Checkpoint::parse(opened.text) == crypto::Checkpoint{log_origin(device.name()), size, root};
+  const std::optional<OwnCheckpoint> own = checkpoint_of(folder, device, seq + 1, real_reading());
+  return own && own->checkpoint.root == root;
 }
 
 crypto::Sha256Digest root_of_log(const fs::path& folder, std::uint64_t size) {

@@ -41,8 +41,10 @@ class ApplianceLog {
   /// outlive the log. Throws kiroku::Error, also where the log states an ML-DSA key of the device that `key`
   /// does not have: what it signs would count for nothing. So do all that append. A key in hardware that it
   /// states, and `key` does not have, is silence as that of hardware which does not answer.
+  /// `expected` is a checkpoint of the device's log that was kept elsewhere: see lacks().
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
-                                            const crypto::SigningKey& key, const std::string& device_name);
+                                            const crypto::SigningKey& key, const std::string& device_name,
+                                            const std::optional<crypto::Checkpoint>& expected = {});
   ~ApplianceLog();
   [[nodiscard]] const std::filesystem::path& folder() const;
 
@@ -50,6 +52,9 @@ class ApplianceLog {
   /// device is over, one sentence; "" where they are. The next entry states it in the log, so that what is
   /// signed from then on hides nothing.
   [[nodiscard]] std::string damage() const;
+  /// What the lines that were there when the log was opened lack of the checkpoint that it was opened with,
+  /// in words: "it has 5 entries", "its entries are others"; "" where they go on from it, or none was given.
+  [[nodiscard]] std::string lacks() const;
 
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
   // then sign a checkpoint. They throw kiroku::IoError and LedgerHeldError; after a
@@ -110,9 +115,9 @@ class ApplianceLog {
   enum class CaseState { kUnknown, kOpened, kClosed };
   /// What the log says of a case, as this object last saw it.
   [[nodiscard]] CaseState case_state(const std::string& case_id) const;
-  /// Has `keep` called with the newest checkpoint's note, and with each from now on, once it lies in
-  /// checkpoints/ durably and before any other process appends: somebody keeps it elsewhere. Must neither
-  /// throw nor call the log.
+  /// Has `keep` called with the note of the newest checkpoint by this device when the log was opened, and
+  /// with each from now on, once it lies in checkpoints/ durably: somebody keeps it elsewhere. It must
+  /// neither throw, nor wait, nor call the log: rooms' entries stand behind it.
   void keep_notes(std::function<void(std::string_view note)> keep);
   /// Signs the present state into checkpoints/, if no note of that size is there. Throws kiroku::Error where
   /// that would sign a statement which its own writer did not sign.

@@ -94,6 +94,31 @@ TEST_F(LegalHold, OfALogThatWasChangedAndSignedOnNobodyCanTell) {
   EXPECT_EQ(segments(), before);
 }
 
+// What the home remembers is not rolled back by files that look like checkpoints.
+TEST_F(LegalHold, OfAnOlderLogThatWasPutBackNobodyCanTellHoweverItsCheckpointsLook) {
+  const fs::path older = folder() / "older";
+  fs::copy(log(), older, fs::copy_options::recursive);
+  for (int i = 0; i < 12; ++i) {
+    EXPECT_EQ(kiroku({"hold", name(), "--reason", "court"}).status, 0);
+  }
+  fs::path newest;
+  for (const auto& note : fs::directory_iterator(log() / "checkpoints"))
+    newest = std::max(newest, note.path());
+  const fs::path kept = folder() / newest.filename();
+  fs::copy_file(newest, kept);
+  fs::remove_all(log());
+  fs::copy(older, log(), fs::copy_options::recursive);
+  fs::copy_file(kept, newest);
+  write_text(log() / "checkpoints/99999999.note", "nothing");
+  EXPECT_EQ(kiroku({"export", name(), "--stream", "endoscope", "-o", path("film.mkv")}).status, 0);
+  fs::remove(newest);
+  fs::remove(log() / "checkpoints/99999999.note");
+  const std::size_t before = segments();
+  EXPECT_EQ(kiroku({"hold", "--list"}).status, 2);
+  EXPECT_EQ(erase().status, 2);
+  EXPECT_EQ(segments(), before);
+}
+
 // Rewritten without the hold and without a signature, it says as little.
 TEST_F(LegalHold, OfALogWithoutCheckpointsNobodyCanTell) {
   const std::string before = read_text(log() / "ledger.jsonl");

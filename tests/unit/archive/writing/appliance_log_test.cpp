@@ -456,5 +456,60 @@ TEST_F(ApplianceLogTest, IsSignedWhereAnotherFileLiesInTheCheckpointsPlace) {
   EXPECT_EQ(note(3)->root, root_of_first(3));
 }
 
+// Files that look like later checkpoints must not hide the one that shows it, nor must the entry come again
+// and again.
+TEST_F(ApplianceLogTest, WhoseEndWasCutOffSaysSoOnceWhateverLiesBesideTheCheckpoints) {
+  open()->access("*", "unlocked", "sato");
+  const auto size = fs::file_size(folder_ / "log" / kLedgerFile);
+  for (int i = 0; i < 20; ++i) open()->access("*", "unlocked", "sato");
+  fs::resize_file(folder_ / "log" / kLedgerFile, size);
+  std::ofstream(folder_ / "log" / note_path(99'999'999)) << "nothing";
+  for (int i = 0; i < 3; ++i) {
+    const auto log = open();
+    EXPECT_THAT(log->damage(), HasSubstr("has fewer lines than the 22"));
+    log->access("*", "unlocked", "sato");
+  }
+  EXPECT_THAT(types(), ElementsAre("boot", "access", "damage-found", "access", "access", "access"));
+}
+
+TEST_F(ApplianceLogTest, TakesNoStatementThatCannotBeSigned) {
+  open()->access("*", "unlocked", "sato");
+  fs::create_directory(folder_ / "log" / note_path(3));
+  const auto log = open();
+  EXPECT_THAT([&] { log->case_held(kApplianceCase, "court order", "anna"); },
+              testing::ThrowsMessage<Error>(HasSubstr("cannot be signed")));
+  EXPECT_THAT(types(), ElementsAre("boot", "access"));
+  log->case_opened(kApplianceCase, digest_of_abc());
+  EXPECT_THAT(types(), ElementsAre("boot", "access", "case-opened")) << "recording goes on";
+  EXPECT_EQ(log->case_held(kApplianceCase, "court order", "anna"), 3U);
+}
+
+TEST_F(ApplianceLogTest, KnowsWhetherItGoesOnFromWhatWasKept) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  const crypto::Checkpoint kept = *note(2);
+  log->access("*", "unlocked", "sato");
+  const auto lacks = [&](const crypto::Checkpoint& expected) {
+    return ApplianceLog::open(files_, folder_ / "log", key_, "theatre-1", expected)->lacks();
+  };
+  EXPECT_EQ(open()->lacks(), "");
+  EXPECT_EQ(lacks(kept), "");
+  EXPECT_EQ(lacks(*note(3)), "");
+  EXPECT_EQ(lacks({kept.origin, 2, digest_of_abc()}), "its entries are others");
+  EXPECT_EQ(lacks({kept.origin, 4, digest_of_abc()}), "it has 3 entries");
+}
+
+TEST_F(ApplianceLogTest, GivesItsNewestCheckpointsToWhoeverKeepsThem) {
+  open()->access("*", "unlocked", "sato");
+  std::vector<std::uint64_t> kept;
+  const auto log = open();
+  log->keep_notes([&](std::string_view text) {
+    const auto opened = crypto::open_note(text, {crypto::VerifierKey("theatre-1", key_.public_key())});
+    kept.push_back(crypto::Checkpoint::parse(opened.text).value().size);
+  });
+  log->access("*", "unlocked", "sato");
+  EXPECT_THAT(kept, ElementsAre(2U, 3U));
+}
+
 }  // namespace
 }  // namespace kiroku::archive
