@@ -258,11 +258,15 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a token whose entry is not written yet, or was not when recording stopped"},
     {"segment-not-entered", Severity::kNote,
      "a segment whose entry is not written yet, or whose flush failed"},
-    // -- the appliance log; `file` begins with "log/" when a case is verified against one
-    {"log-case-unknown", Severity::kTampered, "the log has no case-opened for this case"},
+    // -- the appliance log; beside a case Finding::of_log
+    {"log-case-unknown", Severity::kTampered,
+     "the log has no case-opened for this case, and signed entries go on by more than 64 from the state over "
+     "which it was opened"},
     {"log-case-not-entered", Severity::kIncomplete,
      "the same of a case of one entry that no checkpoint covers: it was being begun"},
-    {"log-opening-differs", Severity::kTampered, "the log knows another entry 0"},
+    {"log-opening-differs", Severity::kTampered,
+     "the log knows another entry 0; if it was another device's then, that one is trusted and the case's is "
+     "not"},
     {"log-checkpoint-differs", Severity::kTampered, "the log knows another root at some size of this case"},
     {"log-knows-more", Severity::kTampered,
      "the log knows entries of this case that are not there: the end was removed"},
@@ -277,7 +281,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "is "
      "an excerpt, is not the case"},
     {"log-silent", Severity::kUnproven,
-     "the log says nothing of the case that could be checked: nothing of it that a known device signed goes "
+     "the log says nothing of the case that could be checked: what known devices signed of it hardly goes "
      "beyond the state over which the case was opened, or its lines are not sound"},
     {"log-not-sound", Severity::kUnproven,
      "beside a case: lines of the log are not as they were signed, lack, or say what no recorder enters; "

@@ -645,11 +645,21 @@ def is_certificates(data):
     return True
 
 
+MOST_WHILE_OPENING = 64  # entries that a log may get between the state that `open` has and the case's line
+
+
+def _trusts(log, device):
+    try:
+        return note.parse_key(device) in log.folder.trust.devices
+    except note.Malformed:
+        return False
+
+
 class AgainstLog:
     """A case beside what the appliance log says of it."""
 
     def __init__(self, log, entries, report):
-        self.log, self.entries, self.report, self.silent = log, entries, report, False
+        self.log, self.entries, self.report, self.silent, self.another = log, entries, report, False, None
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
         for name, number in log.held_and_erased if log else ():
@@ -667,7 +677,10 @@ class AgainstLog:
                 self.log = self.known = None
                 return
             if self.known.device != device if self.known else log.devices and device not in log.devices:
-                report("log-of-another-device", device)
+                if self.known and self.known.opened not in log.doubted and _trusts(log, self.known.device) and not _trusts(log, device):
+                    self.another = self.known  # of a trusted device: settle() compares the first lines
+                else:
+                    report("log-of-another-device", device)
                 self.log = self.known = None  # it speaks neither for the case nor against it
                 return
             if self.known and self.known.erased:
@@ -705,12 +718,15 @@ class AgainstLog:
         return most(by_ml_dsa), most(min(by_hardware, self.log.from_before_hardware(device)))
 
     def settle(self, first_line, ledger, covered, whole):
+        if self.another:
+            differs = hashlib.sha256(first_line).hexdigest() != self.another.opening_line
+            self.report("log-opening-differs" if differs else "log-of-another-device", self.another.device)
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
             if whole and len(ledger) == 1 and covered == 0:
                 self.report("log-case-not-entered", self.entries.opening["case"])
-            elif self.log.beside_a_case()[1] and self.signed > self.head:
+            elif self.log.beside_a_case()[1] and self.signed > self.head + MOST_WHILE_OPENING:
                 self.report("log-case-unknown", self.entries.opening["case"])
             else:
                 self.silent = True

@@ -1657,9 +1657,21 @@ def log_with_its_cases(world):
 
 @reaches("log-case-unknown")
 def unknown_to_the_log(world):
+    return log_without_the_case(world, 65)
+
+
+@reaches("log-silent")
+def log_copied_while_the_case_was_being_opened(world):
+    """Other rooms enter something between the state that `open` has and the line of the case."""
+    return dataclasses.replace(log_without_the_case(world, 64), never=OF_A_LOG_THAT_ACCUSES)
+
+
+def log_without_the_case(world, more):
+    """It goes on by that many entries behind the state that `open` has."""
     def change(log, written):
         del log.steps[2:]
-        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        for _ in range(more):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
     return with_log(world, change)
 
 
@@ -2149,6 +2161,50 @@ def accused_by_the_log_of_another_device(world):
     def change(log, written):
         log.signed("case-checkpoint", 82 * SECOND, case=written.case.id, size=2, root="0" * 64)
     return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
+def put_in_its_place(world, change=lambda log, written: None, **more):
+    """A case of a stranger's key, by the identifier of one that the device's log knows."""
+    strangers = dataclasses.replace(world, device=world.stranger, folder=world.folder / "forged").sound()
+
+    def other(log, written):
+        log.find("case-opened").fields["sha256"] = "0" * 64
+        change(log, written)
+    return with_log(world, other, strangers, device=world.device, **more)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def case_of_a_strangers_key_in_the_place_of_one_that_the_log_knows(world):
+    return put_in_its_place(world)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def excerpt_of_a_strangers_key_of_a_case_that_the_log_knows(world):
+    part = excerpt(dataclasses.replace(world, device=world.stranger, folder=world.folder / "part"))
+    return dataclasses.replace(put_in_its_place(world), path=part.path)
+
+
+@reaches("log-of-another-device")
+def case_in_anothers_place_where_both_devices_are_trusted(world):
+    return dataclasses.replace(put_in_its_place(world, devices=[world.device.key, world.stranger.key]), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device", "no-trusted-device")
+def case_in_anothers_place_where_no_device_is_known(world):
+    return dataclasses.replace(put_in_its_place(world, devices=[]), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device")
+def case_in_anothers_place_whose_opening_nobody_signed(world):
+    def change(log, written):
+        del log.steps[log.steps.index(log.find("case-opened")) + 1]
+    return dataclasses.replace(put_in_its_place(world, change), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device", "device-not-trusted")
+def case_of_a_strangers_key_that_the_log_knows_by_its_own_line(world):
+    strangers = dataclasses.replace(world, device=world.stranger).sound()
+    return dataclasses.replace(with_log(world, case=strangers, device=world.device), never=["log-opening-differs"])
 
 
 @reaches("log-head-differs")
