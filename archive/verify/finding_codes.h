@@ -156,9 +156,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
      "the beginning of what was recorded: that this is no older rests on the recorder's word"},
     {"segments-entered-late", Severity::kNote,
-     "a counted segment of a stream that is recorded as it comes is entered behind an outside token that "
-     "was entered more than two minutes, by the case clock, after the segment ends: that it is no older "
-     "rests on the recorder's word"},
+     "a counted segment is entered behind an outside token that was entered more than two minutes, by the "
+     "case clock, after the segment ends: that it is no older rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
      "the same of one outside authority, while another one's clock went on as the case clock did, and not as "
      "that one's"},
@@ -180,6 +179,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
     {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
     {"segment-hole", Severity::kTampered, "time between two segments of a stream that no gap accounts for"},
+    {"no-stream", Severity::kUnproven,
+     "open names no stream but of marks: nothing of an operation was recorded, and nothing says why"},
     {"stream-empty", Severity::kUnproven, "a stream holds nothing in the whole case, and no gap says why"},
     {"stream-begins-late", Severity::kUnproven,
      "a stream that is recorded as it comes holds nothing for more than 2 s at the case's beginning, and no "

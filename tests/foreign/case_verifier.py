@@ -264,7 +264,7 @@ class Entries:
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
-        self.oldest_live, self.last_token, self.entered_behind = None, None, []   # of those recorded as they come; (end, line of the token before)
+        self.oldest_timed, self.last_token, self.entered_behind = None, None, []   # of counted ones but those of marks; (end, line of the token before)
 
     @property
     def origin(self):
@@ -332,8 +332,8 @@ class Entries:
         if self.wanted(entry):
             self.last_checked = number
             self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
-            if stream.info["timing"] == "arrival" and "time_base" in entry and not stream.of_marks:
-                self.oldest_live = min(entry["start_ns"], entry["start_ns"] if self.oldest_live is None else self.oldest_live)
+            if "time_base" in entry and not stream.of_marks:
+                self.oldest_timed = min(entry["start_ns"], entry["start_ns"] if self.oldest_timed is None else self.oldest_timed)
                 if self.last_token:
                     self.entered_behind.append((max(entry["end_ns"], self.recorded_from), self.last_token))
             self.checked.append((entry, stream, entry["index"]))
@@ -487,6 +487,8 @@ class Entries:
             stream.finish(recorded, lines_begin)
         if recorded and self.whole_case:
             self.judge_pre_roll(self.opening.get("begins_ns", 0))
+            if all(stream.of_marks for stream in self.streams.values()):
+                self.report("no-stream", "open")
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
         were_set = self.clocks.finish(self.from_open)
@@ -509,7 +511,7 @@ class Entries:
         if alone_after:
             self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
         elif outside:
-            oldest = [at for at in (outside[0][2], self.oldest_live) if at is not None]
+            oldest = [at for at in (outside[0][2], self.oldest_timed) if at is not None]
             if oldest and outside[0][3] - min(oldest) > FIRST_STAMP_LATE:
                 self.report("first-stamped-late", f"line {outside[0][0]}")
         for end_ns, token in self.entered_behind:

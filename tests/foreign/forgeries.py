@@ -79,7 +79,7 @@ class World:
                 w.stream("events", "events", "application/jsonl", to, source=timing.get("events", "operator"), purpose="marks")]
 
     def begin(self, log_state=None, case_id=None, utc_ns=None, stamped=True, streams=None):
-        case = w.Case(case_id or self.case_id, self.device, utc_ns or self.utc_ns, streams or self.streams(), *([log_state] if log_state else []))
+        case = w.Case(case_id or self.case_id, self.device, utc_ns or self.utc_ns, self.streams() if streams is None else streams, *([log_state] if log_state else []))
         case.add("clock", MS, synchronised=True, offset_ns=-1200, error_ns=250_000, step_ns=0)
         case.checkpoint()
         if stamped:
@@ -945,8 +945,11 @@ def entered_at_once(world, seconds, first_token=True, **begin):
     at = seconds * SECOND
     case.checkpoint()
     case.token(world.outside, at + 100 * MS, gen_ns=at + 90 * MS)
+    names = [stream["name"] for stream in case.steps[0].fields["streams"]]
     for i in range(seconds // 5):
         for name, count in (("endoscope", 125), ("vitals", 5)):
+            if name not in names:
+                continue
             case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"{name} {i}", f"{name} {i}\n".encode()), count, mono_ns=at + 200 * MS + i)
     return world.end(case, at + 500 * MS)
 
@@ -960,6 +963,25 @@ def old_film_behind_the_first_token(world):
 def old_film_in_the_midst(world):
     """A token at the beginning says nothing of film that is entered behind a later one."""
     return world.write(entered_at_once(world, 200), never=["first-stamped-late"])
+
+
+@reaches("first-stamped-late", "segments-entered-late")
+def old_film_that_is_called_a_file_behind_the_first_token(world):
+    return world.write(entered_at_once(world, 200, first_token=False, streams=world.streams(endoscope="source")[:1]))
+
+
+@reaches("segments-entered-late")
+def old_film_that_is_called_a_file_in_the_midst(world):
+    return world.write(entered_at_once(world, 200, streams=world.streams(endoscope="source")[:1]), never=["first-stamped-late"])
+
+
+@reaches()
+def a_file_that_is_read_as_fast_as_it_can_be(world):
+    """Its times lie ahead of the case clock."""
+    case = world.begin(streams=world.streams(endoscope="source")[:1])
+    for i in range(40):
+        case.segment("endoscope", i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"endoscope {i}", f"endoscope {i}\n".encode()), 125, mono_ns=200 * MS + i)
+    return world.write(world.end(case, 20_040 * MS), never=["first-stamped-late", "segments-entered-late"])
 
 
 @reaches()
@@ -1128,6 +1150,20 @@ def hole(world):
     case = world.sound()
     case.find("segment", 2).fields["start_ns"] += MS + 1
     return world.write(case)
+
+
+@reaches("no-stream")
+def no_stream_at_all(world):
+    return world.write(world.end(world.begin(streams=[]), 20_040 * MS))
+
+
+@reaches("no-stream")
+def no_stream_but_of_marks(world):
+    case = world.begin(streams=world.streams()[2:])
+    line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(world.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+    case.add("mark", 11 * SECOND, commitment=commitment)
+    case.segment("events", 0, 10 * SECOND, 12 * SECOND, world.seal("events", line), 1, mono_ns=20_030 * MS)
+    return world.write(world.end(case, 20_040 * MS), never=["stream-empty"])
 
 
 @reaches("stream-empty")

@@ -130,6 +130,11 @@ describe('The chain of proof', () => {
     expect(ofLog('device-not-trusted', 'unproven', '')).toEqual(open);
     expect(ofLog('log-not-tidy', 'note', '.DS_Store')).toEqual({ ...open, ledger: 'holds' });
     expect(ofLog('file-hash-differs', 'tampered', 'consents/x.age')).toEqual({ ...open, ledger: 'broken' });
+    // A folder of the case that is called so is none of the log.
+    expect(states(report([finding('file-unnamed', 'tampered', { file: 'log/x' })]))).toMatchObject({ segments: 'broken', ledger: 'holds' });
+  });
+  it('says of a case without streams that its segments are open', () => {
+    expect(states(report([finding('no-stream', 'unproven', { file: 'ledger.jsonl' })]))).toMatchObject({ segments: 'open', ledger: 'holds' });
   });
   it('says of nothing that it holds where an algorithm ended', () => {
     expect(new Set(Object.values(states(report([finding('algorithm-ended', 'unproven')]))))).toEqual(new Set(['open']));

@@ -45,6 +45,7 @@ const kByCode: Record<string, LinkName> = {
   'clock-disagreement': 'tokens',
   'authorities-disagree': 'tokens',
   'stream-unknown': 'ledger',
+  'no-stream': 'segments',
   gap: 'segments',
   'sound-gap': 'segments',
   'gap-beyond-end': 'segments',
