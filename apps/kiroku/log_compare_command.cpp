@@ -216,9 +216,11 @@ std::vector<std::string> explanations(const HistoryComparison& comparison,
   if (comparison.two_histories()) {
     sentences.push_back("The key: " + comparison.first->device);
     sentences.emplace_back(
-        "Either the holder of this key made both, or lines of one were changed on the disk and its recorder "
-        "signed on: "
-        "then it says so itself (damage-found). No power cut does this.");
+        "Either its holder made both, or its recorder wrote to another disk for a time, or went on from an "
+        "older copy that was put back.");
+    sentences.emplace_back(
+        "If lines of one were changed on the disk and its recorder signed on, it says so itself "
+        "(damage-found). No power cut does any of this.");
     if (asked_for.empty()) {
       sentences.emplace_back(
           "Anybody can make a key of any name: whether it is the device's, --device with its own tells.");

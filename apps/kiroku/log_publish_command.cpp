@@ -129,18 +129,19 @@ std::vector<std::string> followed_text(const Followed& followed, const std::stri
           "What is shown is a beginning of what was. Ask once more later: if it stays so, somebody cut the "
           "log off, or shows an old copy."};
     case Following::kTwoHistories:
-      return {
-          "TWO HISTORIES: one device signed both, and they cannot be one.",
-          followed.common ? "The first " + counted(*followed.common, "entry", "entries") +
-                                " are the same. Behind that each goes its own way."
-                          : std::string("Where they part its tiles do not tell."),
-          "Either the holder of the device's key made both, or one was changed on the disk and signed on: "
-          "then it says so itself (damage-found).",
-          "The copy: " + copy + ", " + entries_text(followed.kept),
-          "The other one: " +
-              (followed.evidence.empty() ? std::string("not kept") : followed.evidence.string()) + ", " +
-              entries_text(followed.shown),
-          followed.evidence.empty() ? "Keep what you were shown." : "Keep both."};
+      return {"TWO HISTORIES: one device signed both, and they cannot be one.",
+              followed.common ? "The first " + counted(*followed.common, "entry", "entries") +
+                                    " are the same. Behind that each goes its own way."
+                              : std::string("Where they part its tiles do not tell."),
+              "Either the holder of the device's key made both, or its recorder wrote to another disk for a "
+              "time, "
+              "or went on from an older copy that was put back.",
+              "If one was changed on the disk and signed on, it says so itself (damage-found).",
+              "The copy: " + copy + ", " + entries_text(followed.kept),
+              "The other one: " +
+                  (followed.evidence.empty() ? std::string("not kept") : followed.evidence.string()) + ", " +
+                  entries_text(followed.shown),
+              followed.evidence.empty() ? "Keep what you were shown." : "Keep both."};
     case Following::kCouldNotTell:
       break;
   }

@@ -399,9 +399,13 @@ std::string end_words(const VerificationReport& report) {
 
 /// How far a log was compared, which states roots of whole beginnings of a case, a few of each.
 std::string compared_words(const VerificationReport& report, const std::string& log) {
-  const bool is_another = std::ranges::any_of(
-      report.findings, [](const archive::Finding& each) { return each.code == "log-of-another-device"; });
-  if (is_another) return "not " + log + ": it is another device's, and says nothing of this case";
+  const auto is_found = [&](std::string_view code) {
+    return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
+  };
+  if (is_found("log-of-another-device"))
+    return "not " + log + ": it is another device's, and says nothing of this case";
+  if (!report.in_log && is_found("log-opening-differs"))
+    return log + "; it is another device's, and knows another case by this identifier";
   if (!report.in_log) return "not " + log + ": what begins the case could not be read, or the log could not";
   const archive::CaseInLog& in_log = *report.in_log;
   if (report.excerpt) {

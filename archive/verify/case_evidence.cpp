@@ -560,7 +560,7 @@ void take_log_findings(FindingList& of_log, const VerifyOptions& options, Findin
   }
   const std::string rests = words_of_end(*ended, policy, "the appliance log rests") +
                             ", and no evidence record covers a log: anybody can have written it since";
-  const Place log{"log/" + std::string(kLedgerFile)};
+  const Place log{"log/" + std::string(kLedgerFile), std::nullopt, std::nullopt, true};
   const std::vector<Finding> found = of_log.take();
   const auto gravest = std::ranges::max_element(found, {}, &Finding::severity);
   if (gravest == found.end() || gravest->severity == Severity::kNote) {

@@ -256,8 +256,9 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     first_checked_segment_ = first_checked_segment_.value_or(number);
     last_checked_segment_ = number;
     oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
-    if (as_it_comes && !its->is_of_marks()) {
-      take_live(segment, number);
+    // Whether a film was read from a file rests on the recorder's word, too.
+    if (segment.counted && !its->is_of_marks()) {
+      take_timed(segment, number);
     }
     files_->check(
         {segment.file, number, segment, its->info(), scope_.rekeyed && scope_.rekeyed(segment.file.file)});
@@ -265,8 +266,8 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
 }
 
 // What was recorded ahead is entered when the case is opened, however long before that it ended.
-void CaseRules::take_live(const SegmentEntry& segment, std::uint64_t number) {
-  oldest_live_ns_ = std::min(oldest_live_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
+void CaseRules::take_timed(const SegmentEntry& segment, std::uint64_t number) {
+  oldest_timed_ns_ = std::min(oldest_timed_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
   if (last_token_ == 0) {
     return;
   }
@@ -412,12 +413,23 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
   }
   if (recorded && scope_.whole_case && opening_) {
     judge_pre_roll(opening_->begins_ns);
+    judge_streams();
   }
   report_slew();
   tokens_.finish(scope_.whole_case, scope_.from_open);
   judge_wall_clock();
   judge_first_stamp();
   judge_late_entries();
+}
+
+// No recorder begins a case without one, and no rule of a stream asks for what is not named.
+void CaseRules::judge_streams() {
+  const auto is_recorded = [](const auto& each) { return !each.second.is_of_marks(); };
+  if (std::ranges::none_of(streams_, is_recorded)) {
+    findings_->add("no-stream", in_ledger(0),
+                   "open names no stream of pictures or vital signs: the case shows nothing of an operation, "
+                   "and says nothing of why");
+  }
 }
 
 void CaseRules::judge_wall_clock() {
@@ -477,7 +489,7 @@ void CaseRules::judge_first_stamp_of_excerpt(const StampedToken& first) {
 
 void CaseRules::judge_age_at_first_stamp(const StampedToken& first) {
   const auto before = oldest_before_token_.find(first.entry);
-  std::optional<std::int64_t> oldest_ns = oldest_live_ns_;
+  std::optional<std::int64_t> oldest_ns = oldest_timed_ns_;
   if (before != oldest_before_token_.end()) {
     oldest_ns = std::min(oldest_ns.value_or(before->second), before->second);
   }

@@ -23,6 +23,7 @@ struct Finding {
   std::optional<std::uint64_t> entry;   // ledger seq
   std::optional<std::uint64_t> offset;  // byte offset in `file`
   std::string text;
+  bool of_log = false;  // about the appliance log beside the case, or what it says; `file` begins with "log/"
 };
 
 }  // namespace kiroku::archive

@@ -156,9 +156,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
      "the beginning of what was recorded: that this is no older rests on the recorder's word"},
     {"segments-entered-late", Severity::kNote,
-     "a counted segment of a stream that is recorded as it comes is entered behind an outside token that "
-     "was entered more than two minutes, by the case clock, after the segment ends: that it is no older "
-     "rests on the recorder's word"},
+     "a counted segment is entered behind an outside token that was entered more than two minutes, by the "
+     "case clock, after the segment ends: that it is no older rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
      "the same of one outside authority, while another one's clock went on as the case clock did, and not as "
      "that one's"},
@@ -180,6 +179,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
     {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
     {"segment-hole", Severity::kTampered, "time between two segments of a stream that no gap accounts for"},
+    {"no-stream", Severity::kUnproven,
+     "open names no stream but of marks: nothing of an operation was recorded, and nothing says why"},
     {"stream-empty", Severity::kUnproven, "a stream holds nothing in the whole case, and no gap says why"},
     {"stream-begins-late", Severity::kUnproven,
      "a stream that is recorded as it comes holds nothing for more than 2 s at the case's beginning, and no "
@@ -258,11 +259,15 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a token whose entry is not written yet, or was not when recording stopped"},
     {"segment-not-entered", Severity::kNote,
      "a segment whose entry is not written yet, or whose flush failed"},
-    // -- the appliance log; `file` begins with "log/" when a case is verified against one
-    {"log-case-unknown", Severity::kTampered, "the log has no case-opened for this case"},
+    // -- the appliance log; beside a case Finding::of_log
+    {"log-case-unknown", Severity::kTampered,
+     "the log has no case-opened for this case, and signed entries go on by more than 64 from the state over "
+     "which it was opened"},
     {"log-case-not-entered", Severity::kIncomplete,
      "the same of a case of one entry that no checkpoint covers: it was being begun"},
-    {"log-opening-differs", Severity::kTampered, "the log knows another entry 0"},
+    {"log-opening-differs", Severity::kTampered,
+     "the log knows another entry 0; if it was another device's then, that one is trusted and the case's is "
+     "not"},
     {"log-checkpoint-differs", Severity::kTampered, "the log knows another root at some size of this case"},
     {"log-knows-more", Severity::kTampered,
      "the log knows entries of this case that are not there: the end was removed"},
@@ -277,7 +282,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "is "
      "an excerpt, is not the case"},
     {"log-silent", Severity::kUnproven,
-     "the log says nothing of the case that could be checked: nothing of it that a known device signed goes "
+     "the log says nothing of the case that could be checked: what known devices signed of it hardly goes "
      "beyond the state over which the case was opened, or its lines are not sound"},
     {"log-not-sound", Severity::kUnproven,
      "beside a case: lines of the log are not as they were signed, lack, or say what no recorder enters; "

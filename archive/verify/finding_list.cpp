@@ -57,7 +57,10 @@ void FindingList::take_from(FindingList& other, const std::string& folder, const
     return counts_as ? counts_as->index() : code;
   };
   for (Kept& each : other.kept_) {
-    if (!folder.empty()) each.place.file.insert(0, folder + "/");
+    if (!folder.empty()) {
+      each.place.file.insert(0, folder + "/");
+      each.place.of_log = true;
+    }
     const std::size_t code = code_here(each.code);
     if (code != each.code) each.text.insert(0, std::string(kFindingCodes[each.code].name) + ": ");
     add_locked(code, std::move(each.place), std::move(each.text));
@@ -92,7 +95,7 @@ std::vector<Finding> FindingList::take() {
   for (Kept& each : kept_) {
     const FindingCode& code = kFindingCodes[each.code];
     findings.push_back({std::string(code.name), code.severity, std::move(each.place.file), each.place.entry,
-                        each.place.offset, std::move(each.text)});
+                        each.place.offset, std::move(each.text), each.place.of_log});
   }
   const FindingCode& more = kFindingCodes[CodeName("more-findings").index()];
   for (std::size_t code = 0; code < counts_.size(); ++code) {

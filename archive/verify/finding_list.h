@@ -21,6 +21,7 @@ struct Place {
   std::string file;
   std::optional<std::uint64_t> entry = std::nullopt;
   std::optional<std::uint64_t> offset = std::nullopt;
+  bool of_log = false;  // beside a case; `file` begins with "log/"
 };
 
 /// A text as a finding keeps it: of one that is too long the beginning and "…", in room of its own.
@@ -34,8 +35,9 @@ class FindingList {
   void add(CodeName code, Place place, std::string text);
   /// By which code a finding counts here; nothing: by its own.
   using Recoding = std::function<std::optional<CodeName>(const FindingCode&)>;
-  /// Findings of another list, their files below `folder` (empty: as they are), and what it only counted. One
-  /// that counts by another code says its own in its text.
+  /// Findings of another list, and what it only counted. With a `folder`, which is the log's beside a case,
+  /// they are of the log and their files lie below it. One that counts by another code says its own in its
+  /// text.
   void take_from(FindingList& other, const std::string& folder, const Recoding& recoding = {});
   /// Whether one of this code was added.
   [[nodiscard]] bool has(CodeName code) const;

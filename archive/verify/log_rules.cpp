@@ -21,7 +21,8 @@ struct Overloaded : Functions... {
 template <typename... Functions>
 Overloaded(Functions...) -> Overloaded<Functions...>;
 
-// A log gets a few entries a minute; these are those that came while it was read.
+// A log gets a few entries a minute; these are those that came while it was read, or from when a case was
+// being opened until the log had its line.
 constexpr std::size_t kMostRecent = 64;
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
@@ -30,7 +31,14 @@ Place in_ledger(std::uint64_t number, std::optional<std::uint64_t> offset = std:
   return {std::string(kLedgerFile), number, offset};
 }
 
-Place in_log(std::uint64_t number) { return {"log/" + std::string(kLedgerFile), number}; }
+/// Beside a case.
+Place in_log(std::optional<std::uint64_t> number = std::nullopt) {
+  return {"log/" + std::string(kLedgerFile), number, std::nullopt, true};
+}
+
+bool is_among(const std::vector<crypto::VerifierKey>& devices, const crypto::VerifierKey& key) {
+  return std::ranges::find(devices, key) != devices.end();
+}
 
 }  // namespace
 
@@ -50,6 +58,7 @@ LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, Finding
   try {
     if (!case_device_.empty()) {
       signs_case_ = known_device(crypto::VerifierKey::parse(case_device_), options.devices);
+      trusts_case_device_ = is_among(options.devices, *signs_case_);
     }
   } catch (const UsageError&) {  // NOLINT(bugprone-empty-catch): who walks the case says that it names none
   }
@@ -370,6 +379,8 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                      known->opened = number;
                      known->opening_line = opened.sha256;
                      contents_.opened_by_case_device = contents_.device == case_device_;
+                     contents_.opened_by_trusted =
+                         !contents_.opened_by_case_device && trusts_device_ && !trusts_case_device_;
                      contents_.opened_by_nobody = contents_.device.empty();
                    } else if (known != nullptr && case_id_.empty() && known->opening_line != opened.sha256) {
                      known->further.push_back({number, opened.sha256});
@@ -427,7 +438,7 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   contents_.was_case_devices = contents_.was_case_devices || device == case_device_;
   signer_.reset();
   device_.reset();
-  may_accuse_ = false;
+  trusts_device_ = may_accuse_ = false;
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
     signer_ = key.to_string();
@@ -435,7 +446,8 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
       kept_->first_device = *signer_;
     }
     device_ = known_device(key, options_->devices);
-    may_accuse_ = signs_case_ == key || std::ranges::find(options_->devices, key) != options_->devices.end();
+    trusts_device_ = is_among(options_->devices, key);
+    may_accuse_ = trusts_device_ || signs_case_ == key;
     checkpoints_.set_signer(*device_, log_origin(key.name()),
                             {device_->ml_dsa_since(), device_->hardware_since()});
     if (outside_ != nullptr) {
@@ -516,38 +528,42 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
     return;
   }
   case_id_ = opening->case_id;
+  case_device_ = opening->device;
+  head_ = opening->appliance_log_size;
   const auto found = log->cases.find(case_id_);
   const bool knows = found != log->cases.end() && found->second.opened;
   if (knows ? log->opened_by_nobody : log->device.empty()) {
     findings_->add(
-        "log-silent", {"log/" + std::string(kLedgerFile)},
+        "log-silent", in_log(),
         "no line of the appliance log that can be read names its device" +
             std::string(knows ? " before it tells of the case" : "") +
             ", so nobody knows whose it is: whether the device's log knows this case was not checked");
     return;
   }
-  // What another device's log says, or does not say, speaks neither for the case nor against it.
+  // What another device's log says, or does not say, speaks neither for the case nor against it. But anybody
+  // can put a case of a key of their own into the place of one that a trusted device entered.
   if (knows && !log->opened_by_case_device) {
-    findings_->add("log-of-another-device", in_log(*found->second.opened),
-                   "the appliance log was another device's when it says that the case was opened, and " +
-                       opening->device + " signed the case: whether its own log knows it was not checked");
+    if (log->opened_by_trusted && !log->doubted.contains(*found->second.opened)) {
+      another_ = &found->second;
+    } else {
+      add_of_another_device(*found->second.opened);
+    }
     return;
   }
   if (!knows && !log->was_case_devices && !log->device.empty()) {
-    findings_->add("log-of-another-device", {"log/" + std::string(kLedgerFile)},
+    findings_->add("log-of-another-device", in_log(),
                    "the appliance log is of " + log->device + ", and " + opening->device +
                        " signed the case: whether its own log knows it was not checked; give that one");
     return;
   }
   log_ = log;
-  head_ = opening->appliance_log_size;
   if (!knows) {
     unknown_ = true;
   } else {
     known_ = &found->second;
     roots_ = known_->roots;
     if (known_->erased) {
-      findings_->add("log-case-erased", {"log/" + std::string(kLedgerFile)},
+      findings_->add("log-case-erased", in_log(),
                      "the appliance log says that the whole case " + case_id_ +
                          " was erased: what is verified is a copy that was kept");
     }
@@ -565,6 +581,30 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   }
 }
 
+void LogComparison::add_of_another_device(std::uint64_t log_entry) {
+  findings_->add("log-of-another-device", in_log(log_entry),
+                 "the appliance log was another device's when it says that the case was opened, and " +
+                     case_device_ + " signed the case: whether its own log knows it was not checked");
+}
+
+void LogComparison::add_silent() {
+  const std::string why =
+      !log_->sound ? "lines of the log given are broken or lack" +
+                         std::string(known_ == nullptr ? ", of which one may tell of it" : "")
+      : known_ != nullptr ? "known devices signed no more than " + std::to_string(log_->accusing) +
+                                " of the log given: checkpoints of it lack, or nobody signed what follows"
+      : log_->accusing > head_
+          ? "known devices signed no more than " + std::to_string(log_->accusing) +
+                " of the log given: it is a copy from while the case was being opened, or it was cut off"
+          : "known devices signed no more than " + std::to_string(log_->accusing) +
+                " of the log given: it is a copy from before, it was cut off, or nobody signed it";
+  findings_->add("log-silent", in_log(),
+                 "the case was opened over " + counted(head_, "entry", "entries") +
+                     " of the appliance log, and " + why +
+                     (known_ == nullptr ? "; whether the device's log knows this case was not checked"
+                                        : "; which state the log had then was not checked"));
+}
+
 void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text,
                         std::uint64_t contradicted) {
   if (log_->doubted.contains(log_entry)) {
@@ -577,25 +617,18 @@ void LogComparison::add(CodeName code, const Place& place, std::uint64_t log_ent
 void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> close) {
   if (unknown_ && entries_ == 1 && covered == 0) {
     // A recorder makes the case first. It holds nothing yet, and nobody has signed that it does.
-    findings_->add("log-case-not-entered", {"log/" + std::string(kLedgerFile)},
+    findings_->add("log-case-not-entered", in_log(),
                    "the appliance log does not know the case " + case_id_ +
                        " yet, which holds nothing: it was being begun");
-  } else if (unknown_ && log_->sound && log_->accusing > head_) {
-    findings_->add("log-case-unknown", {"log/" + std::string(kLedgerFile)},
-                   "the appliance log does not know a case " + case_id_);
+  } else if (unknown_ && log_->sound && log_->accusing > head_ && log_->accusing - head_ > kMostRecent) {
+    // Other rooms may enter something between the state that `open` has and the line of the case: a copy that
+    // was made in between lacks that line, and nobody took anything away.
+    findings_->add("log-case-unknown", in_log(), "the appliance log does not know a case " + case_id_);
   } else {
     silent_ = silent_ || unknown_;
   }
   if (silent_) {
-    const bool broken = log_->accusing > head_;
-    findings_->add(
-        "log-silent", {"log/" + std::string(kLedgerFile)},
-        "the case was opened over " + counted(head_, "entry", "entries") + " of the appliance log, and " +
-            (broken
-                 ? std::string("lines of the log given are broken or lack, of which one may tell of it")
-                 : "known devices signed no more than " + std::to_string(log_->accusing) +
-                       " of the log given: it is a copy from before, it was cut off, or nobody signed it") +
-            "; whether the device's log knows this case was not checked");
+    add_silent();
   }
   for (const Doubt& each : doubts_) {
     const bool speaks_for_itself =
@@ -617,6 +650,14 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
 }
 
 void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
+  if (another_ != nullptr && another_->opening_line == entry0) {
+    add_of_another_device(*another_->opened);
+  } else if (another_ != nullptr) {
+    findings_->add("log-opening-differs", in_log(*another_->opened),
+                   "the appliance log was a trusted device's when it entered another open of case " +
+                       case_id_ + " in its " + at_entry(*another_->opened) + ", and " + case_device_ +
+                       ", which signed what is here, is not trusted");
+  }
   if (known_ != nullptr && known_->opening_line != entry0) {
     add("log-opening-differs", in_log(*known_->opened), *known_->opened,
         "the appliance log knows another open of case " + case_id_ + " in its " + at_entry(*known_->opened),

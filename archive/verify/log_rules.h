@@ -79,6 +79,8 @@ struct LogContents {
   std::string device;
   /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
   bool opened_by_case_device = false;
+  /// It was another device's then, which the verifier trusts, and the verifier does not trust the case's.
+  bool opened_by_trusted = false;
   /// No line that can be read names a device by then.
   bool opened_by_nobody = false;
   /// The log was its device's at any time.
@@ -145,13 +147,15 @@ class LogWalk {
   FindingList* of_cases_;
   std::string case_id_, case_device_;
   std::optional<crypto::VerifierKey> signs_case_;  // case_device_, with what is known of it
-  std::uint64_t from_before_hardware_ = 0;         // entries of the log by the root that its identity states
+  bool trusts_case_device_ = false;
+  std::uint64_t from_before_hardware_ = 0;  // entries of the log by the root that its identity states
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
   SignedLog* kept_ = nullptr;
   std::optional<std::string> signer_;          // the device's key, where it names one
   std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
-  bool may_accuse_ = false;                    // it is the case's device, or one that is trusted
+  bool trusts_device_ = false;
+  bool may_accuse_ = false;  // it is the case's device, or one that is trusted
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
@@ -181,6 +185,7 @@ class LogComparison {
   /// outlive the object.
   LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings);
 
+  /// Once, of the case's first line.
   void check_opening(const crypto::Sha256Digest& entry0);
   [[nodiscard]] bool asks_for(std::uint64_t size) const;
   /// Whether the log states a root for more entries: a checkpoint over them was made before.
@@ -215,6 +220,10 @@ class LogComparison {
   };
   static constexpr std::uint64_t kItsEnd = UINT64_MAX;
 
+  /// Of a log that says nothing for the case, nor against it.
+  void add_of_another_device(std::uint64_t log_entry);
+  /// That the log does not answer for the case, and why.
+  void add_silent();
   /// A finding; of an entry of the log that nobody signed when it was written only in settle(). It speaks
   /// against the first `contradicted` entries of the case, or against its end.
   void add(CodeName code, const Place& place, std::uint64_t log_entry, const std::string& text,
@@ -222,13 +231,15 @@ class LogComparison {
 
   const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
+  /// What a trusted device's log says of a case whose device is not trusted: another case may bear that name.
+  const LoggedCase* another_ = nullptr;
   bool unknown_ = false;          // there is a log, and it has no such case
   bool silent_ = false;           // nor does what is signed of it reach so far
   std::uint64_t head_ = 0;        // entries of the log when the case was opened
   std::uint64_t entries_ = 0;     // finish(): of the ledger
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;
-  std::string case_id_;
+  std::string case_id_, case_device_;
   bool differs_ = false, differs_in_doubt_ = false;
   EntriesBy vouched_by_;
   std::uint64_t known_entries_ = 0;

@@ -126,6 +126,7 @@ ordered_json finding_json(const Finding& finding) {
   return {{"code", finding.code},
           {"severity", severity_name(finding.severity)},
           {"file", or_null(finding.file)},
+          {"of", finding.of_log ? ordered_json("log") : ordered_json(nullptr)},
           {"entry", or_null(finding.entry)},
           {"offset", or_null(finding.offset)},
           {"text", finding.text}};

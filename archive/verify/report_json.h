@@ -11,7 +11,8 @@ namespace kiroku::archive {
 
 /// {"case", "verdict", "time", "outside_entries", "device", "opened", "closed", counts, "excerpt": {…},
 /// "contents", "evidence", "witnesses": {…}, "streams": […], "brackets": […], "findings": [{"code",
-/// "severity", "file", "entry", "offset", "text"}]}; what does not apply is null. "excerpt" is ExcerptReport;
+/// "severity", "file", "of" ("log": about the log beside the case), "entry", "offset", "text"}]}; what does
+/// not apply is null. "excerpt" is ExcerptReport;
 /// what the excerpt says of its own making, which nothing proves, is below "stated" there.
 nlohmann::ordered_json report_json(const VerificationReport& report);
 

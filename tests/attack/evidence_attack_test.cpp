@@ -516,16 +516,20 @@ TEST_F(EvidenceAttack, ALogThatRestsOnWhatEndedSpeaksNeitherForACaseNorAgainstIt
   fs::create_directories(log / "checkpoints");
   const std::string lines = read_file(archive_.log_folder() / "ledger.jsonl");
   const std::string boot = lines.substr(0, lines.find('\n'));
-  const std::string shutdown =
-      R"({"type":"shutdown","seq":1,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})";
-  write_file(log / "ledger.jsonl", boot + "\n" + shutdown + "\n");
+  std::string another = boot + "\n";
   crypto::MerkleFrontier tree;
   tree.append(crypto::merkle_leaf_hash(bytes_of(boot)));
-  tree.append(crypto::merkle_leaf_hash(bytes_of(shutdown)));
-  const crypto::Checkpoint signed_on{archive::log_origin(SampleArchive::kDeviceName), tree.size(),
-                                     tree.root()};
-  write_file(log / archive::note_path(tree.size()),
-             crypto::sign_note(signed_on.to_text(), SampleArchive::kDeviceName, archive_.key()));
+  while (tree.size() <= 66) {
+    const std::string shutdown = R"({"type":"shutdown","seq":)" + std::to_string(tree.size()) +
+                                 R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})";
+    another += shutdown + "\n";
+    tree.append(crypto::merkle_leaf_hash(bytes_of(shutdown)));
+    const crypto::Checkpoint signed_on{archive::log_origin(SampleArchive::kDeviceName), tree.size(),
+                                       tree.root()};
+    write_file(log / archive::note_path(tree.size()),
+               crypto::sign_note(signed_on.to_text(), SampleArchive::kDeviceName, archive_.key()));
+  }
+  write_file(log / "ledger.jsonl", another);
   options.log = log;
   for (const fs::path& folder : {first_, excerpt}) {
     const VerificationReport before = judged(folder, "2028-01-01");

@@ -1,9 +1,11 @@
 // Attacks on what the appliance log makes evident, and on the log.
 #include <algorithm>
+#include <map>
 #include <sstream>
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
+#include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 
@@ -49,6 +51,15 @@ void sign_log(const fs::path& log, const std::vector<std::string>& lines, const 
     }
     const crypto::Checkpoint checkpoint{archive::log_origin(SampleArchive::kDeviceName), size, roots[size]};
     write_file(note, crypto::sign_note(checkpoint.to_text(), SampleArchive::kDeviceName, key));
+  }
+}
+
+/// More lines, for sign_log(), that tell of no case.
+void go_on(const fs::path& log, std::vector<std::string>& lines, std::size_t more) {
+  for (std::size_t i = 0; i < more; ++i) {
+    lines.push_back(R"({"type":"shutdown","seq":)" + std::to_string(lines.size()) +
+                    R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})");
+    write_file(log / archive::note_path(lines.size()), "");
   }
 }
 
@@ -166,12 +177,25 @@ INSTANTIATE_TEST_SUITE_P(
                    lines[i].replace(at, lines[i].find(',', at) - at, std::to_string(i));
                  }
                  ASSERT_GT(lines.size(), 2U);
+                 go_on(c.log(), lines, 65);
                  set_log(c.log(), lines);
                },
                "log-case-unknown",
                kLog,
                {},
                Verdict::kTampered,
+               true},
+        Attack{"CaseTakenOutOfTheLogThatHardlyGoesOn",
+               [](AttackedCase& c) {
+                 std::vector<std::string> lines = log_lines(c.log());
+                 lines.resize(1);
+                 go_on(c.log(), lines, 63);  // the case was opened over none
+                 set_log(c.log(), lines);
+               },
+               "log-silent",
+               kLog,
+               {},
+               Verdict::kUnproven,
                true},
         Attack{"LogWithAnotherRoot",
                [](AttackedCase& c) {
@@ -385,6 +409,75 @@ TEST(AttackByAForgedDevice, ACaseWithGenuineTokensIsUnprovenAlsoBesideTheLogOfAT
   EXPECT_THAT(summary(report), ::testing::HasSubstr("log-of-another-device log/ledger.jsonl"));
 }
 
+/// A case of a key of their own, that somebody put into the place of the victim.
+void put_in_its_place(AttackedCase& victim, const crypto::SigningKey& key) {
+  const std::string device = crypto::VerifierKey(SampleArchive::kDeviceName, key.public_key()).to_string();
+  victim.edit(0, [&](CaseEntry& e) { std::get<archive::OpenEntry>(e.body).device = device; });
+  write_file(victim / std::string(archive::kDeviceFile), device + "\n");
+  victim.forge(key, true);
+}
+
+TEST(AttackByAForgedDevice, ACaseInThePlaceOfOneThatATrustedDevicesLogKnowsIsTampered) {
+  AttackedCase victim;
+  const crypto::SigningKey key = crypto::SigningKey::generate();
+  put_in_its_place(victim, key);
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  const crypto::VerifierKey trusted = options.devices.front();
+  const crypto::VerifierKey own(SampleArchive::kDeviceName, key.public_key());
+  options.log.reset();
+  EXPECT_EQ(summary(archive::verify_case(victim.folder(), options)), "unproven\ndevice-not-trusted - 0");
+  options.log = victim.log();
+  const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary(report),
+              ::testing::AllOf(::testing::HasSubstr("log-opening-differs log/ledger.jsonl 1"),
+                               ::testing::Not(::testing::HasSubstr("log-of-another-device"))));
+  EXPECT_FALSE(report.in_log);
+  // Whom the verifier trusts as much as the log, or does not know, it accuses by nobody's word.
+  for (const auto& devices :
+       {std::vector{trusted, own}, std::vector{own}, std::vector<crypto::VerifierKey>{}}) {
+    options.devices = devices;
+    const archive::VerificationReport doubted = archive::verify_case(victim.folder(), options);
+    EXPECT_EQ(doubted.verdict, Verdict::kUnproven) << details(doubted);
+    EXPECT_THAT(summary(doubted), ::testing::HasSubstr("log-of-another-device log/ledger.jsonl 1"));
+  }
+  // An entry that nobody signed then anybody can have made.
+  options.devices = {trusted};
+  fs::remove(victim.log() / archive::note_path(2));
+  const archive::VerificationReport unsigned_then = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(unsigned_then.verdict, Verdict::kUnproven) << details(unsigned_then);
+  EXPECT_THAT(summary(unsigned_then), ::testing::HasSubstr("log-of-another-device log/ledger.jsonl 1"));
+}
+
+// Two devices' logs may tell of one case.
+TEST(AttackByAForgedDevice, ACaseThatATrustedDevicesLogKnowsByItsOwnLineIsAccusedByNobody) {
+  AttackedCase victim;
+  put_in_its_place(victim, crypto::SigningKey::generate());
+  std::vector<std::string> lines = log_lines(victim.log());
+  const std::string name = "\"sha256\":\"";
+  lines[1].replace(lines[1].find(name) + name.size(), 2 * sizeof(crypto::Sha256Digest),
+                   crypto::to_hex(crypto::sha256(bytes_of(victim.lines().front()))));
+  set_log(victim.log(), lines);
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log = victim.log();
+  const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+  EXPECT_EQ(report.verdict, Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary(report), ::testing::HasSubstr("log-of-another-device log/ledger.jsonl 1"));
+}
+
+// What is called as the log's files are with a case is found of the log by that alone.
+TEST(AttackOnTheReport, AFolderCalledLogInACaseIsNotTheLog) {
+  const AttackedCase victim;
+  fs::create_directory(victim / "log");
+  write_file(victim / "log/x", "");
+  write_file(victim.log() / "x", "");
+  std::map<std::string, bool> of_log;
+  for (const archive::Finding& finding : victim.verify().findings) {
+    if (finding.file == "log/x") of_log[finding.code] = finding.of_log;
+  }
+  EXPECT_EQ(of_log, (std::map<std::string, bool>{{"file-unnamed", false}, {"log-not-tidy", true}}));
+}
+
 TEST(AttackOnTheArchive, ACaseTakenAwayIsToldByTheLog) {
   SampleArchive archive;
   const fs::path folder = SampleCase::write(archive);
@@ -465,6 +558,60 @@ TEST(AttackWithoutAKey, ACopyOfTheLogFromBeforeTheCaseAccusesNobody) {
     set_log(victim.log(), lines);
     expect_silent(victim, options);
   }
+}
+
+// Other rooms may enter something between the state that `open` has and the line of the case.
+TEST(AttackWithoutAKey, ACopyOfTheLogFromWhileTheCaseWasBeingOpenedAccusesNobody) {
+  const AttackedCase victim(SoundCases::get().second);
+  std::vector<std::string> lines = log_lines(victim.log());
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log = victim.log();
+  const auto opening = std::ranges::find_if(lines, [&](const std::string& line) {
+    return line.find("case-opened") != std::string::npos &&
+           line.find(victim.folder().filename()) != std::string::npos;
+  });
+  ASSERT_NE(opening, lines.end());
+  lines.erase(opening, lines.end());
+  for (const std::size_t more : {1U, 63U}) {
+    go_on(victim.log(), lines, more);
+    set_log(victim.log(), lines);
+    expect_silent(victim, options);
+  }
+  go_on(victim.log(), lines, 1);
+  set_log(victim.log(), lines);
+  EXPECT_THAT(summary(archive::verify_case(victim.folder(), options)),
+              ::testing::HasSubstr("log-case-unknown"));
+}
+
+/// What log-silent says.
+std::string why_silent(const AttackedCase& victim, const archive::VerifyOptions& options) {
+  std::string text;
+  for (const archive::Finding& finding : archive::verify_case(victim.folder(), options).findings) {
+    if (finding.code == "log-silent") text += finding.text;
+  }
+  return text;
+}
+
+TEST(AttackWithoutAKey, ALogThatSaysNothingSaysWhyAndNothingUntrue) {
+  const AttackedCase victim(SoundCases::get().second);
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log = victim.log();
+  const std::string text = read_file(victim.log() / kLedgerName);
+  // The lines before the case were changed; those about the case stand there.
+  std::string changed = text;
+  const std::size_t at = changed.find("\"boot_id\":\"") + 11;
+  changed[at] = changed[at] == '0' ? '1' : '0';
+  write_file(victim.log() / kLedgerName, changed);
+  EXPECT_THAT(why_silent(victim, options),
+              ::testing::AllOf(
+                  ::testing::HasSubstr("lines of the log given are broken or lack; which state the log had "
+                                       "then was not checked"),
+                  ::testing::Not(::testing::HasSubstr("knows this case"))));
+  // As many lines as open states, of which one is broken.
+  const std::string first = text.substr(0, text.find('\n') + 1);
+  write_file(victim.log() / kLedgerName, first);
+  EXPECT_THAT(why_silent(victim, options),
+              ::testing::HasSubstr("broken or lack, of which one may tell of it"));
 }
 
 // Of the log of one device, another one may sign what follows: nobody trusts it to say what is not there.

@@ -264,7 +264,7 @@ class Entries:
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
-        self.oldest_live, self.last_token, self.entered_behind = None, None, []   # of those recorded as they come; (end, line of the token before)
+        self.oldest_timed, self.last_token, self.entered_behind = None, None, []   # of counted ones but those of marks; (end, line of the token before)
 
     @property
     def origin(self):
@@ -332,8 +332,8 @@ class Entries:
         if self.wanted(entry):
             self.last_checked = number
             self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
-            if stream.info["timing"] == "arrival" and "time_base" in entry and not stream.of_marks:
-                self.oldest_live = min(entry["start_ns"], entry["start_ns"] if self.oldest_live is None else self.oldest_live)
+            if "time_base" in entry and not stream.of_marks:
+                self.oldest_timed = min(entry["start_ns"], entry["start_ns"] if self.oldest_timed is None else self.oldest_timed)
                 if self.last_token:
                     self.entered_behind.append((max(entry["end_ns"], self.recorded_from), self.last_token))
             self.checked.append((entry, stream, entry["index"]))
@@ -487,6 +487,8 @@ class Entries:
             stream.finish(recorded, lines_begin)
         if recorded and self.whole_case:
             self.judge_pre_roll(self.opening.get("begins_ns", 0))
+            if all(stream.of_marks for stream in self.streams.values()):
+                self.report("no-stream", "open")
         if self.slew:
             self.report("clock-slewed", "a rate beyond 200 ppm")
         were_set = self.clocks.finish(self.from_open)
@@ -509,7 +511,7 @@ class Entries:
         if alone_after:
             self.report("stamped-after-close", f"behind line {self.close if self.whole_case else self.last_checked}")
         elif outside:
-            oldest = [at for at in (outside[0][2], self.oldest_live) if at is not None]
+            oldest = [at for at in (outside[0][2], self.oldest_timed) if at is not None]
             if oldest and outside[0][3] - min(oldest) > FIRST_STAMP_LATE:
                 self.report("first-stamped-late", f"line {outside[0][0]}")
         for end_ns, token in self.entered_behind:
@@ -645,11 +647,21 @@ def is_certificates(data):
     return True
 
 
+MOST_WHILE_OPENING = 64  # entries that a log may get between the state that `open` has and the case's line
+
+
+def _trusts(log, device):
+    try:
+        return note.parse_key(device) in log.folder.trust.devices
+    except note.Malformed:
+        return False
+
+
 class AgainstLog:
     """A case beside what the appliance log says of it."""
 
     def __init__(self, log, entries, report):
-        self.log, self.entries, self.report, self.silent = log, entries, report, False
+        self.log, self.entries, self.report, self.silent, self.another = log, entries, report, False, None
         self.case = log.cases.get(entries.opening["case"]) if log and entries.opening else None
         self.known = self.case if self.case and self.case.opened is not None else None
         for name, number in log.held_and_erased if log else ():
@@ -667,7 +679,10 @@ class AgainstLog:
                 self.log = self.known = None
                 return
             if self.known.device != device if self.known else log.devices and device not in log.devices:
-                report("log-of-another-device", device)
+                if self.known and self.known.opened not in log.doubted and _trusts(log, self.known.device) and not _trusts(log, device):
+                    self.another = self.known  # of a trusted device: settle() compares the first lines
+                else:
+                    report("log-of-another-device", device)
                 self.log = self.known = None  # it speaks neither for the case nor against it
                 return
             if self.known and self.known.erased:
@@ -705,12 +720,15 @@ class AgainstLog:
         return most(by_ml_dsa), most(min(by_hardware, self.log.from_before_hardware(device)))
 
     def settle(self, first_line, ledger, covered, whole):
+        if self.another:
+            differs = hashlib.sha256(first_line).hexdigest() != self.another.opening_line
+            self.report("log-opening-differs" if differs else "log-of-another-device", self.another.device)
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
             if whole and len(ledger) == 1 and covered == 0:
                 self.report("log-case-not-entered", self.entries.opening["case"])
-            elif self.log.beside_a_case()[1] and self.signed > self.head:
+            elif self.log.beside_a_case()[1] and self.signed > self.head + MOST_WHILE_OPENING:
                 self.report("log-case-unknown", self.entries.opening["case"])
             else:
                 self.silent = True

@@ -79,7 +79,7 @@ class World:
                 w.stream("events", "events", "application/jsonl", to, source=timing.get("events", "operator"), purpose="marks")]
 
     def begin(self, log_state=None, case_id=None, utc_ns=None, stamped=True, streams=None):
-        case = w.Case(case_id or self.case_id, self.device, utc_ns or self.utc_ns, streams or self.streams(), *([log_state] if log_state else []))
+        case = w.Case(case_id or self.case_id, self.device, utc_ns or self.utc_ns, self.streams() if streams is None else streams, *([log_state] if log_state else []))
         case.add("clock", MS, synchronised=True, offset_ns=-1200, error_ns=250_000, step_ns=0)
         case.checkpoint()
         if stamped:
@@ -945,8 +945,11 @@ def entered_at_once(world, seconds, first_token=True, **begin):
     at = seconds * SECOND
     case.checkpoint()
     case.token(world.outside, at + 100 * MS, gen_ns=at + 90 * MS)
+    names = [stream["name"] for stream in case.steps[0].fields["streams"]]
     for i in range(seconds // 5):
         for name, count in (("endoscope", 125), ("vitals", 5)):
+            if name not in names:
+                continue
             case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"{name} {i}", f"{name} {i}\n".encode()), count, mono_ns=at + 200 * MS + i)
     return world.end(case, at + 500 * MS)
 
@@ -960,6 +963,25 @@ def old_film_behind_the_first_token(world):
 def old_film_in_the_midst(world):
     """A token at the beginning says nothing of film that is entered behind a later one."""
     return world.write(entered_at_once(world, 200), never=["first-stamped-late"])
+
+
+@reaches("first-stamped-late", "segments-entered-late")
+def old_film_that_is_called_a_file_behind_the_first_token(world):
+    return world.write(entered_at_once(world, 200, first_token=False, streams=world.streams(endoscope="source")[:1]))
+
+
+@reaches("segments-entered-late")
+def old_film_that_is_called_a_file_in_the_midst(world):
+    return world.write(entered_at_once(world, 200, streams=world.streams(endoscope="source")[:1]), never=["first-stamped-late"])
+
+
+@reaches()
+def a_file_that_is_read_as_fast_as_it_can_be(world):
+    """Its times lie ahead of the case clock."""
+    case = world.begin(streams=world.streams(endoscope="source")[:1])
+    for i in range(40):
+        case.segment("endoscope", i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal(f"endoscope {i}", f"endoscope {i}\n".encode()), 125, mono_ns=200 * MS + i)
+    return world.write(world.end(case, 20_040 * MS), never=["first-stamped-late", "segments-entered-late"])
 
 
 @reaches()
@@ -1128,6 +1150,20 @@ def hole(world):
     case = world.sound()
     case.find("segment", 2).fields["start_ns"] += MS + 1
     return world.write(case)
+
+
+@reaches("no-stream")
+def no_stream_at_all(world):
+    return world.write(world.end(world.begin(streams=[]), 20_040 * MS))
+
+
+@reaches("no-stream")
+def no_stream_but_of_marks(world):
+    case = world.begin(streams=world.streams()[2:])
+    line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(world.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+    case.add("mark", 11 * SECOND, commitment=commitment)
+    case.segment("events", 0, 10 * SECOND, 12 * SECOND, world.seal("events", line), 1, mono_ns=20_030 * MS)
+    return world.write(world.end(case, 20_040 * MS), never=["stream-empty"])
 
 
 @reaches("stream-empty")
@@ -1657,9 +1693,21 @@ def log_with_its_cases(world):
 
 @reaches("log-case-unknown")
 def unknown_to_the_log(world):
+    return log_without_the_case(world, 65)
+
+
+@reaches("log-silent")
+def log_copied_while_the_case_was_being_opened(world):
+    """Other rooms enter something between the state that `open` has and the line of the case."""
+    return dataclasses.replace(log_without_the_case(world, 64), never=OF_A_LOG_THAT_ACCUSES)
+
+
+def log_without_the_case(world, more):
+    """It goes on by that many entries behind the state that `open` has."""
     def change(log, written):
         del log.steps[2:]
-        log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        for _ in range(more):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
     return with_log(world, change)
 
 
@@ -2149,6 +2197,50 @@ def accused_by_the_log_of_another_device(world):
     def change(log, written):
         log.signed("case-checkpoint", 82 * SECOND, case=written.case.id, size=2, root="0" * 64)
     return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
+
+
+def put_in_its_place(world, change=lambda log, written: None, **more):
+    """A case of a stranger's key, by the identifier of one that the device's log knows."""
+    strangers = dataclasses.replace(world, device=world.stranger, folder=world.folder / "forged").sound()
+
+    def other(log, written):
+        log.find("case-opened").fields["sha256"] = "0" * 64
+        change(log, written)
+    return with_log(world, other, strangers, device=world.device, **more)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def case_of_a_strangers_key_in_the_place_of_one_that_the_log_knows(world):
+    return put_in_its_place(world)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def excerpt_of_a_strangers_key_of_a_case_that_the_log_knows(world):
+    part = excerpt(dataclasses.replace(world, device=world.stranger, folder=world.folder / "part"))
+    return dataclasses.replace(put_in_its_place(world), path=part.path)
+
+
+@reaches("log-of-another-device")
+def case_in_anothers_place_where_both_devices_are_trusted(world):
+    return dataclasses.replace(put_in_its_place(world, devices=[world.device.key, world.stranger.key]), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device", "no-trusted-device")
+def case_in_anothers_place_where_no_device_is_known(world):
+    return dataclasses.replace(put_in_its_place(world, devices=[]), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device")
+def case_in_anothers_place_whose_opening_nobody_signed(world):
+    def change(log, written):
+        del log.steps[log.steps.index(log.find("case-opened")) + 1]
+    return dataclasses.replace(put_in_its_place(world, change), never=["log-opening-differs"])
+
+
+@reaches("log-of-another-device", "device-not-trusted")
+def case_of_a_strangers_key_that_the_log_knows_by_its_own_line(world):
+    strangers = dataclasses.replace(world, device=world.stranger).sound()
+    return dataclasses.replace(with_log(world, case=strangers, device=world.device), never=["log-opening-differs"])
 
 
 @reaches("log-head-differs")

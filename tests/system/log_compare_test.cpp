@@ -55,6 +55,9 @@ TEST_F(LogCompare, ABackupThatWentOnIsASecondHistoryWithItsEntriesAndCheckpoints
   const ProcessResult told = kiroku(compare);
   EXPECT_EQ(told.status, 1) << told.out << told.err;
   EXPECT_THAT(told.out, HasSubstr("TWO HISTORIES: one device signed both"));
+  EXPECT_THAT(told.out,
+              HasSubstr("or its recorder wrote to another disk for a time, or went on from an older "
+                        "copy that was put back."));
   EXPECT_THAT(told.out, HasSubstr("case-opened  case="));
   EXPECT_THAT(told.out, HasSubstr("The key: " + read_text(home() / "device.pub").substr(0, 8)));
   Arguments as_json = compare;

@@ -70,6 +70,7 @@ TEST_F(LogPublish, ABackupThatWentOnIsNotPublishedAndWhoeverFollowsSeesIt) {
   const ProcessResult told = follow(path("other"));
   EXPECT_EQ(told.status, 1) << told.out << told.err;
   EXPECT_THAT(told.out, HasSubstr("TWO HISTORIES: one device signed both"));
+  EXPECT_THAT(told.out, HasSubstr("or went on from an older copy that was put back."));
   EXPECT_THAT(told.out, HasSubstr("The other one: " + path("copy") + "/forked-"));
   // That does not go away by what is shown later.
   const ProcessResult later = follow(path("published"));

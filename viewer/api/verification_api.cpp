@@ -35,7 +35,9 @@ Moments moments_of(const archive::CaseReader& recording) {
   return moments;
 }
 
+/// None of the log: its entries are numbered by themselves.
 ordered_json moment_of(const ordered_json& finding, const Moments& moments) {
+  if (finding["of"] == "log") return nullptr;
   if (finding["file"].is_string()) {
     const auto found = moments.of_file.find(finding["file"].get<std::string>());
     if (found != moments.of_file.end()) return found->second;

@@ -253,7 +253,7 @@ std::optional<Check> check_of(std::string_view code) {
 }
 
 std::optional<Check> check_of(const archive::Finding& finding) {
-  return finding.file.starts_with("log/") ? Check::kLog : check_of(std::string_view(finding.code));
+  return finding.of_log ? Check::kLog : check_of(std::string_view(finding.code));
 }
 
 std::string meaning_of(Language language, std::string_view code) {

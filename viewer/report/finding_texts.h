@@ -170,7 +170,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "外部の認証局の最初のタイムスタンプが記入されたのは、症例時計で記録の始まりから 2 "
      "分を超えた後である。その記録がより古いものでないことは、記録装置の言による。"},
     {"segments-entered-late", Check::kTime,
-     "到着時に記録されるストリームの区間が、その終わりから症例時計で 2 分を超えて後に記入された外部の認証局の"
+     "区間が、その終わりから症例時計で 2 分を超えて後に記入された外部の認証局の"
      "タイムスタンプより後に記入されている。より古いものでないことは、記録装置の言による。"},
     {"authority-clock-set", Check::kTime,
      "一つの外部認証局の時計が症例時計と食い違うが、別の外部認証局の時計は症例時計と一致し、前者とは一致しな"
@@ -192,6 +192,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segment-out-of-order", Check::kStreams, "区間の番号が、その系統の次の番号でない。"},
     {"segment-overlap", Check::kStreams, "区間が、前の区間の終わりより前に始まっている。"},
     {"segment-hole", Check::kStreams, "同じ系統の区間の間に、欠落の記載のない空白がある。"},
+    {"no-stream", Check::kStreams,
+     "開始項目に映像やバイタルサインの系統が一つもない。手術については何も記録されておらず、その理由の記載も"
+     "ない。"},
     {"stream-empty", Check::kStreams, "症例の全体にわたって何もない系統があり、欠落の記載もない。"},
     {"stream-begins-late", Check::kStreams,
      "到着時に記録される系統が、症例の開始から 2 秒を超えて何も含まず、欠落の記載もない。"},

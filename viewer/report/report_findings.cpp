@@ -15,7 +15,7 @@ std::string ReportMaker::place_of(const Finding& finding) const {
   if (finding.entry) {
     std::string entry = words("finding.entry", {std::to_string(*finding.entry)});
     const auto written = in_.facts.written.find(*finding.entry);
-    const bool of_case = !finding.file.starts_with("log/") && written != in_.facts.written.end();
+    const bool of_case = !finding.of_log && written != in_.facts.written.end();
     if (of_case) entry += ", " + words("finding.at", {in_case(written->second.mono_ns)});
     parts.push_back(std::move(entry));
   }

@@ -109,7 +109,11 @@ std::string ReportMaker::in_case(std::int64_t ns) const {
 
 void ReportMaker::add_streams() {
   heading("heading.streams");
-  if (found_.streams.empty()) return paragraph(words("case.unknown"));
+  if (found_.streams.empty()) {
+    const bool read =
+        std::ranges::find(found_.findings, "no-stream", &Finding::code) != found_.findings.end();
+    return paragraph(words(read ? TextKey("check.streams.nothing") : TextKey("case.unknown")));
+  }
   constexpr auto kRight = Alignment::kRight;
   Table table{{{words("stream.name"), 1.75},
                {words("stream.kind"), 1},

@@ -44,15 +44,16 @@ class LateStampingTest : public testing::Test {
   fs::path closed_case(const std::vector<std::string>& authorities = {"swiss"}) {
     CaseWriter::Options options = kit_.options();
     options.log = log_.get();
-    // Nothing is recorded: a stream of what people do.
+    // Nothing is recorded of the one stream, and it says so.
     options.streams = {options.streams.back()};
     options.stream_recipients.resize(1);
-    options.streams.front().kind = "events";
     const auto writer = CaseWriter::create(archive::real_file_system(), options, moment(0));
     for (const std::string& name : authorities) {
       queue_->want(writer->case_id(), name, 1,
                    *parse_utc("2026-08-05T09:15:02Z") + std::chrono::seconds(wanted_++));
     }
+    writer->append({archive::GapEntry{options.streams.front().name, {0, 5'000'000'000}}},
+                   moment(5'000'000'000));
     writer->close("operator", moment(5'000'000'000));
     const archive::StoredCheckpoint closing = writer->checkpoint(moment(5'000'000'000), true);
     for (const std::string& name : authorities) {
@@ -107,7 +108,7 @@ TEST_F(LateStampingTest, ACaseThatEndedInAnOutageGetsItsTokenLater) {
   EXPECT_THAT(queue_->list(), IsEmpty());
   const auto report = verify(folder);
   EXPECT_EQ(report.verdict, Verdict::kIntactWithGaps) << testing::PrintToString(codes(report));
-  EXPECT_THAT(codes(report), ElementsAre("token-missed"));
+  EXPECT_THAT(codes(report), ElementsAre("gap", "token-missed"));
   EXPECT_TRUE(report.brackets.front().not_after) << "everything before the token is covered by it";
   const auto log = archive::read_log(kit_.archive() / "log");
   EXPECT_EQ(log.back().type, "case-checkpoint") << "the log knows of the token's entry";

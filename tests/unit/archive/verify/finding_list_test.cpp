@@ -1,5 +1,7 @@
 #include "archive/verify/finding_list.h"
 
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -100,6 +102,8 @@ TEST(FindingList, TakesFromAnotherAlsoWhatThatOnlyCounted) {
   const std::vector<Finding> findings = list.take();
   EXPECT_EQ(texts_of(findings, "gap").size(), kMostFindingsOfOneCode);
   EXPECT_EQ(findings.front().file, "log/ledger.jsonl");
+  EXPECT_TRUE(findings.front().of_log);
+  EXPECT_EQ(std::ranges::count(findings, false, &Finding::of_log), 2);  // its own, and what is only counted
   EXPECT_THAT(texts_of(findings, "more-findings"),
               testing::ElementsAre("there are 6 more findings of code gap"));
   EXPECT_TRUE(of_log.take().empty());

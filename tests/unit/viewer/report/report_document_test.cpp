@@ -600,6 +600,20 @@ TEST_F(ReportDocument, OfACaseInWhichNothingWasRecordedDoesNotSayYes) {
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "! Could not be checked"));
 }
 
+TEST_F(ReportDocument, OfACaseWithoutStreamsSaysThatNothingWasRecorded) {
+  ReportInput in = input();
+  in.verification.streams.clear();
+  in.verification.verdict = archive::Verdict::kUnproven;
+  in.verification.findings.push_back(
+      {"no-stream", archive::Severity::kUnproven, "ledger.jsonl", 0, {}, "open names no stream of pictures"});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, HasSubstr("COULD NOT BE PROVED"));
+  EXPECT_THAT(text,
+              HasSubstr("Was it recorded without a break from beginning to end? | ! Could not be checked | "
+                        "open names no stream of pictures"));
+  EXPECT_THAT(text, HasSubstr("Nothing was recorded: no stream of pictures or vital signs holds anything."));
+}
+
 // Whoever makes a case chooses its identifier, and a reader takes the time in it for the operation's.
 TEST_F(ReportDocument, AnIdentifierThatNamesAnotherTimeThanTheOpeningIsSaid) {
   const std::string other = "which names a time that is not that of its opening";

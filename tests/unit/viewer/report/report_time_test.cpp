@@ -142,7 +142,7 @@ TEST_F(ReportDocument, TellsNoTimeAndNoLogByWhatEnded) {
   EXPECT_THAT(test::text_of(make_report(beside)),
               HasSubstr("The appliance log that was given knows its beginning"));
   beside.verification.findings.push_back(
-      {"log-algorithm-ended", archive::Severity::kNote, "log/ledger.jsonl", {}, {}, "ed25519 ended"});
+      {"log-algorithm-ended", archive::Severity::kNote, "log/ledger.jsonl", {}, {}, "ed25519 ended", true});
   EXPECT_THAT(test::text_of(make_report(beside)),
               Not(HasSubstr("The appliance log that was given knows its beginning")));
 }

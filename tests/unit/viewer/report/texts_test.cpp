@@ -60,9 +60,10 @@ TEST(Checks, PutWhatIsFoundOfTheLogToTheLogAlone) {
   found.time = archive::TimeProof::kExternal;
   for (const char* code :
        {"file-unreadable", "device-not-trusted", "checkpoint-not-by-both", "log-not-sound", "log-silent"}) {
-    found.findings.push_back({code, archive::Severity::kUnproven, "log/ledger.jsonl", {}, {}, code});
+    found.findings.push_back({code, archive::Severity::kUnproven, "log/ledger.jsonl", {}, {}, code, true});
   }
-  found.findings.push_back({"file-of-a-system", archive::Severity::kNote, "log/.DS_Store", {}, {}, "x"});
+  found.findings.push_back(
+      {"file-of-a-system", archive::Severity::kNote, "log/.DS_Store", {}, {}, "x", true});
   Given given;
   given.log.push_back({"log", {}});
   for (const CheckAnswer& each : answer_checks(found, given, false)) {
@@ -72,6 +73,19 @@ TEST(Checks, PutWhatIsFoundOfTheLogToTheLogAlone) {
                                                            : Answer::kYes;
     EXPECT_EQ(each.answer, wanted) << static_cast<int>(each.check);
     EXPECT_EQ(each.notes, is_of_log ? 1U : 0U) << static_cast<int>(each.check);
+  }
+}
+
+// Anybody can put a folder of any name into a case.
+TEST(Checks, PutAFileOfTheCaseToItsFilesWhateverItsFolderIsCalled) {
+  archive::VerificationReport found;
+  found.entries = found.signed_entries = 9;
+  found.findings.push_back({"file-unnamed", archive::Severity::kTampered, "log/x", {}, {}, "x"});
+  Given given;
+  given.log.push_back({"log", {}});
+  for (const CheckAnswer& each : answer_checks(found, given, false)) {
+    if (each.check == Check::kFiles) EXPECT_EQ(each.answer, Answer::kNo);
+    if (each.check == Check::kLog) EXPECT_EQ(each.answer, Answer::kUnknown);
   }
 }
 

@@ -122,7 +122,7 @@ describe('The chain of proof', () => {
     ).toMatchObject({ ledger: 'broken', segments: 'broken' });
   });
   it('says of the case no more than of the log beside it', () => {
-    const ofLog = (code: string, severity: Severity, file: string) => states(report([finding(code, severity, { file: `log/${file}` })]));
+    const ofLog = (code: string, severity: Severity, file: string) => states(report([finding(code, severity, { file: `log/${file}`, of: 'log' })]));
     const open = { segments: 'holds', ledger: 'open', checkpoints: 'holds', tokens: 'holds', authority: 'holds' };
     expect(ofLog('log-not-sound', 'unproven', 'ledger.jsonl')).toEqual(open);
     expect(ofLog('log-silent', 'unproven', 'ledger.jsonl')).toEqual(open);
@@ -130,6 +130,11 @@ describe('The chain of proof', () => {
     expect(ofLog('device-not-trusted', 'unproven', '')).toEqual(open);
     expect(ofLog('log-not-tidy', 'note', '.DS_Store')).toEqual({ ...open, ledger: 'holds' });
     expect(ofLog('file-hash-differs', 'tampered', 'consents/x.age')).toEqual({ ...open, ledger: 'broken' });
+    // A folder of the case that is called so is none of the log.
+    expect(states(report([finding('file-unnamed', 'tampered', { file: 'log/x' })]))).toMatchObject({ segments: 'broken', ledger: 'holds' });
+  });
+  it('says of a case without streams that its segments are open', () => {
+    expect(states(report([finding('no-stream', 'unproven', { file: 'ledger.jsonl' })]))).toMatchObject({ segments: 'open', ledger: 'holds' });
   });
   it('says of nothing that it holds where an algorithm ended', () => {
     expect(new Set(Object.values(states(report([finding('algorithm-ended', 'unproven')]))))).toEqual(new Set(['open']));
@@ -179,6 +184,7 @@ describe('Findings', () => {
     expect(momentOf(finding('gap', 'gap', { time_ns: 0 }), timeline)).toBe(0);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000003.ts.age', time_ns: null }), timeline)).toBe(6e9);
     expect(momentOf(finding('file-hash-differs', 'tampered', { file: 'segments/room/00000004.ts.age' }), timeline)).toBeUndefined();
+    expect(momentOf(finding('log-not-tidy', 'note', { file: 'log/segments/room/00000003.ts.age', of: 'log' }), timeline)).toBeUndefined();
     expect(momentOf(finding('no-token', 'unproven'), timeline)).toBeUndefined();
   });
 });

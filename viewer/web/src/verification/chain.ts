@@ -45,6 +45,7 @@ const kByCode: Record<string, LinkName> = {
   'clock-disagreement': 'tokens',
   'authorities-disagree': 'tokens',
   'stream-unknown': 'ledger',
+  'no-stream': 'segments',
   gap: 'segments',
   'sound-gap': 'segments',
   'gap-beyond-end': 'segments',
@@ -69,7 +70,7 @@ const kByPrefix: readonly [string, LinkName][] = [
 ];
 
 /** Of the appliance log beside the case: it says nothing of the case's own files. */
-const isOfLog = (finding: Finding): boolean => finding.file?.startsWith('log/') ?? false;
+const isOfLog = (finding: Finding): boolean => finding.of === 'log';
 
 export function linkOf(finding: Finding): LinkName {
   const exact = kByCode[finding.code];
@@ -176,6 +177,7 @@ export const byGravity = (findings: readonly Finding[]): Finding[] =>
 /** The moment a finding is about: what the server says, else the beginning of the segment that its file is. */
 export function momentOf(finding: Finding, timeline: Timeline | undefined): number | undefined {
   if (typeof finding.time_ns === 'number') return finding.time_ns;
+  if (isOfLog(finding)) return undefined;
   const segment = /(?:^|\/)segments\/([^/]+)\/0*(\d+)\./.exec(finding.file ?? '');
   if (!segment || !timeline) return undefined;
   return timeline.segments.find((one) => one.stream === segment[1] && one.index === Number(segment[2]))?.start_ns;
