@@ -838,6 +838,36 @@ TEST_F(GoingOn, AfterAnErrorNoPatientIsLookedUpForAnOperationThatHadNone) {
   }
 }
 
+// Whose signal it is nobody knows; that there was a patient is not to be forgotten, either.
+TEST_F(GoingOn, ASignalAfterAnErrorBeginsACaseThatIsToldToBeWithoutThePatientOfBefore) {
+  RoomPlan failing = failing_plan(500ms);
+  failing.rules.start_on_signal = "camera-0";
+  failing.rules.signal_lasts = 1s;
+  Room room(std::move(failing), listener(), time);
+  room.start("operator", to_bytes(R"({"patient":"typed"})"));
+  const std::string second = break_and_go_on(room);
+  EXPECT_EQ(room.status().reason, "signal");
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  EXPECT_THAT(room.status().problem, HasSubstr("after one whose subject it is not given"));
+  room.stop("operator", true);
+  EXPECT_FALSE(read(second).all<archive::OpenEntry>().at(0).subject);
+}
+
+TEST_F(GoingOn, ASubjectThatTheNoteDoesNotProveIsToldToBeWithheld) {
+  RoomPlan resumed = plan({kCamera});
+  resumed.procedure = procedure;
+  resumed.resume.emplace();
+  resumed.resume->case_id = "20260805T091502Z-3f9c21ab";
+  resumed.resume->earlier = {"20260805T081502Z-3f9c21ab", 7, {}};
+  resumed.resume->reason = "operator";
+  resumed.resume->within = 10min;
+  resumed.resume->is_subject_withheld = true;
+  Room room(std::move(resumed), listener(), time);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_THAT(room.status().problem, HasSubstr("after one whose subject it is not given"));
+  room.stop("operator", true);
+}
+
 TEST_F(GoingOn, AWindowThatGoesOnAfterAnErrorKeepsItsPatient) {
   procedure->state("first");
   RoomPlan failing = failing_plan(0ms);
