@@ -359,6 +359,20 @@ TEST_F(RoomTest, TheRecorderEndsForANewerOneOnlyWhereEveryRoomRests) {
   EXPECT_TRUE(daemon.begin_no_more());
 }
 
+TEST_F(RoomTest, ARemarkIsNoProblem) {
+  DaemonOptions options;
+  options.archive = bench.options().archive;
+  options.problems = {"recording goes on without the viewer"};
+  options.remarks = {"a rule names no stream"};
+  Daemon daemon(std::move(options));
+  daemon.add_remark("a newer version waits");
+  const nlohmann::ordered_json status = daemon.handle({{"do", "status"}});
+  EXPECT_EQ(status["problems"], nlohmann::ordered_json({"recording goes on without the viewer"}));
+  EXPECT_EQ(status["remarks"], nlohmann::ordered_json({"a rule names no stream", "a newer version waits"}));
+  EXPECT_THAT(daemon.metrics(),
+              testing::AllOf(HasSubstr("kiroku_problems 1\n"), HasSubstr("kiroku_remarks 2\n")));
+}
+
 TEST_F(RoomTest, AnArchiveThatIsGoneIsToldAndRoomsAreAsBefore) {
   DaemonOptions options;
   options.rooms.push_back(plan({kCamera}));
