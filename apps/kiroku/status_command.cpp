@@ -170,6 +170,8 @@ std::string page(const json& status) {
   for (const json& room : status["rooms"]) print_room(room, out);
   for (const json& problem : status.value("problems", json::array()))
     out += paint(Colour::kRed, printable(problem.get<std::string>())) + "\n";
+  for (const json& remark : status.value("remarks", json::array()))
+    out += paint(Colour::kYellow, printable(remark.get<std::string>())) + "\n";
   out += disk_text(status["disk"]);
   const json& clock = status["clock"];
   out += std::string("\nclock: ") +

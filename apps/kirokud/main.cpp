@@ -144,7 +144,8 @@ std::string watch(recorder::Daemon& daemon, const Inboxes& inboxes, const EndSig
     descriptors.look();
     watch_hardware(hardware, daemon.recording());
     // Last, as a case may have begun since the recorder was asked.
-    if (!daemon.recording() && successor.is_ready() && upgrade.is_over() && daemon.begin_no_more())
+    if (!daemon.recording() && successor.is_there() && upgrade.is_over() && successor.is_ready() &&
+        daemon.begin_no_more())
       return "a newer version was installed and nothing is being recorded";
   }
 }
@@ -224,7 +225,10 @@ int run(const Request& request) {
     options.problems.push_back(sentence);
     spdlog::error("{}", printable(sentence));
   };
-  for (const std::string& sentence : doubts) tell(file.string() + ": " + sentence);
+  for (const std::string& sentence : doubts) {
+    options.remarks.push_back(file.string() + ": " + sentence);
+    spdlog::warn("{}", printable(options.remarks.back()));
+  }
   const TellWithout without = [&tell](const std::string& why) { tell("recording goes on, but " + why); };
   const WritableHome shared(home, without);  // by all rooms
   log_configuration(file, home, *shared.log, tell);
@@ -279,8 +283,9 @@ int run(const Request& request) {
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
     spdlog::info("recording for {} room(s), home {}", configuration.rooms.size(), home.folder().string());
-    Successor successor({"--check", "--home", home.folder().string(), "--config", file.string()},
-                        [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); });
+    Successor successor(
+        {"--check", "--home", home.folder().string(), "--config", file.string()},
+        {.tell = [](const std::string& sentence) { spdlog::error("{}", printable(sentence)); }});
     UpgradeWait upgrade({.is_kept = DescriptorStore::is_there,
                          .is_known =
                              [&procedures] {
@@ -291,7 +296,7 @@ int run(const Request& request) {
                          .tell =
                              [&daemon](const std::string& sentence) {
                                spdlog::warn("{}", sentence);
-                               daemon.add_problem(sentence);
+                               daemon.add_remark(sentence);
                              }},
                         Clock::system());
     reason = watch(daemon, inboxes, signals, hardware, successor, upgrade, [&] {

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <spawn.h>
 #include <string_view>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <utility>
@@ -18,56 +19,75 @@ constexpr std::chrono::seconds kPatience{30};
 constexpr std::chrono::seconds kAskAgain{10};
 constexpr std::string_view kDeleted = " (deleted)";
 
-std::string own_file() {
+}  // namespace
+
+std::string Successor::own_file_of_process() {
   std::error_code ignored;
   return fs::read_symlink("/proc/self/exe", ignored).string();
 }
 
-}  // namespace
-
-Successor::Successor(std::vector<std::string> arguments,
-                     std::function<void(const std::string& sentence)> tell)
-    : arguments_(std::move(arguments)), tell_(std::move(tell)) {
-  std::string file = own_file();
+Successor::Successor(std::vector<std::string> arguments, Questions questions, const Clock& clock)
+    : arguments_(std::move(arguments)), questions_(std::move(questions)), clock_(&clock) {
+  std::string file = questions_.own_file();
   if (file.ends_with(kDeleted)) file.resize(file.size() - kDeleted.size());
   program_ = std::move(file);
 }
 
 Successor::~Successor() { end_child(); }
 
-bool Successor::is_ready() {
-  std::error_code ignored;
+std::optional<Successor::Identity> Successor::candidate() const {
+  if (!questions_.own_file().ends_with(kDeleted)) return {};
+  struct stat found {};
   // While a package is unpacked there may be no program for a moment.
-  if (!own_file().ends_with(kDeleted) || !fs::exists(program_, ignored)) return false;
-  const auto now = std::chrono::steady_clock::now();
+  if (::stat(program_.c_str(), &found) != 0) return {};
+  return Identity{static_cast<std::int64_t>(found.st_dev), static_cast<std::int64_t>(found.st_ino),
+                  static_cast<std::int64_t>(found.st_size), static_cast<std::int64_t>(found.st_ctim.tv_sec),
+                  static_cast<std::int64_t>(found.st_ctim.tv_nsec)};
+}
+
+bool Successor::look(bool of_now) {
+  const std::optional<Identity> found = candidate();
+  if (!found) return false;
+  if (found != candidate_) {
+    end_child();
+    taken_ = refused_ = false;
+    candidate_ = found;
+  }
+  const Clock::Time now = clock_->now();
+  const bool is_of_now = now - asked_ <= kPatience;
   if (child_ == 0) {
+    if (taken_ && (is_of_now || !of_now)) return true;
     if (refused_ && now - asked_ < kAskAgain) return false;
     ask();
     if (child_ == 0) refuse(" --check cannot be started");
     return false;
   }
-  const bool is_of_now = now - asked_ <= kPatience;
   std::optional<int> status = answer();
   if (!status && !is_of_now) {
     end_child();
     status = -1;
   }
-  // What was answered long ago, while a case ran, is asked again: the configuration may be another by now.
-  if (status == 0) return is_of_now;
-  if (status) refuse(" --check does not take the configuration");
-  return false;
+  if (!status) return false;
+  if (*status != 0) {
+    refuse(" --check does not take the configuration");
+    return false;
+  }
+  taken_ = true;
+  refused_ = false;
+  return is_of_now || !of_now;
 }
 
 void Successor::refuse(const std::string& why) {
-  if (!refused_ && tell_)
-    tell_("a newer version was installed, and " + program_.string() + why +
-          ": this one goes on recording; mend that, and the newer one takes over by itself");
+  if (!refused_ && questions_.tell)
+    questions_.tell("a newer version was installed, and " + program_.string() + why +
+                    ": this one goes on recording; mend that, and the newer one takes over by itself");
   refused_ = true;
+  taken_ = false;
 }
 
 // What it says goes to the journal, once.
 void Successor::ask() {
-  asked_ = std::chrono::steady_clock::now();
+  asked_ = clock_->now();
   std::string name = program_.string();
   std::vector<std::string> texts = arguments_;
   std::vector<char*> arguments{name.data()};

@@ -37,7 +37,9 @@ std::vector<Concern> concerns_of_appliance(const BoardRow& row, const EnrolledAp
   add(!report.recorder, Concern::kNoRecorder);
   if (report.recorder) {
     const ApplianceReport::Recorder& recorder = *report.recorder;
-    add(recorder.disk.hours_left && *recorder.disk.hours_left < kScarceHours, Concern::kDiskShort);
+    add(recorder.disk && recorder.disk->hours_left && *recorder.disk->hours_left < kScarceHours,
+        Concern::kDiskShort);
+    add(!recorder.disk, Concern::kDiskUnknown);
     add(!recorder.clock.synchronised, Concern::kClockFree);
     add(!recorder.authorities.empty() &&
             std::ranges::all_of(recorder.authorities,
@@ -127,11 +129,13 @@ ordered_json recorder_json(const ApplianceReport::Recorder& recorder) {
                            {"failures", each.failures},
                            {"token_s", or_null(each.token_s)},
                            {"not_shared", each.is_unshared}});
+  ordered_json disk = nullptr;
+  if (recorder.disk)
+    disk = {{"free_bytes", recorder.disk->free_bytes},
+            {"total_bytes", recorder.disk->total_bytes},
+            {"hours_left", or_null(recorder.disk->hours_left)}};
   return {{"up_s", recorder.up_s},
-          {"disk",
-           {{"free_bytes", recorder.disk.free_bytes},
-            {"total_bytes", recorder.disk.total_bytes},
-            {"hours_left", or_null(recorder.disk.hours_left)}}},
+          {"disk", std::move(disk)},
           {"clock", {{"synchronised", recorder.clock.synchronised}, {"error_ns", recorder.clock.error_ns}}},
           {"authorities", std::move(authorities)}};
 }
@@ -185,6 +189,8 @@ std::string_view concern_name(Concern concern) {
       return "silent";
     case Concern::kDiskShort:
       return "disk-short";
+    case Concern::kDiskUnknown:
+      return "disk-unknown";
     case Concern::kTwoOfOneName:
       return "two-of-one-name";
     case Concern::kLost:

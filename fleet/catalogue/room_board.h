@@ -30,6 +30,7 @@ enum class Concern {
   kUnreadable,    // its newest report cannot be read by this program
   kSilent,        // a source of a room that records delivers nothing
   kDiskShort,     // less than eight hours are left
+  kDiskUnknown,   // its recorder cannot look at the archive's disk: what is recorded may not reach it
   kTwoOfOneName,  // two report under this name: one is a copy
   // To be looked at today.
   kLost,             // frames of the running case were lost

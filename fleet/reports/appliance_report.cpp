@@ -100,14 +100,17 @@ RoomReport parse_room(const json& of) {
   return room;
 }
 
-DiskReport parse_disk(const json& of) {
+/// One of no bytes is none that anybody could look at: json_of() says why.
+std::optional<DiskReport> parse_disk(const json& of) {
+  if (of.is_null()) return {};
   DiskReport disk{size_of(of, "free_bytes"), size_of(of, "total_bytes")};
   const json& hours = field(of, "hours_left");
-  if (hours.is_null()) return disk;
   constexpr double kMostHours = 1e9;
-  if (!hours.is_number() || !(hours.get<double>() >= 0 && hours.get<double>() <= kMostHours))
+  if (!hours.is_null() &&
+      (!hours.is_number() || !(hours.get<double>() >= 0 && hours.get<double>() <= kMostHours)))
     refuse("'hours_left' is no number of hours");
-  disk.hours_left = hours.get<double>();
+  if (disk.total_bytes == 0) return {};
+  if (!hours.is_null()) disk.hours_left = hours.get<double>();
   return disk;
 }
 
@@ -151,6 +154,15 @@ ordered_json json_of(const RoomReport& room) {
           {"without_box", room.without_box}};
 }
 
+/// Where nobody could look at it, as appliances said it that had no word for that: readers of before would
+/// refuse the whole report without a disk, and take this one for full.
+ordered_json json_of(const std::optional<DiskReport>& disk) {
+  if (!disk) return {{"free_bytes", 0}, {"total_bytes", 0}, {"hours_left", 0}};
+  return {{"free_bytes", disk->free_bytes},
+          {"total_bytes", disk->total_bytes},
+          {"hours_left", or_null(disk->hours_left)}};
+}
+
 ordered_json json_of(const ApplianceReport::Recorder& recorder) {
   ordered_json rooms = ordered_json::array(), authorities = ordered_json::array();
   for (const RoomReport& each : recorder.rooms) rooms.push_back(json_of(each));
@@ -162,10 +174,7 @@ ordered_json json_of(const ApplianceReport::Recorder& recorder) {
   return {{"up_s", recorder.up_s},
           {"rooms", std::move(rooms)},
           {"authorities", std::move(authorities)},
-          {"disk",
-           {{"free_bytes", recorder.disk.free_bytes},
-            {"total_bytes", recorder.disk.total_bytes},
-            {"hours_left", or_null(recorder.disk.hours_left)}}},
+          {"disk", json_of(recorder.disk)},
           {"clock", {{"synchronised", recorder.clock.synchronised}, {"error_ns", recorder.clock.error_ns}}},
           {"hardware_silent", recorder.is_hardware_silent}};
 }
@@ -231,11 +240,9 @@ ApplianceReport::Recorder recorder_report(const json& status, UtcTime now) {
   }
   const json& disk = status.at("disk");
   if (disk.is_object()) {
-    out.disk = {disk.value("free_bytes", std::uint64_t{0}), disk.value("total_bytes", std::uint64_t{0})};
-    if (disk.at("hours_left").is_number()) out.disk.hours_left = disk["hours_left"].get<double>();
-  } else {
-    // A disk that cannot be looked at takes nothing.
-    out.disk.hours_left = 0;
+    out.disk =
+        DiskReport{disk.value("free_bytes", std::uint64_t{0}), disk.value("total_bytes", std::uint64_t{0})};
+    if (disk.at("hours_left").is_number()) out.disk->hours_left = disk["hours_left"].get<double>();
   }
   const json& clock = status.at("clock");
   out.clock = {clock.value("synchronised", false), bounded(clock.value("error_ns", std::int64_t{0}))};

@@ -70,7 +70,7 @@ struct ApplianceReport {
     std::int64_t up_s = 0;
     std::vector<RoomReport> rooms;
     std::vector<AuthorityReport> authorities;
-    DiskReport disk;
+    std::optional<DiskReport> disk;  // none: nobody could look at it
     ClockReport clock;
     bool is_hardware_silent = false;  // the device's key in hardware does not sign
   };

@@ -29,7 +29,8 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
   if (found.json) found.state = SubjectState::kGiven;
   if (goes_on == GoesOn::kWithSubject) found.state = SubjectState::kCarriedOver;
   looked_for_ = false;
-  goes_on_without_ = goes_on == GoesOn::kWithoutSubject && !found.json;
+  goes_on_ = goes_on;
+  is_given_ = found.json.has_value();
   if (found.json || goes_on != GoesOn::kNo || !source_) return found;
   if (const auto known = find()) {
     found.json = subject_json(*known);
@@ -40,7 +41,11 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
 }
 
 std::optional<std::string> CaseSubject::why_missing() const {
-  if (goes_on_without_ && source_) {
+  if (goes_on_ == GoesOn::kSubjectWithheld && !is_given_) {
+    return "the case goes on after one whose subject it is not given, as nothing proves that it is about the "
+           "same patient; none is looked up, which could be the next one: a person must say whom it is about";
+  }
+  if (goes_on_ == GoesOn::kWithoutSubject && !is_given_ && source_) {
     return "the case goes on with an operation of which no subject is known; none is looked up, which could "
            "be the next patient: a person must say whom it is about";
   }

@@ -21,9 +21,9 @@ namespace kiroku::recorder {
 enum class SubjectState { kNone, kGiven, kFound, kLate, kCarriedOver };
 std::string_view subject_state_name(SubjectState state);
 
-/// Whether a case goes on with an operation that another case began, and whether that one had a subject,
-/// which then is this one's.
-enum class GoesOn { kNo, kWithSubject, kWithoutSubject };
+/// Whether a case goes on with an operation that another case began, and with that one's subject: where it
+/// had none, or where it had one that nothing proves to be this one's, it does not.
+enum class GoesOn { kNo, kWithSubject, kWithoutSubject, kSubjectWithheld };
 
 /// The subject of one case after the other. Nothing that goes wrong with procedure data ends a recording, or
 /// keeps one from beginning: it is told. One thread uses it; given_while_running() is called from any.
@@ -41,8 +41,8 @@ class CaseSubject {
   /// Where the case goes on with an operation nothing is looked up: what is planned, or who came, around now
   /// may be the next patient.
   Found at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on);
-  /// Why the case that begins has no subject though there are ways to one; where it is looked for, they are
-  /// asked to hurry.
+  /// Why the case that begins has no subject though there are ways to one, or there was one; where it is
+  /// looked for, they are asked to hurry.
   [[nodiscard]] std::optional<std::string> why_missing() const;
   /// To be called again and again while the case runs: a subject that became known, once. Looks each second.
   /// What is planned more than kFurthestAhead after the case began is not taken: it may have been booked
@@ -59,7 +59,8 @@ class CaseSubject {
   UtcTime begun_at_{};
   Clock::Time next_look_{};
   std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
-  bool goes_on_without_ = false;
+  GoesOn goes_on_ = GoesOn::kNo;
+  bool is_given_ = false;
 };
 
 }  // namespace kiroku::recorder

@@ -364,6 +364,11 @@ struct Daemon::State {
     return options.problems;
   }
 
+  [[nodiscard]] std::vector<std::string> remarks() const {
+    const std::lock_guard guard(problems_mutex);
+    return options.remarks;
+  }
+
   [[nodiscard]] ordered_json status() const {
     ordered_json all = ordered_json::array();
     for (const std::unique_ptr<Room>& one : rooms) {
@@ -380,6 +385,7 @@ struct Daemon::State {
             {"clock", clock_json()},
             {"uptime_s", std::llround(up.count())},
             {"problems", all_problems},
+            {"remarks", remarks()},
             {"hardware_silent", options.hardware_silent ? options.hardware_silent() : std::string()}};
   }
 
@@ -388,7 +394,7 @@ struct Daemon::State {
   std::vector<std::optional<double>> configured;
   std::vector<std::unique_ptr<Room>> rooms;
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
-  mutable std::mutex problems_mutex;                                              // of the options' problems
+  mutable std::mutex problems_mutex;  // of the options' problems and remarks
   std::mutex disk_mutex;
   bool warned_of_disk = false, told_of_no_disk = false;
 };
@@ -405,6 +411,11 @@ void Daemon::add_problem(const std::string& sentence) {
 void Daemon::remove_problem(const std::string& sentence) {
   const std::lock_guard guard(state_->problems_mutex);
   std::erase(state_->options.problems, sentence);
+}
+
+void Daemon::add_remark(const std::string& sentence) {
+  const std::lock_guard guard(state_->problems_mutex);
+  state_->options.remarks.push_back(sentence);
 }
 
 ordered_json Daemon::handle(const json& request) {
@@ -542,6 +553,9 @@ std::string Daemon::metrics() const {
   }
   family("kiroku_problems", "gauge", "What recording goes on without: 'kiroku status' says each");
   out << "kiroku_problems " << state_->problems().size() + (disk ? 0 : 1) << "\n";
+  family("kiroku_remarks", "gauge",
+         "What a person should know, and nothing is missing for: 'kiroku status' says each");
+  out << "kiroku_remarks " << state_->remarks().size() << "\n";
   const CaseClock now;
   family("kiroku_clock_synchronised", "gauge", "1 while the kernel says that the wall clock is synchronised");
   out << "kiroku_clock_synchronised " << (ClockWatch(now).check()->synchronised ? 1 : 0) << "\n";

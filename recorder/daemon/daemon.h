@@ -26,6 +26,9 @@ struct DaemonOptions {
   std::function<std::string()> hardware_silent;
   /// What the recorder goes on without, each a sentence for people.
   std::vector<std::string> problems;
+  /// What a person should know and nothing is missing for, each a sentence: a doubt about the configuration,
+  /// or that a newer version waits.
+  std::vector<std::string> remarks;
   const Clock* time = &Clock::system();  // by which rooms and footswitches go; outlives the daemon
 };
 
@@ -44,6 +47,8 @@ class Daemon {
   void add_problem(const std::string& sentence);
   /// One that holds no more.
   void remove_problem(const std::string& sentence);
+  /// One more of DaemonOptions::remarks.
+  void add_remark(const std::string& sentence);
   /// A request of recorder/daemon/control_server.h and its answer. Throws kiroku::Error for one that cannot
   /// be done.
   nlohmann::ordered_json handle(const nlohmann::json& request);

@@ -291,6 +291,9 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   resumption.reason = running->reason;
   resumption.within = rule->within;
   resumption.sealed_subject = newest_subject_of(room, *running, *facts);
+  const bool had_one =
+      facts->open.subject || (running->subject && running->subject->case_id == facts->cut.case_id);
+  resumption.is_subject_withheld = had_one && !resumption.sealed_subject;
   return resumption;
 }
 

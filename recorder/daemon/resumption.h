@@ -40,6 +40,7 @@ struct Resumption {
   /// Whom the operation was about in the end: as it became known while the earlier case ran, else the earlier
   /// case's subject file, as it is.
   std::optional<Bytes> sealed_subject;
+  bool is_subject_withheld = false;  // it had one, which is not as this device sealed it
   std::optional<crypto::Sha256Digest> plan;
   Profiles profiles;                     // in which its streams of pictures ended
   std::string reason;                    // why the operation's first case was begun

@@ -72,6 +72,7 @@ struct Room::State {
     std::string first_reason;            // why the operation's first case was begun
     std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
     bool goes_on = false;                // with an operation that another case began
+    bool is_subject_withheld = false;    // that operation's, which then is not in `identity`
     std::promise<std::string> begun;
     /// Nobody asked for it: a rule begins it, or the recorder goes on with an operation.
     [[nodiscard]] bool is_by_itself() const {
@@ -170,6 +171,7 @@ struct Room::State {
     taken->sealed_plan = resume->plan;
     taken->profiles = resume->profiles;
     taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
+    taken->is_subject_withheld = resume->is_subject_withheld;
     taken->before = resume->recorded;
     return taken;
   }
@@ -199,7 +201,10 @@ struct Room::State {
   void take_over_after_error(Request& asked) const {
     if (!status.ended_by_error || time.now() > same_operation_before) return;
     asked.goes_on = true;
-    if (asked.reason != "schedule" || begun_for != "schedule") return;
+    if (asked.reason != "schedule" || begun_for != "schedule") {
+      asked.is_subject_withheld = newest_subject.has_value();
+      return;
+    }
     asked.identity.sealed_subject = newest_subject;
     asked.profiles = newest_profiles;
   }
@@ -383,7 +388,9 @@ struct Room::State {
   std::optional<Bytes> seal_subject(Request& asked) {
     GoesOn goes_on = GoesOn::kNo;
     if (asked.goes_on) {
-      goes_on = asked.identity.sealed_subject ? GoesOn::kWithSubject : GoesOn::kWithoutSubject;
+      goes_on = asked.identity.sealed_subject ? GoesOn::kWithSubject
+                : asked.is_subject_withheld   ? GoesOn::kSubjectWithheld
+                                              : GoesOn::kWithoutSubject;
     }
     CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on);
     if (found.json) {

@@ -12,58 +12,12 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "sim/align/border.h"
+#include "sim/align/polyline.h"
 
 namespace kiroku::sim {
 namespace {
 
 using Eigen::Vector2d;
-
-/// Places spread evenly over a polyline, both ends among them.
-template <typename Place>
-std::vector<Place> spread_over(const std::vector<Place>& line, std::size_t count) {
-  std::vector<double> upto{0};
-  for (std::size_t i = 1; i < line.size(); ++i) upto.push_back(upto.back() + (line[i] - line[i - 1]).norm());
-  std::vector<Place> places;
-  std::size_t segment = 1;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double at = upto.back() * double(i) / double(count - 1);
-    while (segment + 1 < line.size() && upto[segment] < at) ++segment;
-    const double length = upto[segment] - upto[segment - 1];
-    const double share = length > 0 ? std::clamp((at - upto[segment - 1]) / length, 0.0, 1.0) : 0;
-    places.push_back(line[segment - 1] + share * (line[segment] - line[segment - 1]));
-  }
-  return places;
-}
-
-template <typename Place>
-double length_of(const std::vector<Place>& line) {
-  double length = 0;
-  for (std::size_t i = 1; i < line.size(); ++i) length += (line[i] - line[i - 1]).norm();
-  return length;
-}
-
-/// The nearest place of a polyline.
-struct Nearest {
-  std::size_t segment = 0;  // from that place to the next
-  double share = 0;         // along the segment
-  Vector2d at = Vector2d::Zero();
-  double squared_px2 = std::numeric_limits<double>::infinity();
-  bool is_end = false;  // of the polyline, and the place lies beyond it
-};
-Nearest nearest_of(const std::vector<Vector2d>& line, const Vector2d& place) {
-  Nearest nearest;
-  for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-    const Vector2d way = line[i + 1] - line[i];
-    const double length2 = way.squaredNorm();
-    const double along = length2 > 0 ? (place - line[i]).dot(way) / length2 : 0;
-    const double share = std::clamp(along, 0.0, 1.0);
-    const Vector2d at = line[i] + share * way;
-    const double squared = (place - at).squaredNorm();
-    if (squared >= nearest.squared_px2) continue;
-    nearest = {i, share, at, squared, (i == 0 && along < 0) || (i + 2 == line.size() && along > 1)};
-  }
-  return nearest;
-}
 
 /// A curve as it is compared.
 struct Sampled {
@@ -80,7 +34,7 @@ std::vector<Sampled> sampled(const std::vector<DrawnCurve>& curves, double spaci
     const DrawnCurve& curve = curves[i];
     const std::string which = "curve " + std::to_string(i + 1);
     const auto is_sound = [](const auto& line) {
-      const double length = length_of(line);
+      const double length = polyline_length(line);
       return line.size() >= 2 && length > 0 && std::isfinite(length);
     };
     if (!is_sound(curve.pixels)) throw UsageError(which + " in the picture has no length: draw it longer");
@@ -88,8 +42,8 @@ std::vector<Sampled> sampled(const std::vector<DrawnCurve>& curves, double spaci
       throw UsageError("the line on the organ that " + which + " shows has no length: mark it longer");
     Sampled& made = all.emplace_back();
     constexpr std::size_t kLeast = 8, kOnLine = 32;
-    const auto count = static_cast<std::size_t>(length_of(curve.pixels) / spacing_px) + 1;
-    made.pixels = spread_over(curve.pixels, std::max(kLeast, count));
+    const auto count = static_cast<std::size_t>(polyline_length(curve.pixels) / spacing_px) + 1;
+    made.pixels = spread_over_polyline(curve.pixels, std::max(kLeast, count));
     for (std::size_t k = 0; k < made.pixels.size(); ++k) {
       const Vector2d way =
           made.pixels[std::min(k + 1, made.pixels.size() - 1)] - made.pixels[k > 0 ? k - 1 : 0];
@@ -97,7 +51,7 @@ std::vector<Sampled> sampled(const std::vector<DrawnCurve>& curves, double spaci
     }
     // Every marked place stays one, or a bend would be cut off.
     if (curve.line_m.empty()) continue;
-    const double step_m = length_of(curve.line_m) / double(kOnLine);
+    const double step_m = polyline_length(curve.line_m) / double(kOnLine);
     for (std::size_t k = 0; k + 1 < curve.line_m.size(); ++k) {
       const Vector3 way = curve.line_m[k + 1] - curve.line_m[k];
       const int parts = std::max(1, static_cast<int>(std::lround(way.norm() / step_m)));
@@ -199,18 +153,19 @@ class Comparison {
       if (!(-views.back().z() > kNearestM)) return false;
       seen.push_back(pinhole_.pixel(views.back()));
     }
-    const auto normal_of = [](const Nearest& nearest, const std::vector<Vector2d>& line) -> Vector2d {
+    const auto normal_of = [](const NearestOnPolyline& nearest,
+                              const std::vector<Vector2d>& line) -> Vector2d {
       if (nearest.is_end) return Vector2d::Zero();
       const Vector2d way = (line[nearest.segment + 1] - line[nearest.segment]).normalized();
       return {-way.y(), way.x()};
     };
     const double each_seen = 0.5 / double(seen.size()), each_drawn = 0.5 / double(curve.pixels.size());
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      const Nearest nearest = nearest_of(curve.pixels, seen[i]);
+      const NearestOnPolyline nearest = nearest_on_polyline(curve.pixels, seen[i]);
       rows.add(each_seen, views[i], nearest.at - seen[i], normal_of(nearest, curve.pixels));
     }
     for (const Vector2d& pixel : curve.pixels) {
-      const Nearest nearest = nearest_of(seen, pixel);
+      const NearestOnPolyline nearest = nearest_on_polyline(seen, pixel);
       const Vector2d normal = normal_of(nearest, seen), off = pixel - nearest.at;
       const Vector3 view =
           (1 - nearest.share) * views[nearest.segment] + nearest.share * views[nearest.segment + 1];

@@ -34,6 +34,21 @@ std::string list_of(const DicomFolder& folder) {
   return list;
 }
 
+/// A patient's name without what says nothing: "DOE^JOHN^^ " is "DOE^JOHN", in each of its writings.
+std::string comparable_name(const std::string& text) {
+  std::string out, writing;
+  const auto take = [&] {
+    while (!writing.empty() && (writing.back() == '^' || writing.back() == ' ')) writing.pop_back();
+    const std::size_t begin = writing.find_first_not_of(' ');
+    out += "=" + (begin == std::string::npos ? "" : writing.substr(begin));
+    writing.clear();
+  };
+  for (const char c : text) c == '=' ? take() : writing.push_back(c);
+  take();
+  while (out.ends_with('=')) out.pop_back();
+  return out;
+}
+
 void check_alike(const DicomSeries& series) {
   const DicomPicture& first = series.pictures.front();
   const auto differs = [&](const DicomPicture& other, const std::string& what) {
@@ -44,16 +59,18 @@ void check_alike(const DicomSeries& series) {
     if (!picture.defect.empty()) {
       throw Error("cannot read the series in " + first.file.parent_path().string() + ": " + picture.defect);
     }
-    // What stands there is a patient's, and is not told.
+    // What stands there is a patient's, and is not told. One may have no number, two numbers or two names.
     constexpr std::array kOfOne{
-        std::pair{&DicomPicture::patient_id, "whose they are (PatientID): they are of two patients"},
-        std::pair{&DicomPicture::patient_name, "whose they are (PatientName): they are of two patients"},
+        std::pair{&DicomPicture::patient_id, "whose they are (PatientID): they may be of two patients"},
+        std::pair{&DicomPicture::patient_name, "whose they are (PatientName): they may be of two patients"},
         std::pair{&DicomPicture::study_uid, "their study (StudyInstanceUID)"},
         std::pair{&DicomPicture::frame_of_reference_uid,
                   "what their places count from (FrameOfReferenceUID)"}};
     for (const auto& [member, what] : kOfOne) {
-      if (picture.*member != first.*member)
-        differs(picture, std::string(what) + "; keep those of one in a folder of their own");
+      const bool is_same = member == &DicomPicture::patient_name
+                               ? comparable_name(picture.*member) == comparable_name(first.*member)
+                               : picture.*member == first.*member;
+      if (!is_same) differs(picture, std::string(what) + "; keep those of one in a folder of their own");
     }
     if (picture.rows != first.rows || picture.columns != first.columns)
       differs(picture, "the number of pixels");

@@ -43,6 +43,17 @@ void require_own_voxels(const std::filesystem::path& file, const std::string& wh
   }
 }
 
+/// ITK's own sentences do not say what of a header contradicts itself.
+ItkImage open_image(const std::string& file, ImageFormat format, const std::optional<NiftiHeader>& nifti,
+                    const std::string& what) {
+  try {
+    return ItkImage(file, format);
+  } catch (const Error&) {
+    if (nifti) explain_refusal(*nifti, what);
+    throw;
+  }
+}
+
 }  // namespace
 
 bool is_image_file(const std::filesystem::path& file) { return ending_of(file) != nullptr; }
@@ -68,7 +79,13 @@ ImageFile read_image_file(const std::filesystem::path& file) {
                      ": the ending of a volume's file must be .nii, .nii.gz, .nrrd, .nhdr, .mha or .mhd");
   }
   require_own_voxels(file, what);
-  const ItkImage itk(file.string(), ending->format);
+  GzipFile stream;
+  std::optional<NiftiHeader> nifti;
+  if (ending->format == ImageFormat::kNifti) {
+    stream = open_gzip(file.string());
+    nifti = NiftiHeader::read(stream, file.string());
+  }
+  const ItkImage itk = open_image(file.string(), ending->format, nifti, what);
   const ItkImage::Header& header = itk.header();
   ImageFile image;
   image.format = ending->name;
@@ -80,19 +97,18 @@ ImageFile read_image_file(const std::filesystem::path& file) {
     image.grid.origin_m[at] = header.origin_mm[axis] / 1000;
     image.grid.direction.col(at) = Vector3(header.direction[axis].data());
   }
-  if (ending->format == ImageFormat::kNifti) {
-    const NiftiHeader nifti = NiftiHeader::read(open_gzip(file.string()), file.string());
-    // ITK converts the distances between voxels then, and not where the first one is.
-    constexpr int kUnstated = 0, kMillimetres = 2;
-    if (nifti.unit() != kUnstated && nifti.unit() != kMillimetres)
-      throw Error(what + ": its unit of length is not the millimetre; save it in mm");
-    const std::string remark = remark_on_placements(nifti, what);
-    if (!remark.empty()) image.findings.push_back(remark);
-  }
   // Before memory for the voxels is asked for.
   make_sound(image.grid, what);
   std::vector<std::size_t> not_finite;
-  if (ending->format == ImageFormat::kNifti) not_finite = check_nifti(file.string(), image.grid.voxels());
+  if (nifti) {
+    // ITK converts the distances between voxels then, and not where the first one is.
+    constexpr int kUnstated = 0, kMillimetres = 2;
+    if (nifti->unit() != kUnstated && nifti->unit() != kMillimetres)
+      throw Error(what + ": its unit of length is not the millimetre; save it in mm");
+    image.placed = nifti->qform().stated() || nifti->sform().stated();
+    image.findings = remarks_on_places(*nifti, image.grid, what);
+    not_finite = check_nifti(stream, *nifti, file.string(), image.grid.voxels());
+  }
   if (ending->format == ImageFormat::kMetaImage) {
     check_meta_image(file.string(), image.grid.voxels() * header.bytes_per_voxel);
   }

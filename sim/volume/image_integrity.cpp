@@ -11,7 +11,6 @@
 #include <zlib.h>
 
 #include "base/error.h"
-#include "sim/volume/nifti_header.h"
 
 namespace kiroku::sim {
 namespace {
@@ -50,9 +49,8 @@ bool is_finite(const char* bytes, bool swapped) {
 
 }  // namespace
 
-std::vector<std::size_t> check_nifti(const std::string& file, std::size_t voxels) {
-  const GzipFile stream = open_gzip(file);
-  const NiftiHeader header = NiftiHeader::read(stream, file);
+std::vector<std::size_t> check_nifti(const GzipFile& stream, const NiftiHeader& header,
+                                     const std::string& file, std::size_t voxels) {
   const NiftiLayout layout = layout_of(file, header);
   if (gzseek(stream.get(), static_cast<z_off_t>(layout.begin), SEEK_SET) < 0)
     refuse(file, "it ends before its voxels");

@@ -7,11 +7,14 @@
 #include <string>
 #include <vector>
 
+#include "sim/volume/nifti_header.h"
+
 namespace kiroku::sim {
 
-/// Reads through a .nii or .nii.gz file. The voxels, ascending, that are no finite numbers. kiroku::Error
-/// where it is cut off, or its compression is damaged.
-std::vector<std::size_t> check_nifti(const std::string& file, std::size_t voxels);
+/// Reads on through a .nii or .nii.gz file, whose header was read. The voxels, ascending, that are no finite
+/// numbers. kiroku::Error where it is cut off, or its compression is damaged.
+std::vector<std::size_t> check_nifti(const GzipFile& stream, const NiftiHeader& header,
+                                     const std::string& file, std::size_t voxels);
 
 /// kiroku::Error where the data of a MetaImage file (.mha, .mhd with one data file) are shorter than `bytes`,
 /// or than they say themselves where they are compressed.

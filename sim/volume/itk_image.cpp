@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdint>
 #include <fstream>
-#include <itkMetaDataObject.h>
 #include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
@@ -206,11 +205,7 @@ Placing placing_of(const itk::ImageIOBase& reader, const std::string& file, Imag
                    const std::string& what) {
   if (format == ImageFormat::kNrrd) return nrrd_placing(file, what);
   if (format == ImageFormat::kMetaImage) return meta_placing(reader, file, what);
-  const itk::MetaDataDictionary& header = reader.GetMetaDataDictionary();
-  std::string qform, sform;
-  itk::ExposeMetaData(header, "qform_code", qform);
-  itk::ExposeMetaData(header, "sform_code", sform);
-  return {(!qform.empty() && qform != "0") || (!sform.empty() && sform != "0"), 1};
+  return {};  // of NIfTI its own header says it
 }
 
 template <typename Value>

@@ -35,7 +35,7 @@ class ItkImage {
     std::array<double, 3> spacing_mm{}, origin_mm{};
     std::array<std::array<double, 3>, 3> direction{};  // of each axis, in LPS
     std::size_t bytes_per_voxel = 0;  // of what is read, not of what is stored where a slope is applied
-    /// The file says how it lies in the patient.
+    /// The file says how it lies in the patient. Not told of NIfTI: NiftiHeader does.
     bool placed = true;
   };
   [[nodiscard]] const Header& header() const { return header_; }

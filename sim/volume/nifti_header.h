@@ -12,6 +12,8 @@
 
 #include <Eigen/Core>
 
+#include "sim/volume/grid.h"
+
 namespace kiroku::sim {
 
 struct GzipCloser {
@@ -39,10 +41,15 @@ class NiftiHeader {
   }
   [[nodiscard]] bool is_swapped() const { return swapped_; }
   [[nodiscard]] bool is_first() const { return first_; }  // NIfTI-1, not NIfTI-2
+  /// Whether it begins as a header of either does, so that what it says can be told.
+  [[nodiscard]] bool is_known() const;
 
   /// Where voxels are in the patient, in the file's unit, right, front and head: both are optional.
   struct Placement {
-    bool stated = false;
+    /// What it is counted from, as nifti1.h has it.
+    int code = 0;
+    /// niftilib takes no place of another code.
+    [[nodiscard]] bool stated() const { return code > 0; }
     Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  // columns: one step along i, j and k
     Eigen::Vector3d first = Eigen::Vector3d::Zero();     // the first voxel's centre
   };
@@ -52,6 +59,8 @@ class NiftiHeader {
   [[nodiscard]] int unit() const;
   /// Voxels along i, j and k.
   [[nodiscard]] Eigen::Vector3d size() const;
+  /// Between their centres, in the file's unit: pixdim.
+  [[nodiscard]] Eigen::Vector3d spacing() const;
 
  private:
   [[nodiscard]] double real(std::size_t at_of_first, std::size_t at_of_second) const;
@@ -60,9 +69,16 @@ class NiftiHeader {
   bool swapped_ = false, first_ = true;
 };
 
-/// What a person should know of a file that places its voxels twice, by qform and by sform, not quite alike;
-/// "" where it does not. kiroku::Error beginning with `what` where the two contradict each other: one mirrors
-/// or turns what the other does not, and nobody can tell which is right.
-std::string remark_on_placements(const NiftiHeader& header, const std::string& what);
+/// What a header says of why nobody could read its file, where it says that: kiroku::Error beginning with
+/// `what`.
+void explain_refusal(const NiftiHeader& header, const std::string& what);
+
+/// What a person should know of how a file places its voxels, one sentence each: that it does so twice, by
+/// qform and by sform, not quite alike, and which of the two was taken, as `read` shows; and that the patient
+/// was stretched to a template. kiroku::Error beginning with `what` where the file contradicts itself, so
+/// that nobody can tell what is right: one place mirrors or turns what the other does not, or steps of the
+/// sform are of another length than those between voxels.
+std::vector<std::string> remarks_on_places(const NiftiHeader& header, const Grid& read,
+                                           const std::string& what);
 
 }  // namespace kiroku::sim

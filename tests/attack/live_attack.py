@@ -31,6 +31,9 @@ import sys
 import tempfile
 import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+from ports import reserved_port  # noqa: E402
+
 PASSWORD = "correct horse battery"
 USER = "a-surgeon"
 HOOK_TOKEN = "0123456789abcdef0123456789abcdef"
@@ -42,12 +45,6 @@ ATTACKS = {}
 def attack(function):
     ATTACKS[function.__name__] = function
     return function
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def connect(port, source="127.0.0.1", timeout=5.0):
@@ -357,7 +354,7 @@ class Home:
         self.programs, self.keep = programs, keep
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="kiroku-attacked-"))
         self.environment = {**os.environ, "KIROKU_HOME": str(self.folder / "home"), "KIROKU_PASSPHRASE": PASSWORD}
-        self.ports = {name: free_port() for name in ("viewer", "hook", "mllp", "witness")}
+        self.ports = {name: reserved_port() for name in ("viewer", "hook", "mllp", "witness")}
         self.served = []
 
     def run(self, *arguments, check=True):

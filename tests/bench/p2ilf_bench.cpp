@@ -33,6 +33,7 @@
 #include "sim/align/curve_fit.h"
 #include "sim/align/deformed_fit.h"
 #include "sim/align/lens.h"
+#include "sim/align/polyline.h"
 #include "sim/align/pose_search.h"
 #include "sim/align/search_verdict.h"
 #include "sim/meshing/organ_mesher.h"
@@ -131,16 +132,8 @@ Patient read_patient(const std::filesystem::path& folder) {
 double hausdorff_px(const Pixels& a, const Pixels& b) {
   const auto farthest = [](const Pixels& from, const Pixels& line) {
     double most = 0;
-    for (const Eigen::Vector2d& place : from) {
-      double nearest = std::numeric_limits<double>::infinity();
-      for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-        const Eigen::Vector2d way = line[i + 1] - line[i];
-        const double length2 = way.squaredNorm();
-        const double share = length2 > 0 ? std::clamp((place - line[i]).dot(way) / length2, 0.0, 1.0) : 0.0;
-        nearest = std::min(nearest, (place - line[i] - share * way).norm());
-      }
-      most = std::max(most, nearest);
-    }
+    for (const Eigen::Vector2d& place : from)
+      most = std::max(most, std::sqrt(nearest_on_polyline(line, place).squared_px2));
     return most;
   };
   return std::max(farthest(a, b), farthest(b, a));
@@ -283,25 +276,12 @@ void show(const Patient& patient, const Canvas& canvas, const Laid& laid,
 
 /// (a) A person clicks `count` corresponding places of each line, both ends among them.
 Laid clicked(const Patient& patient, const Canvas& canvas, std::size_t count) {
-  const auto place_at = [](const auto& line, double share) {
-    double length = 0;
-    for (std::size_t i = 1; i < line.size(); ++i) length += (line[i] - line[i - 1]).norm();
-    double left = share * length;
-    std::size_t i = 1;
-    for (; i + 1 < line.size() && left > (line[i] - line[i - 1]).norm(); ++i)
-      left -= (line[i] - line[i - 1]).norm();
-    const double step = (line[i] - line[i - 1]).norm();
-    return (line[i - 1] + std::min(1.0, step > 0 ? left / step : 0) * (line[i] - line[i - 1])).eval();
-  };
   std::vector<kiroku::compare::PickedPoint> picked;
   for (const Patient::Contour& contour : patient.contours) {
     if (contour.vertices.empty()) continue;
-    const std::vector<Vector3> line = patient.line_m(contour);
-    const Pixels pixels = canvas.on(contour.pixels);
-    for (std::size_t i = 0; i < count; ++i) {
-      const double share = double(i) / double(count - 1);
-      picked.push_back({place_at(line, share), place_at(pixels, share)});
-    }
+    const std::vector<Vector3> places = spread_over_polyline(patient.line_m(contour), count);
+    const Pixels pixels = spread_over_polyline(canvas.on(contour.pixels), count);
+    for (std::size_t i = 0; i < count; ++i) picked.push_back({places[i], pixels[i]});
   }
   const double begun = processor_seconds();
   const auto registration =

@@ -19,7 +19,6 @@ import json
 import pathlib
 import random
 import shutil
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -32,14 +31,11 @@ from fleet_test import start
 from page_client import Person
 from ship_test import HERE, Store, eventually, judged, require
 
+sys.path.insert(0, str(HERE.parent / "support"))
+import ports  # noqa: E402
+
 CASE_S = 20
 STORE = "[store]\nendpoint = \"{endpoint}\"\nbucket = \"recordings\"\n"
-
-
-def free_port():
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return found.getsockname()[1]
 
 
 class Program:
@@ -76,7 +72,7 @@ class Server(Program):
     def __init__(self, programs, folder, name, configuration):
         home = folder / name
         subprocess.run([programs / "kiroku", "init", "--demo", "--home", home], check=True, capture_output=True)
-        self.port, reports = free_port(), free_port()
+        self.port, reports = ports.reserved_port(), ports.reserved_port()
         self.reports = f"https://127.0.0.1:{reports}"
         super().__init__([programs / "kiroku-fleet", "serve", "--home", home, "--config", configuration, "--listen", f"127.0.0.1:{self.port}", "--reports",
                           f"127.0.0.1:{reports}", "--scratch", folder], folder / f"{name}.log")
@@ -107,6 +103,13 @@ class Room(SharingAppliance):
         self.thread.start()
 
     def record(self):
+        """What goes wrong in this thread ends the run, in end_work()."""
+        try:
+            self.record_cases()
+        except Exception as error:
+            self.problem = repr(error)
+
+    def record_cases(self):
         while not self.stopping.is_set() and not self.problem:
             for words in (("start", "--room", self.name, "--json"), ("stop", "--room", self.name)):
                 done = self.ask("case", *words)

@@ -37,6 +37,9 @@ import verifier
 from case_writer import MS, SECOND
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "support"))
+import ports  # noqa: E402
+
 PROGRAMS = None
 # Root may read every file, unless it gives that right away.
 AS_ONE_WHO_MAY_NOT_READ_ALL = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"] if os.geteuid() == 0 else []
@@ -327,9 +330,7 @@ class Exchange(unittest.TestCase):
     def test_the_other_verifier_reads_our_case(self):
         self.assertEqual(self.ask("kiroku", "init", "--demo", "--ml-dsa", home="home").returncode, 0)
         home = self.scratch / "home"
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = ports.reserved_port()
         config = home / "kiroku.toml"
         config.write_text(config.read_text() + f"""
 [[room]]

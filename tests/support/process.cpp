@@ -131,6 +131,13 @@ bool Process::wait_for(const std::string& text, std::chrono::seconds limit) {
   return found();
 }
 
+bool Process::runs() {
+  pump(milliseconds(0));  // or it would wait for room to write
+  siginfo_t ended{};
+  return ::waitid(P_PID, static_cast<id_t>(pid_), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+         ended.si_pid == 0;
+}
+
 void Process::signal(int number) const { ::kill(pid_, number); }
 
 void Process::type(const std::string& text) const {

@@ -36,6 +36,8 @@ class Process {
   bool wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(60));
   /// What it has written so far, as far as wait_for() read it.
   [[nodiscard]] const std::string& out() const { return result_.out; }
+  /// Whether it has not ended.
+  [[nodiscard]] bool runs();
   void signal(int number) const;
   /// Keys on its terminal.
   void type(const std::string& text) const;

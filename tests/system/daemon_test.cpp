@@ -430,7 +430,10 @@ TEST_F(Daemon, TellsOfRecipientsThatNoRoomUses) {
   Process daemon(kirokud());
   ASSERT_TRUE(daemon.wait_for(sentence));
   ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
-  EXPECT_THAT(kiroku_json({"status", "--json"})["problems"].dump(), HasSubstr(sentence));
+  const nlohmann::json status = kiroku_json({"status", "--json"});
+  EXPECT_THAT(status["remarks"].dump(), HasSubstr(sentence));
+  EXPECT_EQ(status["problems"].size(), 0U) << "it records as it is told";
+  EXPECT_THAT(kiroku({"status"}).out, HasSubstr(sentence));
 }
 
 // Its disk is not mounted, and a new log begins below the mount point.

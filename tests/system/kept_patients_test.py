@@ -20,6 +20,9 @@ import tempfile
 import threading
 import time
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "support"))
+import ports  # noqa: E402
+
 LIMIT_S = 120
 ROOM = '''
 [[room]]
@@ -41,9 +44,10 @@ def require(holds, what):
         raise AssertionError(what)
 
 
-def eventually(holds, what):
+def eventually(holds, what, look=lambda: None):
     end = time.monotonic() + LIMIT_S
     while time.monotonic() < end:
+        look()
         if holds():
             return
         threading.Event().wait(0.05)
@@ -54,11 +58,27 @@ class Manager:
     """What systemd is to one service. Without a store it closes what it is given, as with FileDescriptorStoreMax=0."""
 
     def __init__(self, folder, has_store):
-        self.has_store, self.kept, self.is_ready = has_store, {}, False
+        self.has_store, self.kept, self.is_ready, self.failure = has_store, {}, False, None
         self.path = str(folder / ("notify" if has_store else "notify-without"))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.bind(self.path)
-        threading.Thread(target=self.listen, daemon=True).start()
+        threading.Thread(target=self.keep_listening, daemon=True).start()
+
+    def keep_listening(self):
+        """What goes wrong in this thread ends the test, in the other one."""
+        try:
+            self.listen()
+        except BaseException as error:
+            self.failure = error
+
+    def look(self):
+        if self.failure:
+            raise AssertionError(f"what plays systemd failed: {self.failure!r}") from self.failure
+
+    def wait(self, process):
+        """Its exit status."""
+        eventually(lambda: process.poll() is not None, "kirokud ends", self.look)
+        return process.returncode
 
     def listen(self):
         while True:
@@ -96,7 +116,7 @@ class Manager:
                                    stdout=log, stderr=log, preexec_fn=place, close_fds=True, pass_fds=[3 + at for at in range(len(names))])
         for descriptor in sources + high:
             os.close(descriptor)
-        eventually(lambda: self.is_ready or process.poll() is not None, "kirokud is ready")
+        eventually(lambda: self.is_ready or process.poll() is not None, "kirokud is ready", self.look)
         require(process.poll() is None, "kirokud ended as it started")
         return process
 
@@ -132,9 +152,7 @@ class Recorder:
         for name in ("kirokud", "kiroku-decoder"):
             shutil.copy(programs / name, self.bin / name)
         subprocess.run([programs / "kiroku", "init", "--demo", "--home", self.home], check=True, capture_output=True)
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = ports.reserved_port()
         with open(self.home / "kiroku.toml", "a") as file:
             file.write(ROOM.format(port=self.port, socket=folder / "s"))
         self.log = folder / "log"
@@ -143,7 +161,7 @@ class Recorder:
     def start(self):
         with open(self.log, "ab") as log:
             self.process = self.manager.start([self.bin / "kirokud", "--home", self.home], log)
-        eventually(lambda: self.status()["rooms"][0]["procedure"][0]["well"], "messages are waited for")
+        eventually(lambda: self.status()["rooms"][0]["procedure"][0]["well"], "messages are waited for", self.manager.look)
 
     def kiroku(self, *words):
         done = subprocess.run([self.programs / "kiroku", *words, "--home", self.home], capture_output=True, text=True)
@@ -170,7 +188,8 @@ class Recorder:
     def end(self):
         if self.process and self.process.poll() is None:
             self.process.terminate()
-            require(self.process.wait(LIMIT_S) == 0, "kirokud does not end well")
+            require(self.manager.wait(self.process) == 0, "kirokud does not end well")
+        self.manager.look()
 
 
 def is_kept_over_starts(programs, folder):
@@ -183,7 +202,7 @@ def is_kept_over_starts(programs, folder):
 
     # An upgrade while the room rests.
     recorder.upgrade()
-    require(recorder.process.wait(LIMIT_S) == 0, "it ends for the newer one")
+    require(manager.wait(recorder.process) == 0, "it ends for the newer one")
     require(ENDS_FOR_A_NEWER in recorder.log.read_text(), "it says why")
     require(len(manager.kept) == 2, f"{list(manager.kept)} are kept")
     recorder.start()
@@ -216,11 +235,12 @@ def waits_where_nothing_keeps_it(programs, folder):
     recorder.start()
     deliver(recorder.port, *adt("A10", "A1", "RIGHT^ANNA"))
     recorder.upgrade()
-    eventually(lambda: any("takes over once no HL7 message" in one for one in recorder.status()["problems"]), "it says that it waits")
+    eventually(lambda: any("takes over once no HL7 message" in one for one in recorder.status()["remarks"]), "it says that it waits", recorder.manager.look)
+    require(not recorder.status()["problems"], "that it waits is no problem")
     require(recorder.process.poll() is None, "it ended, and forgot who is on the table")
     require(recorder.subject()["patient"]["family"] == "RIGHT", "it forgot who is on the table")
     deliver(recorder.port, *adt("A03", "A1", "RIGHT^ANNA"))
-    require(recorder.process.wait(LIMIT_S) == 0, "it ends once the room is empty")
+    require(recorder.manager.wait(recorder.process) == 0, "it ends once the room is empty")
     require(ENDS_FOR_A_NEWER in recorder.log.read_text(), "it says why")
 
 

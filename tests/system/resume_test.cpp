@@ -164,6 +164,7 @@ TEST_F(Resuming, ASubjectThatTheDeviceDidNotSignIsNotCarriedOver) {
   ASSERT_TRUE(until_state("recording"));
   EXPECT_EQ(room()["carries_on"], first);
   EXPECT_EQ(room()["subject"], "none") << "not the one that was corrected, either";
+  EXPECT_TRUE(daemon.wait_for("the case goes on after one whose subject it is not given"));
   EXPECT_EQ(kiroku({"case", "stop"}).status, 0);
 }
 

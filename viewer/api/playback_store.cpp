@@ -14,8 +14,6 @@ namespace {
 constexpr std::chrono::seconds kSweepEvery{1};
 constexpr std::chrono::seconds kOpenCaseStays{15};
 
-FileStamp ledger_of(const std::filesystem::path& folder) { return file_stamp(folder / archive::kLedgerFile); }
-
 bool is_closed(const PlaybackStore::Playback& playback) {
   return playback->recording().closing().has_value();
 }
@@ -23,10 +21,12 @@ bool is_closed(const PlaybackStore::Playback& playback) {
 }  // namespace
 
 PlaybackStore::PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes,
-                             const Clock& clock)
+                             const Clock& clock, StampOf stamp_of)
     : cache_(std::make_shared<playback::EncryptedCache>(folder, most_bytes)),
       clock_(clock),
-      sweeper_([this] { run(); }) {}
+      stamp_of_(std::move(stamp_of)),
+      sweeper_([this] { each_second(&PlaybackStore::sweep); }),
+      looker_([this] { each_second(&PlaybackStore::let_go_of_changed); }) {}
 
 PlaybackStore::~PlaybackStore() {
   {
@@ -35,6 +35,11 @@ PlaybackStore::~PlaybackStore() {
   }
   wake_.notify_all();
   sweeper_.join();
+  looker_.join();
+}
+
+FileStamp PlaybackStore::ledger_of(const std::filesystem::path& folder) const {
+  return stamp_of_(folder / archive::kLedgerFile);
 }
 
 PlaybackStore::Playback PlaybackStore::find(const std::shared_ptr<Session>& session,
@@ -165,14 +170,13 @@ void PlaybackStore::let_go_of_changed() {
   for (const std::filesystem::path& folder : forget) playback::CasePlayback::forget_copies(*cache_, folder);
 }
 
-void PlaybackStore::run() {
+void PlaybackStore::each_second(void (PlaybackStore::*work)()) {
   for (;;) {
     {
       std::unique_lock lock(mutex_);
       if (clock_.wait_for(wake_, lock, kSweepEvery, [this] { return stopping_; })) return;
     }
-    sweep();
-    let_go_of_changed();
+    (this->*work)();
   }
 }
 

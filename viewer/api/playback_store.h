@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
@@ -34,9 +35,11 @@ class PlaybackStore {
   /// Cases of which copies are kept.
   static constexpr std::size_t kMostCopied = 256;
 
+  using StampOf = std::function<FileStamp(const std::filesystem::path& file)>;
+
   /// Viewing copies go to `folder`. Throws kiroku::IoError if it cannot be used.
   PlaybackStore(const std::filesystem::path& folder, std::uint64_t most_bytes,
-                const Clock& clock = Clock::system());
+                const Clock& clock = Clock::system(), StampOf stamp_of = file_stamp);
   ~PlaybackStore();
   PlaybackStore(const PlaybackStore&) = delete;
   PlaybackStore& operator=(const PlaybackStore&) = delete;
@@ -78,18 +81,21 @@ class PlaybackStore {
   [[nodiscard]] std::vector<std::filesystem::path> changed();
   /// Each is looked at once a second: where they are too many, those that nobody watches.
   [[nodiscard]] std::vector<std::filesystem::path> beyond_most_copied();
-  void run();
+  [[nodiscard]] FileStamp ledger_of(const std::filesystem::path& folder) const;
+  void each_second(void (PlaybackStore::*work)());
 
   const std::shared_ptr<playback::EncryptedCache> cache_;
   const Clock& clock_;
+  const StampOf stamp_of_;
   playback::SingleFlight<Playback> opening_;
-  std::mutex mutex_;  // guards what follows, but for the thread
+  std::mutex mutex_;  // guards what follows, but for the threads
   std::condition_variable wake_;
   std::list<Watched> watched_;  // what was used last in front
   std::map<std::filesystem::path, Copied> copied_;
   std::vector<Leaving> leaving_;
   bool stopping_ = false;
-  std::thread sweeper_;
+  /// Two: an archive that hangs, as one on a network does, must keep no keys of a session that was locked.
+  std::thread sweeper_, looker_;
 };
 
 }  // namespace kiroku::viewer

@@ -19,7 +19,7 @@ ApplianceReport well(const std::string& room, const std::string& state = "record
   report.now = kNoon;
   report.recorder = ApplianceReport::Recorder{};
   report.recorder->rooms = {{room, state, "20261127T115000Z-3f9c21ab", 600, 3}};
-  report.recorder->disk = {1U << 30, 2U << 30, 40.0};
+  report.recorder->disk = DiskReport{1U << 30, 2U << 30, 40.0};
   report.recorder->clock = {true, 1000};
   report.has_store = true;
   report.shipping.emplace();
@@ -87,7 +87,8 @@ TEST(RoomBoard, EachTroubleIsTold) {
   EXPECT_THAT(of([](R& r) { r.recorder->rooms[0].not_resumed = true; }), ElementsAre(Concern::kNotResumed));
   EXPECT_THAT(of([](R& r) { r.recorder->rooms[0].silent = {"room"}; }), ElementsAre(Concern::kSilent));
   EXPECT_THAT(of([](R& r) { r.recorder->rooms[0].lost = 1; }), ElementsAre(Concern::kLost));
-  EXPECT_THAT(of([](R& r) { r.recorder->disk.hours_left = 7.9; }), ElementsAre(Concern::kDiskShort));
+  EXPECT_THAT(of([](R& r) { r.recorder->disk->hours_left = 7.9; }), ElementsAre(Concern::kDiskShort));
+  EXPECT_THAT(of([](R& r) { r.recorder->disk.reset(); }), ElementsAre(Concern::kDiskUnknown));
   EXPECT_THAT(of([](R& r) { r.recorder->clock.synchronised = false; }), ElementsAre(Concern::kClockFree));
   EXPECT_THAT(of([](R& r) {
                 r.recorder->authorities = {{"a", 3}, {"b", 1}};

@@ -54,10 +54,24 @@ TEST(ApplianceReportTest, IsMadeOfWhatTheRecorderSays) {
   EXPECT_EQ(recorder.authorities.front().token_s, 60);
 }
 
-TEST(ApplianceReportTest, ADiskThatCannotBeLookedAtIsToldAsOneThatTakesNothing) {
+TEST(ApplianceReportTest, ADiskThatCannotBeLookedAtIsToldAsUnknownAndNotAsFull) {
+  EXPECT_EQ(recorder_report(status(), kNow).disk->hours_left, 4.5);
   json gone = status();
   gone["disk"] = nullptr;
-  EXPECT_EQ(recorder_report(gone, kNow).disk.hours_left, 0);
+  ApplianceReport report = whole();
+  report.recorder = recorder_report(gone, kNow);
+  EXPECT_FALSE(report.recorder->disk);
+  const std::string told = to_json(report);
+  EXPECT_FALSE(parse_report(told).recorder->disk);
+  // Programs of before, on either side.
+  json plain = json::parse(told);
+  EXPECT_EQ(plain["recorder"]["disk"], json::parse(R"({"free_bytes":0,"total_bytes":0,"hours_left":0})"));
+  plain["recorder"]["disk"] = nullptr;
+  EXPECT_FALSE(parse_report(plain.dump()).recorder->disk);
+  // One that is full is another matter.
+  plain["recorder"]["disk"] = {{"free_bytes", 0}, {"total_bytes", 2000}, {"hours_left", 0}};
+  ASSERT_TRUE(parse_report(plain.dump()).recorder->disk);
+  EXPECT_EQ(parse_report(plain.dump()).recorder->disk->hours_left, 0);
 }
 
 TEST(ApplianceReportTest, TellsThatARoomHadToAskForATokenOfItsOwn) {

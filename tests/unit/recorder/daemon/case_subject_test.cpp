@@ -96,6 +96,23 @@ TEST_F(CaseSubjectTest, AnOperationThatGoesOnWithoutASubjectLooksForNone) {
   EXPECT_EQ(subject.why_missing(), std::nullopt) << "the next operation's case";
 }
 
+// It had one: nobody is to read that none was known.
+TEST_F(CaseSubjectTest, AnOperationThatGoesOnWithItsSubjectWithheldSaysSoAndLooksForNone) {
+  source->known = somebody();
+  CaseSubject without_source(nullptr, {});
+  for (CaseSubject* const each : {&subject, &without_source}) {
+    EXPECT_EQ(each->at_beginning({}, {}, GoesOn::kSubjectWithheld).state, SubjectState::kNone);
+    const std::string why = each->why_missing().value_or("");
+    EXPECT_THAT(why, HasSubstr("after one whose subject it is not given"));
+    EXPECT_THAT(why, HasSubstr("a person must say whom it is about"));
+    EXPECT_THAT(why, testing::Not(HasSubstr("no subject is known")));
+    EXPECT_EQ(each->late(Clock::Time(1h)), std::nullopt);
+    each->at_beginning({}, to_bytes("typed"), GoesOn::kSubjectWithheld);
+    EXPECT_EQ(each->why_missing(), std::nullopt) << "a person said it";
+  }
+  EXPECT_EQ(source->asked, 0);
+}
+
 TEST_F(CaseSubjectTest, WhatIsPlannedForLaterBecomesNoRunningCasesByItself) {
   const UtcTime begun(std::chrono::sys_days(std::chrono::year(2026) / 8 / 5) + 9h);
   subject.at_beginning(begun, {}, GoesOn::kNo);

@@ -359,6 +359,20 @@ TEST_F(RoomTest, TheRecorderEndsForANewerOneOnlyWhereEveryRoomRests) {
   EXPECT_TRUE(daemon.begin_no_more());
 }
 
+TEST_F(RoomTest, ARemarkIsNoProblem) {
+  DaemonOptions options;
+  options.archive = bench.options().archive;
+  options.problems = {"recording goes on without the viewer"};
+  options.remarks = {"a rule names no stream"};
+  Daemon daemon(std::move(options));
+  daemon.add_remark("a newer version waits");
+  const nlohmann::ordered_json status = daemon.handle({{"do", "status"}});
+  EXPECT_EQ(status["problems"], nlohmann::ordered_json({"recording goes on without the viewer"}));
+  EXPECT_EQ(status["remarks"], nlohmann::ordered_json({"a rule names no stream", "a newer version waits"}));
+  EXPECT_THAT(daemon.metrics(),
+              testing::AllOf(HasSubstr("kiroku_problems 1\n"), HasSubstr("kiroku_remarks 2\n")));
+}
+
 TEST_F(RoomTest, AnArchiveThatIsGoneIsToldAndRoomsAreAsBefore) {
   DaemonOptions options;
   options.rooms.push_back(plan({kCamera}));
@@ -836,6 +850,36 @@ TEST_F(GoingOn, AfterAnErrorNoPatientIsLookedUpForAnOperationThatHadNone) {
     room.stop("operator", true);
     EXPECT_FALSE(read(second).all<archive::OpenEntry>().at(0).subject);
   }
+}
+
+// Whose signal it is nobody knows; that there was a patient is not to be forgotten, either.
+TEST_F(GoingOn, ASignalAfterAnErrorBeginsACaseThatIsToldToBeWithoutThePatientOfBefore) {
+  RoomPlan failing = failing_plan(500ms);
+  failing.rules.start_on_signal = "camera-0";
+  failing.rules.signal_lasts = 1s;
+  Room room(std::move(failing), listener(), time);
+  room.start("operator", to_bytes(R"({"patient":"typed"})"));
+  const std::string second = break_and_go_on(room);
+  EXPECT_EQ(room.status().reason, "signal");
+  EXPECT_EQ(room.status().subject, SubjectState::kNone);
+  EXPECT_THAT(room.status().problem, HasSubstr("after one whose subject it is not given"));
+  room.stop("operator", true);
+  EXPECT_FALSE(read(second).all<archive::OpenEntry>().at(0).subject);
+}
+
+TEST_F(GoingOn, ASubjectThatTheNoteDoesNotProveIsToldToBeWithheld) {
+  RoomPlan resumed = plan({kCamera});
+  resumed.procedure = procedure;
+  resumed.resume.emplace();
+  resumed.resume->case_id = "20260805T091502Z-3f9c21ab";
+  resumed.resume->earlier = {"20260805T081502Z-3f9c21ab", 7, {}};
+  resumed.resume->reason = "operator";
+  resumed.resume->within = 10min;
+  resumed.resume->is_subject_withheld = true;
+  Room room(std::move(resumed), listener(), time);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_THAT(room.status().problem, HasSubstr("after one whose subject it is not given"));
+  room.stop("operator", true);
 }
 
 TEST_F(GoingOn, AWindowThatGoesOnAfterAnErrorKeepsItsPatient) {

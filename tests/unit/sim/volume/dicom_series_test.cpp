@@ -270,10 +270,24 @@ TEST_F(DicomSeriesTest, RefusesPicturesOfTwoPatientsUnderOneSeries) {
   const std::string of_patients = with("(0010,0020)", "4711", "4712");
   EXPECT_THAT(of_patients, HasSubstr("slice90.dcm and slice89.dcm differ in whose they are (PatientID)"));
   EXPECT_THAT(of_patients, testing::Not(HasSubstr("471")));
-  EXPECT_THAT(with("(0010,0020)", "4711", ""), HasSubstr("(PatientID)"));
-  EXPECT_THAT(with("(0010,0010)", "Abe^Akiko", "Baba^Emi"), HasSubstr("(PatientName)"));
+  EXPECT_THAT(with("(0010,0020)", "4711", ""), HasSubstr("(PatientID): they may be of two patients;"));
+  EXPECT_THAT(with("(0010,0010)", "Abe^Akiko", "Baba^Emi"),
+              HasSubstr("(PatientName): they may be of two patients;"));
+  EXPECT_THAT(with("(0010,0010)", "Abe^Akiko", ""), HasSubstr("(PatientName)"));
+  EXPECT_THAT(with("(0010,0010)", "Abe^Akiko", "Abe^Akiko^M"), HasSubstr("(PatientName)"));
   EXPECT_THAT(with("(0020,000d)", "1.2.9.1", "1.2.9.2"), HasSubstr("their study (StudyInstanceUID)"));
   EXPECT_THAT(with("(0020,0052)", "1.2.8.1", "1.2.8.2"), HasSubstr("(FrameOfReferenceUID)"));
+}
+
+// Some systems write all five parts of a name, and all three writings.
+TEST_F(DicomSeriesTest, TakesANameAsTheSameWhateverEmptyPartsFollow) {
+  for (const char* const same : {"DOE^JOHN^^", "DOE^JOHN^^^", "DOE^JOHN ", "DOE^JOHN^ =", "DOE^JOHN^=^="}) {
+    int number = 0;
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+      slice.elements["(0010,0010)"] = ++number == 1 ? "DOE^JOHN" : same;
+    });
+    EXPECT_EQ(refusal(), "") << same;
+  }
 }
 
 TEST_F(DicomSeriesTest, RefusesSeveralSeriesWithTheirListUnlessOneIsChosen) {

@@ -1,8 +1,10 @@
 #include "sim/volume/image_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -10,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "sim/volume/image_integrity.h"
 #include "sim/volume/volume_reader.h"
 #include "tests/support/orientations.h"
 #include "tests/support/temporary_folder.h"
@@ -29,7 +32,7 @@ std::string raw(const std::vector<Value>& values) {
   return bytes;
 }
 
-/// A NIfTI-1 file of 16-bit voxels, 4 x 3 x 2, in the words of nifti1.h.
+/// A NIfTI file of 16-bit voxels, 4 x 3 x 2, in the words of nifti1.h and nifti2.h.
 struct Nifti {
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();  // voxel to RAS, mm
   Vector3 offset_mm = {1, 2, 3};
@@ -40,40 +43,60 @@ struct Nifti {
   Eigen::Quaternionf qform_turn = Eigen::Quaternionf::Identity();
   float qform_hand = 1;
   Eigen::Vector3f qform_offset_mm = {1, 2, 3};
+  std::optional<Eigen::Vector3d> pixdim_mm = {};  // else as the affine has it
+  bool second = false, swapped = false;           // NIfTI-2; of the other byte order
   std::string values = raw(std::vector<std::int16_t>{0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11,
                                                      12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23});
 
   [[nodiscard]] std::string text() const {
-    std::string header(352, '\0');
-    const auto put = [&](std::size_t at, auto value) {
+    std::string header(second ? 544 : 352, '\0');
+    const auto put = [&]<typename Value>(std::size_t at, Value value) {
       std::memcpy(header.data() + at, &value, sizeof(value));
+      if (swapped) std::reverse(header.begin() + long(at), header.begin() + long(at + sizeof(value)));
     };
-    put(0, std::int32_t{348});
-    const std::array<std::int16_t, 8> size{
-        static_cast<std::int16_t>(volumes > 1 ? 4 : 3), 4, 3, 2, volumes, 1, 1, 1};
-    for (std::size_t at = 0; at < 8; ++at) put(40 + 2 * at, size[at]);
-    put(70, type);
-    put(72, static_cast<std::int16_t>(type == 16 ? 32 : 16));
-    put(76, qform_hand);
+    // Wider in NIfTI-2, and elsewhere.
+    const auto put_whole = [&]<typename First, typename Second>(std::size_t in_first, First,
+                                                                std::size_t in_second, Second,
+                                                                std::int64_t value) {
+      second ? put(in_second, static_cast<Second>(value)) : put(in_first, static_cast<First>(value));
+    };
+    const auto put_real = [&](std::size_t in_first, std::size_t in_second, double value) {
+      second ? put(in_second, value) : put(in_first, static_cast<float>(value));
+    };
+    constexpr std::int16_t k16 = 0;
+    constexpr std::int32_t k32 = 0;
+    constexpr std::int64_t k64 = 0;
+    put(0, second ? 540 : 348);
+    const std::array<std::int64_t, 8> size{volumes > 1 ? 4 : 3, 4, 3, 2, volumes, 1, 1, 1};
+    for (std::size_t at = 0; at < 8; ++at) put_whole(40 + 2 * at, k16, 16 + 8 * at, k64, size[at]);
+    put_whole(70, k16, 12, k16, type);
+    put_whole(72, k16, 14, k16, type == 16 ? 32 : 16);
+    put_real(76, 104, qform_hand);
     for (int axis = 0; axis < 3; ++axis)
-      put(80 + 4 * std::size_t(axis), static_cast<float>(affine.col(axis).norm()));
-    put(108, 352.0F);
-    put(112, slope);
-    put(116, intercept);
-    put(123, unit);
-    put(252, qform_code);
-    put(254, sform_code);
+      put_real(80 + 4 * std::size_t(axis), 112 + 8 * std::size_t(axis),
+               pixdim_mm ? (*pixdim_mm)[axis] : affine.col(axis).norm());
+    second ? put(168, std::int64_t{544}) : put(108, 352.0F);
+    put_real(112, 176, slope);
+    put_real(116, 184, intercept);
+    second ? put(500, std::int32_t{unit}) : put(123, unit);
+    put_whole(252, k16, 344, k32, qform_code);
+    put_whole(254, k16, 348, k32, sform_code);
     const std::array<float, 6> qform{qform_turn.x(),      qform_turn.y(),      qform_turn.z(),
                                      qform_offset_mm.x(), qform_offset_mm.y(), qform_offset_mm.z()};
-    for (std::size_t at = 0; at < qform.size(); ++at) put(256 + 4 * at, qform[at]);
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        put(280 + 16 * std::size_t(row) + 4 * std::size_t(column), static_cast<float>(affine(row, column)));
-      }
-      put(280 + 16 * std::size_t(row) + 12, static_cast<float>(offset_mm[row]));
+    for (std::size_t at = 0; at < qform.size(); ++at) put_real(256 + 4 * at, 352 + 8 * at, qform[at]);
+    for (std::size_t row = 0; row < 3; ++row) {
+      const auto at = static_cast<Eigen::Index>(row);
+      for (std::size_t column = 0; column < 3; ++column)
+        put_real(280 + 16 * row + 4 * column, 400 + 32 * row + 8 * column,
+                 affine(at, static_cast<Eigen::Index>(column)));
+      put_real(280 + 16 * row + 12, 400 + 32 * row + 24, offset_mm[at]);
     }
-    std::memcpy(header.data() + 344, "n+1", 4);
-    return header + values;
+    const std::string magic = second ? std::string("n+2\0\r\n\x1A\n", 8) : std::string("n+1\0", 4);
+    std::ranges::copy(magic, header.begin() + (second ? 4 : 344));
+    std::string voxels = values;
+    for (std::size_t at = 0; swapped && at + 1 < voxels.size(); at += 2)
+      std::swap(voxels[at], voxels[at + 1]);
+    return header + voxels;
   }
 };
 
@@ -148,7 +171,8 @@ TEST_F(ImageFileTest, RefusesNiftiThatIsPlacedTwiceAndContradictsItself) {
   EXPECT_EQ(refusal(write("a.nii", nifti.text())), "");
   EXPECT_THAT(findings(), testing::Not(is_told));
   nifti.qform_offset_mm = {1, 2, 5.5};
-  EXPECT_THAT(findings(), Contains(HasSubstr("differ by 0 degrees and up to 2.5 voxels")));
+  EXPECT_THAT(findings(), Contains(AllOf(HasSubstr("its sform was taken"),
+                                         HasSubstr("differ by 0 degrees and up to 2.5 voxels"))));
   nifti.qform_offset_mm = {1, 2, 3};
   nifti.qform_turn = Eigen::AngleAxisf(0.1F, Eigen::Vector3f::UnitZ());
   EXPECT_THAT(findings(), is_told);
@@ -165,6 +189,136 @@ TEST_F(ImageFileTest, RefusesNiftiThatIsPlacedTwiceAndContradictsItself) {
               testing::ThrowsMessage<Error>(HasSubstr("mirror image")));
   nifti.sform_code = 0;
   EXPECT_EQ(refusal(write("a.nii", nifti.text())), "") << "one alone contradicts nothing";
+}
+
+// Distances are taken from pixdim, and only where axes run to from the sform.
+TEST_F(ImageFileTest, RefusesNiftiWhoseSformHasAnotherScale) {
+  Nifti nifti;
+  for (const double times : {2.0, 0.5, 1.02}) {
+    nifti.pixdim_mm = {times, times, times};
+    EXPECT_THAT(refusal(write("a.nii", nifti.text())),
+                AllOf(HasSubstr("says twice how far it is from voxel to voxel"),
+                      HasSubstr("1 x 1 x 1 mm by its sform")))
+        << times;
+  }
+  nifti.pixdim_mm = {1, 1, 3};
+  nifti.qform_code = 1;
+  EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("1 x 1 x 3 mm by its pixdim"));
+  nifti.pixdim_mm = {1.005, 1, 1};
+  EXPECT_EQ(refusal(write("a.nii", nifti.text())), "") << "rounding";
+  // Not where nothing is placed by it.
+  nifti.pixdim_mm = {2, 2, 2};
+  nifti.sform_code = 0;
+  EXPECT_TRUE(
+      read_image_file(write("a.nii", nifti.text())).grid.spacing_m.isApprox(Vector3::Constant(0.002)));
+}
+
+TEST_F(ImageFileTest, TellsThatAVolumeWasStretchedToATemplate) {
+  Nifti nifti;
+  const auto findings = [&] { return read_volume(write("a.nii", nifti.text()), {}).findings; };
+  const auto is_told = Contains(HasSubstr("was stretched to a template"));
+  for (const auto code : std::initializer_list<std::int16_t>{1, 2}) {
+    nifti.sform_code = code;
+    EXPECT_THAT(findings(), testing::Not(is_told)) << code;
+  }
+  nifti.sform_code = 3;
+  EXPECT_THAT(findings(), Contains(HasSubstr("its sform is of Talairach")));
+  nifti.sform_code = 4;
+  EXPECT_THAT(findings(), Contains(HasSubstr("its sform is of MNI 152")));
+  nifti.sform_code = 0;
+  nifti.qform_code = 4;
+  EXPECT_THAT(findings(), Contains(HasSubstr("its qform is of MNI 152")));
+}
+
+TEST_F(ImageFileTest, AnSformOfSomethingElseMayBeTurnedAndTheOneThatIsTakenIsNamed) {
+  Nifti nifti;
+  nifti.qform_code = 1;
+  nifti.qform_turn = Eigen::AngleAxisf(float(M_PI) / 2, Eigen::Vector3f::UnitZ());
+  const auto findings = [&] { return read_volume(write("a.nii", nifti.text()), {}).findings; };
+  for (const auto code : std::initializer_list<std::int16_t>{2, 3, 4}) {
+    nifti.sform_code = code;
+    const ImageFile image = read_image_file(write("a.nii", nifti.text()));
+    const bool of_qform = image.grid.direction.col(0).isApprox(-Vector3::UnitY(), 1e-6);
+    EXPECT_TRUE(of_qform != image.grid.direction.col(0).isApprox(-Vector3::UnitX(), 1e-6)) << code;
+    EXPECT_THAT(findings(),
+                Contains(AllOf(HasSubstr(of_qform ? "its qform was taken" : "its sform was taken"),
+                               HasSubstr("differ by 90 degrees"))))
+        << code;
+    nifti.qform_hand = -1;
+    EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("mirror image of the other")) << code;
+    nifti.qform_hand = 1;
+  }
+  // The scanner's own one is taken.
+  nifti.sform_code = 1;
+  nifti.qform_turn = Eigen::AngleAxisf(0.1F, Eigen::Vector3f::UnitZ());
+  EXPECT_THAT(findings(), Contains(HasSubstr("its sform was taken")));
+}
+
+// An affine transform to a template has lengths of its own, and the patient's own place is taken.
+TEST_F(ImageFileTest, TheLengthsOfATemplateAreNotTakenBesideThePatientsOwnPlace) {
+  Nifti nifti;
+  nifti.qform_code = 1;
+  nifti.sform_code = 4;
+  nifti.affine *= 1.5;
+  nifti.pixdim_mm = {1, 1, 1};
+  const ImageFile image = read_image_file(write("a.nii", nifti.text()));
+  EXPECT_TRUE(image.grid.spacing_m.isApprox(Vector3::Constant(0.001)));
+  EXPECT_THAT(image.findings, ElementsAre(HasSubstr("its qform was taken")));
+}
+
+TEST_F(ImageFileTest, ANegativeCodeStatesNoPlace) {
+  Nifti nifti;
+  nifti.sform_code = -1;
+  nifti.qform_code = -1;
+  EXPECT_FALSE(read_image_file(write("a.nii", nifti.text())).placed);
+  nifti.qform_code = 1;
+  EXPECT_TRUE(read_image_file(write("a.nii", nifti.text())).placed);
+}
+
+// Not every ITK reads NIfTI-2; what is read of its header here is looked at by itself.
+TEST_F(ImageFileTest, ReadsEitherNiftiInEitherByteOrder) {
+  for (const bool second : {false, true}) {
+    for (const bool swapped : {false, true}) {
+      Nifti nifti;
+      nifti.second = second;
+      nifti.swapped = swapped;
+      nifti.affine = Eigen::DiagonalMatrix<double, 3>(2, 3, 4);
+      nifti.qform_code = 1;
+      const std::filesystem::path file = write("a.nii", nifti.text());
+      const GzipFile stream = open_gzip(file.string());
+      const NiftiHeader header = NiftiHeader::read(stream, file.string());
+      EXPECT_TRUE(header.is_known());
+      EXPECT_EQ(header.is_first(), !second);
+      EXPECT_EQ(header.is_swapped(), swapped);
+      EXPECT_EQ(header.unit(), 2);
+      EXPECT_EQ(header.size(), Vector3(4, 3, 2));
+      EXPECT_EQ(header.spacing(), Vector3(2, 3, 4));
+      for (const NiftiHeader::Placement& place : {header.qform(), header.sform()}) {
+        EXPECT_EQ(place.code, 1);
+        EXPECT_TRUE(place.axes.isApprox(nifti.affine, 1e-6));
+        EXPECT_TRUE(place.first.isApprox(nifti.offset_mm, 1e-6));
+      }
+      EXPECT_THAT(check_nifti(stream, header, file.string(), 24), testing::IsEmpty());
+      EXPECT_THROW(check_nifti(stream, header, file.string(), 25), Error);
+      if (const std::string why = refusal(file); second && !why.empty()) {
+        EXPECT_THAT(why, HasSubstr("it is of NIfTI-2, which is not read here"));
+        continue;
+      }
+      const ImageFile image = read_image_file(file);
+      EXPECT_TRUE(image.placed);
+      EXPECT_THAT(image.findings, testing::IsEmpty());
+      EXPECT_THAT(image.grid.size, ElementsAre(4U, 3U, 2U));
+      EXPECT_TRUE((1000 * image.grid.patient_m({1, 1, 1})).isApprox(Vector3(-3, -5, 7), 1e-6));
+      EXPECT_EQ(image.values[image.grid.offset(1, 2, 1)], 21);
+      EXPECT_THAT(refusal(write("cut.nii", nifti.text().substr(0, nifti.text().size() - 1))),
+                  HasSubstr("it holds 23 of 24 voxels"));
+      nifti.qform_hand = -1;
+      EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("mirror image"));
+      nifti.qform_hand = 1;
+      nifti.pixdim_mm = {2, 3, 8};
+      EXPECT_THAT(refusal(write("a.nii", nifti.text())), HasSubstr("2 x 3 x 8 mm by its pixdim"));
+    }
+  }
 }
 
 const std::string kNrrd =

@@ -1,7 +1,11 @@
 #include "viewer/api/playback_store.h"
 
+#include <atomic>
+#include <future>
+
 #include <gtest/gtest.h>
 
+#include "tests/support/eventually.h"
 #include "tests/support/moved_clock.h"
 #include "tests/support/sample_case.h"
 
@@ -44,6 +48,39 @@ TEST(PlaybackStore, OnePersonsManyCasesPushNobodyElsesOut) {
   EXPECT_EQ(store.open(again.session, again.identities, cases.back()), playbacks.back());
   EXPECT_NE(store.open(greedy.session, greedy.identities, cases.front()), playbacks.front())
       << "the greedy one's oldest made room";
+}
+
+// As one on a network does whose server is away.
+TEST(PlaybackStore, ALockedSessionsKeysGoThoughAnArchiveHangs) {
+  test::SampleArchive archive;
+  const std::filesystem::path folder = test::SampleCase::write(archive);
+  const test::TemporaryFolder copies;
+  test::MovedClock clock;
+  std::promise<void> answers;
+  const std::shared_future<void> answered = answers.get_future().share();
+  std::atomic<bool> hangs = false, is_asked = false;
+  PlaybackStore store(copies / "copies", 1U << 20U, clock, [&](const std::filesystem::path& file) {
+    if (hangs) {
+      is_asked = true;
+      answered.wait();
+    }
+    return file_stamp(file);
+  });
+  const Watcher surgeon("haru", archive, clock);
+  const std::weak_ptr<playback::CasePlayback> watched =
+      store.open(surgeon.session, surgeon.identities, folder);
+  hangs = true;
+  const auto after_seconds = [&](const auto& holds) {
+    return test::eventually([&] {
+      clock.move(std::chrono::seconds(1));
+      return holds();
+    });
+  };
+  EXPECT_TRUE(after_seconds([&] { return is_asked.load(); }));
+  EXPECT_FALSE(watched.expired());
+  surgeon.session->lock();
+  EXPECT_TRUE(after_seconds([&] { return watched.expired(); }));
+  answers.set_value();
 }
 
 }  // namespace

@@ -44,6 +44,7 @@ function authoritiesText(one: FleetRoom): string {
 
 function diskText(one: FleetRoom): string {
   if (one.recorder === null) return t('fleet.unknown');
+  if (one.recorder.disk === null) return t('appliance.diskUnknown');
   const { hours_left, free_bytes } = one.recorder.disk;
   return hours_left === null ? formatBytes(free_bytes) : t('appliance.hours', { hours: hours_left });
 }
@@ -122,7 +123,7 @@ function Room({ one }: { one: FleetRoom }) {
           {one.is_heard && (
             <>
               {room !== null && <Fact name={t('fleet.lostFrames')} value={String(room.lost)} isBad={has('lost')} />}
-              <Fact name={t('fleet.disk')} value={diskText(one)} isBad={has('disk-short')} />
+              <Fact name={t('fleet.disk')} value={diskText(one)} isBad={has('disk-short') || has('disk-unknown')} />
               <Fact name={t('fleet.clock')} value={clockText(one)} isBad={has('clock-off') || has('clock-free')} />
               <Fact name={t('fleet.authorities')} value={authoritiesText(one)} isBad={has('no-authority') || has('not-shared')} />
               <Fact name={t('fleet.notShipped')} value={shippingText(one)} isBad={has('shipping-stuck') || has('shipping-unknown')} />

@@ -77,6 +77,7 @@ export const roomsEn = {
   'appliance.hardware': 'Key in hardware',
   'appliance.hardwareSilent': 'does not sign',
   'appliance.without': 'Goes on without',
+  'appliance.remark': 'Worth knowing',
   'appliance.hardwareToDo': 'Recording goes on, and cases are unproven until it signs again. Tell whoever keeps the recorder.',
 } as const;
 
@@ -157,5 +158,6 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'appliance.hardware': 'ハードウェア内の鍵',
   'appliance.hardwareSilent': '署名していません',
   'appliance.without': '使えないもの',
+  'appliance.remark': 'お知らせ',
   'appliance.hardwareToDo': '記録は続いています。再び署名するまで、症例は「証明不足」となります。記録装置の管理担当者に知らせてください。',
 };

@@ -301,6 +301,15 @@ function Appliance({ status }: { status: ApplianceStatus }) {
           </span>
         </div>
       ))}
+      {status.remarks?.map((remark) => (
+        <div key={remark} class="fact">
+          <Icon name="help" />
+          <span>
+            <small>{t('appliance.remark')}</small>
+            <span lang="en">{remark}</span>
+          </span>
+        </div>
+      ))}
       {status.hardware_silent && (
         <div class="fact">
           <Icon name="unproven" />
