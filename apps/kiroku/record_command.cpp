@@ -125,11 +125,11 @@ std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
       return recorder::subject_json(*data);
     }
     const std::string left_out = recorder::left_out_of(answer);
-    const bool is_doubtful = recorder::is_doubtful(answer, now, worklist.window);
-    const bool is_early = recorder::is_too_early(answer, now, worklist.window);
-    problem = (is_doubtful ? "the worklist lists two patients equally near to now ("
-               : is_early  ? "the worklist lists nothing before more than an hour from now ("
-                           : "the worklist lists nothing that can be taken for now (") +
+    const recorder::Doubt doubt = recorder::doubt_of(answer, now, worklist.window);
+    problem = (doubt == recorder::Doubt::kTwoPlanned ? "the worklist lists two patients equally near to now ("
+               : doubt == recorder::Doubt::kTooEarly
+                   ? "the worklist lists nothing before more than an hour from now ("
+                   : "the worklist lists nothing that can be taken for now (") +
               std::to_string(answer.items.size()) + " steps of these days" +
               (left_out.empty() ? "" : "; " + left_out) + ")";
   }

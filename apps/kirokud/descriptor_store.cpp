@@ -64,7 +64,7 @@ recorder::InboxMemory DescriptorStore::memory_of(const std::string& listen) {
       if (!is_given.at(i)) give(name_of(listen, i), memory->descriptor(i));
     }
     recorder::InboxMemory of_inbox;
-    of_inbox.earlier = memory->read().value_or(Bytes());
+    of_inbox.earlier = memory->take_earlier().value_or(Bytes());
     of_inbox.keep = [memory, tell = tell_, is_told = false](ByteView state) mutable {
       try {
         memory->keep(state);

@@ -52,8 +52,8 @@ std::optional<std::string> CaseSubject::why_missing() const {
   if (!looked_for_) return {};
   source_->hurry();
   std::string why = "the case begins without procedure data";
-  if (source_->is_doubtful(begun_at_)) why += std::string("; ") + kTwoPatients;
-  if (source_->is_too_early(begun_at_)) why += std::string("; ") + kTooEarly;
+  if (const Doubt doubt = source_->doubt(begun_at_); doubt != Doubt::kNone)
+    why += "; " + std::string(words_of(doubt));
   for (const ProcedureWay& way : source_->ways()) why += "; " + way.name + ": " + way.state;
   return why;
 }
@@ -62,7 +62,7 @@ std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!looked_for_ || now < next_look_) return {};
   next_look_ = now + kLookInterval;
   const std::optional<ProcedureData> found = find();
-  if (!found || (found->chosen_by_plan && *found->chosen_by_plan - begun_at_ > kFurthestAhead)) return {};
+  if (!found) return {};
   // A person may have given one meanwhile.
   if (!looked_for_.exchange(false)) return {};
   return subject_json(*found);

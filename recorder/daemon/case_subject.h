@@ -45,8 +45,6 @@ class CaseSubject {
   /// looked for, they are asked to hurry.
   [[nodiscard]] std::optional<std::string> why_missing() const;
   /// To be called again and again while the case runs: a subject that became known, once. Looks each second.
-  /// What is planned more than kFurthestAhead after the case began is not taken: it may have been booked
-  /// meanwhile, for somebody else.
   std::optional<Bytes> late(Clock::Time now);
   /// A person gave one: nothing is looked for any more.
   void given_while_running() { looked_for_ = false; }

@@ -29,12 +29,20 @@ Descriptor make_file() {
   return made;
 }
 
-crypto::Sha256Digest digest_of(std::uint64_t generation, ByteView bytes) {
-  Bytes all;
+using Number = std::array<std::byte, kNumberBytes>;
+
+Number number_of(std::uint64_t generation) {
+  Number number{};
   for (std::size_t i = 0; i < kNumberBytes; ++i)
-    all.push_back(static_cast<std::byte>((generation >> (8 * i)) & 0xFFU));
-  append(all, bytes);
-  return crypto::sha256(all);
+    number.at(i) = static_cast<std::byte>((generation >> (8 * i)) & 0xFFU);
+  return number;
+}
+
+crypto::Sha256Digest digest_of(std::uint64_t generation, ByteView bytes) {
+  crypto::Sha256 hash;
+  hash.update(number_of(generation));
+  hash.update(bytes);
+  return hash.finish();
 }
 
 struct Content {
@@ -60,7 +68,8 @@ std::optional<Content> read_file(int file) {
     content.generation |= std::to_integer<std::uint64_t>(all[i]) << (8 * i);
   crypto::Sha256Digest stated{};
   std::copy_n(all.begin() + kNumberBytes, stated.size(), stated.begin());
-  content.bytes.assign(all.begin() + kHeaderBytes, all.end());
+  all.erase(all.begin(), all.begin() + kHeaderBytes);
+  content.bytes = std::move(all);
   if (digest_of(content.generation, content.bytes) != stated) return {};
   return content;
 }
@@ -70,19 +79,15 @@ std::optional<Content> read_file(int file) {
 KeptMemory::KeptMemory(std::array<Descriptor, kFiles> earlier) : files_(std::move(earlier)) {
   for (std::size_t i = 0; i < kFiles; ++i) {
     if (!files_.at(i)) files_.at(i) = make_file();
-    const auto content = read_file(files_.at(i).number());
+    auto content = read_file(files_.at(i).number());
     if (!content || content->generation <= generation_) continue;
     generation_ = content->generation;
     newest_ = i;
+    earlier_ = std::move(content->bytes);
   }
 }
 
-std::optional<Bytes> KeptMemory::read() const {
-  if (generation_ == 0) return {};
-  auto content = read_file(files_.at(newest_).number());
-  if (!content) return {};
-  return std::move(content->bytes);
-}
+std::optional<Bytes> KeptMemory::take_earlier() { return std::exchange(earlier_, {}); }
 
 void KeptMemory::keep(ByteView bytes) {
   if (bytes.size() > kMostBytes) throw IoError("keep", kName, EFBIG);
@@ -91,8 +96,7 @@ void KeptMemory::keep(ByteView bytes) {
   const int file = files_.at(into).number();
   Bytes all;
   all.reserve(kHeaderBytes + bytes.size());
-  for (std::size_t i = 0; i < kNumberBytes; ++i)
-    all.push_back(static_cast<std::byte>((generation >> (8 * i)) & 0xFFU));
+  append(all, number_of(generation));
   append(all, digest_of(generation, bytes));
   append(all, bytes);
   if (::ftruncate(file, 0) != 0) throw IoError("keep", kName, errno);

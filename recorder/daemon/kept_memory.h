@@ -21,8 +21,9 @@ class KeptMemory {
   /// kiroku::IoError where none can be made.
   explicit KeptMemory(std::array<Descriptor, kFiles> earlier);
 
-  /// What was kept last; nothing where nothing was, or none of the files holds what was written to it.
-  [[nodiscard]] std::optional<Bytes> read() const;
+  /// What the earlier process kept last; nothing where it kept nothing, or none of the files holds what was
+  /// written to it. Once: it is not held any longer than that.
+  [[nodiscard]] std::optional<Bytes> take_earlier();
   /// Throws kiroku::IoError; what was kept before is there still then.
   void keep(ByteView bytes);
   [[nodiscard]] int descriptor(std::size_t file) const { return files_.at(file).number(); }
@@ -31,6 +32,7 @@ class KeptMemory {
   std::array<Descriptor, kFiles> files_;
   std::uint64_t generation_ = 0;  // of what was kept last
   std::size_t newest_ = 0;        // where that lies
+  std::optional<Bytes> earlier_;
 };
 
 }  // namespace kiroku::recorder

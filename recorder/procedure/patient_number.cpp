@@ -1,7 +1,6 @@
 #include "recorder/procedure/patient_number.h"
 
 #include <algorithm>
-#include <array>
 #include <string_view>
 
 #include "base/ascii.h"
@@ -21,11 +20,6 @@ bool is_of_one_kind(const PatientNumber& a, const PatientNumber& b) {
 }
 
 }  // namespace
-
-bool is_type_of_account(const std::string& type) {
-  constexpr std::array<std::string_view, 5> kOfAccounts{"AN", "ANC", "AND", "ANT", "VN"};
-  return std::ranges::find(kOfAccounts, type) != kOfAccounts.end();
-}
 
 bool may_be_one(const PatientNumber& a, const PatientNumber& b) {
   const std::string_view number = without_zeros(a.number);

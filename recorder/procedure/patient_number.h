@@ -19,8 +19,6 @@ struct PatientNumber {
 inline constexpr std::size_t kMostNumbers = 16;     // of one patient; further ones are not kept
 inline constexpr std::size_t kLongestNumber = 256;  // with all that is said of it; HL7 gives it some 50
 
-/// Whether CX-5 says that a number is an account's or a visit's.
-bool is_type_of_account(const std::string& type);
 /// Whether they are the same number, and nothing says that two issuers gave it.
 bool may_be_one(const PatientNumber& a, const PatientNumber& b);
 /// Whether one of the numbers may be the same, and none says that they are two patients: two record numbers

@@ -49,10 +49,30 @@ bool is_of_appointment(const ProcedureMessage& message) {
          message.kind == ProcedureMessage::Kind::kCancels;
 }
 
-enum class Likeness { kNone, kPerhaps, kSure };
+/// As a message that named the patient by the earlier number.
+ProcedureMessage before_merging(const ProcedureMessage& merging) {
+  ProcedureMessage before;
+  before.patient = merging.replaces;
+  before.numbers = merging.replaced_numbers;
+  before.data.patient = merging.data.patient;
+  before.data.birth_date = merging.data.birth_date;
+  return before;
+}
 
-/// Whether two messages name one patient, by other forms of a number or by other numbers.
-Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other) {
+/// What is kept of a message only to know its patient again.
+void leave_identity(ProcedureMessage& message) {
+  ProcedureData data;
+  data.patient_id = message.data.patient_id;
+  data.patient_id_issuer = message.data.patient_id_issuer;
+  data.patient = message.data.patient;
+  data.birth_date = message.data.birth_date;
+  message.data = std::move(data);
+  message.places.clear();
+}
+
+}  // namespace
+
+ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, const ProcedureMessage& other) {
   if (one.patient == other.patient) return Likeness::kSure;
   if (!share_a_number(one.numbers, other.numbers)) return Likeness::kNone;
   const std::string &born = one.data.birth_date, &others = other.data.birth_date;
@@ -61,8 +81,6 @@ Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other) {
   const bool same_name = !one.data.patient.empty() && one.data.patient == other.data.patient;
   return same_birth || same_name ? Likeness::kSure : Likeness::kPerhaps;
 }
-
-}  // namespace
 
 void ProcedureBook::take(ProcedureMessage message, ProcedureMoment received) {
   std::vector<ProcedureMessage> one;
@@ -76,17 +94,39 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
   watch_clock(messages.front(), received);
   const Arrival arrival = arrival_of(messages.front(), received);
   for (ProcedureMessage& message : messages) {
-    if (!message.replaces.empty()) rename(message);  // however late: it stays so
+    const bool is_merging = !message.replaces.empty();
+    const ProcedureMessage as_told = is_merging ? message : ProcedureMessage();
+    resolve(message);
+    // Whoever was merged the other way round before goes by this number from now on.
+    if (is_merging && message.patient == message.replaces) message = as_told;
+    if (is_merging) rename(message, arrival);  // however late: it stays so
+    message.replaces.clear();
+    message.replaced_numbers.clear();
   }
-  std::erase_if(messages, [&](const ProcedureMessage& each) { return is_outdated(each); });
+  // Who is meant is settled: now it can be told what comes late.
+  std::set<std::string> in_doubt;
+  std::erase_if(messages, [&](const ProcedureMessage& each) {
+    const Likeness late = lateness(each);
+    if (late == Likeness::kNone) return false;
+    const bool stays =
+        late == Likeness::kPerhaps && (each.kind == Kind::kPlaces || each.kind == Kind::kFacts);
+    if (stays) {
+      in_doubt.insert(each.patient);
+    } else {
+      doubt(each);
+    }
+    return !stays;
+  });
   // An appointment that was another patient's before is theirs no more.
   take_out_appointment(messages);
   for (ProcedureMessage& message : messages) {
     switch (message.kind) {
       case Kind::kPlaces:
-      case Kind::kFacts:
-        place(std::move(message), arrival);
+      case Kind::kFacts: {
+        const bool is_in_doubt = in_doubt.contains(message.patient);
+        place(std::move(message), arrival, is_in_doubt);
         break;
+      }
       case Kind::kLeaves:
       case Kind::kDeparts:
         leave(std::move(message), arrival);
@@ -110,15 +150,21 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
   forget_old(placed_, received);
   forget_old(appointments_, received);
   forget_old(ended_, received);
+  forget_old(merged_, received);
+  forget_passed(received);
 }
 
 template <typename Use>
 void ProcedureBook::with_each_arrival(const Use& use) {
-  for (Messages* const messages : {&placed_, &appointments_, &ended_}) {
+  for (Messages* const messages : {&placed_, &appointments_, &ended_, &merged_}) {
     for (auto& [key, kept] : *messages) {
       use(kept.received);
       for (auto& [place, since] : kept.since) use(since);
     }
+  }
+  for (auto& [place, passed] : passed_) {
+    use(passed.came);
+    use(passed.went);
   }
 }
 
@@ -139,7 +185,9 @@ void ProcedureBook::watch_clock(const ProcedureMessage& message, const Procedure
   });
   for (Messages* const messages : {&placed_, &appointments_, &ended_}) {
     for (auto& [key, kept] : *messages) {
-      if (kept.message.sender == message.sender) kept.message.told.reset();
+      if (kept.message.sender != message.sender) continue;
+      kept.message.told.reset();
+      kept.moved.reset();
     }
   }
 }
@@ -165,18 +213,74 @@ ProcedureBook::Arrival ProcedureBook::arrival_of(const ProcedureMessage& message
   return arrival;
 }
 
-bool ProcedureBook::is_outdated(const ProcedureMessage& message) const {
-  if (!message.told) return false;
-  const auto is_newer = [&](const ProcedureMessage& known) {
-    return known.sender == message.sender && known.told && *known.told - *message.told > kSameMoment;
-  };
-  return std::ranges::any_of(std::array{&placed_, &appointments_, &ended_}, [&](const Messages* messages) {
-    return std::ranges::any_of(*messages, [&](const auto& each) {
-      const ProcedureMessage& known = each.second.message;
-      if (is_of_appointment(known) != is_of_appointment(message) || !is_newer(known)) return false;
-      return is_of_appointment(message) ? same_appointment(known, message) : known.patient == message.patient;
-    });
-  });
+ProcedureBook::Likeness ProcedureBook::lateness(const ProcedureMessage& message) const {
+  if (!message.told) return Likeness::kNone;
+  bool is_known = false, is_late = false, is_perhaps = false;
+  for (const Messages* const messages : {&placed_, &appointments_, &ended_}) {
+    for (const auto& [key, kept] : *messages) {
+      const ProcedureMessage& known = kept.message;
+      if (is_of_appointment(known) != is_of_appointment(message)) continue;
+      const bool is_same_appointment = is_of_appointment(message) && same_appointment(known, message);
+      const Likeness alike = is_same_appointment          ? Likeness::kSure
+                             : is_of_appointment(message) ? Likeness::kNone
+                                                          : likeness(known, message);
+      const bool is_newer =
+          known.sender == message.sender && known.told && *known.told - *message.told > kSameMoment;
+      is_known = is_known || alike == Likeness::kSure;
+      is_late = is_late || (is_newer && alike == Likeness::kSure);
+      is_perhaps = is_perhaps || (is_newer && alike == Likeness::kPerhaps);
+    }
+  }
+  if (is_late) return Likeness::kSure;
+  return is_perhaps && !is_known ? Likeness::kPerhaps : Likeness::kNone;
+}
+
+void ProcedureBook::doubt(const ProcedureMessage& message) {
+  using Kind = ProcedureMessage::Kind;
+  bool is_news = false;
+  if (is_of_appointment(message)) {
+    if (message.kind != Kind::kCancels && !message.is_over) return;
+    for (auto& [key, kept] : appointments_) {
+      if (!same_appointment(kept.message, message)) continue;
+      kept.is_in_doubt = is_news = true;
+    }
+  } else if (message.kind == Kind::kLeaves || message.kind == Kind::kDeparts || message.moves) {
+    for (const std::string& patient : known_as(message, false)) {
+      Kept& kept = placed_.find(patient)->second;
+      const bool is_elsewhere =
+          !message.places.empty() && !share_a_place(message.places, kept.message.places);
+      if (message.kind == Kind::kDeparts && is_elsewhere) continue;
+      // A move before they came is how they came.
+      const bool is_since = message.happened && (!kept.moved || *message.happened > *kept.moved);
+      if (message.kind == Kind::kPlaces && (!is_elsewhere || !is_since)) continue;
+      kept.is_in_doubt = is_news = true;
+    }
+  }
+  if (is_news) ++ended_late_;
+}
+
+void ProcedureBook::pass(const std::string& place, const Arrival& came, const Arrival& went) {
+  const auto [known, added] = passed_.try_emplace(lower_case(place), Passed{came, went});
+  if (added) return;
+  if (known->second.came.number < came.number) known->second.came = came;
+  if (known->second.went.number < went.number) known->second.went = went;
+}
+
+void ProcedureBook::pass(const Kept& gone, const Arrival& went) {
+  pass("", gone.received, went);
+  for (const auto& [place, came] : gone.since) pass(place, came, went);
+}
+
+Doubt ProcedureBook::doubt_of_passed(const ProcedureRule& rule, std::optional<std::uint64_t> here,
+                                     const ProcedureMoment& at) const {
+  Doubt doubt = Doubt::kNone;
+  for (const auto& [place, passed] : passed_) {
+    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    if (!is_meant) continue;
+    if (at.by_this_clock(passed.went.at) > at.utc) return Doubt::kLeftMeanwhile;
+    if (here && passed.came.number > *here) doubt = Doubt::kMayBeGone;
+  }
+  return doubt;
 }
 
 std::vector<std::string> ProcedureBook::known_as(const ProcedureMessage& message, bool surely) const {
@@ -208,16 +312,18 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
     const bool is_elsewhere =
         !leaves && !message.places.empty() && !share_a_place(message.places, found->second.message.places);
     if (is_elsewhere) continue;
+    pass(found->second, received);
+    add_numbers(message.numbers, found->second.message.numbers);
     placed_.erase(found);
     is_gone = true;
   }
   if (!is_gone) return;
-  message.data = {};
+  leave_identity(message);
   const std::string key = key_of_ended(message);
   ended_.insert_or_assign(key, Kept{received, std::move(message)});
 }
 
-void ProcedureBook::place(ProcedureMessage message, const Arrival& received) {
+void ProcedureBook::place(ProcedureMessage message, const Arrival& received, bool is_in_doubt) {
   auto known = placed_.find(message.patient);
   const auto others = known == placed_.end() ? known_as(message, true) : std::vector<std::string>();
   if (others.size() == 1) {
@@ -233,7 +339,8 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received) {
     // message is about one room, an event of arriving does without a place.
     if (!says_where && !message.moves) return;
     ended_.erase(message.patient);
-    Kept kept{received, std::move(message)};
+    const std::optional<UtcTime> moved = message.moves ? message.happened : std::nullopt;
+    Kept kept{received, std::move(message), {}, is_in_doubt, moved};
     for (const std::string& place : kept.message.places) kept.since.emplace(place, received);
     const std::string patient = kept.message.patient;
     placed_.emplace(patient, std::move(kept));
@@ -254,12 +361,18 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received) {
       since.emplace(place, stays ? before->second : received);
       comes = comes || !stays;
     }
+    for (const auto& [place, came] : kept.since) {
+      if (!since.contains(place)) pass(place, came, received);
+    }
     kept.since = std::move(since);
   } else {
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
   }
   if (comes) kept.received = received;
+  if (arrives) kept.moved = message.happened;
+  // Only who is said to have come anew is there for sure again.
+  kept.is_in_doubt = is_in_doubt || (kept.is_in_doubt && !arrives);
   kept.message = std::move(message);
 }
 
@@ -280,13 +393,28 @@ std::optional<ProcedureBook::Arrival> ProcedureBook::came(const ProcedureRule& r
   return last;
 }
 
+void ProcedureBook::resolve(ProcedureMessage& message) const {
+  if (message.patient.empty()) return;
+  for (std::size_t left = kMostNumbers; left > 0; --left) {
+    const auto merged = std::ranges::find_if(merged_, [&](const auto& each) {
+      const ProcedureMessage& merging = each.second.message;
+      return merging.patient != message.patient &&
+             likeness(before_merging(merging), message) == Likeness::kSure;
+    });
+    if (merged == merged_.end()) return;
+    const ProcedureMessage& merging = merged->second.message;
+    message.patient = merging.patient;
+    message.data.patient_id = merging.data.patient_id;
+    message.data.patient_id_issuer = merging.data.patient_id_issuer;
+    add_numbers(message.numbers, merging.numbers);
+  }
+}
+
 /// What is known of a patient by an earlier number is of the new one from then on.
-void ProcedureBook::rename(ProcedureMessage& message) {
-  ProcedureMessage before;
-  before.patient = message.replaces;
-  before.numbers = message.replaced_numbers;
-  before.data.patient = message.data.patient;
-  before.data.birth_date = message.data.birth_date;
+void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
+  if (message.replaces == message.patient) return;
+  const ProcedureMessage before = before_merging(message);
+  ProcedureMessage merging = message;
   add_numbers(message.numbers, message.replaced_numbers);  // some go on naming them so
   const auto give = [&message](ProcedureMessage& to) {
     add_numbers(to.numbers, message.numbers);
@@ -294,15 +422,22 @@ void ProcedureBook::rename(ProcedureMessage& message) {
     to.data.patient_id = message.data.patient_id;
     to.data.patient_id_issuer = message.data.patient_id_issuer;
   };
-  for (const std::string& patient : known_as(before, false)) {
+  // Of whom that is not sure nothing is renamed: it would be another patient's record.
+  for (const std::string& patient : known_as(before, true)) {
     if (patient == message.patient) continue;
-    auto node = placed_.extract(patient);
-    add_numbers(message.numbers, node.mapped().message.numbers);
-    const auto known = placed_.find(message.patient);
-    if (known == placed_.end() || known->second.received.number < node.mapped().received.number) {
-      give(node.mapped().message);
-      placed_.insert_or_assign(message.patient, std::move(node.mapped()));
+    Kept one = std::move(placed_.extract(patient).mapped());
+    add_numbers(message.numbers, one.message.numbers);
+    if (const auto known = placed_.find(message.patient); known != placed_.end()) {
+      add_numbers(message.numbers, known->second.message.numbers);
+      // They are where they came last, and were where they came before.
+      if (known->second.received.number > one.received.number) std::swap(known->second, one);
+      for (const auto& [place, came] : known->second.since) {
+        if (!one.since.contains(place)) pass(place, came, received);
+      }
+      one.is_in_doubt = one.is_in_doubt || known->second.is_in_doubt;
     }
+    give(one.message);
+    placed_.insert_or_assign(message.patient, std::move(one));
   }
   std::vector<Kept> moved;
   std::erase_if(appointments_, [&](auto& each) {
@@ -316,6 +451,12 @@ void ProcedureBook::rename(ProcedureMessage& message) {
     const std::string key = key_of_appointment(each.message);
     appointments_.insert_or_assign(key, std::move(each));
   }
+  // Messages that name them as before may come for days.
+  merged_.erase(message.patient);
+  merging.kind = ProcedureMessage::Kind::kFacts;
+  leave_identity(merging);
+  const std::string earlier = merging.replaces;
+  merged_.insert_or_assign(earlier, Kept{received, std::move(merging)});
 }
 
 /// Whatever `by` changes or cancels; what it was called before, it is called still.
@@ -342,6 +483,16 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
     messages.erase(std::min_element(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
       return a.second.received.number < b.second.received.number;
     }));
+  }
+}
+
+void ProcedureBook::forget_passed(const ProcedureMoment& now) {
+  std::erase_if(passed_, [&](const auto& each) {
+    return now.utc - now.by_this_clock(each.second.went.at) > kLongestWindow;
+  });
+  while (passed_.size() > kMostKept) {
+    passed_.erase(
+        std::ranges::min_element(passed_, {}, [](const auto& each) { return each.second.went.number; }));
   }
 }
 
@@ -378,58 +529,57 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
   return all;
 }
 
-std::optional<ProcedureData> ProcedureBook::find(const ProcedureRule& rule, ProcedureMoment at) const {
-  return choose(rule, at).data;
-}
-
-ProcedureBook::Choice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at) const {
+ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at) const {
   const Kept* here = nullptr;
   UtcTime here_since;
-  std::uint64_t newest = 0;
+  std::optional<std::uint64_t> here_number;
   for (const auto& [patient, kept] : placed_) {
     const std::optional<Arrival> came_in = came(rule, kept);
-    if (!came_in || newest > came_in->number) continue;
+    if (!came_in) continue;
     const UtcTime since = at.by_this_clock(came_in->at);
     if (std::chrono::abs(at.utc - since) > rule.window) continue;
+    if (here != nullptr) return {{}, Doubt::kSeveralThere};
     here = &kept;
     here_since = since;
-    newest = came_in->number;
+    here_number = came_in->number;
   }
-  std::vector<const ProcedureMessage*> planned;
+  if (const Doubt doubt = doubt_of_passed(rule, here_number, at); doubt != Doubt::kNone) return {{}, doubt};
+  if (here != nullptr && here->is_in_doubt) return {{}, Doubt::kToldLate};
+  std::vector<const Kept*> planned;
   std::vector<std::optional<UtcTime>> times;
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || kept.message.is_over) continue;
-    if (here != nullptr && kept.message.patient != here->message.patient) continue;
-    planned.push_back(&kept.message);
+    if (here != nullptr && (kept.is_in_doubt || kept.message.patient != here->message.patient)) continue;
+    planned.push_back(&kept);
     times.emplace_back(ProcedureBook::planned(kept, at));
   }
   const NearestPlan plan = nearest(times, at.utc, rule.window);
   const auto chosen = plan.index;
-  if (here == nullptr && !chosen) return {};
-  // Which of two patients it is nobody can tell: a person chooses.
-  const bool is_anybodys = here == nullptr && std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
-                             return planned[each]->patient != planned[*chosen]->patient;
-                           });
-  if (is_anybodys) return {{}, true, false};
-  if (here == nullptr && plan.is_far_ahead) return {{}, false, true};
+  if (here == nullptr) {
+    if (!chosen) return {};
+    // Which of two patients it is nobody can tell.
+    const bool is_anybodys = std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
+      return planned[each]->message.patient != planned[*chosen]->message.patient;
+    });
+    if (is_anybodys) return {{}, Doubt::kTwoPlanned};
+    if (planned[*chosen]->is_in_doubt) return {{}, Doubt::kToldLate};
+    if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
+  }
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
     return std::chrono::abs(*time - at.utc) <= rule.window;
   });
   ProcedureData appointment;
   if (chosen) {
-    appointment = planned[*chosen]->data;
+    appointment = planned[*chosen]->message.data;
     appointment.chosen =
         "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
         std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
   }
-  if (here == nullptr) {
-    appointment.chosen_by_plan = times[*chosen];
-    return {appointment, false, false};
-  }
+  if (here == nullptr) return {std::move(appointment), Doubt::kNone, true};
   ProcedureData found = here->message.data;
-  found.chosen = "the patient whom a message placed in the room last, at " + format_utc(here_since);
+  found.chosen = "the only patient whom messages placed in the room, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);
-  return {found, false, false};
+  return {std::move(found)};
 }
 
 }  // namespace kiroku::recorder

@@ -43,7 +43,8 @@ struct ProcedureMoment {
 
 /// Who is in a room goes by the order in which messages came and by how long ago that was, never by what the
 /// wall clock showed then: NTP may set it back between two of them. Planned times are the hospital's. What
-/// one sender tells goes by that sender's own times: a message that comes late tells of before.
+/// one sender tells goes by that sender's own times: a message that comes late tells of before. A wrong
+/// patient is worse than none: what leaves two possible is said to.
 class ProcedureBook {
  public:
   static constexpr std::size_t kMostKept = 2000;           // of each kind; the oldest go
@@ -59,19 +60,15 @@ class ProcedureBook {
   /// All that one message says, of each of its patients: an appointment is of these from then on.
   void take_all(std::vector<ProcedureMessage> messages, ProcedureMoment received);
 
-  /// For a case that begins at `at`. If a message within the window placed a patient in the room, it is that
-  /// patient (the last one placed), completed by their appointment; else the appointment planned nearest to
-  /// `at` (one without a time counts as planned when its message came) that is not over, and nobody where
-  /// those of two patients are equally near, or where it lies more than kFurthestAhead ahead.
-  [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, ProcedureMoment at) const;
-
-  /// Whether find() gives nothing for that reason.
-  [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, ProcedureMoment at) const {
-    return choose(rule, at).is_doubtful;
-  }
-  /// Whether it gives nothing because the nearest appointment lies too far ahead.
-  [[nodiscard]] bool is_too_early(const ProcedureRule& rule, ProcedureMoment at) const {
-    return choose(rule, at).is_too_early;
+  /// For a case that begins at `at`. If messages within the window placed one patient in the room, it is that
+  /// patient, completed by their appointment; if nobody is there, the appointment planned nearest to `at`
+  /// (one without a time counts as planned when its message came) that is not over. Nobody wherever it is not
+  /// sure whom they mean: then it says why. Whoever was there earlier counts until a message says that they
+  /// went.
+  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
+  [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule,
+                                                  const ProcedureMoment& at) const {
+    return choose(rule, at).data;
   }
 
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
@@ -80,6 +77,9 @@ class ProcedureBook {
 
   /// So many left by numbers of whom nothing was known.
   [[nodiscard]] std::uint64_t strangers_left() const { return strangers_left_; }
+  /// So many messages came after later ones of the same patient, or appointment, and said that they left, or
+  /// are planned no more. Nobody can tell what is so now: choose() does not take them any more.
+  [[nodiscard]] std::uint64_t ended_late() const { return ended_late_; }
 
   [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
 
@@ -101,14 +101,22 @@ class ProcedureBook {
     ProcedureMessage message;
     /// Of a patient who is placed: when they came to each of the message's places.
     std::map<std::string, Arrival> since = {};
+    bool is_in_doubt = false;  // a message that came late, or may have, says otherwise
+    /// By the sender's clock: when an event last said that they went where they are.
+    std::optional<UtcTime> moved = {};
   };
   /// When the patient came to the rule's room; nothing where they are not there.
   static std::optional<Arrival> came(const ProcedureRule& rule, const Kept& kept);
-  struct Choice {
-    std::optional<ProcedureData> data;
-    bool is_doubtful = false, is_too_early = false;
+  /// Of those who were at a place and are there no more, the last one to come, and the last one to go.
+  struct Passed {
+    Arrival came, went;
   };
-  [[nodiscard]] Choice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
+  void pass(const std::string& place, const Arrival& came, const Arrival& went);
+  /// All places of one who is gone.
+  void pass(const Kept& gone, const Arrival& went);
+  /// Whether whoever went may have been the one, instead of whoever is there now.
+  [[nodiscard]] Doubt doubt_of_passed(const ProcedureRule& rule, std::optional<std::uint64_t> here,
+                                      const ProcedureMoment& at) const;
   using Messages = std::map<std::string, Kept>;
   static std::string key_of_appointment(const ProcedureMessage& message) {
     return message.appointment + "\n" + message.patient;
@@ -120,6 +128,7 @@ class ProcedureBook {
   /// So long ago, at most, comes what is told late: it is forgotten at once then.
   static constexpr std::chrono::hours kLongestBefore = 2 * kLongestWindow;
   static void forget_old(Messages& messages, const ProcedureMoment& now);
+  void forget_passed(const ProcedureMoment& now);
   /// When the appointment is planned by the clock of `at`.
   static UtcTime planned(const Kept& kept, const ProcedureMoment& at) {
     return kept.message.planned.value_or(at.by_this_clock(kept.received.at));
@@ -129,14 +138,21 @@ class ProcedureBook {
   void watch_clock(const ProcedureMessage& message, const ProcedureMoment& received);
   /// As one that comes now, or as one before what its sender told of later things.
   Arrival arrival_of(const ProcedureMessage& message, const ProcedureMoment& received);
-  /// The same sender told later things of the same patient, or appointment, already.
-  [[nodiscard]] bool is_outdated(const ProcedureMessage& message) const;
+  enum class Likeness { kNone, kPerhaps, kSure };
+  /// Whether two messages name one patient, by other forms of a number or by other numbers.
+  static Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other);
+  /// Whether the same sender told later things of the same patient, or appointment, already.
+  [[nodiscard]] Likeness lateness(const ProcedureMessage& message) const;
+  /// What a message that comes late says of somebody's leaving is not followed; whom it is about is in doubt.
+  void doubt(const ProcedureMessage& message);
   /// Those who are placed and may be whom it names: by the same number; else by one of their numbers, if
   /// birth or name agree, or if nobody else may be meant.
   [[nodiscard]] std::vector<std::string> known_as(const ProcedureMessage& message, bool surely) const;
-  void rename(ProcedureMessage& message);
+  /// Whoever was merged goes by the later number.
+  void resolve(ProcedureMessage& message) const;
+  void rename(ProcedureMessage& message, const Arrival& received);
   void leave(ProcedureMessage message, const Arrival& received);
-  void place(ProcedureMessage message, const Arrival& received);
+  void place(ProcedureMessage message, const Arrival& received, bool is_in_doubt);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
   void take_out_appointment(std::vector<ProcedureMessage>& by);
@@ -145,11 +161,13 @@ class ProcedureBook {
     UtcTime newest;                                    // told
     std::optional<Clock::Duration> behind_since = {};  // since boot
   };
-  std::uint64_t arrivals_ = 0, strangers_left_ = 0;
+  std::uint64_t arrivals_ = 0, strangers_left_ = 0, ended_late_ = 0;
   std::map<std::string, SenderClock> clocks_;  // by sender
   Messages placed_;                            // by patient
   Messages appointments_;                      // by appointment and patient
-  Messages ended_;  // who left, by patient; what was cancelled, by "\n", appointment and patient
+  Messages ended_;   // who left, by patient; what was cancelled, by "\n", appointment and patient
+  Messages merged_;  // by what the patient was called before
+  std::map<std::string, Passed> passed_;  // by place, in lower case; "" of all places together
 };
 
 }  // namespace kiroku::recorder

@@ -10,7 +10,10 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 2;
+constexpr std::uint64_t kVersion = 3;
+/// Which knows nothing of doubts, of mergers and of whoever was in a room before. It is read once, by the
+/// upgrade.
+constexpr std::uint64_t kOlderVersion = 2;
 
 template <typename T, typename Wanted>
 concept Is = std::same_as<std::remove_const_t<T>, Wanted>;
@@ -41,8 +44,7 @@ void members(Codec& codec, Member& member) {
 template <typename Codec, Is<ProcedureData> Data>
 void members(Codec& codec, Data& data) {
   auto& [patient_id, patient_id_issuer, patient, birth_date, sex, visit, description, code, coding_system,
-         procedure_id, accession, study_uid, planned, location, staff, origin, chosen, by_plan] = data;
-  static_cast<void>(by_plan);  // of what was chosen; of what is known it says nothing
+         procedure_id, accession, study_uid, planned, location, staff, origin, chosen] = data;
   codec.all(patient_id, patient_id_issuer, birth_date, sex, visit, description, code, coding_system,
             procedure_id, accession, study_uid, planned, location, origin, chosen);
   members(codec, patient);
@@ -111,8 +113,8 @@ struct ProcedureBook::AsBytes {
   }
 
   template <typename Codec, Is<Kept> One>
-  static void kept(Codec& codec, One& one) {
-    auto& [received, message, since] = one;
+  static void kept(Codec& codec, One& one, std::uint64_t version) {
+    auto& [received, message, since, is_in_doubt, moved] = one;
     arrival(codec, received);
     members(codec, message);
     if constexpr (Codec::kReads) {
@@ -130,6 +132,17 @@ struct ProcedureBook::AsBytes {
         arrival(codec, came);
       }
     }
+    if (version > kOlderVersion) {
+      codec.one(is_in_doubt);
+      members(codec, moved);
+    }
+  }
+
+  template <typename Codec, Is<Passed> One>
+  static void passed(Codec& codec, One& one) {
+    auto& [came, went] = one;
+    arrival(codec, came);
+    arrival(codec, went);
   }
 
   template <typename Codec, Is<SenderClock> Shown>
@@ -147,15 +160,16 @@ struct ProcedureBook::AsBytes {
 
   static void write(StateWriter& writer, const Messages& messages) {
     writer.one(static_cast<std::uint64_t>(messages.size()));
-    for (const auto& [key, one] : messages) kept(writer, one);
+    for (const auto& [key, one] : messages) kept(writer, one, kVersion);
   }
 
   template <typename KeyOf>
-  static Messages read(StateReader& reader, std::uint64_t arrivals, const KeyOf& key_of) {
+  static Messages read(StateReader& reader, std::uint64_t version, std::uint64_t arrivals,
+                       const KeyOf& key_of) {
     Messages messages;
     for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
       Kept one{Arrival{0, UtcTime{}}, {}, {}};
-      kept(reader, one);
+      kept(reader, one, version);
       bool is_known = one.received.number <= arrivals;
       for (const auto& [place, came] : one.since) is_known = is_known && came.number <= arrivals;
       std::string key = key_of(one.message);
@@ -177,6 +191,12 @@ Bytes ProcedureBook::exported() const {
     writer.one(sender);
     AsBytes::clock(writer, shown);
   }
+  AsBytes::write(writer, merged_);
+  writer.one(static_cast<std::uint64_t>(passed_.size()));
+  for (const auto& [place, one] : passed_) {
+    writer.one(place);
+    AsBytes::passed(writer, one);
+  }
   return writer.take();
 }
 
@@ -184,18 +204,32 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   StateReader reader(bytes);
   std::uint64_t version = 0;
   reader.one(version);
-  if (version != kVersion) StateReader::refuse();
+  if (version != kVersion && version != kOlderVersion) StateReader::refuse();
   ProcedureBook book;
   reader.one(book.arrivals_);
-  book.placed_ = AsBytes::read(reader, book.arrivals_, [](const auto& message) { return message.patient; });
-  book.appointments_ = AsBytes::read(reader, book.arrivals_, key_of_appointment);
-  book.ended_ = AsBytes::read(reader, book.arrivals_, key_of_ended);
+  const auto read = [&](const auto& key_of) {
+    return AsBytes::read(reader, version, book.arrivals_, key_of);
+  };
+  book.placed_ = read([](const auto& message) { return message.patient; });
+  book.appointments_ = read(key_of_appointment);
+  book.ended_ = read(key_of_ended);
   for (std::int64_t left = reader.number_below(kMostSenders + 1); left > 0; --left) {
     std::string sender;
     SenderClock shown{};
     reader.one(sender);
     AsBytes::clock(reader, shown);
     book.clocks_.insert_or_assign(std::move(sender), shown);
+  }
+  if (version > kOlderVersion) {
+    book.merged_ = read([](const auto& message) { return message.replaces; });
+    for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
+      std::string place;
+      Passed one{Arrival{0, UtcTime{}}, Arrival{0, UtcTime{}}};
+      reader.one(place);
+      AsBytes::passed(reader, one);
+      const bool is_known = one.came.number <= book.arrivals_ && one.went.number <= book.arrivals_;
+      if (!is_known || !book.passed_.emplace(std::move(place), one).second) StateReader::refuse();
+    }
   }
   reader.require_end();
   return book;

@@ -125,6 +125,31 @@ std::string iso_date(std::string_view digits) {
   return date;
 }
 
+std::string_view words_of(Doubt doubt) {
+  switch (doubt) {
+    case Doubt::kNone:
+      return "";
+    case Doubt::kTwoPlanned:
+      return "two patients are planned equally near to its beginning, and a person must choose";
+    case Doubt::kSeveralThere:
+      return "messages placed several patients in the room, none of whom has left, and a person must choose";
+    case Doubt::kMayBeGone:
+      return "whoever came to the room last has left it, so that whoever came before may be gone, too, and a "
+             "person must choose";
+    case Doubt::kLeftMeanwhile:
+      return "somebody has left the room since it began, and a person must choose";
+    case Doubt::kToldLate:
+      return "a message that came late says that the patient left or is planned no more, and a person must "
+             "choose";
+    case Doubt::kTwoWays:
+      return "messages and worklist name two patients, and a person must choose";
+    case Doubt::kTooEarly:
+      return "what is planned nearest to its beginning lies more than an hour ahead, and a person must "
+             "choose";
+  }
+  return "";
+}
+
 NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
                     std::chrono::nanoseconds window) {
   NearestPlan found;

@@ -44,8 +44,6 @@ struct ProcedureData {
 
   std::string origin;  // "hl7", "worklist", "hl7+hl7": who said so
   std::string chosen;  // why these data and no others, one sentence
-  /// When it is planned, where that alone chose it; nothing where the patient was placed in the room.
-  std::optional<UtcTime> chosen_by_plan = {};
 
   bool operator==(const ProcedureData&) const = default;
 };
@@ -73,6 +71,27 @@ std::string iso_date(std::string_view digits);
 /// What is planned further ahead of a case's beginning is not taken by itself: whoever lies there now is
 /// hardly that patient.
 inline constexpr std::chrono::hours kFurthestAhead{1};
+
+/// Why nobody is taken by itself although somebody may be meant: a person chooses.
+enum class Doubt {
+  kNone,
+  kTwoPlanned,     // two patients are planned equally near
+  kSeveralThere,   // several were placed in the room, and none of them has left
+  kMayBeGone,      // somebody came after the one who is left, and was seen off alone
+  kLeftMeanwhile,  // somebody has left the room since the case began
+  kToldLate,       // a message that came late says that they left, or are planned no more
+  kTwoWays,        // messages and worklist name two patients
+  kTooEarly,       // what is planned nearest lies more than kFurthestAhead ahead
+};
+/// Half a sentence without anything of a patient; "" of kNone.
+std::string_view words_of(Doubt doubt);
+
+/// Whom a case is about, or why that is not known.
+struct ProcedureChoice {
+  std::optional<ProcedureData> data;
+  Doubt doubt = Doubt::kNone;
+  bool is_by_plan = false;  // nobody was placed in the room: it is planned
+};
 
 /// What is planned nearest to a moment.
 struct NearestPlan {

@@ -21,7 +21,8 @@ constexpr std::chrono::seconds kListenAgain{10};
 constexpr std::size_t kLongestKept = 16U << 10;
 // A hospital's messages may come by the dozen, and each time the whole book is kept.
 constexpr std::chrono::seconds kKeepEvery{1};
-constexpr std::uint64_t kStateVersion = 1;
+constexpr std::uint64_t kStateVersion = 2;
+constexpr std::uint64_t kOlderStateVersion = 1;  // without the messages that may come again
 
 struct Listening {
   MllpServer::Options server;
@@ -45,10 +46,26 @@ Listening listening_at(const std::string& listen) {
 }
 
 std::size_t kept_bytes(const ProcedureMessage& message) {
-  std::size_t bytes = subject_json(message.data).size() + message.patient.size() +
-                      message.appointment.size() + message.placer.size() + message.filler.size();
+  std::size_t bytes = subject_json(message.data).size() + message.sender.size() + message.patient.size() +
+                      message.replaces.size() + message.appointment.size() + message.placer.size() +
+                      message.filler.size();
   for (const std::string& place : message.places) bytes += place.size();
+  for (const auto* const numbers : {&message.numbers, &message.replaced_numbers}) {
+    for (const PatientNumber& each : *numbers)
+      bytes += each.number.size() + each.issuer.size() + each.issuer_id.size() + each.type.size();
+  }
   return bytes;
+}
+
+/// Why nothing of what a message says can be kept, or "".
+std::string problem_of(const std::vector<ProcedureMessage>& messages) {
+  if (std::ranges::any_of(messages, [](const auto& each) { return kept_bytes(each) > kLongestKept; }))
+    return "the message says more of a patient and a procedure than is kept";
+  if (!std::ranges::all_of(messages, has_its_numbers)) {
+    return "the message names a patient by a number that is longer than " + std::to_string(kLongestNumber) +
+           " bytes";
+  }
+  return "";
 }
 
 }  // namespace
@@ -71,10 +88,15 @@ struct ProcedureInbox::State {
       ProcedureMoment its_since{UtcTime{}};
       Bytes its_book;
       reader.one(version);
-      if (version != kStateVersion) StateReader::refuse();
+      if (version != kStateVersion && version != kOlderStateVersion) StateReader::refuse();
       reader.all(its_since, its_taken, its_refused, its_book);
+      Bytes its_repeated;
+      if (version == kStateVersion) reader.one(its_repeated);
       reader.require_end();
+      RepeatedMessages known =
+          its_repeated.empty() ? RepeatedMessages() : RepeatedMessages::imported(its_repeated);
       book = ProcedureBook::imported(its_book);
+      repeated = std::move(known);
       since = its_since;
       taken = its_taken;
       refused = its_refused;
@@ -84,14 +106,19 @@ struct ProcedureInbox::State {
     memory.earlier = {};
   }
 
-  /// With the mutex.
+  /// Without the mutex, which others wait for: the book is copied with it, and kept without it.
   void keep() {
-    if (!is_news || !memory.keep || !since) return;
+    if (!memory.keep) return;
+    const std::lock_guard one_at_a_time(keeping);
     StateWriter writer;
-    writer.all(kStateVersion, *since, taken, refused, book.exported());
+    {
+      const std::lock_guard guard(mutex);
+      if (!is_news || !since) return;
+      writer.all(kStateVersion, *since, taken, refused, book.exported(), repeated.exported());
+      is_news = false;
+      kept_at = time.now();
+    }
     memory.keep(writer.take());
-    is_news = false;
-    kept_at = time.now();
   }
 
   /// On the server's thread.
@@ -100,7 +127,8 @@ struct ProcedureInbox::State {
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
     std::optional<std::vector<ProcedureMessage>> messages;
-    std::optional<std::uint64_t> strangers;
+    std::optional<std::uint64_t> strangers, late;
+    bool is_kept_now = false;
     if (!parsed.message) {
       answer = "AE";
       why = parsed.problem;
@@ -118,9 +146,9 @@ struct ProcedureInbox::State {
       why = "only messages of patients and appointments (ADT, SIU) are taken here";
     } else {
       messages = read_procedure_messages(*parsed.message, listening.zone);
-      if (std::ranges::any_of(*messages, [](const auto& each) { return kept_bytes(each) > kLongestKept; })) {
+      why = problem_of(*messages);
+      if (!why.empty()) {
         answer = "AE";
-        why = "the message says more of a patient and a procedure than is kept";
         messages.reset();
       }
     }
@@ -128,12 +156,20 @@ struct ProcedureInbox::State {
       const std::lock_guard guard(mutex);
       ++(messages ? taken : refused);
       if (messages && !repeated.is_repeated(*parsed.message, bytes)) {
-        const std::uint64_t before = book.strangers_left();
+        const std::uint64_t strangers_before = book.strangers_left(), late_before = book.ended_late();
         book.take_all(std::move(*messages), now);
-        if (book.strangers_left() != before) strangers = strangers_left.add("");
+        if (book.strangers_left() != strangers_before) strangers = strangers_left.add("");
+        if (book.ended_late() != late_before) late = ended_late.add("");
         is_news = true;
-        if (!kept_at || time.now() - *kept_at >= kKeepEvery) keep();
+        is_kept_now = !kept_at || time.now() - *kept_at >= kKeepEvery;
       }
+    }
+    if (is_kept_now) keep();
+    if (late) {
+      complain(
+          "a message came late, after newer ones of the same patient or appointment, and says that the "
+          "patient left or is planned no more (" +
+          std::to_string(*late) + " so far): a person must choose whom the room's cases are about");
     }
     if (strangers) {
       complain("a patient left whom no message had placed under any of the numbers that it names (" +
@@ -145,7 +181,9 @@ struct ProcedureInbox::State {
 
   /// `at` as the wall clock shows it now.
   [[nodiscard]] ProcedureMoment moment(UtcTime at) const {
-    return {at, time.since_boot() - std::chrono::duration_cast<Clock::Duration>(time.utc() - at)};
+    // In this order: whatever was told before `at` stays before it.
+    const auto ago = std::chrono::duration_cast<Clock::Duration>(time.utc() - at);
+    return {at, time.since_boot() - ago};
   }
 
   /// With the mutex: from when on messages are known; "" where that is before all that counts.
@@ -169,11 +207,12 @@ struct ProcedureInbox::State {
   InboxMemory memory;
 
   Tally refusals{};
+  std::mutex keeping;        // held while something is kept; taken before the other one
   mutable std::mutex mutex;  // guards what follows, but for the server's own thread
   ProcedureBook book;
   RepeatedMessages repeated;
   std::uint64_t taken = 0, refused = 0;
-  Tally strangers_left;
+  Tally strangers_left, ended_late;
   std::optional<ProcedureMoment> since;  // from which on messages are known
   bool is_news = false;                  // something is not kept yet
   std::optional<Clock::Time> kept_at;
@@ -193,10 +232,10 @@ void ProcedureInbox::check(const std::string& listen) { listening_at(listen); }
 void ProcedureInbox::tend() {
   State& state = *state_;
   std::string news;
+  state.keep();
   {
     const std::lock_guard guard(state.mutex);
     if (state.is_ended) return;
-    state.keep();
     if (state.server || state.time.now() < state.not_before) return;
     try {
       auto server = std::make_unique<MllpServer>(
@@ -212,7 +251,6 @@ void ProcedureInbox::tend() {
       if (!state.since) {
         state.since = ProcedureMoment{state.time.utc(), state.time.since_boot()};
         state.is_news = true;
-        state.keep();
       }
     } catch (const std::exception& error) {
       state.not_before = state.time.now() + kListenAgain;
@@ -220,6 +258,7 @@ void ProcedureInbox::tend() {
       state.problem = error.what();
     }
   }
+  state.keep();
   if (!news.empty() && state.tell) state.tell(news);
 }
 
@@ -232,30 +271,21 @@ void ProcedureInbox::end() {
   }
   // Without the mutex, which its thread may wait for.
   server.reset();
-  const std::lock_guard guard(state_->mutex);
   state_->keep();
 }
 
-std::optional<ProcedureData> ProcedureInbox::find(const ProcedureRule& rule, UtcTime at) const {
+ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   const ProcedureMoment moment = state_->moment(at);
-  std::optional<ProcedureData> found = state_->book.find(rule, moment);
+  ProcedureChoice choice = state_->book.choose(rule, moment);
   // Somebody may have been placed in the room before, or booked for now.
-  if (found && state_->since && moment.utc - moment.by_this_clock(*state_->since) <= rule.window) {
+  const bool may_lack =
+      choice.data && state_->since && moment.utc - moment.by_this_clock(*state_->since) <= rule.window;
+  if (may_lack) {
     if (const std::string since = state_->known_since(moment); !since.empty())
-      found->chosen += "; messages before " + since + " are not known";
+      choice.data->chosen += "; messages before " + since + " are not known";
   }
-  return found;
-}
-
-bool ProcedureInbox::is_doubtful(const ProcedureRule& rule, UtcTime at) const {
-  const std::lock_guard guard(state_->mutex);
-  return state_->book.is_doubtful(rule, state_->moment(at));
-}
-
-bool ProcedureInbox::is_too_early(const ProcedureRule& rule, UtcTime at) const {
-  const std::lock_guard guard(state_->mutex);
-  return state_->book.is_too_early(rule, state_->moment(at));
+  return choice;
 }
 
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
@@ -268,13 +298,16 @@ ProcedureWay ProcedureInbox::way() const {
   if (!state_->server) {
     return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
   }
-  const std::uint64_t strangers = state_->server->refused();
+  const std::uint64_t strangers = state_->server->refused(), late = state_->book.ended_late();
   const std::string since = state_->known_since({state_->time.utc(), state_->time.since_boot()});
   return {"hl7", true,
           "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
               std::to_string(state_->refused) + " refused" +
               (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers") +
-              (since.empty() ? "" : "; messages before " + since + " are not known")};
+              (since.empty() ? "" : "; messages before " + since + " are not known") +
+              (late == 0 ? ""
+                         : "; messages that said too late that somebody left or is planned no more: " +
+                               std::to_string(late))};
 }
 
 std::uint16_t ProcedureInbox::port() const {

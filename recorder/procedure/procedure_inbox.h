@@ -16,7 +16,7 @@ namespace kiroku::recorder {
 /// Where what an inbox knows outlives the process: in memory alone, as it is of patients.
 struct InboxMemory {
   Bytes earlier;                             // as an earlier process kept it last; empty: nothing
-  std::function<void(ByteView state)> keep;  // called by any thread, one at a time; must not throw or wait
+  std::function<void(ByteView state)> keep;  // called by any thread, one at a time; must not throw
 };
 
 class ProcedureInbox {
@@ -44,9 +44,10 @@ class ProcedureInbox {
   void end();
 
   /// As those of ProcedureBook.
-  [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const;
-  [[nodiscard]] bool is_doubtful(const ProcedureRule& rule, UtcTime at) const;
-  [[nodiscard]] bool is_too_early(const ProcedureRule& rule, UtcTime at) const;
+  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, UtcTime at) const;
+  [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const {
+    return choose(rule, at).data;
+  }
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   /// Its sentence says since when messages are known, if that is not since before all that counts.
   [[nodiscard]] ProcedureWay way() const;

@@ -9,6 +9,7 @@
 #include "base/bytes.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "recorder/vitals/hl7_patient_part.h"
 #include "recorder/vitals/hl7_time.h"
 
 namespace kiroku::recorder {
@@ -105,7 +106,10 @@ class Reader {
     // What is told of somebody's record may name when they came.
     if (!out_.moves) out_.happened = out_.told;
     const bool is_renamed = is_one_of(event, kRenaming) && !out_.patient.empty();
-    if (!is_renamed || out_.replaces == out_.patient) out_.replaces.clear();
+    if (!is_renamed || out_.replaces == out_.patient) {
+      out_.replaces.clear();
+      out_.replaced_numbers.clear();
+    }
     out_.data.origin = "hl7";
     return std::move(out_);
   }
@@ -144,8 +148,7 @@ class Reader {
   }
 
   [[nodiscard]] std::string first_subcomponent(const Hl7Field& field) const {
-    const Hl7Separators& separators = message_.separators();
-    return Hl7Field(field.raw().substr(0, field.raw().find(separators.subcomponent)), separators).text();
+    return recorder::first_subcomponent(field, message_.separators());
   }
 
   /// XPN from component 1, XCN from component 2.
@@ -216,21 +219,6 @@ class Reader {
     }
   }
 
-  /// The medical record number where one of the list is said to be that, else the first identifier that is
-  /// not said to be an account's, else the first; `older` (PID-2, MRG-4, before v2.3) where the list is
-  /// empty.
-  static Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older) {
-    const std::vector<Hl7Field> identifiers = list.repetitions();
-    const auto record_number = std::find_if(identifiers.begin(), identifiers.end(), [](const Hl7Field& one) {
-      return one.component(5).text() == "MR" && !one.component(1).empty();
-    });
-    if (record_number != identifiers.end()) return *record_number;
-    const auto persons = std::find_if(identifiers.begin(), identifiers.end(), [](const Hl7Field& one) {
-      return !one.component(1).empty() && !is_type_of_account(one.component(5).text());
-    });
-    if (persons != identifiers.end()) return *persons;
-    return list.component(1).empty() ? older : identifiers.front();
-  }
   /// "" where it is empty.
   [[nodiscard]] std::string key_of(const Hl7Field& identifier) const {
     const std::string number = identifier.component(1).text();
@@ -243,6 +231,7 @@ class Reader {
     data.patient_id = chosen.component(1).text();
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
     out_.patient = key_of(chosen);
+    take_numbers(out_.numbers, chosen, false);  // first: of many some are not kept
     take_numbers(out_.numbers, pid.field(3), false);
     take_numbers(out_.numbers, pid.field(2), false);
     take_numbers(out_.numbers, pid.field(18), true);
@@ -267,7 +256,9 @@ class Reader {
     if (name == "PID") {
       read_patient(segment);
     } else if (name == "MRG") {
-      out_.replaces = key_of(chosen_identifier(segment.field(1), segment.field(4)));
+      const Hl7Field chosen = chosen_identifier(segment.field(1), segment.field(4));
+      out_.replaces = key_of(chosen);
+      take_numbers(out_.replaced_numbers, chosen, false);
       take_numbers(out_.replaced_numbers, segment.field(1), false);
       take_numbers(out_.replaced_numbers, segment.field(4), false);
     } else if (name == "PV1") {
@@ -321,6 +312,15 @@ class Reader {
 bool is_of_procedures(const std::string& type) {
   // Some leave the event to EVN-1.
   return type == "ADT" || type.starts_with("ADT^") || type.starts_with("SIU^");
+}
+
+bool has_its_numbers(const ProcedureMessage& message) {
+  const auto has = [](const std::vector<PatientNumber>& numbers, const std::string& key) {
+    return key.empty() || std::ranges::any_of(numbers, [&](const PatientNumber& each) {
+             return key == each.number + "\n" + each.issuer;
+           });
+  };
+  return has(message.numbers, message.patient) && has(message.replaced_numbers, message.replaces);
 }
 
 bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b) {

@@ -56,6 +56,9 @@ inline constexpr std::size_t kMostPatients = 16;
 /// Of ways to write a place; of more no further places are read.
 inline constexpr std::size_t kMostPlaces = 256;
 
+/// Whether the numbers by which it names the patient, and names them before, are among those that are kept:
+/// not where one is too long.
+bool has_its_numbers(const ProcedureMessage& message);
 /// Whether both are of one appointment. Its systems name it by either number, or by both.
 bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b);
 

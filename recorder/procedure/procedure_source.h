@@ -17,12 +17,6 @@ struct ProcedureWay {
   std::string state;  // "waits for messages at 0.0.0.0:2576; 12 taken"
 };
 
-inline constexpr const char* kTwoPatients =
-    "two patients are planned equally near to its beginning, and a person must choose";
-
-inline constexpr const char* kTooEarly =
-    "what is planned nearest to its beginning lies more than an hour ahead, and a person must choose";
-
 class ProcedureSource {
  public:
   virtual ~ProcedureSource() = default;
@@ -33,10 +27,8 @@ class ProcedureSource {
   /// what has none first; at most kMostListed. Returns at once.
   [[nodiscard]] virtual std::vector<ProcedureData> list(UtcTime at) const = 0;
   static constexpr std::size_t kMostListed = 500;
-  /// Whether find() gives nothing because two patients are planned equally near to `at`. Returns at once.
-  [[nodiscard]] virtual bool is_doubtful(UtcTime /*at*/) const { return false; }
-  /// Whether find() gives nothing because what is planned nearest lies too far ahead. Returns at once.
-  [[nodiscard]] virtual bool is_too_early(UtcTime /*at*/) const { return false; }
+  /// Why find() gives nothing although somebody may be meant. Returns at once.
+  [[nodiscard]] virtual Doubt doubt(UtcTime /*at*/) const { return Doubt::kNone; }
   /// Whether something of list() was only said once, by a message, and not listed by who can be asked again.
   [[nodiscard]] virtual bool knows_by_messages(UtcTime /*at*/) const { return false; }
   /// A case waits for it: what is asked for now and then is asked for now.

@@ -3,38 +3,29 @@
 #pragma once
 
 #include <cstddef>
-#include <deque>
-#include <map>
-#include <string>
 #include <string_view>
 
-#include "crypto/hash.h"
-#include "recorder/vitals/hl7_message.h"
+#include "base/bytes.h"
+#include "recorder/vitals/message_memory.h"
 
 namespace kiroku::recorder {
 
 class RepeatedMessages {
  public:
-  static constexpr std::size_t kRemembered = 4096;
-  static constexpr std::size_t kMostSenders = 256;
+  static constexpr std::size_t kRemembered = MessageMemory::kRemembered;
 
   /// Whether the message was here before; it is remembered from now on. The same control ID (MSH-10) of the
   /// same sender says so where all else but MSH-7 is the same, and MSH-7, too, if this sender has used one
   /// control ID for several messages, or has used no other: some begin anew with 1, or always send the same.
   bool is_repeated(const Hl7Message& message, std::string_view bytes);
 
+  /// All of it, as digests, for a recorder that starts anew on the running machine.
+  [[nodiscard]] Bytes exported() const;
+  /// What exported() gave. Throws kiroku::Error for anything else.
+  static RepeatedMessages imported(ByteView bytes);
+
  private:
-  struct Seen {
-    crypto::Sha256Digest whole, content;  // content: without MSH-7
-  };
-  /// How a sender uses MSH-10.
-  struct Identifiers {
-    crypto::Sha256Digest first;
-    bool several = false, reused = false;
-  };
-  std::map<crypto::Sha256Digest, Identifiers> identifiers_;  // by sender
-  std::map<crypto::Sha256Digest, Seen> seen_;                // by sender and control ID
-  std::deque<crypto::Sha256Digest> order_;                   // of seen_, the oldest first
+  MessageMemory memory_;
 };
 
 }  // namespace kiroku::recorder

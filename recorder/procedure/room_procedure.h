@@ -17,26 +17,15 @@ class RoomProcedure : public ProcedureSource {
                 std::unique_ptr<Worklist> worklist)
       : inbox_(std::move(inbox)), rule_(std::move(rule)), worklist_(std::move(worklist)) {}
 
-  /// Where both know the same patient, the worklist completes what the messages say.
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override {
-    std::optional<ProcedureData> found = inbox_ ? inbox_->find(rule_, at) : std::nullopt;
-    std::optional<ProcedureData> listed = worklist_ ? worklist_->find(at) : std::nullopt;
-    if (!found) return listed;
-    const bool completes = listed && !found->patient_id.empty() && may_be_same_patient(*listed, *found);
-    if (completes) complete(*found, *listed);
-    return found;
-  }
+  /// Where both know the same patient, the worklist completes what the messages say. Where the messages leave
+  /// it in doubt who is there, or plan another patient than the worklist does, nobody is taken.
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override { return choose(at).data; }
+  [[nodiscard]] Doubt doubt(UtcTime at) const override { return choose(at).doubt; }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const override {
     std::vector<ProcedureData> all = inbox_ ? inbox_->list(rule_, at) : std::vector<ProcedureData>();
     if (worklist_) add_unknown(all, worklist_->list(at));
     order_by_plan(all, kMostListed);
     return all;
-  }
-  [[nodiscard]] bool is_doubtful(UtcTime at) const override {
-    return (inbox_ && inbox_->is_doubtful(rule_, at)) || (worklist_ && worklist_->is_doubtful(at));
-  }
-  [[nodiscard]] bool is_too_early(UtcTime at) const override {
-    return (inbox_ && inbox_->is_too_early(rule_, at)) || (worklist_ && worklist_->is_too_early(at));
   }
   [[nodiscard]] bool knows_by_messages(UtcTime at) const override {
     return inbox_ && !inbox_->list(rule_, at).empty();
@@ -52,6 +41,36 @@ class RoomProcedure : public ProcedureSource {
   }
 
  private:
+  [[nodiscard]] ProcedureChoice choose(UtcTime at) const {
+    ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at) : ProcedureChoice();
+    // What is planned for later says nothing of now.
+    const bool is_open = told.doubt == Doubt::kNone || told.doubt == Doubt::kTooEarly;
+    if (!worklist_ || !is_open) return told;
+    std::optional<ProcedureData> listed = worklist_->find(at);
+    if (!told.data) {
+      if (listed) return {std::move(listed)};
+      const Doubt doubt = worklist_->doubt(at);
+      return {{}, doubt == Doubt::kNone ? told.doubt : doubt};
+    }
+    if (!listed) return told;
+    if (told.is_by_plan && !may_be_planned_for_both(*told.data, *listed)) return {{}, Doubt::kTwoWays};
+    if (!told.data->patient_id.empty() && may_be_same_patient(*listed, *told.data))
+      complete(*told.data, *listed);
+    return told;
+  }
+  /// Two systems may write one number in two ways.
+  static bool may_be_planned_for_both(const ProcedureData& one, const ProcedureData& other) {
+    const auto number = [](const ProcedureData& data) {
+      return PatientNumber{data.patient_id, data.patient_id_issuer, {}, {}};
+    };
+    ProcedureData same = other;
+    if (may_be_one(number(one), number(other))) {
+      same.patient_id = one.patient_id;
+      same.patient_id_issuer = one.patient_id_issuer;
+    }
+    return may_be_same_patient(one, same);
+  }
+
   const std::shared_ptr<const ProcedureInbox> inbox_;
   const ProcedureRule rule_;
   const std::unique_ptr<Worklist> worklist_;

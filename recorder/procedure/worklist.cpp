@@ -60,20 +60,16 @@ std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime 
   const NearestPlan plan = nearest_plan(answer, at, window);
   if (!plan.index || plan.is_far_ahead || answer.is_cut || is_anybodys(answer, plan)) return {};
   ProcedureData data = items[*plan.index].data;
-  data.chosen_by_plan = items[*plan.index].planned;
   data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
                 " that it listed at " + format_utc(asked);
   return data;
 }
 
-bool is_doubtful(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
+Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
   const NearestPlan plan = nearest_plan(answer, at, window);
-  return plan.equally_near.size() > 1 && is_anybodys(answer, plan);
-}
-
-bool is_too_early(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
-  const NearestPlan plan = nearest_plan(answer, at, window);
-  return plan.is_far_ahead && !answer.is_cut && !is_anybodys(answer, plan);
+  if (!plan.index) return Doubt::kNone;
+  if (is_anybodys(answer, plan)) return plan.equally_near.size() > 1 ? Doubt::kTwoPlanned : Doubt::kNone;
+  return plan.is_far_ahead && !answer.is_cut ? Doubt::kTooEarly : Doubt::kNone;
 }
 
 struct Worklist::State {
@@ -224,18 +220,10 @@ std::optional<ProcedureData> Worklist::find(UtcTime at) const {
   return nearest_step(state_->newest, *state_->answered, at, window);
 }
 
-bool Worklist::is_doubtful(UtcTime at) const {
+Doubt Worklist::doubt(UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
-  const auto window = state_->options.window;
-  if (!state_->may_choose(at)) return false;
-  return recorder::is_doubtful(state_->newest, at, window);
-}
-
-bool Worklist::is_too_early(UtcTime at) const {
-  const std::lock_guard guard(state_->mutex);
-  const auto window = state_->options.window;
-  if (!state_->may_choose(at)) return false;
-  return recorder::is_too_early(state_->newest, at, window);
+  if (!state_->may_choose(at)) return Doubt::kNone;
+  return doubt_of(state_->newest, at, state_->options.window);
 }
 
 std::vector<ProcedureData> Worklist::list(UtcTime at) const {

@@ -64,10 +64,8 @@ std::string left_out_of(const WorklistAnswer& answer);
 /// patients are equally near, and of an answer that was cut: nobody can tell then whose it is.
 std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime asked, UtcTime at,
                                           std::chrono::nanoseconds window);
-/// Whether it is nothing because steps of two patients are equally near.
-bool is_doubtful(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window);
-/// Whether it is nothing because that step lies too far ahead.
-bool is_too_early(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window);
+/// Why it is nothing: steps of two patients are equally near, or that step lies too far ahead.
+Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window);
 
 /// Asks again and again, from a thread of its own; after failures at longer intervals, up to five minutes.
 /// Every function may be called from any thread.
@@ -85,10 +83,8 @@ class Worklist {
   /// kMostRefreshes of its options and no newer one came: steps may be called off or moved meanwhile.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
   static constexpr int kMostRefreshes = 3;
-  /// Whether find() gives nothing because steps of two patients are equally near.
-  [[nodiscard]] bool is_doubtful(UtcTime at) const;
-  /// Whether it gives nothing because the nearest step lies too far ahead.
-  [[nodiscard]] bool is_too_early(UtcTime at) const;
+  /// Why it gives nothing although it lists somebody.
+  [[nodiscard]] Doubt doubt(UtcTime at) const;
   /// All steps of that answer planned within the window around `at`, while it is not older than the window: a
   /// person chooses, to whom way() and `chosen` say how old it is.
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const;

@@ -1,6 +1,7 @@
 #include "recorder/vitals/hl7_patient_part.h"
 
 #include <algorithm>
+#include <array>
 
 #include "base/ascii.h"
 #include "base/error.h"
@@ -55,15 +56,6 @@ std::string add_place(const Hl7Field& field, const Hl7Separators& separators,
   return whole;
 }
 
-/// The medical record number where one of the list is said to be that, else the first identifier; `older`
-/// (PID-2, before v2.3) where the list is empty.
-Hl7Field identifier_of(const Hl7Field& list, const Hl7Field& older) {
-  for (const Hl7Field& one : list.repetitions()) {
-    if (one.component(5).text() == "MR" && !one.component(1).empty()) return one;
-  }
-  return list.component(1).empty() ? older : list;
-}
-
 std::string percent_decoded(std::string_view text) {
   std::string decoded(text);
   for (const auto& [code, sign] : {std::pair{"%26", "&"}, std::pair{"%2c", ","}, std::pair{"%25", "%"}}) {
@@ -75,6 +67,29 @@ std::string percent_decoded(std::string_view text) {
 }
 
 }  // namespace
+
+bool is_type_of_account(const std::string& type) {
+  constexpr std::array<std::string_view, 5> kOfAccounts{"AN", "ANC", "AND", "ANT", "VN"};
+  return std::ranges::find(kOfAccounts, type) != kOfAccounts.end();
+}
+
+Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older) {
+  const std::vector<Hl7Field> identifiers = list.repetitions();
+  const auto record_number = std::ranges::find_if(identifiers, [](const Hl7Field& one) {
+    return one.component(5).text() == "MR" && !one.component(1).empty();
+  });
+  if (record_number != identifiers.end()) return *record_number;
+  const auto persons = std::ranges::find_if(identifiers, [](const Hl7Field& one) {
+    return !one.component(1).empty() && !is_type_of_account(one.component(5).text());
+  });
+  if (persons != identifiers.end()) return *persons;
+  return list.component(1).empty() ? older : identifiers.front();
+}
+
+std::string first_subcomponent(const Hl7Field& component, const Hl7Separators& separators) {
+  return Hl7Field(component.raw().substr(0, component.raw().find(separators.subcomponent)), separators)
+      .text();
+}
 
 std::vector<PatientPart> patient_parts(const Hl7Message& message) {
   const Hl7Separators& separators = message.separators();
@@ -101,10 +116,10 @@ std::vector<PatientPart> patient_parts(const Hl7Message& message) {
     }
     PatientPart& part = parts.back();
     if (is_patient) {
-      const Hl7Field identifier = identifier_of(segment.field(3), segment.field(2));
+      const Hl7Field identifier = chosen_identifier(segment.field(3), segment.field(2));
       part.patient = identifier.component(1).text();
       const Hl7Field issuer = identifier.component(4);
-      part.issuer = issuer.empty() ? "" : subcomponents(issuer, separators).front().text();
+      part.issuer = issuer.empty() ? "" : first_subcomponent(issuer, separators);
     } else if (is_visit) {
       const std::string usual = add_place(segment.field(3), separators, part.spellings);
       const std::string temporary = add_place(segment.field(11), separators, part.spellings);

@@ -11,6 +11,15 @@
 
 namespace kiroku::recorder {
 
+/// Whether CX-5 says that a number is an account's or a visit's.
+bool is_type_of_account(const std::string& type);
+/// Of a list of identifiers (CX) the medical record number where one is said to be that, else the first that
+/// is not said to be an account's, else the first; `older` (PID-2, MRG-4, before v2.3) where the list is
+/// empty.
+Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older);
+/// What a component says before its first '&': the namespace of an issuer.
+std::string first_subcomponent(const Hl7Field& component, const Hl7Separators& separators);
+
 /// The segments of one patient.
 struct PatientPart {
   std::size_t begin = 0, end = 0;  // of Hl7Message::segments()
@@ -20,7 +29,7 @@ struct PatientPart {
   /// Every way to write the places of PV1-3 and PV1-11: components, their subcomponents, and all of them
   /// joined.
   std::vector<std::string> spellings;
-  std::string patient, issuer;  // PID-3 (else PID-2): to be compared, never to be told
+  std::string patient, issuer;  // chosen_identifier() of PID-3 and PID-2: to be compared, never to be told
   bool observes = false;        // holds an OBX
 };
 

@@ -82,24 +82,6 @@ std::string counted(std::string_view sentence, std::uint64_t count) {
 
 }  // namespace
 
-crypto::Sha256Digest content_hash(const Hl7Message& message) {
-  constexpr std::size_t kSentAt = 7;
-  crypto::Sha256 hash;
-  for (const Hl7Segment& segment : message.segments()) {
-    const bool is_header = &segment == &message.header();
-    hash.update(bytes_of(segment.name()));
-    for (std::size_t number = 1; number <= segment.size(); ++number) {
-      // The separator keeps fields apart: none holds it.
-      hash.update(bytes_of("|"));
-      if (!is_header || number != kSentAt) {
-        hash.update(bytes_of(segment.field(number).raw()));
-      }
-    }
-    hash.update(bytes_of("\r"));
-  }
-  return hash.finish();
-}
-
 AssumedZone parse_assumed_zone(const std::string& text, const std::string& source) {
   if (text == "UTC") {
     return std::chrono::minutes(0);
@@ -180,7 +162,8 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   std::string source = at, problem = parsed.problem;
   std::string notice = "message-refused", words;  // what is told of a problem, if not the problem itself
   bool is_told = true;
-  std::vector<PatientPart> parts;
+  std::vector<PatientPart> stated;  // all of the message
+  std::vector<PatientPart> parts;   // those of here
   Taken taken;
   taken.answer = "AA";
   if (parsed.message) {
@@ -188,6 +171,7 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     if (problem.empty()) source = parsed.message->sender() + at;
     if (!senders_.takes(*parsed.message)) return refuse(*parsed.message, source, arrival_ns, now);
     taken.is_of_sender = problem.empty();
+    stated = patient_parts(*parsed.message);
     const std::string type = parsed.message->type();
     if (!problem.empty()) {
       taken.answer = "AE";
@@ -205,7 +189,7 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
       taken.answer = "AR";
       problem =
           "messages of type " + type + " are not read; ORU^R01, ORU^R30 to R32, ORU^R40 and ORU^W01 are";
-    } else if (problem = problem_of_parts(patient_parts(*parsed.message)); !problem.empty()) {
+    } else if (problem = problem_of_parts(stated); !problem.empty()) {
       taken.answer = "AE";
     }
   } else {
@@ -218,9 +202,8 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   // What is of others, too, is kept of none: it names them, and has their values.
   bool is_of_here = true;
   if (parsed.message) {
-    const std::vector<PatientPart> stated = patient_parts(*parsed.message);
     is_of_here = std::ranges::all_of(stated, [&](const PatientPart& part) { return places_.takes(part); });
-    if (problem.empty()) parts = parts_of_here(stated, source, arrival_ns, taken.lines);
+    if (problem.empty()) parts = parts_of_here(std::move(stated), source, arrival_ns, taken.lines);
     if (problem.empty() && parts.empty()) {
       taken.acknowledgement = make_acknowledgement(parsed.message.get(), taken.answer, "", now);
       return taken;
@@ -355,34 +338,12 @@ Hl7Vitals::Taken Hl7Vitals::refuse(const Hl7Message& message, const std::string&
 
 Hl7Vitals::Novelty Hl7Vitals::novelty_of(const std::string& source, const Hl7Message& message,
                                          std::string_view bytes, std::int64_t arrival_ns) {
-  const std::string control_id = message.control_id();
-  const Seen now{crypto::sha256(bytes_of(bytes)), content_hash(message), arrival_ns};
-  if (identifiers_.size() >= kMostSenders) {
-    identifiers_.clear();  // somebody makes up senders
-  }
-  Identifiers& identifiers = identifiers_.try_emplace(source, Identifiers{control_id}).first->second;
-  identifiers.several = identifiers.several || identifiers.first != control_id;
-  const std::string key = source + '\n' + control_id;
-  const auto [known, added] = seen_.try_emplace(key, now);
-  if (!added) {
-    const Seen before = std::exchange(known->second, now);
-    if (before.whole == now.whole) {
-      return Novelty::kRepeated;
-    }
-    if (before.content != now.content) {
-      identifiers.reused = true;
-      return Novelty::kNew;
-    }
-    const bool tells_apart = identifiers.several && !identifiers.reused;
-    const bool soon = arrival_ns - before.arrival_ns <= kLongestRetryNs;
-    return tells_apart && soon ? Novelty::kRepeatedWithOtherTime : Novelty::kNew;
-  }
-  seen_order_.push_back(key);
-  if (seen_order_.size() > kRemembered) {
-    seen_.erase(seen_order_.front());
-    seen_order_.pop_front();
-  }
-  return Novelty::kNew;
+  const auto earlier = seen_.see(source, message, bytes, arrival_ns);
+  if (!earlier) return Novelty::kNew;
+  if (earlier->has_same_bytes) return Novelty::kRepeated;
+  const bool soon = arrival_ns - earlier->arrival_ns <= kLongestRetryNs;
+  return earlier->has_same_content && earlier->tells_apart && soon ? Novelty::kRepeatedWithOtherTime
+                                                                   : Novelty::kNew;
 }
 
 MonitorReader& Hl7Vitals::reader_of(const std::string& source) {

@@ -4,7 +4,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -16,6 +15,7 @@
 #include "media/vital_line.h"
 #include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/hl7_patient_part.h"
+#include "recorder/vitals/message_memory.h"
 #include "recorder/vitals/monitor_reader.h"
 #include "recorder/vitals/sender_list.h"
 
@@ -30,9 +30,6 @@ AssumedZone parse_assumed_zone(const std::string& text, const std::string& sourc
 /// both NE). `code` is AA, AE or AR; `text` is for people.
 std::string make_acknowledgement(const Hl7Message* message, std::string_view code, std::string_view text,
                                  UtcTime now);
-
-/// Of all that a message says but when it was sent (MSH-7), which a retry may state anew.
-crypto::Sha256Digest content_hash(const Hl7Message& message);
 
 class Hl7Vitals {
  public:
@@ -73,7 +70,7 @@ class Hl7Vitals {
   /// Messages that were of other places, or of none, so far, in whole or in part. From any thread.
   [[nodiscard]] std::uint64_t elsewhere() const { return elsewhere_.total() + unplaced_.total(); }
 
-  static constexpr std::size_t kRemembered = 4096;
+  static constexpr std::size_t kRemembered = MessageMemory::kRemembered;
   static constexpr std::int64_t kLongestRetryNs = 600'000'000'000;
   static constexpr std::size_t kMostSenders = 256;
   static constexpr std::size_t kMostPatients = 64;  // of one message, and told apart at one place
@@ -83,15 +80,6 @@ class Hl7Vitals {
 
  private:
   enum class Novelty { kNew, kRepeated, kRepeatedWithOtherTime };
-  struct Seen {
-    crypto::Sha256Digest whole, content;  // content: without MSH-7
-    std::int64_t arrival_ns = 0;
-  };
-  /// How a sender uses MSH-10.
-  struct Identifiers {
-    std::string first;
-    bool several = false, reused = false;
-  };
   Novelty novelty_of(const std::string& source, const Hl7Message& message, std::string_view bytes,
                      std::int64_t arrival_ns);
   /// Who a message is about, as far as it must be known again; never told.
@@ -128,9 +116,7 @@ class Hl7Vitals {
   std::map<std::string, std::vector<PatientKey>> patients_at_;  // by sender and place
   Tally unreadable_{kMostSenders, kUnreadableKept};             // by peer
   std::map<std::string, MonitorReader> readers_;
-  std::map<std::string, Identifiers> identifiers_;  // by sender
-  std::map<std::string, Seen> seen_;                // by sender and MSH-10
-  std::deque<std::string> seen_order_;
+  MessageMemory seen_;
 };
 
 }  // namespace kiroku::recorder

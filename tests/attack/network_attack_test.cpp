@@ -593,7 +593,7 @@ TEST(WorklistAttack, OfTwoPatientsWhoArePlannedForOneTimeNeitherIsTaken) {
   const WorklistAnswer answer = ask_worklist(worklist.options(), now);
   ASSERT_THAT(answer.items, SizeIs(2)) << answer.problem;
   EXPECT_EQ(nearest_step(answer, now, now, 12h), std::nullopt);
-  EXPECT_TRUE(is_doubtful(answer, now, 12h));
+  EXPECT_EQ(doubt_of(answer, now, 12h), Doubt::kTwoPlanned);
 }
 
 TEST(WorklistAttack, OfMoreStepsThanAreReadNoneIsTakenByItself) {

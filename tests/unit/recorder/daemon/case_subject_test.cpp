@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "recorder/procedure/procedure_book.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -15,21 +16,22 @@ using testing::IsEmpty;
 
 class KnownProcedure : public ProcedureSource {
  public:
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime) const override {
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override {
     ++asked;
     if (fails) throw Error("the worklist's answer is cut off");
-    return known;
+    return book ? book->find({{}, 12h}, at) : known;
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
-  [[nodiscard]] bool is_doubtful(UtcTime) const override { return doubtful; }
-  [[nodiscard]] bool is_too_early(UtcTime) const override { return early; }
+  [[nodiscard]] Doubt doubt(UtcTime) const override { return doubts; }
   void hurry() override { ++hurried; }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "the server does not answer"}};
   }
 
   std::optional<ProcedureData> known;
-  bool fails = false, doubtful = false, early = false;
+  std::optional<ProcedureBook> book;  // in its place
+  bool fails = false;
+  Doubt doubts = Doubt::kNone;
   mutable int asked = 0;
   int hurried = 0;
 };
@@ -115,12 +117,20 @@ TEST_F(CaseSubjectTest, AnOperationThatGoesOnWithItsSubjectWithheldSaysSoAndLook
 
 TEST_F(CaseSubjectTest, WhatIsPlannedForLaterBecomesNoRunningCasesByItself) {
   const UtcTime begun(std::chrono::sys_days(std::chrono::year(2026) / 8 / 5) + 9h);
+  source->book.emplace();
   subject.at_beginning(begun, {}, GoesOn::kNo);
-  source->known = somebody();
-  source->known->chosen_by_plan = begun + 7h;
+  const auto book = [&](const std::string& patient, UtcTime planned) {
+    ProcedureMessage message;
+    message.kind = ProcedureMessage::Kind::kAppointment;
+    message.appointment = message.patient = message.data.patient_id = patient;
+    message.planned = planned;
+    source->book->take(message, begun + 1min);
+  };
+  book("4712", begun + 7h);
   EXPECT_EQ(subject.late(Clock::Time(10s)), std::nullopt);
-  source->known->chosen_by_plan = begun + 1h;
-  EXPECT_EQ(subject.late(Clock::Time(20s)), subject_json(somebody())) << "it is looked for still";
+  book("4711", begun + 1h);
+  EXPECT_THAT(std::string(text_of(subject.late(Clock::Time(20s)).value_or(Bytes()))), HasSubstr("4711"))
+      << "it is looked for still";
 }
 
 // A patient who was placed in the room may have an appointment at any time.
@@ -132,7 +142,7 @@ TEST_F(CaseSubjectTest, WhoIsPlacedInTheRoomBecomesItsPatientWhateverIsPlanned) 
 }
 
 TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
-  source->doubtful = true;
+  source->doubts = Doubt::kTwoPlanned;
   subject.at_beginning({}, {}, GoesOn::kNo);
   EXPECT_EQ(subject.why_missing(),
             "the case begins without procedure data; two patients are planned equally near to its beginning, "
@@ -140,7 +150,7 @@ TEST_F(CaseSubjectTest, SaysThatTwoPatientsCouldBeMeant) {
 }
 
 TEST_F(CaseSubjectTest, SaysThatWhatIsPlannedLiesTooFarAhead) {
-  source->early = true;
+  source->doubts = Doubt::kTooEarly;
   subject.at_beginning({}, {}, GoesOn::kNo);
   EXPECT_THAT(subject.why_missing().value_or(""),
               HasSubstr("lies more than an hour ahead, and a person must choose"));

@@ -23,8 +23,9 @@ Files given_on(const KeptMemory& memory) {
   return files;
 }
 
+/// As the next process reads it.
 std::string text_in(const KeptMemory& memory) {
-  const auto bytes = memory.read();
+  const auto bytes = KeptMemory(given_on(memory)).take_earlier();
   return bytes ? std::string(text_of(*bytes)) : "nothing";
 }
 
@@ -34,7 +35,8 @@ TEST(KeptMemory, HoldsWhatWasKeptLastForTheNextProcess) {
   first.keep(bytes_of("anna"));
   EXPECT_EQ(text_in(first), "anna");
   KeptMemory second{given_on(first)};
-  EXPECT_EQ(text_in(second), "anna");
+  EXPECT_EQ(second.take_earlier(), to_bytes("anna"));
+  EXPECT_EQ(second.take_earlier(), std::nullopt) << "patients' data are not held twice";
   second.keep(bytes_of("anna, berta"));
   second.keep(bytes_of("berta"));
   EXPECT_EQ(text_in(KeptMemory{given_on(second)}), "berta");

@@ -95,6 +95,56 @@ TEST_F(ProcedureInboxTest, TellsWhereSomebodyLeavesWhoIsNotKnown) {
   EXPECT_THAT(told, Not(HasSubstr("4711")));
 }
 
+// Out of its order.
+TEST_F(ProcedureInboxTest, TellsOfALeavingThatComesLate) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  const auto at = [](const std::string& hour, std::string message) {
+    for (std::size_t found = 0; (found = message.find("2026080508", found)) != std::string::npos; ++found)
+      message.replace(found, 10, "20260805" + hour);
+    return message;
+  };
+  EXPECT_EQ(answer(client, at("10", adt("A02", "1", "4711", "OR1"))), "AA|1\r");
+  EXPECT_EQ(answer(client, at("09", adt("A03", "2", "4711", "OR1"))), "AA|2\r");
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()), std::nullopt);
+  EXPECT_EQ(inbox.choose({{"OR1"}, 12h}, utc_now()).doubt, Doubt::kToldLate);
+  EXPECT_THAT(inbox.way().state,
+              HasSubstr("; messages that said too late that somebody left or is planned no more: 1"));
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("a message came late, after newer ones of the same patient"));
+  EXPECT_THAT(told, Not(HasSubstr("4711")));
+}
+
+TEST_F(ProcedureInboxTest, RefusesNumbersThatItWouldNotKnowAgain) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC", {});
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  const std::string too_long(257, '7');
+  const auto refused =
+      HasSubstr("AE|5|the message names a patient by a number that is longer than 256 bytes");
+  EXPECT_THAT(answer(client, adt("A02", "5", too_long, "OR1")), refused);
+  std::string merging = adt("A40", "5", "4711", "OR1");
+  EXPECT_THAT(answer(client, merging + "MRG|" + too_long + "^^^HOSP^MR\r"), refused);
+  std::string many = "1^^^A^PI";
+  for (int i = 2; i < 40; ++i) many += "~" + std::to_string(i) + "^^^A^PI";
+  EXPECT_EQ(answer(client, merging + "MRG|" + many + "~4^^^HOSP^MR\r"), "AA|5\r");
+}
+
+// Rooms ask meanwhile whom their cases are about.
+TEST_F(ProcedureInboxTest, AnswersWhileSomethingIsKept) {
+  int asked = 0;
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC", {}, Clock::system(),
+                       {{}, [&](ByteView) {
+                          static_cast<void>(inbox.way());
+                          static_cast<void>(inbox.find({{"OR1"}, 12h}, utc_now()));
+                          ++asked;
+                        }});
+  inbox.tend();
+  EXPECT_EQ(asked, 1);
+}
+
 // Booked before clocks change, for after it: another patient would be the nearest, by today's offset.
 TEST_F(ProcedureInboxTest, WhatIsPlannedForAfterAChangeOfClocksGoesByTheClocksOfThen) {
   const test::LocalZone berlin("CET-1CEST,M3.5.0,M10.5.0/3");
@@ -277,6 +327,13 @@ TEST_F(ProcedureInboxTest, AStartForgetsNobodyWhereSomethingKeepsWhatWasSaid) {
   EXPECT_EQ(found->patient.family, "Müller");
   EXPECT_THAT(found->chosen, HasSubstr("; messages before 2026-08-05T09:00Z are not known"));
   EXPECT_THAT(second.way().state, HasSubstr("4 taken, 0 refused; messages before 2026-08-05T09:00Z"));
+  // What was sent before the start comes again.
+  MllpClient engine("127.0.0.1", second.port());
+  EXPECT_EQ(answer(engine, adt("A03", "90", "4711", "SURGERY^OR1")), "AA|90\r");
+  std::string again = kInOr1;
+  again.replace(again.find("|77|"), 4, "|80|");
+  EXPECT_EQ(answer(engine, again), "AA|80\r");
+  EXPECT_EQ(second.find(rule, time.utc()), std::nullopt) << "they have left since";
   // Without, nobody is known, and it says since when that is so.
   ProcedureInbox third(listen, tells, time);
   third.tend();

@@ -142,9 +142,9 @@ TEST(ProcedureMessage, KeepsEveryNumberOfAPatient) {
       "PID|1|X1|V9^^^H^AN~77^^^H&1.2.3&ISO^PI||Doe^John||1980|||||||||||V8^^^H\r");
   EXPECT_EQ(message.patient, "77\nH") << "the patient's, and not the account's";
   ASSERT_THAT(message.numbers, SizeIs(4));
-  EXPECT_TRUE(message.numbers[0].is_of_account);
-  EXPECT_EQ(message.numbers[1].issuer + " " + message.numbers[1].issuer_id + " " + message.numbers[1].type,
+  EXPECT_EQ(message.numbers[0].issuer + " " + message.numbers[0].issuer_id + " " + message.numbers[0].type,
             "H 1.2.3 PI");
+  EXPECT_TRUE(message.numbers[1].is_of_account);
   EXPECT_EQ(message.numbers[2].number, "X1");
   EXPECT_TRUE(message.numbers[3].is_of_account);
   EXPECT_THAT(read(adt("A40", "MRG|99^^^^PI~0815^^^HOSP^MR\r")).replaced_numbers, SizeIs(2));

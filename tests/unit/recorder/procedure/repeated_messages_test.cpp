@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -30,6 +32,21 @@ TEST(RepeatedMessages, AnIdentifierThatIsAlwaysTheSameTellsNothing) {
   EXPECT_TRUE(is_repeated(messages, "HIS", "20260805090000", "1", "A")) << "every byte, its time, too";
   EXPECT_FALSE(is_repeated(messages, "HIS", "", "1", "A"));
   EXPECT_FALSE(is_repeated(messages, "HIS", "", "1", "A")) << "no time";
+}
+
+TEST(RepeatedMessages, AreKnownAfterAStart) {
+  RepeatedMessages messages;
+  is_repeated(messages, "HIS", "20260805080000", "1", "A");
+  is_repeated(messages, "HIS", "20260805080000", "2", "B");
+  is_repeated(messages, "LAB", "20260805080000", "1", "A");
+  is_repeated(messages, "LAB", "20260805080000", "1", "B");
+  const Bytes bytes = messages.exported();
+  RepeatedMessages later = RepeatedMessages::imported(bytes);
+  EXPECT_EQ(later.exported(), bytes);
+  EXPECT_TRUE(is_repeated(later, "HIS", "20260805110000", "1", "A"));
+  EXPECT_FALSE(is_repeated(later, "LAB", "20260805110000", "1", "B")) << "it counts anew";
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    EXPECT_THROW(RepeatedMessages::imported(ByteView(bytes).first(size)), Error) << size;
 }
 
 TEST(RepeatedMessages, ForgetWhatIsLongAgo) {

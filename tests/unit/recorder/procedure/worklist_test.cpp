@@ -211,7 +211,7 @@ TEST_F(WorklistTest, AnAnswerThatIsOldWhileNoneComesIsForPeopleAlone) {
   time.await_waiting(1);
   time.suspend(3min);
   EXPECT_EQ(worklist.find(time.utc()), std::nullopt);
-  EXPECT_FALSE(worklist.is_doubtful(time.utc()));
+  EXPECT_EQ(worklist.doubt(time.utc()), Doubt::kNone);
   const std::vector<ProcedureData> listed = worklist.list(time.utc());
   ASSERT_THAT(listed, SizeIs(1));
   EXPECT_EQ(listed[0].patient_id, "1");
@@ -283,8 +283,8 @@ TEST_F(WorklistTest, IsAskedAgainUntilItAnswersAndKeepsTheNearestStep) {
   EXPECT_EQ(worklist.find(now - 90min)->patient_id, "2");
   EXPECT_EQ(worklist.find(now - 40h), std::nullopt);
   EXPECT_EQ(worklist.find(now - 5h), std::nullopt) << "three hours before the first one";
-  EXPECT_TRUE(worklist.is_too_early(now - 5h));
-  EXPECT_FALSE(worklist.is_too_early(now));
+  EXPECT_EQ(worklist.doubt(now - 5h), Doubt::kTooEarly);
+  EXPECT_EQ(worklist.doubt(now), Doubt::kNone);
   EXPECT_THAT(worklist.way().state, HasSubstr("RIS listed 2 steps"));
   const std::lock_guard guard(mutex);
   ASSERT_THAT(told, SizeIs(2));

@@ -231,6 +231,7 @@ TEST(Hl7Vitals, SeveralPatientsAreToldApartAndNotNamed) {
   EXPECT_THAT(notices_in(take("", "a")), IsEmpty()) << "nobody is named";
   EXPECT_THAT(notices_in(take("99^^^H^VN~4711^^^H^MR", "b")), IsEmpty())
       << "another device, the same patient";
+  EXPECT_THAT(notices_in(take("V900^^^H^VN~4711^^^H^PI", "a")), IsEmpty()) << "the visit's number first";
   EXPECT_THAT(notices_in(take("4711", "b")), IsEmpty()) << "without the number's issuer";
   const auto other = take("4712^^^H^MR", "a");
   EXPECT_THAT(notices_in(other), ElementsAre("several-patients"));

@@ -145,6 +145,7 @@ describe('The ways to the hospital’s procedures', () => {
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers',
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused; messages before 2026-11-28T14:02Z are not known',
       'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused, 3 connections of strangers; messages before 2026-11-28T14:02Z are not known',
+      'waits for messages at mllp://0.0.0.0:2576; 12 taken, 1 refused; messages that said too late that somebody left or is planned no more: 2',
       'HIS listed 7 steps at 2026-11-23T09:00:00Z',
       'is being asked for the first time',
       'nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: it is asked again',
@@ -153,6 +154,9 @@ describe('The ways to the hospital’s procedures', () => {
     for (const state of states) expect(wayInJapanese(state), state).toMatch(kJapanese);
     expect(wayInJapanese('the worklist HIS at 192.0.2.9:104 cannot be asked: Peer aborted')).toBe(
       '192.0.2.9:104 のワークリスト HIS に問い合わせできません（Peer aborted）',
+    );
+    expect(wayInJapanese('waits for messages at x; 1 taken, 0 refused; messages that said too late that somebody left or is planned no more: 2')).toBe(
+      'x で待ち受け中（受理 1 件、拒否 0 件）。うち 2 件は、退室または予定の取り消しを遅れて伝えたものです',
     );
     expect(
       wayInJapanese('nothing is chosen from the list of 2026-11-23T09:00:00Z, which is 60 min old: the worklist HIS at 192.0.2.9:104 cannot be asked'),

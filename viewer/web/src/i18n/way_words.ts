@@ -4,6 +4,7 @@ import { language } from '@/i18n/i18n';
 import { type SentencePair, SentencePatterns } from '@/i18n/sentence_patterns';
 
 export const kWaySentences: readonly SentencePair[] = [
+  ['{way}; messages that said too late that somebody left or is planned no more: {n}', '{way}。うち {n} 件は、退室または予定の取り消しを遅れて伝えたものです'],
   [
     'nothing is chosen from the list of {time}, which is {n} min old: it is asked again',
     '{time} の一覧は {n} 分前のものであるため、自動では選択しません。再度問い合わせ中です',

@@ -1,0 +1,85 @@
+#include "recorder/procedure/room_procedure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/eventually.h"
+#include "tests/support/mllp_client.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/worklist_server.h"
+
+namespace kiroku::recorder {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Skips where the server is not installed.
+class RoomProcedureTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!test::has_worklist_server()) GTEST_SKIP() << "wlmscpfs is not installed (Debian package dcmtk)";
+    inbox->tend();
+    server.add("W1", "Listed^Lisa", test::compact_local_time("%Y%m%d"), test::compact_local_time("%H%M"));
+    server.start();
+    WorklistOptions options;
+    options.host = "127.0.0.1";
+    options.port = server.port();
+    options.called_ae = "RIS";
+    room = std::make_unique<RoomProcedure>(inbox, ProcedureRule{{"OR1"}, 12h},
+                                           std::make_unique<Worklist>(options, Worklist::Tell()));
+    ASSERT_TRUE(test::eventually([&] { return room->find(utc_now()).has_value(); }));
+  }
+  void deliver(const std::string& type, const std::string& segments) {
+    test::MllpClient client("127.0.0.1", inbox->port());
+    client.send_message("MSH|^~\\&|HIS|H|||20260805080000||" + type + "|" + std::to_string(++number) +
+                        "|P|2.5\r" + segments);
+    EXPECT_THAT(client.receive().value_or(""), testing::HasSubstr("MSA|AA|"));
+  }
+  void adt(const std::string& event, const std::string& patient) {
+    deliver("ADT^" + event, "PID|1||" + patient + "^^^H^MR\rPV1|1|I|OR1\r");
+  }
+  [[nodiscard]] std::string found() const {
+    const UtcTime at = utc_now();
+    const auto data = room->find(at);
+    return data ? data->patient_id : room->doubt(at) == Doubt::kNone ? "nobody" : "in doubt";
+  }
+  const test::TemporaryFolder folder;
+  test::WorklistServer server{folder.path()};
+  const std::shared_ptr<ProcedureInbox> inbox =
+      std::make_shared<ProcedureInbox>("mllp://127.0.0.1:0", ProcedureInbox::Tell());
+  std::unique_ptr<RoomProcedure> room;
+  int number = 0;
+};
+
+TEST_F(RoomProcedureTest, NobodyIsTakenFromTheWorklistWhereMessagesLeaveItInDoubt) {
+  adt("A02", "1");
+  EXPECT_EQ(found(), "1") << "who is there is there";
+  adt("A02", "2");
+  EXPECT_EQ(found(), "in doubt");
+  EXPECT_EQ(room->doubt(utc_now()), Doubt::kSeveralThere);
+  EXPECT_THAT(room->list(utc_now()), testing::SizeIs(3)) << "a person chooses";
+  adt("A03", "2");
+  EXPECT_EQ(found(), "in doubt");
+  EXPECT_EQ(room->doubt(utc_now()), Doubt::kMayBeGone);
+  adt("A03", "1");
+  EXPECT_EQ(found(), "W1");
+}
+
+// Neither way says who lies there.
+TEST_F(RoomProcedureTest, WhereMessagesAndWorklistPlanTwoPatientsNeitherIsTaken) {
+  const std::string when = test::compact_local_time("%Y%m%d") + test::compact_local_time("%H%M");
+  const auto book = [&](const std::string& event, const std::string& patient) {
+    deliver("SIU^" + event, "SCH|A" + patient + "|F" + patient + "|||||||||^^^" + when + "\rPID|1||" +
+                                patient + "^^^H^MR\rAIL|1||OR1\r");
+  };
+  book("S12", "7");
+  EXPECT_EQ(found(), "in doubt");
+  EXPECT_EQ(room->doubt(utc_now()), Doubt::kTwoWays);
+  book("S15", "7");
+  EXPECT_EQ(found(), "W1");
+  book("S12", "W1");
+  EXPECT_EQ(found(), "W1") << "both plan the same patient";
+}
+
+}  // namespace
+}  // namespace kiroku::recorder
