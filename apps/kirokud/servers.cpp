@@ -51,8 +51,8 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
   options.home.rooms = {
       .running_case = [&daemon](const std::string& room) { return daemon.running_case(room); },
       .now_ns = [&daemon](const std::string& room) { return daemon.now_ns(room); },
-      .point = [&daemon](const std::string& room,
-                         media::PointedAt at) { return daemon.point(room, std::move(at)); }};
+      .point = [&daemon](const std::string& room, media::PointedAt at,
+                         const std::string& meant) { return daemon.point(room, std::move(at), meant); }};
   auto server = std::make_unique<viewer::Viewer>(std::move(options));
   spdlog::info("the viewer is at {}", server->url());
   return server;

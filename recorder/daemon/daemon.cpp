@@ -237,7 +237,9 @@ struct Daemon::State {
     } else if (starts) {
       room.start("footswitch");
     } else {
-      room.stop("footswitch", false);
+      // The case that runs now, and none that begins before that one was ended.
+      const bool has_case = now.state == RoomState::kRecording || now.state == RoomState::kClosing;
+      room.stop("footswitch", false, has_case ? now.case_id : "");
     }
   }
 
@@ -474,8 +476,9 @@ std::optional<std::int64_t> Daemon::now_ns(const std::string& room) const {
   return status.session.now_ns;
 }
 
-std::optional<std::int64_t> Daemon::point(const std::string& room, media::PointedAt at) {
-  return state_->room(room).point(std::move(at));
+std::optional<std::int64_t> Daemon::point(const std::string& room, media::PointedAt at,
+                                          const std::string& meant) {
+  return state_->room(room).point(std::move(at), meant);
 }
 
 std::string Daemon::metrics() const {

@@ -60,7 +60,8 @@ class Daemon {
   /// What the clock of that case shows now; nothing where none runs. Throws as running_case().
   [[nodiscard]] std::optional<std::int64_t> now_ns(const std::string& room) const;
   /// As Room::point(); throws as running_case().
-  std::optional<std::int64_t> point(const std::string& room, media::PointedAt at);
+  std::optional<std::int64_t> point(const std::string& room, media::PointedAt at,
+                                    const std::string& meant = "");
   /// Prometheus' text format, 0.0.4.
   [[nodiscard]] std::string metrics() const;
   /// Looks at the disk and warns when a new threshold is passed. Call each few seconds.

@@ -759,9 +759,10 @@ struct Room::State {
   }
 
   /// Null while no case is recorded.
-  [[nodiscard]] std::shared_ptr<Session> recording_session() const {
+  [[nodiscard]] std::shared_ptr<Session> recording_session(const std::string& meant = "") const {
     const std::lock_guard guard(mutex);
-    return status.state == RoomState::kRecording ? session : nullptr;
+    const bool is_meant = meant.empty() || status.case_id == meant;
+    return status.state == RoomState::kRecording && is_meant ? session : nullptr;
   }
 
   /// The same, of case `meant` ("": whichever): it has one case, so that nothing done to it reaches another
@@ -999,8 +1000,8 @@ std::vector<ProcedureData> Room::procedures() const {
   return state_->plan.procedure->list(state_->time.utc());
 }
 
-std::optional<std::int64_t> Room::point(media::PointedAt at) {
-  const std::shared_ptr<Session> session = state_->recording_session();
+std::optional<std::int64_t> Room::point(media::PointedAt at, const std::string& meant) {
+  const std::shared_ptr<Session> session = state_->recording_session(meant);
   return session ? session->point(std::move(at)) : std::nullopt;
 }
 

@@ -115,8 +115,8 @@ class Room {
   /// From the next picture on, streams are archived in another form. Throws as Session::change_profile(), and
   /// kiroku::UsageError if no case runs.
   std::string change_profile(const ProfileDecision& decision, const std::string& meant = "");
-  /// As Session::point().
-  std::optional<std::int64_t> point(media::PointedAt at);
+  /// As Session::point(); nothing as well where another case than `meant` runs.
+  std::optional<std::int64_t> point(media::PointedAt at, const std::string& meant = "");
   /// The case that is being recorded; "": none. Cheap.
   [[nodiscard]] std::string running_case() const;
   [[nodiscard]] RoomStatus status() const;

@@ -152,8 +152,9 @@ export class Appliance {
   /** A case by a sealed plan, of what the source shows as fast as it can be taken; its identifier. */
   async recordPlanned(seal: string, stream: 'endoscope' | 'fluoroscopy', source: string, duration_ms: number): Promise<string> {
     const vitals = 'synthetic:patient?speed=max';
+    const before = this.cases();
     await this.kiroku('record', `--${stream}`, source, '--vitals', vitals, '--profile', 'lossless', '--duration', `${duration_ms}ms`, '--plan', seal);
-    return this.cases().at(-1) as string;
+    return this.caseSince(before);
   }
 
   private spawn(program: string, parameters: string[]): ChildProcess {
@@ -253,6 +254,13 @@ export class Appliance {
     return readdirSync(join(this.home, 'archive'))
       .filter((name) => /^\d{8}T/.test(name))
       .sort();
+  }
+
+  /** The one case that is there and was not `before`. Names of two that began in one second stand in no order. */
+  caseSince(before: readonly string[]): string {
+    const [one, ...others] = this.cases().filter((name) => !before.includes(name));
+    if (one === undefined || others.length > 0) throw new Error(`one new case was looked for, and there are ${one === undefined ? 0 : 1 + others.length}`);
+    return one;
   }
 
   /** Flips one bit in the middle of a segment of the case. */

@@ -24,6 +24,8 @@ class GuestPresence {
 
   /// Whether what is recorded now may be seen.
   [[nodiscard]] bool is_admitted() const;
+  /// The case that they may see; "": none has begun yet.
+  [[nodiscard]] std::string case_id() const { return invitation_->view().case_id; }
 
  private:
   GuestPresence(ViewerContext& context, std::shared_ptr<Invitation> invitation);

@@ -4,6 +4,7 @@
 
 #include "base/printable.h"
 #include "viewer/api/api.h"
+#include "viewer/api/meant_case.h"
 #include "viewer/people/json_fields.h"
 
 namespace kiroku::viewer {
@@ -69,18 +70,6 @@ std::chrono::minutes duration_of(const json& asked) {
   return std::chrono::minutes(minutes->get<std::int64_t>());
 }
 
-/// The invitation is of the case that runs: whoever began to invite somebody to another one, or while none
-/// ran, does not show them this patient.
-void require_meant(const std::string& room, const std::string& meant, const std::string& running) {
-  if (meant == running) return;
-  if (meant.empty())
-    throw Refusal(409, "room " + room + " has begun case " + running + " meanwhile: nobody was invited");
-  if (running.empty())
-    throw Refusal(409, "room " + room + " is not recording case " + meant + ": nobody was invited");
-  throw Refusal(409, "room " + room + " is recording case " + running + ", and not case " + meant +
-                         ": nobody was invited");
-}
-
 Response invite(ViewerContext& context, const Request& request) {
   const json asked = request.json();
   InvitationTerms terms;
@@ -94,7 +83,9 @@ Response invite(ViewerContext& context, const Request& request) {
     throw Refusal(404, "there are no live pictures of a room " + room + " to invite anybody to");
   }
   const std::string running = context.running_case(room);
-  if (asked.contains("case")) require_meant(room, take_text(asked, "case"), running);
+  // Whoever began to invite somebody to another one, or while none ran, does not show them this patient.
+  const auto meant = meant_case(asked, true);
+  if (meant && *meant != running) refuse_meant(room, *meant, running);
   const Invitations::Made made = context.invitations().make(std::move(terms), running);
   try {
     context.enter_access(request, running.empty() ? ViewerContext::kEveryCase : running,

@@ -6,6 +6,7 @@
 #include "base/foreign_json.h"
 #include "viewer/api/api.h"
 #include "viewer/api/guest_output.h"
+#include "viewer/api/meant_case.h"
 #include "viewer/rooms/point_rate.h"
 #include "viewer/rooms/room_company.h"
 
@@ -57,9 +58,11 @@ class CompanySocket final : public SocketHandler {
     const json said = parse_foreign_json(text_of(message.bytes));
     if (!message.is_text || !said.is_object()) throw Refusal(400, "a message is one JSON object");
     const media::PointedAt at = pointed_at(said);
+    const std::string meant = meant_case(said).value_or("");
     if (!is_admitted()) return;
-    // Shown is only what is in the case, or counted there as dropped.
-    const std::optional<std::int64_t> time_ns = rooms_.point(room_, at);
+    // Shown is only what is in the case, or counted there as dropped. A hand that is still held down when the
+    // next patient's begins, and a guest of the one before, point at nothing.
+    const std::optional<std::int64_t> time_ns = rooms_.point(room_, at, guest_ ? guest_->case_id() : meant);
     if (!time_ns) return;
     seat_->tell(ordered_json{{"pointer",
                               {{"by", at.by},

@@ -9,7 +9,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/writing/appliance_log.h"
 #include "base/attempt_guard.h"
@@ -18,6 +17,7 @@
 #include "crypto/merkle_tree.h"
 #include "recorder/control/control_client.h"
 #include "viewer/api/api.h"
+#include "viewer/api/meant_case.h"
 #include "viewer/kept/sealed_plan.h"
 #include "viewer/people/json_fields.h"
 #include "viewer/people/subject_json.h"
@@ -76,12 +76,9 @@ void add_subject(json& question, const json& asked, const Request& request) {
   }
 }
 
-/// The case that the page shows, as a body may name it: where another one runs by now, the room does nothing.
+/// Where another case runs than the one that the page shows, the room does nothing.
 void add_meant_case(json& question, const json& asked) {
-  if (!asked.contains("case")) return;
-  question["case"] = take_text(asked, "case");
-  if (!archive::is_case_id(question["case"].get_ref<const std::string&>()))
-    throw Refusal(400, "'case' must be the name of a case");
+  if (const auto meant = meant_case(asked)) question["case"] = *meant;
 }
 
 /// Seals that the appliance log knows by signed entries, in hexadecimal, and since when.
@@ -174,12 +171,7 @@ class RoomAskings {
     const bool stops = question.at("do") == "stop";
     const bool has_case = state == "recording" || state == "closing";
     const bool can = state == "recording" || (stops && (has_case || room.value("tries_again", false)));
-    if (now == meant && can) return;
-    if (has_case && now != meant) {
-      throw Refusal(409, "room " + name + " is recording case " + now + ", and not case " + meant +
-                             ": nothing was done");
-    }
-    throw Refusal(409, "room " + name + " is not recording case " + meant + ": nothing was done");
+    if (now != meant || !can) refuse_meant(name, meant, has_case ? now : "");
   }
 
   ViewerContext& context_;

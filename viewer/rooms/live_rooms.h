@@ -17,8 +17,10 @@ struct LiveRooms {
   /// What its clock shows now, in nanoseconds; nothing where none runs. May be null as well.
   std::function<std::optional<std::int64_t>(const std::string& room)> now_ns = {};
   /// Puts into that case where somebody points, and returns when that was on its clock; nothing where none
-  /// runs. Never waits for a disk.
-  std::function<std::optional<std::int64_t>(const std::string& room, media::PointedAt at)> point;
+  /// runs, or another one than `meant` ("": whichever). Never waits for a disk.
+  std::function<std::optional<std::int64_t>(const std::string& room, media::PointedAt at,
+                                            const std::string& meant)>
+      point;
 };
 
 }  // namespace kiroku::viewer

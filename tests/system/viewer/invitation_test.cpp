@@ -261,6 +261,7 @@ TEST_F(Guests, AreInvitedToTheCaseThatTheInviterSawAndToNoOther) {
     return ask("POST", "/api/invitations", surgeon_, asked.dump());
   };
   EXPECT_EQ(invited_to("").status, 201) << "the next one, and none runs";
+  EXPECT_EQ(invited_to("whichever").status, 400);
   const std::string first = begin_case();
   EXPECT_THAT(invited_to("").body, HasSubstr("room or-1 has begun case " + first + " meanwhile"));
   EXPECT_EQ(invited_to(first).status, 201);

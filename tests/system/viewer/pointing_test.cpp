@@ -118,6 +118,33 @@ TEST_F(Pointing, IsSeenByTheRoomAndStandsInTheCase) {
   EXPECT_EQ(ask("GET", case_path("/pointing"), sign_in("a-operator")).status, 403);
 }
 
+// A hand that is still held down, or a message that was on its way, when the next patient's case began.
+TEST_F(Pointing, InOneCaseReachesNoOther) {
+  const auto meaning = [](double x, const std::string& meant) {
+    json said = json::parse(point(x, 0.5));
+    if (!meant.empty()) said["case"] = meant;
+    return said.dump();
+  };
+  const std::string surgeon = sign_in("a-surgeon");
+  const std::string earlier = kiroku_json({"case", "start", "--json"})["case"];
+  const auto anna = look_on(surgeon);
+  anna->send_text(meaning(0.1, earlier));
+  EXPECT_EQ(next(*anna, "pointer")["x"], 0.1);
+  ASSERT_EQ(kiroku({"case", "stop"}).status, 0);
+  case_id_ = kiroku_json({"case", "start", "--json"})["case"];
+  anna->send_text(meaning(0.2, earlier));
+  anna->send_text(meaning(0.3, case_id_));
+  EXPECT_EQ(next(*anna, "pointer")["x"], 0.3) << "the one before was in no case";
+  anna->send_text(meaning(0.4, ""));
+  EXPECT_EQ(next(*anna, "pointer")["x"], 0.4) << "whichever runs";
+  ASSERT_EQ(kiroku({"case", "stop"}).status, 0);
+  for (const auto& [id, most] : {std::pair(earlier, 1U), std::pair(case_id_, 2U)}) {
+    ASSERT_EQ(kiroku({"export", id, "--stream", "pointing", "-o", path(id + ".jsonl")}).status, 0);
+    const std::string lines = read_text(path(id + ".jsonl"));
+    EXPECT_EQ(std::ranges::count(lines, '\n'), most) << lines;
+  }
+}
+
 TEST_F(Pointing, TakesNothingElseAndNoMoreThanAHandPoints) {
   const std::string surgeon = sign_in("a-surgeon");
   case_id_ = kiroku_json({"case", "start", "--json"})["case"];
@@ -126,6 +153,8 @@ TEST_F(Pointing, TakesNothingElseAndNoMoreThanAHandPoints) {
         point(0.5, 0.5, "vitals"), std::string(R"({"stream":"endoscope","x":"0","y":0})"),
         std::string(R"({"stream":"endoscope","x":1e999,"y":0})"),
         std::string(R"({"stream":["endoscope"],"x":0,"y":0})"),
+        std::string(R"({"stream":"endoscope","x":0,"y":0,"case":"whichever"})"),
+        std::string(R"({"stream":"endoscope","x":0,"y":0,"case":null})"),
         std::string(R"({"stream":"endoscope","x":0,"y":0,"picture_ns":1.5})"),
         std::string(R"({"stream":"endoscope","x":0,"y":0,"picture_ns":-9223372036854775808})"),
         std::string(R"({"stream":"endoscope","x":0,"y":0,"picture_ns":18446744073709551615})")}) {

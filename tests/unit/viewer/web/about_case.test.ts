@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
-import { aboutNow, canEnd, standingOf } from '@/rooms/about_case';
+import { type About, aboutNow, canEnd, endsOperation, standingOf as standing } from '@/rooms/about_case';
 
 const room = (state: string, id = '', tries_again = false) => ({ state, case: id, tries_again });
+const standingOf = (about: About, now: ReturnType<typeof room>) => standing(about, now, false);
 
 describe('What a dialog is about', () => {
   it('is the case that is recorded, or one that is to begin', () => {
@@ -30,10 +31,24 @@ describe('What a dialog is about', () => {
   });
 });
 
+describe('While nobody says what the room does', () => {
+  it('nothing stands, and nothing has changed either', () => {
+    for (const about of [aboutNow(room('recording', 'A')), aboutNow(room('idle', 'A'))])
+      for (const state of ['idle', 'standby', 'starting', 'recording', 'closing'])
+        for (const id of ['A', 'B']) expect(standing(about, room(state, id), true)).toBe('unheard');
+  });
+});
+
 describe('What can be ended', () => {
   it('is a case, or an operation that goes on by itself', () => {
     expect(['recording', 'closing'].every((state) => canEnd(room(state, 'A')))).toBe(true);
     expect(['idle', 'standby', 'starting'].some((state) => canEnd(room(state, 'A')))).toBe(false);
     expect(['idle', 'standby', 'starting'].every((state) => canEnd(room(state, 'A', true)))).toBe(true);
+  });
+  it('is the operation only where it goes on by itself and no case runs', () => {
+    for (const state of ['idle', 'standby', 'starting']) expect(endsOperation(room(state, 'A', true))).toBe(true);
+    for (const state of ['recording', 'closing']) expect(endsOperation(room(state, 'A', true))).toBe(false);
+    // The case ended by itself while it was asked about: there is no operation to speak of.
+    for (const state of ['idle', 'standby', 'starting', 'recording', 'closing']) expect(endsOperation(room(state, 'A'))).toBe(false);
   });
 });

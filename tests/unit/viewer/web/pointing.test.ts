@@ -1,4 +1,5 @@
-import { describe, expect, it } from 'vitest';
+import { afterEach, describe, expect, it, vi } from 'vitest';
+import { Company } from '@/pointing/company';
 import { moved, partAt, pictureBox } from '@/pointing/geometry';
 import { colorOf, kSeen_ms, opacityAt, seenAt } from '@/pointing/pointers';
 
@@ -53,5 +54,32 @@ describe('Arrows', () => {
     expect(colorOf({ by: 'Dr. Sato', role: 'guest' })).toBe(colorOf({ by: 'Dr. Sato', role: 'guest' }));
     expect(colorOf({ by: 'anna', role: 'guest' })).not.toBe(colorOf({ by: 'anna', role: 'surgeon' }));
     for (const by of ['', 'x', '佐藤', 'Dr. Møller']) expect(colorOf({ by, role: 'guest' })).toSatisfy((one: number) => one >= 0 && one < 6);
+  });
+});
+
+describe('Where a person points', () => {
+  afterEach(() => {
+    vi.unstubAllGlobals();
+  });
+  it('is said of the case that they saw when they did, and of a guest’s by the server', () => {
+    const sent: unknown[] = [];
+    class Socket {
+      static readonly OPEN = 1;
+      readonly readyState = 1;
+      send(message: string) {
+        sent.push(JSON.parse(message));
+      }
+      close() {}
+    }
+    vi.stubGlobal('WebSocket', Socket);
+    vi.stubGlobal('location', { host: 'or' });
+    const company = new Company('or-1');
+    company.point('20261128T080000Z-0000000a', 'endoscope', 0.5, 0.25, 7);
+    company.point(undefined, 'endoscope', 0.5, 0.25, undefined);
+    company.close();
+    expect(sent).toEqual([
+      { stream: 'endoscope', x: 0.5, y: 0.25, picture_ns: 7, case: '20261128T080000Z-0000000a' },
+      { stream: 'endoscope', x: 0.5, y: 0.25 },
+    ]);
   });
 });

@@ -247,44 +247,52 @@ export class PickingModel {
     return { step: moment.step, plan_s: moment.plan_s, ...this.view.peek(), width: side(frame.width), height: side(frame.height) };
   }
 
-  /** One question at a time: the plan's program answers no two at once, and the appliance lets few wait. */
-  private inTurn<T>(ask: () => Promise<T>): Promise<T> {
-    const answer = this.asking.then(ask);
+  private isAsked(): boolean {
+    return !this.closed && this.isOpen.peek();
+  }
+
+  /**
+   * One question at a time: the plan's program answers no two at once, and the appliance lets few wait. `ask` is called when its turn comes, and asks nothing
+   * where nobody needs the answer any more.
+   */
+  private inTurn<T>(ask: () => Promise<T> | undefined): Promise<T | undefined> {
+    const answer = this.asking.then(() => (this.isAsked() ? ask() : undefined));
     this.asking = answer.catch(() => undefined);
     return answer;
   }
 
-  /** Asks until the plan is carried out. */
-  private async answered<T extends object>(ask: () => Promise<T | Preparing>): Promise<T | undefined> {
-    for (;;) {
-      const answer = await this.inTurn(ask);
-      if (this.closed || !this.isOpen.peek()) return undefined;
-      if (!isPreparing(answer)) {
-        this.preparing.value = undefined;
-        return answer;
+  /** Asks until the plan is carried out; undefined where nobody needs the answer any more. */
+  private async answered<T extends object>(ask: () => Promise<T | Preparing> | undefined): Promise<T | undefined> {
+    try {
+      for (;;) {
+        const answer = await this.inTurn(ask);
+        if (answer === undefined || !this.isAsked()) return undefined;
+        if (!isPreparing(answer)) return answer;
+        this.preparing.value = answer;
+        await waited(kAskEvery_ms);
       }
-      this.preparing.value = answer;
-      await waited(kAskEvery_ms);
+    } finally {
+      this.preparing.value = undefined;
     }
   }
 
-  /** One picture at a time; what changed meanwhile is in the next. */
+  /** One picture at a time, of what is wanted when its turn comes; what changed since is in the next. */
   private async draw(): Promise<void> {
     this.again = true;
     if (this.drawing) return;
     this.drawing = true;
     this.planProblem.value = undefined;
     try {
-      while (this.again && !this.closed && this.isOpen.peek()) {
-        this.again = false;
-        const view = this.wantedView(this.turning ? kWhileTurned : 1);
-        if (!view) break;
-        const answer = await this.answered(() => cases.planPicture(this.caseId, view));
-        if (!answer) break;
-        this.planPicture.value = { address: `data:image/jpeg;base64,${answer.jpeg}`, camera: answer.camera, view };
+      while (this.again && this.isAsked()) {
+        let view: PickingView | undefined;
+        const answer = await this.answered(() => {
+          this.again = false;
+          view = this.wantedView(this.turning ? kWhileTurned : 1);
+          return view && cases.planPicture(this.caseId, view);
+        });
+        if (answer && view) this.planPicture.value = { address: `data:image/jpeg;base64,${answer.jpeg}`, camera: answer.camera, view };
       }
     } catch (error) {
-      this.preparing.value = undefined;
       if (error instanceof Error) this.planProblem.value = error.message;
     } finally {
       this.drawing = false;
@@ -307,10 +315,10 @@ export class PickingModel {
       await waited(kSettle_ms);
       if (mine !== this.judging) return;
       const said = { width: frame.width, height: frame.height, points, ...(field_deg === null ? {} : { field_deg }) };
-      const judged = await this.answered(() => cases.judgePoints(this.caseId, said));
+      const judged = await this.answered(() => (mine === this.judging ? cases.judgePoints(this.caseId, said) : undefined));
       if (mine === this.judging) this.judged.value = judged;
     } catch (error) {
-      this.tell(error);
+      if (mine === this.judging) this.tell(error);
     }
   }
 

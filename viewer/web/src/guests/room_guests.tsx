@@ -48,18 +48,21 @@ interface InviteProps {
   room: string;
   /** The case that is recorded; '': none is. */
   recorded: string;
+  /** Nobody says what the room does now. */
+  unheard: boolean;
   onMade: () => void;
   onClose: () => void;
 }
 
-function InviteDialog({ room, recorded, onMade, onClose }: InviteProps) {
+function InviteDialog({ room, recorded, unheard, onMade, onClose }: InviteProps) {
   const about = useSignal(recorded);
   const made = useSignal<(Invitation & { token: string }) | undefined>(undefined);
   const link = useRef<HTMLInputElement>(null);
+  const stands = !unheard && about.value === recorded;
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
     const fields = new FormData(event.currentTarget as HTMLFormElement);
-    if (about.value !== recorded) return;
+    if (!stands) return;
     void attempt(async () => {
       made.value = await api.make(typed(fields, 'guest').trim(), room, about.value, Number(fields.get('minutes')));
       onMade();
@@ -91,7 +94,12 @@ function InviteDialog({ room, recorded, onMade, onClose }: InviteProps) {
               ))}
             </select>
           </label>
-          {about.value !== recorded && (
+          {unheard && (
+            <p class="problem" role="alert">
+              <Icon name="alarm" /> {t('rooms.unheard')}
+            </p>
+          )}
+          {!unheard && !stands && (
             <div class="changed" role="alert">
               <p class="problem">
                 <Icon name="alarm" /> {recorded === '' ? t('guests.over', { id: about.value }) : t('guests.next', { id: recorded })}
@@ -102,7 +110,7 @@ function InviteDialog({ room, recorded, onMade, onClose }: InviteProps) {
             </div>
           )}
           <div class="dialog-end">
-            <button type="submit" class="button button-main" disabled={about.value !== recorded}>
+            <button type="submit" class="button button-main" disabled={!stands}>
               {t('guests.do')}
             </button>
           </div>
@@ -162,11 +170,13 @@ interface RoomGuestsProps {
   room: string;
   /** The case that is recorded; '': none is. */
   recorded: string;
+  /** Nobody says what the room does now: nobody is invited to it, but whoever was can still be sent away. */
+  unheard: boolean;
   list: readonly Invitation[];
   refresh: () => Promise<unknown>;
 }
 
-export function RoomGuests({ room, recorded, list, refresh }: RoomGuestsProps) {
+export function RoomGuests({ room, recorded, unheard, list, refresh }: RoomGuestsProps) {
   const inviting = useSignal(false);
   const own = list.filter((one) => one.room === room);
   const shown = [...own.filter((one) => one.state !== 'ended'), ...own.filter((one) => one.state === 'ended').slice(0, kMostEnded)];
@@ -175,7 +185,7 @@ export function RoomGuests({ room, recorded, list, refresh }: RoomGuestsProps) {
       <header class="guests-head">
         <h3 id={`guests-${room}`}>{t('guests.title')}</h3>
         {may(session.value?.role, 'invite') && (
-          <button type="button" class="button" onClick={() => (inviting.value = true)}>
+          <button type="button" class="button" disabled={unheard} onClick={() => (inviting.value = true)}>
             <Icon name="users" />
             {t('guests.invite')}
           </button>
@@ -190,7 +200,9 @@ export function RoomGuests({ room, recorded, list, refresh }: RoomGuestsProps) {
           ))}
         </ul>
       )}
-      {inviting.value && <InviteDialog room={room} recorded={recorded} onMade={() => void refresh()} onClose={() => (inviting.value = false)} />}
+      {inviting.value && (
+        <InviteDialog room={room} recorded={recorded} unheard={unheard} onMade={() => void refresh()} onClose={() => (inviting.value = false)} />
+      )}
     </section>
   );
 }

@@ -19,6 +19,8 @@ export const roomsEn = {
   'rooms.tokens': 'Time-stamps',
   'rooms.tokensOf': '{n} received, {missed} missed',
   'rooms.noRecorder': 'No recorder is running on this appliance.',
+  'rooms.unheard': 'The recorder does not answer, so nobody knows what the room does now. What was written here is kept.',
+  'rooms.notKnown': 'Not known since {time}',
   'rooms.carriesOn': 'Carries on case {id}, which was cut off',
   'rooms.triesAgain':
     'Nothing is recorded. Another case begins by itself as soon as that works, and takes the patient over. Where the operation is over, end it.',
@@ -101,6 +103,8 @@ export const roomsJa: Record<keyof typeof roomsEn, string> = {
   'rooms.tokens': 'タイムスタンプ',
   'rooms.tokensOf': '{n} 件取得、{missed} 件未取得',
   'rooms.noRecorder': 'この装置で記録プログラムが動いていません。',
+  'rooms.unheard': '記録装置が応答しないため、室の現在の状態は分かりません。ここに入力した内容は残っています。',
+  'rooms.notKnown': '{time} から不明',
   'rooms.carriesOn': '中断された症例 {id} を引き継いでいます',
   'rooms.triesAgain': '記録されていません。可能になり次第、同じ患者の次の症例が自動的に始まります。手術が終わっている場合は、手術を終了してください。',
   'rooms.endOperation': '手術を終了',

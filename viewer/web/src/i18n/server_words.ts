@@ -57,12 +57,7 @@ export const kServerSentences: readonly SentencePair[] = [
     '室 {room} が記録しているのは症例 {now} で、症例 {id} ではありません。何も行っていません',
   ],
   ['room {room} is not recording case {id}: nothing was done', '室 {room} は症例 {id} を記録していません。何も行っていません'],
-  [
-    'room {room} is recording case {now}, and not case {id}: nobody was invited',
-    '室 {room} が記録しているのは症例 {now} で、症例 {id} ではありません。誰も招待していません',
-  ],
-  ['room {room} is not recording case {id}: nobody was invited', '室 {room} は症例 {id} を記録していません。誰も招待していません'],
-  ['room {room} has begun case {now} meanwhile: nobody was invited', '室 {room} はその間に症例 {now} を開始しました。誰も招待していません'],
+  ['room {room} has begun case {now} meanwhile: nothing was done', '室 {room} はその間に症例 {now} を開始しました。何も行っていません'],
   ["there is no room named '{room}'", '室「{room}」は存在しません'],
   // Patients, procedures and staff
   ['patient, procedure and staff are sealed: unlock them with an identity first', '患者、術式、スタッフは封印されています。識別鍵で解錠してください'],

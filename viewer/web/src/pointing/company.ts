@@ -41,10 +41,10 @@ export class Company {
     }
   }
 
-  /** Says where this person points; lost while there is no connection. */
-  point(stream: string, x: number, y: number, picture_ns: number | undefined): void {
+  /** Says where this person points, in case `about`; lost while there is no connection, and where another case runs by then. */
+  point(about: string | undefined, stream: string, x: number, y: number, picture_ns: number | undefined): void {
     if (this.socket?.readyState !== WebSocket.OPEN) return;
-    this.socket.send(JSON.stringify({ stream, x: Math.round(x * 1e4) / 1e4, y: Math.round(y * 1e4) / 1e4, picture_ns }));
+    this.socket.send(JSON.stringify({ stream, x: Math.round(x * 1e4) / 1e4, y: Math.round(y * 1e4) / 1e4, picture_ns, case: about }));
   }
 
   private connect(): void {

@@ -13,11 +13,13 @@ interface Props {
   company: Company;
   stream: string;
   player: LivePlayer;
-  /** Whether a case runs, which it would stand in. */
+  /** The case that it would stand in: a guest's is that of their invitation, which the server knows. */
+  about: string | undefined;
+  /** Whether that runs. */
   mayPoint: boolean;
 }
 
-export function LivePointers({ company, stream, player, mayPoint }: Props) {
+export function LivePointers({ company, stream, player, about, mayPoint }: Props) {
   const now_ms = useSignal(performance.now());
   const some = company.pointers.value.some((one) => one.stream === stream);
   useEffect(() => {
@@ -32,7 +34,8 @@ export function LivePointers({ company, stream, player, mayPoint }: Props) {
       seen={seenAt(company.pointers.value, stream, (one) => at_ms - one.came_ms)}
       video={video}
       name={word('stream', stream)}
-      onPoint={mayPoint ? ({ x, y }) => company.point(stream, x, y, player.shown?.media_ns) : undefined}
+      about={about}
+      onPoint={mayPoint ? ({ x, y }) => company.point(about, stream, x, y, player.shown?.media_ns) : undefined}
     />
   );
 }

@@ -35,11 +35,13 @@ interface Props {
   video: () => HTMLVideoElement | null | undefined;
   /** Called while this person points; absent: they cannot. */
   onPoint?: ((part: Part) => void) | undefined;
+  /** Of what: a hand that is still held down when that changes points at nothing more. */
+  about?: string | undefined;
   /** Of the stream, as people read it. */
   name: string;
 }
 
-export function PointerLayer({ seen, video, onPoint, name }: Props) {
+export function PointerLayer({ seen, video, onPoint, about, name }: Props) {
   const layer = useRef<HTMLDivElement>(null);
   const box = useSignal<Box>({ left: 0, top: 0, width: 0, height: 0 });
   useLayoutEffect(() => {
@@ -75,7 +77,8 @@ export function PointerLayer({ seen, video, onPoint, name }: Props) {
     clearInterval(timer.current);
     held.current = undefined;
   };
-  useEffect(() => letGo, []);
+  const points = onPoint !== undefined;
+  useEffect(() => letGo, [about, points]);
   const at = (event: PointerEvent): Part | undefined => {
     const area = (event.currentTarget as HTMLElement).getBoundingClientRect();
     return partAt(event.clientX - area.left, event.clientY - area.top, box.value);

@@ -20,11 +20,13 @@ export const aboutNow = (room: Room): About => ({ begins: recordedCase(room) ===
 
 /**
  * `began`, `recorded`: another case began, or was also ended, before this one did. `next`, `ended`: it has ended, and another is recorded, or none. `wait`: a
- * case is just beginning or being closed.
+ * case is just beginning or being closed. `unheard`: nobody says what the room does now.
  */
-export type Standing = 'stands' | 'began' | 'recorded' | 'next' | 'ended' | 'wait';
+export type Standing = 'stands' | 'began' | 'recorded' | 'next' | 'ended' | 'wait' | 'unheard';
 
-export function standingOf(about: About, room: Room): Standing {
+/** `unheard`: `room` is what it last did, and may be over. */
+export function standingOf(about: About, room: Room, unheard: boolean): Standing {
+  if (unheard) return 'unheard';
   const recorded = recordedCase(room);
   if (about.begins) {
     if (recorded !== '') return 'began';
@@ -38,3 +40,6 @@ export function standingOf(about: About, room: Room): Standing {
 
 /** Whether there is a case to end, or an operation that goes on by itself with another one. A person's own case that is just beginning cannot be ended yet. */
 export const canEnd = (room: Room): boolean => room.state === 'recording' || room.state === 'closing' || room.tries_again;
+
+/** Whether ending it now ends such an operation, and no case. */
+export const endsOperation = (room: Room): boolean => room.tries_again && room.state !== 'recording' && room.state !== 'closing';

@@ -15,18 +15,20 @@ interface Props {
   room: string;
   /** The case that is recorded; '': none is. */
   recorded: string;
+  /** Nobody says what the room does now: what is written waits. */
+  unheard: boolean;
   /** Kept by the room's card, so that it outlives the case. */
   note: Signal<Note>;
   mark: (id: string, text: string) => Promise<void>;
 }
 
-export function MarkForm({ room, recorded, note, mark }: Props) {
+export function MarkForm({ room, recorded, unheard, note, mark }: Props) {
   const { text, about } = note.value;
   const written = text.trim();
-  const isOfOther = written !== '' && recorded !== '' && about !== recorded;
+  const isOfOther = !unheard && written !== '' && recorded !== '' && about !== recorded;
   const submit = (event: SubmitEvent) => {
     event.preventDefault();
-    if (recorded === '') return;
+    if (unheard || recorded === '') return;
     if (isOfOther) {
       note.value = { text, about: recorded };
       return;
@@ -59,7 +61,7 @@ export function MarkForm({ room, recorded, note, mark }: Props) {
           <Icon name="alarm" /> {t('rooms.markOfOther', { id: recorded })}
         </p>
       )}
-      <button type="submit" class="button button-main" disabled={recorded === ''}>
+      <button type="submit" class="button button-main" disabled={unheard || recorded === ''}>
         <Icon name="mark" />
         {t(isOfOther ? 'rooms.markBelongs' : 'rooms.mark')}
       </button>

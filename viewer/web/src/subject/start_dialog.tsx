@@ -6,7 +6,7 @@ import type { RoomStatus, SaidOfCase, StartChoices } from '@/api/types';
 import { typed } from '@/base/form_fields';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { wayInOwnWords } from '@/i18n/way_words';
-import { type About, aboutNow, recordedCase, standingOf } from '@/rooms/about_case';
+import { type About, aboutNow, recordedCase, type Standing, standingOf } from '@/rooms/about_case';
 import { Dialog } from '@/shell/dialog';
 import { Icon } from '@/shell/icon';
 import { textOf } from '@/shell/state';
@@ -19,6 +19,8 @@ const kManyProcedures = 6;
 
 interface Props {
   room: RoomStatus;
+  /** Nobody says what the room does now. */
+  unheard: boolean;
   /** Says it of the case that the dialog is about; where that fails it stays open, with all that was typed. */
   onSaid: (about: About, said: SaidOfCase) => Promise<void>;
   onClose: () => void;
@@ -26,11 +28,10 @@ interface Props {
 
 const kNothing: Omit<StartChoices, 'room'> = { procedures: [], ways: [], plans: [] };
 
-/** That the room has gone on since the dialog was opened, and of which case its words are now, which a person says. */
-function Changed({ room, about, onChanged }: { room: RoomStatus; about: About; onChanged: (now: About) => void }) {
-  const standing = standingOf(about, room);
+/** That the room has gone on since the dialog was opened, and of which case its words are now, which a person says; or that nobody knows. */
+function Changed({ room, about, standing, onChanged }: { room: RoomStatus; about: About; standing: Standing; onChanged: (now: About) => void }) {
   if (standing === 'stands') return null;
-  const belongs = standing === 'wait' ? '' : recordedCase(room) === '' ? t('start.toAnother') : t('start.toCase', { id: room.case });
+  const belongs = standing === 'wait' || standing === 'unheard' ? '' : recordedCase(room) === '' ? t('start.toAnother') : t('start.toCase', { id: room.case });
   return (
     <div class="changed" role="alert">
       <p class="problem">
@@ -45,7 +46,7 @@ function Changed({ room, about, onChanged }: { room: RoomStatus; about: About; o
   );
 }
 
-export function StartDialog({ room: status, onSaid, onClose }: Props) {
+export function StartDialog({ room: status, unheard, onSaid, onClose }: Props) {
   const { room } = status;
   const about = useSignal(aboutNow(status));
   const starts = about.value.begins;
@@ -71,7 +72,8 @@ export function StartDialog({ room: status, onSaid, onClose }: Props) {
   const hasList = procedures.length > 0;
   const types = !hasList || chosen.value === kTyped;
   const isSaid = types ? filled.value : chosen.value !== kNobody;
-  const stands = standingOf(about.value, status) === 'stands';
+  const standing = standingOf(about.value, status, unheard);
+  const stands = standing === 'stands';
   const words = looksFor.value.toLowerCase().split(/\s+/);
   const shown = procedures.filter(({ key, subject }) => {
     const text = `${patientText(subject)} ${procedureText(subject)} ${staffText(subject)}`.toLowerCase();
@@ -199,7 +201,7 @@ export function StartDialog({ room: status, onSaid, onClose }: Props) {
             <Icon name="alarm" /> {problem.value}
           </p>
         )}
-        {!saying.value && <Changed room={status} about={about.value} onChanged={(now) => (about.value = now)} />}
+        {!saying.value && <Changed room={status} about={about.value} standing={standing} onChanged={(now) => (about.value = now)} />}
         {(stands || saying.value) && (
           <p class="start-stated" aria-live="polite">
             {isSaid ? t('start.sealed') : !starts ? t('start.saySomething') : ways.length > 0 ? t('start.emptyLooks') : t('start.empty')}

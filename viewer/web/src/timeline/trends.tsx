@@ -2,26 +2,29 @@
 import { useEffect, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
 import type { Span } from '@/base/spans';
-import { t } from '@/i18n/i18n';
+import { t, word } from '@/i18n/i18n';
 import { theme } from '@/shell/state';
 import { colorsOf } from '@/timeline/colors';
-import { kTrends } from '@/vitals/monitor';
+import { bedsidesOf, keyOfSeries, nameOfBedside, trendsOf } from '@/vitals/monitor';
 import { columnsOf, gapOf, levelFor } from '@/vitals/tiles';
 import type { VitalsStore } from '@/vitals/vitals_store';
 
 const kHeight = 104;
 
 const trendsIn = (store: VitalsStore, whole: Span) => {
-  const all = store.over(whole, 200).series;
-  return kTrends.filter(({ code }) => all.some((one) => one.code === code));
+  const bedsides = bedsidesOf(store.over(whole, 200).series);
+  const { bedside, trends } = trendsOf(bedsides);
+  return { trends, whose: bedside ? nameOfBedside(bedside, bedsides, (stream) => word('stream', stream)) : '' };
 };
 
 /** What the lines are, in their colours, beside them. */
 export function TrendNames({ store, whole, top }: { store: VitalsStore; whole: Span; top: number }) {
   void store.version.value;
+  const { trends, whose } = trendsIn(store, whole);
   return (
     <div class="trend-names" style={{ top: `${top}px`, height: `${kHeight}px` }} aria-hidden="true">
-      {trendsIn(store, whole)
+      {whose !== '' && <span class="trend-whose">{whose}</span>}
+      {trends
         .filter(({ label }) => label !== '')
         .map(({ label, color }) => (
           <span key={label} class={`vital-${color}`}>
@@ -37,8 +40,8 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
   const plot = useRef<uPlot | null>(null);
   const dark = theme.value;
   const version = store.version.value;
-  const shown = trendsIn(store, whole);
-  const key = shown.map(({ code }) => code).join();
+  const { trends: shown, whose } = trendsIn(store, whole);
+  const key = shown.map((one) => one.key).join();
 
   useEffect(() => {
     if (shown.length === 0) return;
@@ -88,8 +91,8 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
     if (drawing.width !== width) drawing.setSize({ width, height: kHeight });
     const { series } = store.over(window, width);
     const level = levelFor(window, width);
-    const tables = shown.map(({ code }) => {
-      const one = series.find((each) => each.code === code);
+    const tables = shown.map((trend) => {
+      const one = series.find((each) => keyOfSeries(each) === trend.key);
       const columns = columnsOf(one?.bins ?? [], gapOf(one?.every_ns ?? 0, level));
       return [columns.x, columns.low, columns.high, columns.last] as uPlot.AlignedData;
     });
@@ -110,7 +113,7 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
       class="trends"
       ref={place}
       role="img"
-      aria-label={`${t('timeline.trends')}: ${shown
+      aria-label={`${t('timeline.trends')}${whose === '' ? '' : ` · ${whose}`}: ${shown
         .map(({ label }) => label)
         .filter((label) => label !== '')
         .join(', ')}`}

@@ -32,9 +32,11 @@ interface Props {
   company: Company | undefined;
   /** Whether a case runs, in which it stands where one points. */
   records: boolean;
+  /** Which one, where the page knows. */
+  about?: string;
 }
 
-export function LivePane({ room, stream, clock, nothing, company, records }: Props) {
+export function LivePane({ room, stream, clock, nothing, company, records, about }: Props) {
   const place = useRef<HTMLDivElement>(null);
   const shown = useSignal<Shown>({ state: 'connecting' });
   const shows = useSignal<LivePlayer | undefined>(undefined);
@@ -69,7 +71,9 @@ export function LivePane({ room, stream, clock, nothing, company, records }: Pro
             <p>{now.state === 'noCodec' ? t('live.noCodec') : now.state === 'connecting' ? t('live.connecting') : (nothing ?? t('live.nothing'))}</p>
           </div>
         )}
-        {company && shows.value && <LivePointers company={company} stream={stream} player={shows.value} mayPoint={records && now.state === 'live'} />}
+        {company && shows.value && (
+          <LivePointers company={company} stream={stream} player={shows.value} about={about} mayPoint={records && now.state === 'live'} />
+        )}
       </div>
       <header class="pane-head">
         <h3>{name}</h3>

@@ -1,17 +1,17 @@
 // The recorder's rooms: start, stop, mark; whether each stream is well, and the appliance behind them.
 import { useSignal } from '@preact/signals';
-import { useEffect, useMemo } from 'preact/hooks';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
 import { ApiError, appliance as api, live } from '@/api/client';
 import type { ApplianceStatus, Invitation, LiveStream, RoomStatus } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatTime, kSecond } from '@/base/time';
 import { RemoteClock } from '@/clock/remote_clock';
 import { RoomGuests, useInvitations } from '@/guests/room_guests';
-import { formatMoment, t, word } from '@/i18n/i18n';
+import { formatMoment, formatTimeOfDay, t, word } from '@/i18n/i18n';
 import { Lookers } from '@/pointing/lookers';
 import { useCompany } from '@/pointing/use_company';
 import { alertSound, alertSoundWaits, ring, setAlertSound, wakeAlertSound } from '@/rooms/alert_sound';
-import { canEnd, isIdle, recordedCase } from '@/rooms/about_case';
+import { canEnd, endsOperation, isIdle, recordedCase } from '@/rooms/about_case';
 import { kNoNote, MarkForm } from '@/rooms/mark_form';
 import { StopDialog } from '@/rooms/stop_dialog';
 import { StreamTable } from '@/rooms/stream_table';
@@ -67,6 +67,8 @@ function AlertSoundSwitch() {
 
 interface RoomProps {
   room: RoomStatus;
+  /** Since when nobody says what it does: `room` is what it did then. None of that is shown or acted on; what a person is writing stays. */
+  unheardSince: Date | undefined;
   /** Its streams that can be seen; none while the page is hidden. */
   seen: readonly string[];
   /** Whether vital signs are asked for: by whoever looks, where kirokud serves the page. */
@@ -78,14 +80,15 @@ interface RoomProps {
   guests: { list: readonly Invitation[]; refresh: () => Promise<unknown> } | undefined;
 }
 
-function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: RoomProps) {
+function RoomCard({ room, unheardSince, seen, watches, clock, mayControl, refresh, guests }: RoomProps) {
   const stopping = useSignal(false);
   const asking = useSignal(false);
   const note = useSignal(kNoNote);
+  const unheard = unheardSince !== undefined;
   const recorded = recordedCase(room);
-  const recording = recorded !== '';
+  const recording = !unheard && recorded !== '';
   const idle = isIdle(room);
-  const watched = room.state === 'idle' ? [] : seen;
+  const watched = unheard || room.state === 'idle' ? [] : seen;
   const company = useCompany(room.room, watched.length > 0);
   /** What it shows may be older than what the room does: also after a refusal it looks again. */
   const act = async (action: () => Promise<void>, said: string) => {
@@ -102,11 +105,11 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
         <h2 id={`room-${room.room}`}>{room.room}</h2>
         <span class={recording ? 'verdict verdict-recording' : 'verdict verdict-none'}>
           {recording && <Icon name="record" filled />}
-          {word('roomState', room.state)}
+          {unheardSince ? t('rooms.notKnown', { time: formatTimeOfDay(unheardSince) }) : word('roomState', room.state)}
         </span>
-        {!idle && <span class="room-time mono">{formatTime(room.elapsed_ns)}</span>}
+        {!unheard && !idle && <span class="room-time mono">{formatTime(room.elapsed_ns)}</span>}
       </header>
-      {room.case !== '' && (
+      {!unheard && room.case !== '' && (
         <p>
           {may(session.value?.role, 'read-case') ? (
             <a class="mono" href={hrefOf({ view: 'case', id: room.case })}>
@@ -118,36 +121,38 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
         </p>
       )}
       {recording && room.carries_on !== '' && <p>{t('rooms.carriesOn', { id: room.carries_on })}</p>}
-      {idle && room.tries_again && (
+      {!unheard && idle && room.tries_again && (
         <p class="problem">
           <Icon name="alarm" /> {t('rooms.triesAgain')}
         </p>
       )}
-      {room.problem !== '' && (
+      {!unheard && room.problem !== '' && (
         <p class="problem">
           <Icon name="alarm" /> {room.problem}
         </p>
       )}
       {room.streams
-        .filter((one) => one.unboxed)
+        .filter((one) => !unheard && one.unboxed)
         .map((one) => (
           <p key={one.name} class="problem unboxed">
             <Icon name="alarm" /> {t('rooms.unboxed', { name: word('stream', one.name) })}
           </p>
         ))}
-      <Troubles troubles={troublesOf(room)} />
+      <Troubles troubles={unheard ? [] : troublesOf(room)} />
       <div class="room-body">
         {watched.length > 0 && (
           <div class="live-panes">
             {watched.map((stream) => (
-              <LivePane key={stream} room={room.room} stream={stream} clock={clock} company={company} records={recording} />
+              <LivePane key={stream} room={room.room} stream={stream} clock={clock} company={company} records={recording} about={recorded} />
             ))}
             <Lookers company={company} />
           </div>
         )}
         <div class="room-facts">
-          {room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && <LiveVitalsPanel room={room.room} clock={clock} />}
-          {room.streams.length > 0 && (
+          {!unheard && room.state !== 'idle' && watches && room.streams.some((one) => one.kind === 'vitals') && (
+            <LiveVitalsPanel room={room.room} clock={clock} />
+          )}
+          {!unheard && room.streams.length > 0 && (
             <StreamTable
               // A list that was opened in one case is none of the next.
               key={room.case}
@@ -165,7 +170,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
               }
             />
           )}
-          {room.authorities.length > 0 && (
+          {!unheard && room.authorities.length > 0 && (
             <ul class="facts">
               <li>
                 <span class={room.missed === 0 ? 'state state-good' : 'state state-bad'}>
@@ -186,7 +191,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
               ))}
             </ul>
           )}
-          {guests && <RoomGuests room={room.room} recorded={recorded} list={guests.list} refresh={guests.refresh} />}
+          {guests && <RoomGuests room={room.room} recorded={recorded} unheard={unheard} list={guests.list} refresh={guests.refresh} />}
           {mayControl && recording && (
             <p class="room-subject">
               <span class={room.subject === 'none' ? 'state state-warn' : 'state state-good'}>
@@ -202,12 +207,12 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
             <div class="room-controls">
               {idle ? (
                 <>
-                  <button type="button" class="button button-record" onClick={() => (asking.value = true)}>
+                  <button type="button" class="button button-record" disabled={unheard} onClick={() => (asking.value = true)}>
                     <Icon name="record" filled />
                     {t('rooms.start')}
                   </button>
                   {room.tries_again && (
-                    <button type="button" class="button" onClick={() => (stopping.value = true)}>
+                    <button type="button" class="button" disabled={unheard} onClick={() => (stopping.value = true)}>
                       <Icon name="stop" filled />
                       {t('rooms.endOperation')}
                     </button>
@@ -218,12 +223,13 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
                   <MarkForm
                     room={room.room}
                     recorded={recorded}
+                    unheard={unheard}
                     note={note}
                     mark={(id, text) => act(() => api.mark(room.room, id, text), t('rooms.marked', { text }))}
                   />
-                  <button type="button" class="button" disabled={!canEnd(room)} onClick={() => (stopping.value = true)}>
+                  <button type="button" class="button" disabled={unheard || !canEnd(room)} onClick={() => (stopping.value = true)}>
                     <Icon name="stop" filled />
-                    {t('rooms.stop')}
+                    {t(endsOperation(room) ? 'rooms.endOperation' : 'rooms.stop')}
                   </button>
                 </>
               )}
@@ -234,6 +240,7 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
       {asking.value && (
         <StartDialog
           room={room}
+          unheard={unheard}
           onClose={() => (asking.value = false)}
           onSaid={(about, said) =>
             about.begins
@@ -245,10 +252,11 @@ function RoomCard({ room, seen, watches, clock, mayControl, refresh, guests }: R
       {stopping.value && (
         <StopDialog
           room={room}
+          unheard={unheard}
           onClose={() => (stopping.value = false)}
-          onStop={(id, endsOperation) => {
+          onStop={(id, ofOperation) => {
             stopping.value = false;
-            const said = t(endsOperation ? 'rooms.ended' : 'rooms.stopped', { room: room.room });
+            const said = t(ofOperation ? 'rooms.ended' : 'rooms.stopped', { room: room.room });
             void attempt(() => act(() => api.stop(room.room, id), said));
           }}
         />
@@ -330,6 +338,9 @@ function Appliance({ status }: { status: ApplianceStatus }) {
 export function RoomsView() {
   const status = useSignal<ApplianceStatus | undefined>(undefined);
   const streams = useSignal<readonly LiveStream[] | undefined>(undefined);
+  /** Of `status`; and whether nobody says anything now. */
+  const heardAt = useRef(new Date());
+  const unheardSince = useSignal<Date | undefined>(undefined);
   const problem = useSignal('');
   const noRecorder = useSignal(false);
   const visible = useVisible();
@@ -340,17 +351,29 @@ export function RoomsView() {
     clocks.set(room, known);
     return known;
   };
+  const asked = useRef({ last: 0, heard: 0 });
   const refresh = async () => {
+    const mine = ++asked.current.last;
+    /** What was asked later may be answered sooner: an older answer is none of now. */
+    const isNews = () => {
+      if (mine < asked.current.heard) return false;
+      asked.current.heard = mine;
+      return true;
+    };
     try {
       const sent_ms = performance.now();
       const said = await api.status();
       for (const room of said.rooms) clockOf(room.room).add(room.now_ns, sent_ms, performance.now());
       streams.value ??= await live.streams();
+      if (!isNews()) return;
       status.value = said;
+      heardAt.current = new Date();
+      unheardSince.value = undefined;
       if (bell.hear(said.rooms.flatMap(troublesOf), performance.now())) void ring();
       problem.value = '';
     } catch (error) {
-      status.value = undefined;
+      if (!isNews()) return;
+      unheardSince.value = heardAt.current;
       noRecorder.value = error instanceof ApiError && error.status === 503;
       problem.value = noRecorder.value ? t('rooms.noRecorder') : textOf(error);
     }
@@ -400,13 +423,14 @@ export function RoomsView() {
       )}
       {status.value && (
         <>
-          <Appliance status={status.value} />
+          {!unheardSince.value && <Appliance status={status.value} />}
           {status.value.rooms.length === 0 && <StateCard icon="rooms" title={t('rooms.none')} what={t('rooms.noneWhat')} />}
           <div class="rooms">
             {status.value.rooms.map((room) => (
               <RoomCard
                 key={room.room}
                 room={room}
+                unheardSince={unheardSince.value}
                 seen={visible ? (streams.value ?? []).filter((one) => one.room === room.room).map((one) => one.stream) : []}
                 watches={visible && canBeWatched}
                 clock={clockOf(room.room)}

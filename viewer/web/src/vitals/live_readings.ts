@@ -1,7 +1,7 @@
 // What a monitor shows now: numbers that are fresh, those that have fallen silent, and the last seconds of waves. Pure but for what it keeps.
 import type { LiveSeries } from '@/api/types';
 import { kSecond } from '@/base/time';
-import { formatUnit, formatValue, type Group, groupsOf } from '@/vitals/monitor';
+import { bedsidesOf, formatUnit, formatValue, type Group, groupsOf, keyOfSeries } from '@/vitals/monitor';
 
 /** A number that nothing renewed for so long is not shown any more, and said to be silent. */
 const kFresh_ns = 10 * kSecond;
@@ -9,6 +9,8 @@ const kFresh_ns = 10 * kSecond;
 const kFreshSpot_ns = 600 * kSecond;
 export const kWaveShown_ns = 6 * kSecond;
 const kWaveKept_ns = 12 * kSecond;
+/** So much later than others a bedside's blocks may come. */
+const kWaveLate_ns = 3 * kSecond;
 
 export interface LiveReading {
   group: Group;
@@ -19,24 +21,40 @@ export interface LiveReading {
   silent_s: number | undefined;
 }
 
-/** Of several devices that measure the same the one that spoke last. */
-function newest(series: readonly LiveSeries[], code: string): LiveSeries | undefined {
-  return series
-    .filter((one) => one.code === code && one.kind === 'numeric')
-    .reduce<LiveSeries | undefined>((last, one) => (last === undefined || one.time_ns > last.time_ns ? one : last), undefined);
+/** What one source on one stream says: what a reading is made of is all of one patient. */
+export interface LiveBedside {
+  key: string;
+  stream: string;
+  source: string;
+  readings: LiveReading[];
+  /** Of each code that it shows as a wave, the key of LiveWaves. */
+  waves: ReadonlyMap<string, string>;
 }
 
-export function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveReading[] {
+export const liveBedsidesOf = (series: readonly LiveSeries[], now_ns: number): LiveBedside[] =>
+  bedsidesOf(series)
+    .map(({ key, stream, source, series: own }) => ({
+      key,
+      stream,
+      source,
+      readings: readingsOf(own, now_ns),
+      waves: new Map(own.filter((one) => one.kind === 'wave').map((one) => [one.code, keyOfSeries(one)])),
+    }))
+    .filter(({ readings }) => readings.length > 0);
+
+/** Of one bedside. */
+function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveReading[] {
+  const number = (code: string) => series.find((one) => one.code === code && one.kind === 'numeric');
   return groupsOf(series).map((group) => {
     const fresh_ns = group.spot ? kFreshSpot_ns : kFresh_ns;
-    const all = group.codes.map((code) => newest(series, code));
+    const all = group.codes.map(number);
     const known = all.filter((one) => one !== undefined);
     const last_ns = Math.max(...known.map((one) => one.time_ns));
     const age_ns = now_ns - last_ns;
     const shown = (one: LiveSeries | undefined) =>
       one && now_ns - one.time_ns <= fresh_ns && typeof one.value === 'number' ? formatValue(one.value) : undefined;
     const texts = all.map(shown);
-    const mean = group.mean === undefined ? undefined : shown(newest(series, group.mean));
+    const mean = group.mean === undefined ? undefined : shown(number(group.mean));
     return {
       group,
       text: texts.some((one) => one !== undefined) ? texts.map((one) => one ?? '–').join('/') : '– –',
@@ -47,7 +65,7 @@ export function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveR
   });
 }
 
-/** The waves of a room, as they come in blocks. */
+/** The waves of a room, as they come in blocks: each of one code, stream and source. */
 export class LiveWaves {
   private readonly points = new Map<string, { time_ns: number; value: number | null }[]>();
   /** Until when everything is here. */
@@ -56,8 +74,9 @@ export class LiveWaves {
   add(series: readonly LiveSeries[]): void {
     for (const one of series) {
       if (one.kind !== 'wave') continue;
-      const points = this.points.get(one.code) ?? [];
-      this.points.set(one.code, points);
+      const key = keyOfSeries(one);
+      const points = this.points.get(key) ?? [];
+      this.points.set(key, points);
       for (const block of one.blocks ?? []) {
         const step_ns = kSecond / block.rate_hz;
         const known_ns = points.at(-1)?.time_ns ?? -Infinity;
@@ -80,8 +99,13 @@ export class LiveWaves {
     this.last_ns = 0;
   }
 
-  /** From `from_ns` to `to_ns`; null where the device had no value. */
-  of(code: string, from_ns: number, to_ns: number): readonly { time_ns: number; value: number | null }[] {
-    return (this.points.get(code) ?? []).filter(({ time_ns }) => time_ns >= from_ns && time_ns <= to_ns);
+  /** After when blocks are asked for: what another bedside sends later than those that are here must not be passed over. What comes twice is known. */
+  get after_ns(): number {
+    return Math.max(0, this.last_ns - kWaveLate_ns);
+  }
+
+  /** Of keyOfSeries(), from `from_ns` to `to_ns`; null where the device had no value. */
+  of(key: string, from_ns: number, to_ns: number): readonly { time_ns: number; value: number | null }[] {
+    return (this.points.get(key) ?? []).filter(({ time_ns }) => time_ns >= from_ns && time_ns <= to_ns);
   }
 }

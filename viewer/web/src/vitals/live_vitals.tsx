@@ -5,10 +5,11 @@ import { ApiError, appliance as api } from '@/api/client';
 import type { LiveVitals } from '@/api/types';
 import { kSecond } from '@/base/time';
 import type { RemoteClock } from '@/clock/remote_clock';
-import { t } from '@/i18n/i18n';
+import { t, word } from '@/i18n/i18n';
 import { Icon } from '@/shell/icon';
 import { theme } from '@/shell/state';
-import { kWaveShown_ns, LiveWaves, readingsOf } from '@/vitals/live_readings';
+import { kWaveShown_ns, liveBedsidesOf, type LiveReading, LiveWaves } from '@/vitals/live_readings';
+import { nameOfBedside } from '@/vitals/monitor';
 
 const kEvery_ms = 500;
 const kDraw_ms = 66;
@@ -16,7 +17,7 @@ const kDraw_ms = 66;
 const kWaveBehind_ns = 2 * kSecond;
 const kMargin = 3;
 
-function Wave({ code, color, waves, clock }: { code: string; color: string; waves: LiveWaves; clock: RemoteClock }) {
+function Wave({ of, color, waves, clock }: { of: string; color: string; waves: LiveWaves; clock: RemoteClock }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const dark = theme.value;
   useEffect(() => {
@@ -32,7 +33,7 @@ function Wave({ code, color, waves, clock }: { code: string; color: string; wave
       const now_ns = clock.at(performance.now());
       if (now_ns === undefined) return;
       const to_ns = now_ns - kWaveBehind_ns;
-      const points = waves.of(code, to_ns - kWaveShown_ns, to_ns);
+      const points = waves.of(of, to_ns - kWaveShown_ns, to_ns);
       const values = points.flatMap(({ value }) => (value === null ? [] : [value]));
       if (values.length === 0) return;
       const low = Math.min(...values);
@@ -56,8 +57,40 @@ function Wave({ code, color, waves, clock }: { code: string; color: string; wave
     };
     const timer = setInterval(draw, kDraw_ms);
     return () => clearInterval(timer);
-  }, [code, color, waves, clock, dark]);
+  }, [of, color, waves, clock, dark]);
   return <canvas class="wave live-wave" ref={canvas} aria-hidden="true" />;
+}
+
+interface ReadingProps {
+  reading: LiveReading;
+  /** The key of its wave. */
+  wave: string | undefined;
+  waves: LiveWaves;
+  clock: RemoteClock;
+}
+
+function Reading({ reading: { group, text, mean, unit, silent_s }, wave, waves, clock }: ReadingProps) {
+  return (
+    <div class={`vital vital-${group.color}${wave === undefined ? '' : ' vital-with-wave'}${silent_s === undefined ? '' : ' vital-silent'}`}>
+      {wave !== undefined && <Wave of={wave} color={group.color} waves={waves} clock={clock} />}
+      <div class="vital-number">
+        <span class="vital-label">
+          {group.label} <small>{unit}</small>
+        </span>
+        <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{text}</span>
+        <span class="vital-foot">
+          <span>
+            {silent_s !== undefined && (
+              <>
+                <Icon name="alarm" /> {t('vitals.silent', { seconds: silent_s })}
+              </>
+            )}
+          </span>
+          <span>{mean}</span>
+        </span>
+      </div>
+    </div>
+  );
 }
 
 export function LiveVitalsPanel({ room, clock }: { room: string; clock: RemoteClock }) {
@@ -69,7 +102,7 @@ export function LiveVitalsPanel({ room, clock }: { room: string; clock: RemoteCl
     let timer: ReturnType<typeof setTimeout>;
     const ask = async () => {
       try {
-        const said = await api.vitals(room, waves.last_ns, closing.signal);
+        const said = await api.vitals(room, waves.after_ns, closing.signal);
         const before = shown.peek();
         // Another case, with a clock of its own: its waves are asked for anew.
         if (typeof before?.now_ns === 'number' && said.now_ns !== null && said.now_ns < before.now_ns) waves.clear();
@@ -93,7 +126,10 @@ export function LiveVitalsPanel({ room, clock }: { room: string; clock: RemoteCl
   const said = shown.value;
   if (!said || said.now_ns === null) return null;
   const now_ns = Math.max(said.now_ns, clock.at(performance.now()) ?? 0);
-  const hasWave = new Set(said.series.filter((one) => one.kind === 'wave').map((one) => one.code));
+  const bedsides = liveBedsidesOf(said.series, now_ns);
+  const all = [...bedsides, ...said.alarms];
+  // Also of one alone: the next may begin to speak, or this one be another bed's.
+  const nameOf = (one: { stream: string; source: string }) => nameOfBedside(one, all, (stream) => word('stream', stream)) || one.source;
   return (
     <section class="vitals live-vitals" aria-label={t('vitals.liveOf', { room })}>
       {gone.value && (
@@ -102,35 +138,20 @@ export function LiveVitalsPanel({ room, clock }: { room: string; clock: RemoteCl
         </p>
       )}
       {said.alarms.map((alarm) => (
-        <p key={`${alarm.since_ns}${alarm.text}${alarm.source}`} class="vital-alarm" role="alert">
+        <p key={`${alarm.since_ns}${alarm.text}${alarm.stream}${alarm.source}`} class="vital-alarm" role="alert">
           <Icon name="alarm" /> <span>{t('moment.alarm')}</span> {alarm.text}
+          {nameOf(alarm) !== '' && <span class="vital-whose"> {nameOf(alarm)}</span>}
         </p>
       ))}
       {said.series.length === 0 && <p class="muted pad live-vitals-none">{t('vitals.liveNone')}</p>}
-      {readingsOf(said.series, now_ns).map(({ group, text, mean, unit, silent_s }) => {
-        const wave = group.wave !== undefined && hasWave.has(group.wave) ? group.wave : undefined;
-        return (
-          <div key={group.key} class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}${silent_s === undefined ? '' : ' vital-silent'}`}>
-            {wave && <Wave code={wave} color={group.color} waves={waves} clock={clock} />}
-            <div class="vital-number">
-              <span class="vital-label">
-                {group.label} <small>{unit}</small>
-              </span>
-              <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{text}</span>
-              <span class="vital-foot">
-                <span>
-                  {silent_s !== undefined && (
-                    <>
-                      <Icon name="alarm" /> {t('vitals.silent', { seconds: silent_s })}
-                    </>
-                  )}
-                </span>
-                <span>{mean}</span>
-              </span>
-            </div>
-          </div>
-        );
-      })}
+      {bedsides.map((one) => (
+        <div key={one.key} class="vitals-of">
+          {nameOf(one) !== '' && <h3>{nameOf(one)}</h3>}
+          {one.readings.map((reading) => (
+            <Reading key={reading.group.key} reading={reading} wave={one.waves.get(reading.group.wave ?? '')} waves={waves} clock={clock} />
+          ))}
+        </div>
+      ))}
     </section>
   );
 }

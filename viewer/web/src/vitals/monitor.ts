@@ -49,14 +49,57 @@ export function groupsOf(series: readonly Pick<VitalSeries, 'code' | 'kind' | 'l
   return [...known, ...others];
 }
 
+type Told = Pick<VitalSeries, 'stream' | 'source'>;
+
+/** A bedside: what one source says on one stream. Several patients' monitors may share a stream, and each says for itself whose its values are. */
+export interface Bedside<S extends Told> extends Told {
+  key: string;
+  series: S[];
+}
+
+export const keyOfBedside = ({ stream, source }: Told): string => `${stream}\n${source}`;
+export const keyOfSeries = (one: Told & Pick<VitalSeries, 'code'>): string => `${one.code}\n${keyOfBedside(one)}`;
+
+/** No number is ever put together of two of them. In the order in which they first stand in `series`. */
+export function bedsidesOf<S extends Told>(series: readonly S[]): Bedside<S>[] {
+  const found = new Map<string, Bedside<S>>();
+  for (const one of series) {
+    const key = keyOfBedside(one);
+    const known = found.get(key);
+    if (known) known.series.push(one);
+    else found.set(key, { key, stream: one.stream, source: one.source, series: [one] });
+  }
+  return [...found.values()];
+}
+
+/** How one of `all` is told from the others; '' where there is no other. */
+export function nameOfBedside(one: Told, all: readonly Told[], nameOfStream: (stream: string) => string): string {
+  if (new Set(all.map(keyOfBedside)).size < 2) return '';
+  if (one.source === '') return nameOfStream(one.stream);
+  return all.some(({ stream }) => stream !== one.stream) ? `${nameOfStream(one.stream)} · ${one.source}` : one.source;
+}
+
 /** What the trends show, and in which colour. */
-export const kTrends: readonly { code: string; label: string; color: string }[] = [
+const kTrends: readonly { code: string; label: string; color: string }[] = [
   { code: 'MDC_ECG_HEART_RATE', label: 'HR', color: 'green' },
   { code: 'MDC_PULS_OXIM_SAT_O2', label: 'SpO₂', color: 'cyan' },
   { code: 'MDC_PRESS_BLD_ART_ABP_SYS', label: 'ABP', color: 'red' },
   { code: 'MDC_PRESS_BLD_ART_ABP_DIA', label: '', color: 'red' },
   { code: 'MDC_AWAY_CO2_ET', label: 'etCO₂', color: 'yellow' },
 ];
+
+/** Those of the one bedside that has most of them, the first of several: lines of two patients in the same colours would be taken for one's. */
+export function trendsOf<S extends Told & Pick<VitalSeries, 'code'>>(bedsides: readonly Bedside<S>[]) {
+  const each = bedsides.map((bedside) => ({
+    bedside,
+    trends: kTrends.flatMap((trend) => {
+      const one = bedside.series.find(({ code }) => code === trend.code);
+      return one ? [{ ...trend, key: keyOfSeries(one) }] : [];
+    }),
+  }));
+  const most = Math.max(0, ...each.map(({ trends }) => trends.length));
+  return each.find(({ trends }) => most > 0 && trends.length === most) ?? { bedside: undefined, trends: [] };
+}
 
 /** A value as monitors print it: no decimals from 20 up, one below where there is one. */
 export function formatValue(value: number): string {

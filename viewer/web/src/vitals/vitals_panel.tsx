@@ -5,10 +5,10 @@ import { useEffect, useMemo, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
 import type { VitalSeries } from '@/api/types';
 import { kSecond } from '@/base/time';
-import { t } from '@/i18n/i18n';
+import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
 import { theme } from '@/shell/state';
-import { formatUnit, formatValue, type Group, groupsOf } from '@/vitals/monitor';
+import { type Bedside, bedsidesOf, formatUnit, formatValue, type Group, groupsOf, keyOfSeries, nameOfBedside } from '@/vitals/monitor';
 import { columnsOf, valueAt } from '@/vitals/tiles';
 import type { VitalsStore } from '@/vitals/vitals_store';
 
@@ -23,7 +23,7 @@ const kFreshMost_ns = 150 * kSecond;
 const kWaveBehind_ns = 6 * kSecond;
 const kWaveEvery_ms = 33;
 
-function Wave({ code, color, store, playback }: { code: string; color: string; store: VitalsStore; playback: Playback }) {
+function Wave({ of, color, store, playback }: { of: string; color: string; store: VitalsStore; playback: Playback }) {
   const place = useRef<HTMLDivElement>(null);
   const dark = theme.value;
   useEffect(() => {
@@ -60,7 +60,7 @@ function Wave({ code, color, store, playback }: { code: string; color: string; s
       drawn_ms = now_ms;
       const from_ns = at_ns - kWaveBehind_ns;
       // Asked for a little ahead, so that the wave does not break off where a tile ends.
-      const bins = store.over({ start_ns: from_ns, end_ns: at_ns + 4 * kSecond }, 1000).series.find((one) => one.code === code)?.bins ?? [];
+      const bins = store.over({ start_ns: from_ns, end_ns: at_ns + 4 * kSecond }, 1000).series.find((one) => keyOfSeries(one) === of)?.bins ?? [];
       const seen = bins.filter(([start, end]) => end > from_ns && start <= at_ns);
       const columns = columnsOf(seen, 0.25 * kSecond);
       plot.batch(() => {
@@ -74,24 +74,27 @@ function Wave({ code, color, store, playback }: { code: string; color: string; s
       resize.disconnect();
       plot.destroy();
     };
-  }, [code, color, store, playback, dark]);
+  }, [of, color, store, playback, dark]);
   return <div class="wave" ref={place} aria-hidden="true" />;
 }
 
-interface Reading {
+interface Shown {
   text: string;
   mean: string;
   unit: string;
   age_s: number | undefined;
 }
 
-function read(group: Group, main: VitalSeries | undefined, store: VitalsStore, at_ns: number): Reading {
+/** All of one bedside: no reading is put together of two patients' values. */
+function read(group: Group, bedside: Bedside<VitalSeries>, store: VitalsStore, at_ns: number): Shown {
+  const main = bedside.series.find((one) => one.code === group.codes[0]);
   const usual_ns = kFreshIntervals * (main?.every_ns ?? 0);
   const fresh_ns = group.spot ? kFreshSpot_ns : Math.max(kFresh_ns, Math.min(kFreshMost_ns, usual_ns));
   const last = (code: string) => {
-    const near = valueAt(store.before(code, at_ns, kNear_ns), at_ns);
+    const key = keyOfSeries({ code, stream: bedside.stream, source: bedside.source });
+    const near = valueAt(store.before(key, at_ns, kNear_ns), at_ns);
     if (near) return near;
-    const far = valueAt(store.before(code, at_ns, fresh_ns), at_ns);
+    const far = valueAt(store.before(key, at_ns, fresh_ns), at_ns);
     return far && at_ns - far.time_ns <= fresh_ns ? far : undefined;
   };
   const values = group.codes.map(last);
@@ -106,13 +109,42 @@ function read(group: Group, main: VitalSeries | undefined, store: VitalsStore, a
   };
 }
 
+interface ReadingProps {
+  group: Group;
+  bedside: Bedside<VitalSeries>;
+  store: VitalsStore;
+  playback: Playback;
+  at_ns: number;
+}
+
+function Reading({ group, bedside, store, playback, at_ns }: ReadingProps) {
+  const reading = read(group, bedside, store, at_ns);
+  const wave = bedside.series.find((one) => one.kind === 'wave' && one.code === group.wave);
+  return (
+    <div class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}`}>
+      {wave && <Wave of={keyOfSeries(wave)} color={group.color} store={store} playback={playback} />}
+      <div class="vital-number">
+        <span class="vital-label">
+          {group.label} <small>{reading.unit}</small>
+        </span>
+        <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{reading.text}</span>
+        {(reading.mean !== '' || reading.age_s !== undefined) && (
+          <span class="vital-foot">
+            <span>{reading.age_s !== undefined && t('vitals.age', { age: reading.age_s })}</span>
+            <span>{reading.mean}</span>
+          </span>
+        )}
+      </div>
+    </div>
+  );
+}
+
 export function VitalsPanel({ store, playback }: { store: VitalsStore; playback: Playback }) {
   const at = useMemo(() => computed(() => Math.floor(playback.position_ns.value / kNumbersEvery_ns) * kNumbersEvery_ns), [playback]);
   void store.version.value;
   const everything = store.over(store.whole, 200).series;
   if (everything.length === 0) return <p class="muted pad">{t('vitals.none')}</p>;
-  const waves = new Set(everything.filter((one) => one.kind === 'wave').map((one) => one.code));
-  const byCode = new Map(everything.map((one) => [one.code, one]));
+  const bedsides = bedsidesOf(everything).filter(({ series }) => groupsOf(series).length > 0);
   const at_ns = at.value;
   const active = store.over({ start_ns: at_ns - kNear_ns, end_ns: at_ns + 1 }, 200).alarms.filter((one) => one.start_ns <= at_ns && at_ns < one.end_ns);
   return (
@@ -122,27 +154,14 @@ export function VitalsPanel({ store, playback }: { store: VitalsStore; playback:
           <span>{t('moment.alarm')}</span> {alarm.text}
         </p>
       ))}
-      {groupsOf(everything).map((group) => {
-        const reading = read(group, byCode.get(group.codes[0] ?? ''), store, at_ns);
-        const wave = group.wave !== undefined && waves.has(group.wave) ? group.wave : undefined;
-        return (
-          <div key={group.key} class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}`}>
-            {wave && <Wave code={wave} color={group.color} store={store} playback={playback} />}
-            <div class="vital-number">
-              <span class="vital-label">
-                {group.label} <small>{reading.unit}</small>
-              </span>
-              <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{reading.text}</span>
-              {(reading.mean !== '' || reading.age_s !== undefined) && (
-                <span class="vital-foot">
-                  <span>{reading.age_s !== undefined && t('vitals.age', { age: reading.age_s })}</span>
-                  <span>{reading.mean}</span>
-                </span>
-              )}
-            </div>
-          </div>
-        );
-      })}
+      {bedsides.map((bedside) => (
+        <div key={bedside.key} class="vitals-of">
+          {bedsides.length > 1 && <h3>{nameOfBedside(bedside, bedsides, (stream) => word('stream', stream))}</h3>}
+          {groupsOf(bedside.series).map((group) => (
+            <Reading key={group.key} group={group} bedside={bedside} store={store} playback={playback} at_ns={at_ns} />
+          ))}
+        </div>
+      ))}
     </div>
   );
 }

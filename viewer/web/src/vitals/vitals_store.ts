@@ -3,6 +3,7 @@ import { signal } from '@preact/signals';
 import { ApiError, cases } from '@/api/client';
 import type { Alarm, VitalBin, VitalSeries, Vitals } from '@/api/types';
 import type { Span } from '@/base/spans';
+import { keyOfSeries } from '@/vitals/monitor';
 import { kBinsOfTile, levelFor, type Tile, tileKey, tileSpan, tilesOver } from '@/vitals/tiles';
 
 const kMostTiles = 400;
@@ -41,7 +42,7 @@ export class VitalsStore {
         continue;
       }
       for (const one of vitals.series) {
-        const whose = `${one.code} ${one.stream} ${one.source}`;
+        const whose = keyOfSeries(one);
         const known = series.get(whose);
         if (known) known.bins = known.bins.concat(one.bins);
         else series.set(whose, { ...one });
@@ -51,10 +52,10 @@ export class VitalsStore {
     return { series: [...series.values()], alarms: [...alarms.values()] };
   }
 
-  /** The bins of `code` that end at or reach to `time_ns`, looking back by `back_ns` at most. */
-  before(code: string, time_ns: number, back_ns: number): VitalBin[] {
+  /** The bins of the series with this keyOfSeries() that end at or reach to `time_ns`, looking back by `back_ns` at most. */
+  before(key: string, time_ns: number, back_ns: number): VitalBin[] {
     const window = { start_ns: time_ns - back_ns, end_ns: time_ns + 1 };
-    return this.over(window, 200).series.find((one) => one.code === code)?.bins ?? [];
+    return this.over(window, 200).series.find((one) => keyOfSeries(one) === key)?.bins ?? [];
   }
 
   private ask(tile: Tile): void {
