@@ -280,10 +280,14 @@ struct ApplianceLog::State {
            std::holds_alternative<CaseErasedEntry>(body);
   }
 
-  /// Whether there is no note of the log's size; where that cannot be told there is one.
+  /// Whether the device signed no checkpoint of the log's size: whatever else lies in its place is none.
+  /// Where that cannot be told there is one.
   [[nodiscard]] bool lacks_note() const {
-    std::error_code error;
-    return fs::symlink_status(folder / note_path(ledger->size()), error).type() == fs::file_type::not_found;
+    try {
+      return !own_checkpoint(ledger->size());
+    } catch (const Error&) {
+      return false;
+    }
   }
 
   /// A statement counts if it has a checkpoint of its own. Whoever can write to the disk adds two, of which
@@ -338,7 +342,8 @@ struct ApplianceLog::State {
       known_signed = size;
       return;
     }
-    const std::uint64_t unsigned_lines = size - std::min(size, newest_note(folder));
+    const std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
+    const std::uint64_t unsigned_lines = size - std::min(size, newest ? newest->checkpoint.size : 0);
     const bool alone = unsigned_lines > 0 && unsigned_lines <= signing.size() &&
                        std::all_of(signing.end() - static_cast<std::ptrdiff_t>(unsigned_lines),
                                    signing.end() - 1, [](Signing each) { return each == Signing::kNone; });
@@ -351,15 +356,13 @@ struct ApplianceLog::State {
     return checkpoint_of(folder, device, size, files);
   }
 
-  /// With the turn: the newest checkpoint of this device's, of those that could be over entries which are
-  /// here, or were. Whoever puts other files there, of whatever size, does not hide it. Entries of which none
-  /// has its own are never many.
+  /// With the turn: the newest checkpoint of this device's. Whoever puts other files there, of whatever size,
+  /// or lines behind it, however many, does not hide it.
   [[nodiscard]] std::optional<OwnCheckpoint> newest_own_checkpoint() const {
-    const std::uint64_t lines = ledger->size();
     std::vector<std::uint64_t> sizes;
     for (const std::string& name : files.names_in(folder / kCheckpointsFolder)) {
       const std::uint64_t size = size_of_note_name(name).value_or(0);
-      if (size > 0 && size + kMostRemembered > lines) sizes.push_back(size);
+      if (size > 0) sizes.push_back(size);
     }
     std::ranges::sort(sizes, std::greater<>());
     for (const std::uint64_t size : sizes) {

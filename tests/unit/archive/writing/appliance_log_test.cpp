@@ -425,6 +425,33 @@ TEST_F(ApplianceLogTest, ThatWasChangedSaysSoBeforeAnythingIsSignedOverIt) {
   EXPECT_EQ(open()->damage(), "") << "the newest checkpoint fits";
 }
 
+// Whoever changes what was signed adds lines, so that the checkpoint that shows it is far from the end.
+TEST_F(ApplianceLogTest, ThatWasChangedSaysSoHoweverManyLinesStandBehind) {
+  open()->case_held(kApplianceCase, "court order", "anna");
+  change_log(folder_ / "log" / kLedgerFile, "3f9c21ab", "3f9c21aa");
+  for (std::uint64_t seq = 2; seq < 40; ++seq) {
+    std::ofstream(folder_ / "log" / kLedgerFile, std::ios::app)
+        << to_line(
+               LogEntry{seq, {parse_utc("2026-08-05T07:00:00Z").value(), 1}, BootEntry{"b1", "theatre-1"}})
+        << "\n";
+  }
+  EXPECT_THAT(open()->damage(), HasSubstr("other lines than those over which its checkpoint of 2 entries"));
+}
+
+// A file in the place of its checkpoint signs no statement that somebody made up, nor does the device then.
+TEST_F(ApplianceLogTest, AFileInTheCheckpointsPlaceKeepsNoLineThatSomebodyAdded) {
+  const std::uint64_t hold = open()->case_held(kApplianceCase, "court order", "anna");
+  std::ofstream(folder_ / "log" / kLedgerFile, std::ios::app)
+      << to_line(LogEntry{2,
+                          {parse_utc("2026-08-05T07:00:00Z").value(), 1},
+                          CaseReleasedEntry{kApplianceCase, hold, "over", "sato"}})
+      << "\n";
+  std::ofstream(folder_ / "log" / note_path(3)) << "x";
+  open()->checkpoint();
+  EXPECT_THAT(types(), ElementsAre("boot", "case-held"));
+  EXPECT_FALSE(note(3));
+}
+
 TEST_F(ApplianceLogTest, ThatWasChangedBehindAStartSaysSo) {
   open()->access("*", "unlocked", "sato");
   open()->boot("b2");  // has no checkpoint of its own
