@@ -134,8 +134,7 @@ std::vector<std::string> followed_text(const Followed& followed, const std::stri
                                     " are the same. Behind that each goes its own way."
                               : std::string("Where they part its tiles do not tell."),
               "Either the holder of the device's key made both, or its recorder wrote to another disk for a "
-              "time, "
-              "or went on from an older copy that was put back.",
+              "time, or went on from an older copy that was put back.",
               "If one was changed on the disk and signed on, it says so itself (damage-found).",
               "The copy: " + copy + ", " + entries_text(followed.kept),
               "The other one: " +

@@ -610,7 +610,7 @@ TEST_F(ReportDocument, OfACaseWithoutStreamsSaysThatNothingWasRecorded) {
   EXPECT_THAT(text, HasSubstr("COULD NOT BE PROVED"));
   EXPECT_THAT(text,
               HasSubstr("Was it recorded without a break from beginning to end? | ! Could not be checked | "
-                        "open names no stream of pictures"));
+                        "Open names no stream but of marks: nothing of an operation was recorded"));
   EXPECT_THAT(text, HasSubstr("Nothing was recorded: no stream of pictures or vital signs holds anything."));
 }
 

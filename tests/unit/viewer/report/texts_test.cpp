@@ -84,8 +84,12 @@ TEST(Checks, PutAFileOfTheCaseToItsFilesWhateverItsFolderIsCalled) {
   Given given;
   given.log.push_back({"log", {}});
   for (const CheckAnswer& each : answer_checks(found, given, false)) {
-    if (each.check == Check::kFiles) EXPECT_EQ(each.answer, Answer::kNo);
-    if (each.check == Check::kLog) EXPECT_EQ(each.answer, Answer::kUnknown);
+    if (each.check == Check::kFiles) {
+      EXPECT_EQ(each.answer, Answer::kNo);
+    }
+    if (each.check == Check::kLog) {
+      EXPECT_EQ(each.answer, Answer::kUnknown);
+    }
   }
 }
 
