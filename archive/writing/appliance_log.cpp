@@ -4,6 +4,7 @@
 #include <chrono>
 #include <deque>
 #include <fstream>
+#include <limits>
 #include <mutex>
 #include <unordered_map>
 #include <utility>
@@ -352,8 +353,12 @@ struct ApplianceLog::State {
     }
   }
 
+  /// Until the log states the device's ML-DSA key, the device signed by Ed25519 alone.
   [[nodiscard]] std::optional<OwnCheckpoint> own_checkpoint(std::uint64_t size) const {
-    return checkpoint_of(folder, device, size, files);
+    if (!device.ml_dsa()) return checkpoint_of(folder, device, size, files);
+    const std::uint64_t since =
+        stated_ml_dsa ? stated_ml_dsa->entry : std::numeric_limits<std::uint64_t>::max();
+    return checkpoint_of(folder, device.with_ml_dsa(*device.ml_dsa(), since), size, files);
   }
 
   /// With the turn: the newest checkpoint of this device's. Whoever puts other files there, of whatever size,
