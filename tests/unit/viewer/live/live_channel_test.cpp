@@ -67,14 +67,19 @@ class LiveChannelTest : public testing::Test {
     return recorder::open_source(
         recorder::parse_source_address("synthetic:endoscope?rate=25&speed=max&size=" + size), clock_);
   }
-  /// Offers pictures, each once `keeper`, who refuses nothing, has the one before.
+  /// Offers pictures, each once `keeper`, who refuses nothing, has the one before. A tap that is just being
+  /// looked at passes a picture over, as it never waits; then it is offered again.
   void show(recorder::Source& source, int count, const Keeper& keeper) {
     for (int i = 0; i < count; ++i) {
       const std::size_t before = keeper.fragments();
       auto picture = source.read();
       ASSERT_TRUE(picture);
       picture->rate = source.frame_rate();
-      tap_->offer(*picture);
+      std::uint64_t passed_over = 0;
+      do {
+        passed_over = tap_->passed_over();
+        tap_->offer(*picture);
+      } while (tap_->passed_over() != passed_over);
       keeper.wait_for_more_than(before);
     }
   }
