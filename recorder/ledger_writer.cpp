@@ -55,9 +55,7 @@ void LedgerWriter::run() {
   try {
     if (pre_roll_ != nullptr) hold();
     while (!stopping_) {
-      if (const std::optional<archive::ClockEntry> clock = clock_watch_.check()) {
-        writer().append({*clock}, clock_.moment());
-      }
+      state_clock();
       if (clock_.now_ns() >= next_stamp_ns_) {
         stamper().stamp(writer().checkpoint(clock_.moment()));
         next_stamp_ns_ = clock_.now_ns() + stamp_interval_.count();
@@ -67,6 +65,12 @@ void LedgerWriter::run() {
   } catch (const std::exception& error) {
     failure_ = std::current_exception();
     problems_.end_session(close_reason_for(error), error.what());
+  }
+}
+
+void LedgerWriter::state_clock() {
+  if (const std::optional<archive::ClockEntry> clock = clock_watch_.check()) {
+    writer().append({*clock}, clock_.moment());
   }
 }
 
@@ -166,6 +170,8 @@ void LedgerWriter::finish(const std::string& close_reason, const Ended& ended) {
   // A case that ended as soon as it had begun.
   if (pre_roll_ != nullptr) write(pre_roll_->take());
   write(facts_.take(std::chrono::nanoseconds(0)));
+  // A clock that is set beyond the end of a schedule's window ends the case before the step was looked for.
+  state_clock();
   // One moment for both: the disk may take as long again for the gaps.
   const archive::Moment close = clock_.moment();
   state_slow_end(ended, close);

@@ -48,6 +48,8 @@ class LedgerWriter {
  private:
   void run();
   void hold();
+  /// An entry of the wall clock, where one is due.
+  void state_clock();
   void write(std::vector<Fact> facts);
   void write(StandbySegment segment);
   void write(const AuthorityAnswer& answer);
