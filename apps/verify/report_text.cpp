@@ -402,7 +402,7 @@ std::string compared_words(const VerificationReport& report, const std::string& 
   const auto is_found = [&](std::string_view code) {
     return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
   };
-  if (is_found("log-of-another-device"))
+  if (!report.in_log && is_found("log-of-another-device"))
     return "not " + log + ": it is another device's, and says nothing of this case";
   if (!report.in_log && is_found("log-opening-differs"))
     return log + "; it is another device's, and knows another case by this identifier";

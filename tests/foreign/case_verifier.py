@@ -650,13 +650,6 @@ def is_certificates(data):
 MOST_WHILE_OPENING = 64  # entries that a log may get between the state that `open` has and the case's line
 
 
-def _trusts(log, device):
-    try:
-        return note.parse_key(device) in log.folder.trust.devices
-    except note.Malformed:
-        return False
-
-
 class AgainstLog:
     """A case beside what the appliance log says of it."""
 
@@ -673,22 +666,25 @@ class AgainstLog:
             self.log = self.known = None
             return
         if log and entries.opening:
-            device = entries.opening["device"]
-            if not (self.known.device if self.known else any(log.devices)):
-                report("log-silent", "no line names a device")
-                self.log = self.known = None
-                return
-            if self.known.device != device if self.known else log.devices and device not in log.devices:
-                if self.known and self.known.opened not in log.doubted and _trusts(log, self.known.device) and not _trusts(log, device):
-                    self.another = self.known  # of a trusted device: settle() compares the first lines
-                else:
-                    report("log-of-another-device", device)
+            device, another = entries.opening["device"], log.opened_by_another
+            anothers = None
+            if another and another.accuses:
+                self.another = anothers = another  # of a trusted device: settle() compares the first lines
+            elif not self.known and not (another.device if another else log.now.text):
+                anothers = "log-silent"
+            elif not self.known and not log.was_case_devices:
+                anothers = "log-of-another-device"
+            if isinstance(anothers, str):
+                report(anothers, device)
+            if anothers:
                 self.log = self.known = None  # it speaks neither for the case nor against it
                 return
+            if log.told_by_another is not None:
+                report("log-of-another-device", f"line {log.told_by_another}")
             if self.known and self.known.erased:
                 report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
-            self.head, self.signed = stated["size"], log.signed_by_known(device, log.folder.trust.devices)
+            self.head, self.signed = stated["size"], log.accusing
             if log.root_at(stated["size"]) != stated["root"]:
                 self.silent = self.signed < self.head or not log.beside_a_case()[1]
                 if not self.silent:
@@ -709,7 +705,7 @@ class AgainstLog:
         if not self.known:
             return 0, 0
         try:
-            device = self.log.folder.known_device(note.parse_key(self.known.device))
+            device = self.log.folder.known_device(note.parse_key(self.entries.opening["device"]))
         except note.Malformed:
             return 0, 0
         by_ml_dsa, by_hardware = self.log.covered_by.get(str(device), (0, 0))
@@ -722,7 +718,7 @@ class AgainstLog:
     def settle(self, first_line, ledger, covered, whole):
         if self.another:
             differs = hashlib.sha256(first_line).hexdigest() != self.another.opening_line
-            self.report("log-opening-differs" if differs else "log-of-another-device", self.another.device)
+            self.report("log-opening-differs" if differs else "log-of-another-device", f"line {self.another.entry}")
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
@@ -780,7 +776,8 @@ def verify_case(path, trust):
         return Judgement([("format-newer", "ledger.jsonl")])
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
     entries = Entries(folder, True)
-    log = LogRead(trust.log, trust) if trust.log else None
+    first = ledger.entries[0] if ledger.entries else None
+    log = LogRead(trust.log, trust, opening=first if first and first["type"] == "open" else None) if trust.log else None
     if log:
         folder.findings += log.beside_a_case()[0]
     for number, entry in enumerate(ledger.entries):
@@ -984,7 +981,8 @@ def _judge_carrying_on(folder, path, entries):
             named = CARRIES_ON.fullmatch(source)
             own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
             holds = named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3]
-            says(holds, holds or is_signed(later[1], lines, 1))
+            by_device = is_signed(later[1], lines, 1)
+            says(holds and by_device, by_device)
 
 
 class PartOfLedger(Ledger):
@@ -1104,7 +1102,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
         if lines_begin is None:
             lines_begin = entries.last_mono
             if trust.log and entries.opening:
-                log = LogRead(trust.log, trust)
+                log = LogRead(trust.log, trust, opening=entries.opening)
                 folder.findings += log.beside_a_case()[0]
             comparison = AgainstLog(log, entries, report)
         if number + 1 in folder.note_sizes:
