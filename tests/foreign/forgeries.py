@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import pathlib
+import shutil
 
 import age
 import case_writer as w
@@ -2199,6 +2200,254 @@ def accused_by_the_log_of_another_device(world):
     return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
 
 
+def carried_on_by(world, signer, entries, name_it="device-key-changed", back=False, judge=None, trusted=False):
+    """The device's log, which knows its case to the end, carried on under another key by whoever has a copy of it.
+
+    `entries` gives kinds and fields of what it says then, each with its own checkpoint; `back`: then the device's own start follows, signed by it.
+    """
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+
+        def add(by, kind, **fields):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+        add(signer, name_it, device=str(signer.key), **({"boot_id": w.BOOT_ID} if name_it == "boot" else {}))
+        for kind, fields in entries(written):
+            add(signer, kind, **({"case": written.case.id} | fields))
+        if back:
+            add(world.device, "boot", boot_id=w.BOOT_ID, device=str(world.device.key))
+            add(world.device, "access", case="*", what="unlocked", who="sato")
+    given = (judge or with_log)(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, *([signer.key] if trusted else [])])
+
+
+def accused(world, *entries, **more):
+    given = carried_on_by(world, entries=lambda written: entries, **{"signer": world.stranger, **more})
+    return dataclasses.replace(given, never=["log-checkpoint-differs", "log-knows-more", "log-end-differs", "log-case-unknown", "log-head-differs", "log-opening-differs", "log-case-erased",
+                                             "erased-while-held", "case-missing", "device-not-trusted" if given.log else "log-not-tidy"])
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_another_root(world):
+    return accused(world, ("case-checkpoint", {"size": 3, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_more_entries(world):
+    return accused(world, ("case-checkpoint", {"size": 900, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_another_end(world):
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_names_a_stranger_for_two_lines(world):
+    """Its recorder goes on behind them, and signs over them."""
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}), name_it="boot", back=True)
+
+
+@reaches("log-of-another-device")
+def case_whose_log_another_trusted_device_carried_on(world):
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}), signer=ANOTHER_DEVICE, trusted=True)
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_opens_once_more_in_its_log(world):
+    return accused(world, ("case-opened", {"sha256": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_says_was_erased(world):
+    return accused(world, ("erased", {"policy": "after ten years"}))
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_says_was_erased_while_held(world):
+    return accused(world, ("case-held", {"reason": "court", "who": "judge"}), ("erased", {"stream": "endoscope", "policy": "after ten years"}))
+
+
+@reaches()
+def case_that_a_stranger_says_is_held(world):
+    return accused(world, ("case-held", {"reason": "court", "who": "judge"}))
+
+
+@reaches("erased-while-held")
+def case_whose_hold_a_stranger_released(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        held = sum(isinstance(step, Entry) for step in log.steps)
+        log.signed("case-held", 90 * SECOND, case=written.case.id, reason="court", who="sato")
+        for by, kind, fields in ((world.stranger, "boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                                 (world.stranger, "case-released", {"case": written.case.id, "hold": held, "reason": "none", "who": "nobody"}),
+                                 (world.device, "boot", {"boot_id": w.BOOT_ID, "device": str(world.device.key)}),
+                                 (world.device, "erased", {"case": written.case.id, "stream": "endoscope", "policy": "after ten years"})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+        log.of(Checkpoint)[-5].signer, log.of(Checkpoint)[-5].origin = world.device, log.origin
+    return with_log(world, change)
+
+
+@reaches()
+def case_of_whose_use_a_stranger_tells(world):
+    given = accused(world, ("access", {"what": "exported", "who": "sato", "purpose": "teaching"}), ("consent-given", {"purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}))
+    return dataclasses.replace(given, never=[*given.never, "access-without-consent", "consent-file-missing", "consent-doubted"])
+
+
+@reaches("access-without-consent")
+def case_whose_consent_a_stranger_states(world):
+    def change(log, written):
+        for by, kind, fields in ((world.stranger, "boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                                 (world.stranger, "consent-given", {"case": written.case.id, "purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}),
+                                 (world.device, "boot", {"boot_id": w.BOOT_ID, "device": str(world.device.key)}),
+                                 (world.device, "access", {"case": written.case.id, "what": "exported", "who": "sato", "purpose": "teaching"})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+    return with_log(world, change)
+
+
+def nobody_opened(world, signer, trusted):
+    """In the device's name nothing is signed; another key vouches for the case's end."""
+    made = world.sound(log_state=(0, hashlib.sha256(b"").hexdigest()))
+    written = made.write(world.folder)
+    final = json.loads([line for line in written.lines if b'"type":"token"' in line][-1])["sha256"]
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.add("case-opened", 60 * SECOND, case=made.id, sha256=hashlib.sha256(written.lines[0]).hexdigest())
+    log.signer = signer
+    log.signed("device-key-changed", 61 * SECOND, device=str(signer.key))
+    log.signed("case-closed", 81 * SECOND, case=made.id, size=len(written.lines), root=written.root().hex(), final_token=final)
+    for step in log.of(Checkpoint):
+        step.origin = f"kiroku/{signer.name}/log"
+    log.write(world.folder, "log")
+    return world.given(written.folder, log=world.folder / "log", devices=[world.device.key, *([signer.key] if trusted else [])])
+
+
+@reaches("log-of-another-device", "log-case-open")
+def case_for_whose_end_another_trusted_device_vouches(world):
+    return nobody_opened(world, ANOTHER_DEVICE, True)
+
+
+@reaches()
+def case_whose_end_another_key_of_its_device_entered(world):
+    """The device changed its key, and the verifier trusts both: the log goes on for its cases."""
+    newer = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, written):
+        end = log.steps[-2:]
+        del log.steps[-2:]
+        for step in log.of(Checkpoint):
+            step.signer = log.signer
+        log.signed("device-key-changed", 80 * SECOND, device=str(newer.key))
+        log.steps += end
+        for step in log.of(Checkpoint)[-2:]:
+            step.signer = newer
+    given = with_log(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, newer.key], never=["log-case-open"])
+
+
+@reaches("log-end-differs")
+def case_whose_other_end_another_key_of_its_device_entered(world):
+    newer = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer = log.signer
+        log.signed("device-key-changed", 90 * SECOND, device=str(newer.key))
+        log.signed("case-closed", 91 * SECOND, case=written.case.id, size=len(written.lines), root=written.root().hex(), final_token="0" * 64)
+        for step in log.of(Checkpoint)[-2:]:
+            step.signer = newer
+    given = with_log(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, newer.key])
+
+
+def log_with_another_case(world, *entries, **more):
+    """The log itself; its case was taken away, and another one lies there."""
+    given = carried_on_by(world, entries=lambda written: entries, judge=the_log, **{"signer": world.stranger, **more})
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches("case-missing", "log-of-another-device", "device-not-trusted")
+def case_that_was_taken_away_and_a_stranger_says_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}))
+
+
+@reaches("case-missing", "log-of-another-device")
+def case_that_was_taken_away_and_another_trusted_device_says_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=ANOTHER_DEVICE, trusted=True)
+
+
+@reaches()
+def case_that_another_key_of_its_device_says_was_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=note.Signer("or3", bytes([9] * 32)), trusted=True)
+
+
+@reaches("log-of-another-device", "device-not-trusted")
+def case_that_a_stranger_says_was_opened_and_is_not_there(world):
+    given = accused(world, ("case-opened", {"case": "20200101T000000Z-00000000", "sha256": "0" * 64}), judge=the_log)
+    return given
+
+
+@reaches("case-missing")
+def case_of_another_trusted_device_that_is_not_there(world):
+    return carried_on_by(world, ANOTHER_DEVICE, lambda written: [("case-opened", {"case": "20200101T000000Z-00000000", "sha256": "0" * 64})], judge=the_log, trusted=True)
+
+
+@reaches("log-case-unknown", "log-of-another-device")
+def case_that_a_stranger_enters_in_the_log_that_lacks_it(world):
+    """The device's log goes on without the case; what others write there excuses it not."""
+    def change(log, written):
+        line = log.find("case-opened").fields
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}), ("case-opened", line)):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return with_log(world, change)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def case_of_a_strangers_key_that_the_stranger_entered_behind_the_one_in_whose_place_it_is(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                             ("case-opened", {"case": written.case.id, "sha256": hashlib.sha256(written.lines[0]).hexdigest()})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return put_in_its_place(world, change)
+
+
+@reaches("log-of-another-device")
+def excerpt_beside_the_log_that_a_stranger_carried_on(world):
+    cases = []
+
+    def entries(written):
+        cases.append(written)
+        return [("case-checkpoint", {"size": len(written.lines), "root": "0" * 64})]
+    given = carried_on_by(world, world.stranger, entries)
+    first = next(i for i, line in enumerate(cases[0].lines) if b'"type":"token"' in line)
+    part = w.write_excerpt(cases[0], world.folder / "part", 6 * SECOND, 9 * SECOND, ["endoscope"], first, len(cases[0].lines))
+    return dataclasses.replace(given, path=part, never=["log-checkpoint-differs", "device-not-trusted"])
+
+
+@reaches("outside-note-of-other-origin")
+def note_of_another_device_that_makes_no_entry_the_device_s_own(world):
+    """Whoever has another trusted device's key signs the unsigned opening of a case that never was."""
+    def change(log, written):
+        log.add("case-opened", 90 * SECOND, case="20200101T000000Z-00000000", sha256="0" * 64)
+    given = the_log(world, change)
+    lines = (given.path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+    against = kept(world, ANOTHER_DEVICE.checkpoint("kiroku/or4/log", len(lines), merkle.root([merkle.leaf(line) for line in lines])))
+    return dataclasses.replace(given, devices=[*given.devices, ANOTHER_DEVICE.key], against=against, never=["case-missing"])
+
+
 def put_in_its_place(world, change=lambda log, written: None, **more):
     """A case of a stranger's key, by the identifier of one that the device's log knows."""
     strangers = dataclasses.replace(world, device=world.stranger, folder=world.folder / "forged").sound()
@@ -2749,6 +2998,17 @@ def is_carried_on_by_what_anybody_wrote(world):
     earlier, later = operation(world)
     (later.folder / "ledger.jsonl").write_bytes(b"hello\n")
     return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-broken"])
+
+
+@reaches("carried-on-not-compared")
+def is_carried_on_by_a_first_line_that_nobody_signed(world):
+    """The later case was taken away; anybody who saw it can write its first line, or one like it."""
+    earlier, later = operation(world)
+    line = (later.folder / "ledger.jsonl").read_bytes().split(b"\n")[0] + b"\n"
+    shutil.rmtree(later.folder)
+    later.folder.mkdir()
+    (later.folder / "ledger.jsonl").write_bytes(line)
+    return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-holds", "carrying-on-broken"])
 
 
 @reaches("carrying-on-broken")
