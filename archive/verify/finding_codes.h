@@ -445,8 +445,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "authorities holds that began before"},
     // -- of the format
     {"format-newer", Severity::kUnproven,
-     "the case or the excerpt is of a later version of the format than this program knows: nothing was "
-     "checked"},
+     "the case or the excerpt is of a later version of the format than this program knows: what its entries "
+     "say, and its files, was not checked"},
     // -- of the list itself
     {"more-findings", Severity::kNote,
      "so many findings, of one code or of all together, that the rest is only counted"},

@@ -585,8 +585,8 @@ void LogWalk::check_names() {
 }
 
 LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening,
-                             FindingList& findings)
-    : findings_(&findings) {
+                             FindingList& findings, Head head)
+    : known_head_(head), findings_(&findings) {
   if (log == nullptr || !opening) {
     return;
   }
@@ -614,7 +614,7 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   }
   // Of a log that is shorter, of whose lines nobody signed so many, or whose lines were changed before they
   // were signed over, nothing says which state it had.
-  const bool differs = log->root_at_head != opening->appliance_log_root;
+  const bool differs = known_head_ == Head::kKnown && log->root_at_head != opening->appliance_log_root;
   silent_ = differs && (log->accusing < head_ || !log->sound);
   if (differs && !silent_) {
     findings_->add("log-head-differs", in_ledger(0),
@@ -666,6 +666,12 @@ void LogComparison::add_of_another_device(std::uint64_t log_entry) {
 }
 
 void LogComparison::add_silent() {
+  if (known_head_ == Head::kUnknown) {
+    findings_->add("log-silent", in_log(),
+                   "the appliance log given does not know the case, and over which state of it the case was "
+                   "opened cannot be read here: whether the device's log knows this case was not checked");
+    return;
+  }
   const std::string why =
       !log_->sound ? "lines of the log given are broken or lack" +
                          std::string(known_ == nullptr ? ", of which one may tell of it" : "")
@@ -698,7 +704,8 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
     findings_->add("log-case-not-entered", in_log(),
                    "the appliance log does not know the case " + case_id_ +
                        " yet, which holds nothing: it was being begun");
-  } else if (unknown_ && log_->sound && log_->accusing > head_ && log_->accusing - head_ > kMostRecent) {
+  } else if (unknown_ && known_head_ == Head::kKnown && log_->sound && log_->accusing > head_ &&
+             log_->accusing - head_ > kMostRecent) {
     // Other rooms may enter something between the state that `open` has and the line of the case: a copy that
     // was made in between lacks that line, and nobody took anything away.
     findings_->add("log-case-unknown", in_log(), "the appliance log does not know a case " + case_id_);
@@ -791,12 +798,12 @@ std::optional<CaseInLog> LogComparison::told() const {
   return told;
 }
 
-void LogComparison::finish(std::uint64_t entries, bool closed,
-                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+void LogComparison::finish_unread(std::uint64_t entries) {
   entries_ = entries;
-  if (known_ == nullptr) {
-    return;
-  }
+  if (known_ != nullptr) has_all(entries);
+}
+
+bool LogComparison::has_all(std::uint64_t entries) {
   // By size: of those that somebody signed in time the last, or the last of the others.
   const auto signed_then = [&](const KnownRoot& each) { return !log_->doubted.contains(each.entry); };
   auto most = std::find_if(roots_.rbegin(), roots_.rend(), signed_then);
@@ -809,6 +816,15 @@ void LogComparison::finish(std::uint64_t entries, bool closed,
             at_entry(most->entry) + ") and there are " + std::to_string(entries) +
             ": the end of the ledger was removed",
         kItsEnd);
+    return false;
+  }
+  return true;
+}
+
+void LogComparison::finish(std::uint64_t entries, bool closed,
+                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+  entries_ = entries;
+  if (known_ == nullptr || !has_all(entries)) {
     return;
   }
   if (!known_->closed && closed) {

@@ -214,9 +214,13 @@ class LogWalk {
 /// One case against what the log knows of it, while its ledger is walked.
 class LogComparison {
  public:
+  /// Whether `open` says which state the log had. Of a later version of the format that may not be readable:
+  /// then nothing is said of it, and a log that does not know the case may be from before.
+  enum class Head { kKnown, kUnknown };
   /// `log` may be null: then nothing is compared. It must be of a walk for this case and its `open`, and
   /// outlive the object.
-  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings);
+  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings,
+                Head head = Head::kKnown);
 
   /// Once, of the case's first line.
   void check_opening(const crypto::Sha256Digest& entry0);
@@ -228,6 +232,8 @@ class LogComparison {
   /// The case has `entries`, `close` among them or not; `tokens` are the hashes of its token files by entry.
   void finish(std::uint64_t entries, bool closed,
               const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+  /// In place of finish() where nothing but the number of entries can be read: of a later version.
+  void finish_unread(std::uint64_t entries);
   /// At last, where the case's own checkpoints cover `covered` entries and it was closed by entry `close`.
   /// What the log states without a checkpoint of its own is doubted where the device signed otherwise in the
   /// case. Elsewhere nothing but the log tells of what is not there any more, and no crash leaves the log
@@ -255,6 +261,8 @@ class LogComparison {
 
   /// Whether the log is one to compare with; else it is said why it is not.
   bool is_to_compare(const LogContents& log, bool knows);
+  /// Whether the case has as many entries as the log states; else it is said.
+  bool has_all(std::uint64_t entries);
   /// Of a log that says nothing for the case, nor against it.
   void add_of_another_device(std::uint64_t log_entry);
   /// That the log does not answer for the case, and why.
@@ -268,9 +276,10 @@ class LogComparison {
   const LoggedCase* known_ = nullptr;
   /// What a trusted device's log says of a case whose device is not trusted: another case may bear that name.
   std::optional<LogContents::OpenedByAnother> another_;
-  bool unknown_ = false;          // there is a log, and it has no such case
-  bool silent_ = false;           // nor does what is signed of it reach so far
-  std::uint64_t head_ = 0;        // entries of the log when the case was opened
+  bool unknown_ = false;    // there is a log, and it has no such case
+  bool silent_ = false;     // nor does what is signed of it reach so far
+  std::uint64_t head_ = 0;  // entries of the log when the case was opened
+  Head known_head_ = Head::kKnown;
   std::uint64_t entries_ = 0;     // finish(): of the ledger
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;
