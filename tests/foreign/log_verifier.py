@@ -273,7 +273,7 @@ class LogRead:
     def _is_its_devices(self, case):
         """Whether the log is the device's now that speaks for the case."""
         if self.of_case:
-            return self.of_case.is_also(self.now)
+            return self.of_case.text is not None and self.of_case.is_also(self.now)
         known = self.cases.get(case)
         return known is None or known.device is None or known.device.text is None or known.device.is_also(self.now)
 
