@@ -207,11 +207,20 @@ std::string witness_sentence(const ReportInput& input) {
                                         : say(input.language, "witness.beginning", {entries});
 }
 
+bool is_of_later_version(const archive::VerificationReport& verification) {
+  return std::ranges::find(verification.findings, "format-newer", &archive::Finding::code) !=
+         verification.findings.end();
+}
+
 Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
                       verdict_sentence(input.language, verdict), gravest_meanings(input)};
   if (verdict == Verdict::kTampered) return statement;
+  if (is_of_later_version(input.verification)) {
+    statement.sentence = say(input.language, "verdict.newer.sentence");
+    return statement;
+  }
   statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
