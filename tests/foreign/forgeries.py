@@ -1587,6 +1587,198 @@ def case_changed_into_one_of_a_later_version(world):
     return dataclasses.replace(world.given(written.folder), never=["format-newer"])
 
 
+def of_a_later_version(case):
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    return case
+
+
+NO_FORGERY = ["log-opening-differs", "log-checkpoint-differs", "log-knows-more", "log-end-differs", "log-head-differs", "log-case-unknown", "log-proof-differs", "outside-note-forked",
+              "outside-note-rolled-back", "ledger-changed", "ledger-cut", "log-silent", "entry-malformed"]
+
+
+def later_beside_its_log(world, change=lambda log, written: None, made=lambda case: None):
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    empty = log.write(world.folder / "before", "log")
+    case = of_a_later_version(world.sound(log_state=(1, empty.root().hex())))
+    made(case)
+    return with_log(world, change, case=case)
+
+
+@reaches("format-newer")
+def case_of_a_later_version_that_its_log_knows(world):
+    return dataclasses.replace(later_beside_its_log(world), never=NO_FORGERY)
+
+
+@reaches("format-newer", "log-proof-holds", "outside-note-holds")
+def case_of_a_later_version_with_a_proof_and_a_kept_note(world):
+    given = by_proof(world, later_beside_its_log(world))
+    against = kept(world, max((given.path / "checkpoints").iterdir()).read_bytes(), "case.note")
+    return dataclasses.replace(given, against=against, never=NO_FORGERY)
+
+
+def made_anew(world, given, **opening):
+    """By whoever has the device's key: the same case with another mark, in a later version."""
+    case = of_a_later_version(world.sound(log_state=(1, "0" * 64)))
+    case.steps[0].fields.update(opening)
+    case.find("mark").fields["commitment"] = "0" * 64
+    shutil.rmtree(given.path)
+    case.write(world.folder)
+    return given
+
+
+@reaches("format-newer", "log-opening-differs", "log-checkpoint-differs", "log-head-differs")
+def case_made_anew_in_a_later_version_beside_its_log(world):
+    return made_anew(world, with_log(world))
+
+
+@reaches("format-newer", "log-opening-differs")
+def case_made_anew_in_a_later_version_that_says_nothing_of_the_log(world):
+    return dataclasses.replace(made_anew(world, with_log(world), appliance_log="none", case="another", device="another"), never=["log-head-differs"])
+
+
+@reaches("format-newer", "outside-note-forked")
+def case_made_anew_in_a_later_version_beside_a_kept_note(world):
+    given = world.write(world.sound())
+    return made_anew(world, dataclasses.replace(given, against=kept(world, max((given.path / "checkpoints").iterdir()).read_bytes())))
+
+
+@reaches("format-newer", "log-proof-differs")
+def case_made_anew_in_a_later_version_beside_a_proof(world):
+    given = by_proof(world, with_log(world))
+    return made_anew(world, dataclasses.replace(given, log=None))
+
+
+@reaches("format-newer", "log-knows-more")
+def case_of_a_later_version_whose_end_was_cut_off(world):
+    def cut(case):
+        del case.steps[next(i for i, step in enumerate(case.steps) if isinstance(step, Entry) and step.type == "close"):]
+        case.checkpoint()
+
+    def more(log, written):
+        log.find("case-closed").fields.update(size=len(written.lines) + 4, root="0" * 64)
+    return later_beside_its_log(world, more, cut)
+
+
+@reaches("format-newer", "log-entry-doubted")
+def case_of_a_later_version_whose_log_has_a_line_that_nobody_signed(world):
+    def change(log, written):
+        log.add("case-checkpoint", 90 * SECOND, case=written.case.id, size=900, root="0" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return dataclasses.replace(later_beside_its_log(world, change), never=NO_FORGERY)
+
+
+@reaches("format-newer", "log-case-unknown")
+def case_of_a_later_version_that_its_log_does_not_know(world):
+    def change(log, written):
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return later_beside_its_log(world, change)
+
+
+@reaches("format-newer", "log-silent")
+def case_of_a_later_version_that_does_not_say_what_its_log_was(world):
+    def change(log, written):
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return dataclasses.replace(later_beside_its_log(world, change, lambda case: case.steps[0].fields.pop("appliance_log")), never=["log-case-unknown"])
+
+
+@reaches("format-newer", "log-of-another-device")
+def case_of_a_later_version_whose_log_a_stranger_carried_on(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}), ("case-closed", {"case": written.case.id, "size": 900, "root": "0" * 64})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return dataclasses.replace(later_beside_its_log(world, change), never=NO_FORGERY)
+
+
+@reaches("format-newer", "ledger-changed")
+def case_of_a_later_version_with_a_changed_line(world):
+    given = world.write(of_a_later_version(world.sound()))
+    change_byte(given.path / "ledger.jsonl", last_line(given.path) + 40)
+    return given
+
+
+@reaches("format-newer", "ledger-cut")
+def case_of_a_later_version_without_its_last_line(world):
+    given = world.write(of_a_later_version(world.sound()))
+    (given.path / "ledger.jsonl").write_bytes((given.path / "ledger.jsonl").read_bytes()[:last_line(given.path)])
+    return given
+
+
+@reaches("format-newer")
+def case_of_a_later_version_with_a_note_of_another_form(world):
+    case = of_a_later_version(world.sound())
+    case.of(Checkpoint)[-1].change = lambda made: made + b"more\n"
+    return dataclasses.replace(world.write(case), never=["checkpoint-malformed", "checkpoint-unknown-key", *NO_FORGERY])
+
+
+@reaches("format-newer", "folder-of-another-case")
+def case_of_a_later_version_in_another_s_place(world):
+    written = of_a_later_version(world.sound()).write(world.folder, "20200101T000000Z-00000000")
+    return world.given(written.folder)
+
+
+@reaches("format-newer", "log-of-another-device")
+def case_of_a_later_version_where_no_device_is_known(world):
+    given = later_beside_its_log(world, made=lambda case: case.steps[0].fields.pop("device"))
+    return dataclasses.replace(given, devices=[], never=NO_FORGERY)
+
+
+@reaches("entry-malformed")
+def case_of_a_later_version_that_is_signed_as_something_else(world):
+    case = of_a_later_version(world.sound())
+    for step in case.of(Checkpoint):
+        step.origin = "kiroku/or3/log"
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("entry-malformed", "open-missing")
+def case_whose_first_line_holds_nothing_for_a_name(world):
+    case = of_a_later_version(world.sound())
+    case.steps[0].fields["more"] = None
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("entry-too-long", "open-missing")
+def case_of_a_later_version_with_too_long_a_first_line(world):
+    case = of_a_later_version(world.sound())
+    case.steps[0].fields["more"] = "x" * (1 << 20)
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("format-newer", "outside-note-forked")
+def excerpt_of_a_later_version_beside_a_kept_note_of_another_history(world):
+    given = excerpt(world, change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    size = max(int(path.stem) for path in (given.path / "checkpoints").iterdir())
+    return dataclasses.replace(given, against=kept(world, world.device.checkpoint(f"kiroku/or3/{world.case_id}", size, bytes(32))))
+
+
+@reaches("format-newer", "log-checkpoint-differs")
+def excerpt_of_a_later_version_beside_a_log_of_another_history(world):
+    given = with_log(world, lambda log, written: log.find("case-closed").fields.update(root="0" * 64))
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"), change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    return dataclasses.replace(given, path=part.path)
+
+
+@reaches("format-newer", "log-opening-differs")
+def excerpt_of_a_case_of_a_later_version_beside_a_log_of_another(world):
+    given = with_log(world)
+    return dataclasses.replace(given, path=excerpt_of_a_case_of_a_later_version(dataclasses.replace(world, folder=world.folder / "part")).path)
+
+
+@reaches("format-newer", "log-silent")
+def excerpt_of_a_later_version_where_no_device_is_known(world):
+    given = with_log(world, devices=[])
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"), change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    return dataclasses.replace(given, path=part.path, never=NO_FORGERY[:-2])
+
+
 @reaches("format-newer")
 def excerpt_of_a_later_version(world):
     def change(document, files):

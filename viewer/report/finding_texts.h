@@ -297,8 +297,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"consent-not-entered", Check::kLog,
      "どの項目にも記されていない、封印された同意の記載または書面がある。"},
     {"log-of-another-device", Check::kLog,
-     "装置ログが別の装置のものである、または症例の開始を記した時点でそうであった。"
-     "署名した装置自身のログは確かめていない。"},
+     "装置ログが別の装置のものである、または症例を記した時点でそうであった。そこに記されたことは、症例を裏付"
+     "け"
+     "るものとも反するものともみなさない。"},
     {"log-algorithm-ended", Check::kLog,
      "与えられた方針では、装置ログが拠るアルゴリズムがもう有効でない。装置ログとの一致は何も証明しない。"},
     {"log-doubted", Check::kLog,
