@@ -124,6 +124,7 @@ LogContents LogWalk::run() {
       if (outside_ != nullptr) {
         outside_->finish(tree_.size(), false);
       }
+      judge_stranger();
       contents_.entries = tree_.size();
       contents_.checkpoints = checkpoints_.count();
       return std::move(contents_);
@@ -176,6 +177,7 @@ LogContents LogWalk::run() {
   consents_.finish(listing_, tree_.size(), case_id_.empty());
   boots_.finish();
   checkpoints_.judge_keys(tree_.size(), {});
+  judge_stranger();
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
   contents_.signed_entries = checkpoints_.signed_entries();
@@ -482,22 +484,32 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
                    at_entry(number) + " of the log names no device: " + error.what());
   }
   first_device_ = first_device_.value_or(device_now());
-  is_case_devices_ =
-      !case_device_.empty() && is_one_device({case_device_, signs_case_, trusts_case_device_}, device_now());
+  const NamedDevice of_case{case_device_, signs_case_, trusts_case_device_};
+  const bool has_its_key =
+      !case_device_.empty() && (device == case_device_ || (device_ && signs_case_ == device_));
+  had_case_key_ = had_case_key_ || has_its_key;
+  // Its further keys are those that follow it in its log.
+  is_case_devices_ = has_its_key || (had_case_key_ && is_one_device(of_case, device_now()));
   contents_.was_case_devices = contents_.was_case_devices || is_case_devices_;
 }
 
 void LogWalk::judge_named(const crypto::VerifierKey& key) {
-  // Beside a case nothing rests on a device that is not the case's: its lines count for nothing.
   const bool is_anothers = !case_device_.empty() && signs_case_ != key;
   if (is_anothers && !options_->devices.empty() && !trusts_device_) {
-    findings_->add(
-        "log-not-tidy", {"", 0},
-        "the log names the device " + key.to_string() +
-            ", which is not among the trusted ones: what stands there while it does was not counted");
-    return;
+    stranger_ = stranger_.value_or(key);
+  } else {
+    judge_device(key, *options_, *findings_);
   }
-  judge_device(key, *options_, *findings_);
+}
+
+// What stands in the case's own log under another key counts for nothing: the case does not rest on it.
+void LogWalk::judge_stranger() {
+  if (!stranger_) return;
+  if (!contents_.was_case_devices) return judge_device(*stranger_, *options_, *findings_);
+  findings_->add(
+      "log-not-tidy", {"", 0},
+      "the log names the device " + stranger_->to_string() +
+          ", which is not among the trusted ones: what stands there while it does was not counted");
 }
 
 void LogWalk::judge_ml_dsa_key(const std::string& key, std::uint64_t number) {

@@ -143,6 +143,8 @@ class LogWalk {
   void set_device(const std::string& device, std::uint64_t number);
   /// Whether the device that the log names now is trusted.
   void judge_named(const crypto::VerifierKey& key);
+  /// At the end: of one that is neither, beside a case.
+  void judge_stranger();
   /// A key beside Ed25519 that the log states against the one that is known.
   void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
   void judge_hardware_key(const std::string& key, std::uint64_t number);
@@ -185,8 +187,10 @@ class LogWalk {
   std::optional<std::string> signer_;          // the device's key, where it names one
   std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
   bool trusts_device_ = false;
-  bool is_case_devices_ = false;             // the case's device, under whichever of its keys
-  std::optional<NamedDevice> first_device_;  // that the log names
+  bool is_case_devices_ = false;                 // the case's device, under whichever of its keys
+  bool had_case_key_ = false;                    // the log named the very key that the case names
+  std::optional<crypto::VerifierKey> stranger_;  // beside a case the first other key that is not trusted
+  std::optional<NamedDevice> first_device_;      // that the log names
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;

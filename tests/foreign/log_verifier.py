@@ -155,7 +155,8 @@ class LogRead:
         self.path, self.folder, self.cases, self.doubted, self.held_and_erased = pathlib.Path(path), Folder(path, trust), {}, set(), []
         self.of_case = named_device(opening["device"], trust) if opening else None
         self.case_id = opening["case"] if opening else None
-        self.opened_by_another = self.told_by_another = None
+        self.opened_by_another = self.told_by_another = self.stranger = None
+        self.had_case_key = False   # the log named the very key that the case names: its further keys are those that follow
         self.was_case_devices, self.accusing = False, 0   # lines that a checkpoint of the case's device covers
         first_named = None
         folder, report = self.folder, self.folder.report
@@ -202,6 +203,7 @@ class LogRead:
                 if kind in ("boot", "device-key-changed") and named is not None:
                     self.now = named_device(named, trust)
                     first_named = first_named or self.now
+                    self.had_case_key = self.had_case_key or self._has_key_of_case()
                     self.was_case_devices = self.was_case_devices or self._is_its_devices(self.case_id)
                 if kind == "device-ml-dsa-added":
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
@@ -255,6 +257,10 @@ class LogRead:
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
+        if self.stranger and self.was_case_devices:
+            report("log-not-tidy", f"the log names {self.stranger}")
+        elif self.stranger:
+            folder.judge_device(self.stranger)
 
     def beside_a_case(self):
         """What was found of the log itself, as it weighs for a case beside it; whether its lines are sound."""
@@ -266,16 +272,19 @@ class LogRead:
         """Beside a case nothing rests on a device that is not the case's."""
         trusted = self.folder.trust.devices
         if self.of_case and self.of_case.key != device and trusted and device not in trusted:
-            self.folder.report("log-not-tidy", f"the log names {device}")
+            self.stranger = self.stranger or device
         else:
             self.folder.judge_device(device)
 
     def _is_its_devices(self, case):
         """Whether the log is the device's now that speaks for the case."""
         if self.of_case:
-            return self.of_case.text is not None and self.of_case.is_also(self.now)
+            return self.of_case.text is not None and (self._has_key_of_case() or self.had_case_key and self.of_case.is_also(self.now))
         known = self.cases.get(case)
         return known is None or known.device is None or known.device.text is None or known.device.is_also(self.now)
+
+    def _has_key_of_case(self):
+        return self.of_case is not None and self.of_case.text is not None and (self.now.text == self.of_case.text or self.now.key is not None and self.now.key == self.of_case.key)
 
     def _note_another(self, case, number):
         if self.told_by_another is None and (self.of_case is None or case == self.case_id):

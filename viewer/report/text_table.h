@@ -164,6 +164,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "より後は署名されておらず、誰でも書くことができます。"},
     {"check.unsigned", "Nobody signed the ledger: anybody can have written it, and all that it lists.",
      "台帳は署名されていません。台帳とその記載内容は、誰でも書くことができます。"},
+    {"check.newer", "This rests on entries of a later version of the format, which were not checked.",
+     "これは、より新しい版の形式の項目に拠るものであり、検査していません。"},
     {"check.ledger.changed", "The lines of the ledger do not hold, so nothing is said about this.",
      "台帳の行が成立しないため、これについては何も述べません。"},
     {"check.excerpt.unread", "The lines of this excerpt do not hold, so nothing is said about this.",
