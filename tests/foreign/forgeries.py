@@ -2501,6 +2501,15 @@ def case_whose_consent_a_stranger_states(world):
     return with_log(world, change)
 
 
+@reaches("device-not-trusted")
+def log_in_which_a_stranger_states_a_consent(world):
+    """Its file is named by an entry of the log, whoever wrote that."""
+    given = accused(world, ("consent-given", {"purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}), judge=the_log)
+    (given.path / "consents").mkdir()
+    (given.path / "consents" / ("a" * 64 + ".age")).write_bytes(world.seal("stated", b"{}"))
+    return dataclasses.replace(given, never=[*given.never, "consent-not-entered", "file-hash-differs"])
+
+
 def nobody_opened(world, signer, trusted):
     """In the device's name nothing is signed; another key vouches for the case's end."""
     made = world.sound(log_state=(0, hashlib.sha256(b"").hexdigest()))

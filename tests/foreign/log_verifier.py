@@ -76,8 +76,13 @@ class Consents:
     def __init__(self, folder):
         self.folder, self.standing, self.doubted, self.unsigned, self.files, self.found = folder, set(), set(), None, {}, []
 
-    def take(self, number, entry, own, opened):
+    def take(self, number, entry, own, opened, ours):
+        """`ours`: of the case's own device. Of what others say only the files are named."""
         kind, case = entry["type"], entry.get("case")
+        if not ours:
+            for digest in filter(None, (entry["statement"], entry.get("form"))) if kind in ("consent-given", "consent-withdrawn") else ():
+                self.files.setdefault(f"consents/{digest}.age", {})
+            return
         if kind == "access" and "purpose" in entry:
             if own and (case, entry["purpose"]) not in self.standing:
                 self.found.append((case, "access-without-consent", number))
@@ -131,7 +136,7 @@ class Consents:
             if case is None or name == case:
                 report(code, f"{name}, {where}")
         for path, cases in sorted(self.files.items()):
-            if case is None or case in cases:
+            if cases and (case is None or case in cases):
                 self._judge_file(path, report)
 
     def _judge_file(self, path, report):
@@ -230,9 +235,9 @@ class LogRead:
                 erased.erased = True
             if own and entry is not None:
                 self._judge_holds(holds, number, entry)
-            if entry is not None and self._is_its_devices(entry.get("case")):
+            if entry is not None:
                 known = self.cases.get(entry.get("case"))
-                self.consents.take(number, entry, own, known is not None and known.opened is not None)
+                self.consents.take(number, entry, own, known is not None and known.opened is not None, self._is_its_devices(entry.get("case")))
             if told:
                 if own and kind == "case-opened":
                     told.erased = False
