@@ -402,7 +402,7 @@ std::string compared_words(const VerificationReport& report, const std::string& 
   const auto is_found = [&](std::string_view code) {
     return std::ranges::find(report.findings, code, &archive::Finding::code) != report.findings.end();
   };
-  if (is_found("log-of-another-device"))
+  if (!report.in_log && is_found("log-of-another-device"))
     return "not " + log + ": it is another device's, and says nothing of this case";
   if (!report.in_log && is_found("log-opening-differs"))
     return log + "; it is another device's, and knows another case by this identifier";
@@ -436,12 +436,49 @@ std::string compared_words(const VerificationReport& report, const std::string& 
                                : "; it knows nothing of the case that was signed");
 }
 
+/// The worst first; within the same severity in the order of the case.
+std::string finding_lines(const VerificationReport& report) {
+  if (report.findings.empty()) return "";
+  std::vector<archive::Finding> findings = report.findings;
+  std::stable_sort(findings.begin(), findings.end(),
+                   [](const auto& a, const auto& b) { return a.severity > b.severity; });
+  std::string out = "\n" + counted(findings.size(), "finding", "findings") + "\n";
+  for (const auto& finding : findings) out += finding_text(finding);
+  return out;
+}
+
+std::string later_version_words() {
+  return paint(Colour::kYellow, "UNPROVEN") +
+         ": of a later version of the format than this program knows; what its entries say, and its files, "
+         "was "
+         "not checked.";
+}
+
+/// Of something of a later version no more is known than by whom its checkpoints are.
+std::string later_version_lines(const VerificationReport& report, bool device_trusted,
+                                const std::string& log) {
+  std::string out;
+  if (!report.device.empty())
+    out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)"));
+  if (log == no_log_words() || log.empty()) {
+    out += line("log", no_log_words());
+  } else {
+    out += line("log", (report.in_log ? "" : "not ") + log +
+                           (report.in_log ? ", by roots and numbers of entries alone" : ""));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted,
                         const std::string& log) {
-  std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
+  const bool is_later = has(report, "format-newer");
+  const bool is_later_alone = is_later && report.verdict == Verdict::kUnproven;
+  std::string out = printable(case_name) + "\n" +
+                    (is_later_alone ? later_version_words() : verdict_words(report.verdict)) + "\n\n";
   out += line("case", report.case_id);
+  if (is_later) return out + later_version_lines(report, device_trusted, log) + finding_lines(report);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
   out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)") +
                             (report.signed_entries == 0 && !report.device.empty()
@@ -481,15 +518,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   } else if (!report.streams.empty()) {
     out += "\n" + stream_table(report);
   }
-  if (report.findings.empty()) return out;
-
-  // The worst first; within the same severity in the order of the case.
-  std::vector<archive::Finding> findings = report.findings;
-  std::stable_sort(findings.begin(), findings.end(),
-                   [](const auto& a, const auto& b) { return a.severity > b.severity; });
-  out += "\n" + counted(findings.size(), "finding", "findings") + "\n";
-  for (const auto& finding : findings) out += finding_text(finding);
-  return out;
+  return out + finding_lines(report);
 }
 
 }  // namespace kiroku::apps

@@ -49,10 +49,13 @@ struct EndInLog {
   CaseClosedEntry closed;
 };
 
-/// The lines of the log into `tree`, and what they say of the case's end at last.
+/// The lines of the log into `tree`, and what they say of the case's end at last: the last line that the
+/// device signed before another followed, or, where it signed none so, the last one. Anybody who can write to
+/// the log's disk can have added the others.
 std::optional<EndInLog> read_log_of(const fs::path& log_folder, const std::string& case_id,
-                                    crypto::MerkleTree& tree) {
+                                    const crypto::VerifierKey& device, crypto::MerkleTree& tree) {
   std::optional<EndInLog> end;
+  bool is_end_signed = false;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     const LogEntryParse parse = parse_log_entry(line.json);
@@ -61,7 +64,9 @@ std::optional<EndInLog> read_log_of(const fs::path& log_folder, const std::strin
     }
     if (const auto* closed = std::get_if<CaseClosedEntry>(&parse.entry->body);
         closed != nullptr && closed->case_id == case_id) {
-      end = {line.seq, line.json, *closed};
+      const bool is_signed_then = is_signed_entry(log_folder, device, line.seq, tree.root(tree.size()));
+      if (is_signed_then || !is_end_signed) end = {line.seq, line.json, *closed};
+      is_end_signed = is_end_signed || is_signed_then;
     }
   });
   return end;
@@ -103,7 +108,7 @@ MadeLogProof prove_case_in_log(const fs::path& folder, const fs::path& log_folde
                                const std::function<fs::path(const std::string& case_id)>& find_case) {
   const Subject subject = subject_of(folder);
   crypto::MerkleTree log;
-  const std::optional<EndInLog> end = read_log_of(log_folder, subject.case_id, log);
+  const std::optional<EndInLog> end = read_log_of(log_folder, subject.case_id, device, log);
   if (!end) {
     throw UsageError("the appliance log in " + log_folder.string() + " knows no end of case " +
                      printable(subject.case_id) +

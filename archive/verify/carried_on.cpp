@@ -188,8 +188,22 @@ void check_later(const CaseFolder& folder, const OpenEntry& open, const std::str
     return;
   }
   const auto here = readable_neighbour(folder.path(), earlier->size);
+  if (here && !here->root && here->entries < earlier->size) {
+    broken(", which names " + std::to_string(earlier->size) +
+           " entries of this one, more than there are here (" + std::to_string(here->entries) +
+           "): the end of this one was removed, or it is a copy from before");
+    return;
+  }
   if (!here || here->root != earlier->root) {
     broken(", which names other first " + std::to_string(earlier->size) + " entries than there are here");
+    return;
+  }
+  // Whoever has the lines of this one can write a first line that names it.
+  if (!is_signed_there(its, later, 1, open, devices)) {
+    findings.add("carried-on-not-compared", in_ledger(),
+                 stated +
+                     ", and what lies beside it names this one; but this one's device did not sign what lies "
+                     "there, or not yet: anybody can have put it there");
     return;
   }
   findings.add("carrying-on-holds", in_ledger(), stated + ", which lies beside it and names it");

@@ -52,24 +52,61 @@ void for_each_whole_line(const fs::path& folder, const std::function<void(std::s
   }
 }
 
+/// Whether the device is the log's from this entry on; nothing where the entry names none.
+std::optional<bool> names(const LogEntryBody& body, const crypto::VerifierKey& device) {
+  const auto* boot = std::get_if<BootEntry>(&body);
+  const auto* changed = std::get_if<DeviceKeyChangedEntry>(&body);
+  if (boot == nullptr && changed == nullptr) return std::nullopt;
+  try {
+    return crypto::VerifierKey::parse(boot != nullptr ? boot->device : changed->device) == device;
+  } catch (const UsageError&) {
+    return false;
+  }
+}
+
+/// A note that cannot be read makes no line of another device one of this.
+bool signed_if_readable(const std::function<bool()>& signed_here) {
+  try {
+    return signed_here();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+bool may_name_a_device(std::string_view line) {
+  return line.find(R"("boot")") != std::string_view::npos ||
+         line.find(R"("device-key-changed")") != std::string_view::npos;
+}
+
 // Lines of the log that are no entries are the verifier's to find.
 CaseAgainstLog::CaseAgainstLog(const std::string& case_id, const fs::path& log_folder,
                                const crypto::VerifierKey& device, const FileReading& files) {
   crypto::MerkleFrontier log_tree;
+  bool is_devices = true;
   const auto take_line = [&](std::string_view line) {
     log_tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
-    if (line.find(case_id) == std::string_view::npos) {
+    if (line.find(case_id) == std::string_view::npos && !may_name_a_device(line)) {
       return;
     }
     const LogEntryParse parse = parse_log_entry(line);
     if (!parse.entry) {
       return;
     }
+    const auto signed_here = [&] {
+      return is_signed(log_folder, {log_origin(device.name()), log_tree.size(), log_tree.root()}, device,
+                       files);
+    };
+    if (const std::optional<bool> named = names(parse.entry->body, device)) {
+      is_devices = *named;
+      return;
+    }
+    if (!is_devices && !signed_if_readable(signed_here)) {
+      return;
+    }
     if (const auto* opened = std::get_if<CaseOpenedEntry>(&parse.entry->body);
         opened != nullptr && opened->case_id == case_id && !opening_line_) {
       opening_line_ = opened->sha256;
-      opening_signed_ =
-          is_signed(log_folder, {log_origin(device.name()), log_tree.size(), log_tree.root()}, device, files);
+      opening_signed_ = signed_here();
     } else if (const auto* checkpoint = std::get_if<CaseCheckpointEntry>(&parse.entry->body);
                checkpoint != nullptr && checkpoint->case_id == case_id) {
       roots_.emplace(checkpoint->size, checkpoint->root);

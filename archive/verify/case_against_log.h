@@ -21,7 +21,9 @@ namespace kiroku::archive {
 /// Takes the lines of one case's ledger in their order. Copies are independent. Not thread-safe.
 class CaseAgainstLog {
  public:
-  /// Reads the log; the case may be written meanwhile. Throws kiroku::Error where it cannot be read.
+  /// Reads the log; the case may be written meanwhile. Lines that stand there while the log names another
+  /// device than `device`, and which `device` did not sign before another line followed, count for nothing:
+  /// whoever has a copy of the log can carry it on so. Throws kiroku::Error where it cannot be read.
   CaseAgainstLog(const std::string& case_id, const std::filesystem::path& log_folder,
                  const crypto::VerifierKey& device, const FileReading& files = real_reading());
 

@@ -52,12 +52,17 @@ CaseRules::CaseRules(const CaseFolder& folder, const VerifyOptions& options, Fin
       scope_(std::move(scope)),
       tokens_(folder, options, findings, checkpoints) {}
 
+void CaseRules::say_no_readable_open(const LedgerLine& line) {
+  findings_->add("open-missing", in_ledger(0, line.offset), "the ledger does not begin with a readable open");
+}
+
 void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
   if (line.too_long) {
     count_broken_line(number);
     findings_->add("entry-too-long", in_ledger(number, line.offset),
                    "the line of " + at_entry(number) + " has " + std::to_string(line.bytes) +
                        " bytes where at most " + std::to_string(kMaximumLineBytes) + " are allowed");
+    if (number == 0) say_no_readable_open(line);
     return;
   }
   const EntryParse parse = parse_case_entry(line.text);
@@ -65,10 +70,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
     count_broken_line(number);
     findings_->add("entry-malformed", in_ledger(number, line.offset + parse.position.value_or(0)),
                    at_entry(number) + " is no entry of the format: " + parse.problem);
-    if (number == 0) {
-      findings_->add("open-missing", in_ledger(0, line.offset),
-                     "the ledger does not begin with a readable open");
-    }
+    if (number == 0) say_no_readable_open(line);
     return;
   }
   const CaseEntry& entry = *parse.entry;

@@ -106,6 +106,7 @@ class CaseRules {
   void judge_streams();
   /// The UTC of `close` against that of `open` and the case clock.
   void judge_end(UtcTime closed, std::int64_t mono_ns, std::uint64_t number);
+  void say_no_readable_open(const LedgerLine& line);
   void count_broken_line(std::uint64_t number);
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);

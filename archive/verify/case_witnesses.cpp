@@ -102,7 +102,8 @@ WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
   WalkedLog walked{notes.held_notes(), std::nullopt, std::nullopt};
   const auto known = opening ? contents.cases.find(opening->case_id) : contents.cases.end();
   // What another device's log tells of the case, its own has not said.
-  if (known != contents.cases.end() && contents.opened_by_case_device) {
+  const bool is_anothers = contents.opened_by_another && contents.opened_by_another->accuses;
+  if (known != contents.cases.end() && known->second.opened && !is_anothers) {
     walked.opened = known->second.opened;
     walked.closed = known->second.closed;
   }

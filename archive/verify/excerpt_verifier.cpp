@@ -475,7 +475,7 @@ VerificationReport verify_excerpt(const CaseFolder& folder, const VerifyOptions&
   const std::optional<std::string> text =
       opening.file ? read_small(*opening.file, kMaximumExcerptBytes) : std::nullopt;
   if (text) {
-    if (auto newer = report_on_newer_excerpt(folder, *text, options.devices)) {
+    if (auto newer = report_on_newer_excerpt(folder, *text, options)) {
       return std::move(*newer);
     }
   }

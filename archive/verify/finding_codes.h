@@ -359,8 +359,9 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a sealed statement of consent, or a form, that no entry names: the machine stopped before it was "
      "entered, or its entry was removed"},
     {"log-of-another-device", Severity::kUnproven,
-     "the log is another device's, or was when it says that the case was opened: whether the case's own "
-     "device has it in its log was not checked"},
+     "the log is another device's, or is while it tells of the case: what stands there then counts neither "
+     "for "
+     "the case nor against it"},
     {"log-algorithm-ended", Severity::kNote,
      "by the policy given, an algorithm on which the appliance log rests counts no more: that it knows the "
      "same "
@@ -445,8 +446,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "authorities holds that began before"},
     // -- of the format
     {"format-newer", Severity::kUnproven,
-     "the case or the excerpt is of a later version of the format than this program knows: nothing was "
-     "checked"},
+     "the case or the excerpt is of a later version of the format than this program knows: what its entries "
+     "say, and its files, was not checked"},
     // -- of the list itself
     {"more-findings", Severity::kNote,
      "so many findings, of one code or of all together, that the rest is only counted"},

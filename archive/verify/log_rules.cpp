@@ -42,6 +42,13 @@ bool is_among(const std::vector<crypto::VerifierKey>& devices, const crypto::Ver
 
 }  // namespace
 
+bool is_one_device(const NamedDevice& one, const NamedDevice& other) {
+  if (one.text == other.text) return true;
+  if (!one.key || !other.key) return false;
+  return *one.key == *other.key ||
+         (one.is_trusted && other.is_trusted && one.key->name() == other.key->name());
+}
+
 LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
                  const std::optional<OpenEntry>& of_case, FindingList* of_cases)
     : folder_(&folder),
@@ -108,6 +115,7 @@ LogContents LogWalk::run() {
     told_now_.reset();
     closed_now_.reset();
     opened_now_ = false;
+    opened_by_another_now_.reset();
     of_holds_now_.reset();
     of_consents_now_.reset();
     consents_.followed();
@@ -116,6 +124,7 @@ LogContents LogWalk::run() {
       if (outside_ != nullptr) {
         outside_->finish(tree_.size(), false);
       }
+      judge_stranger();
       contents_.entries = tree_.size();
       contents_.checkpoints = checkpoints_.count();
       return std::move(contents_);
@@ -128,18 +137,18 @@ LogContents LogWalk::run() {
       judge_signed();
       keep_signed();
     }
-    // One that was kept elsewhere counts as if it still lay here.
+    // One that was kept elsewhere counts as if it still lay here. It is by a trusted device, for its own log.
     const bool has_its_own =
-        checkpoints_.covered() == tree_.size() || (outside_ != nullptr && outside_->held() == tree_.size());
+        checkpoints_.covered() == tree_.size() ||
+        (outside_ != nullptr && device_ && outside_->holds_at(tree_.size(), log_origin(device_->name())));
     if (erased_now_ && has_its_own) {
       contents_.cases[*erased_now_].erased = true;
     }
-    // A note that was kept elsewhere is by a trusted device.
-    const bool is_kept_elsewhere = outside_ != nullptr && outside_->held() == tree_.size();
-    // What was signed before the log was the case's device's does not speak of its cases.
-    if (contents_.was_case_devices && (is_kept_elsewhere || (has_its_own && may_accuse_))) {
+    // What was signed while the log was not the case's device's does not speak of its cases.
+    if (is_case_devices_ && has_its_own) {
       contents_.accusing = tree_.size();
     }
+    if (opened_by_another_now_) judge_opening_by_another(number, has_its_own);
     judge_told(number, has_its_own);
     if (has_its_own) {
       judge_holds(number);
@@ -168,6 +177,7 @@ LogContents LogWalk::run() {
   consents_.finish(listing_, tree_.size(), case_id_.empty());
   boots_.finish();
   checkpoints_.judge_keys(tree_.size(), {});
+  judge_stranger();
   keep_vouched_for();
   contents_.signatures = checkpoints_.signatures_checked();
   contents_.signed_entries = checkpoints_.signed_entries();
@@ -236,6 +246,14 @@ void LogWalk::judge_told(std::uint64_t number, bool has_its_own) {
   }
 }
 
+void LogWalk::judge_opening_by_another(std::uint64_t number, bool has_its_own) {
+  std::optional<LogContents::OpenedByAnother>& first = contents_.opened_by_another;
+  const bool accuses = has_its_own && trusts_device_ && !trusts_case_device_;
+  if (!first || (accuses && !first->accuses)) {
+    first = {number, *opened_by_another_now_, contents_.device.empty(), accuses};
+  }
+}
+
 void LogWalk::judge_consents(std::uint64_t number, bool has_its_own) {
   if (!of_consents_now_) {
     return;
@@ -252,7 +270,7 @@ void LogWalk::judge_consents(std::uint64_t number, bool has_its_own) {
       *of_consents_now_);
   const auto known = contents_.cases.find(case_id);
   consents_.take(*of_consents_now_, number,
-                 {has_its_own, is_asked_for(case_id),
+                 {has_its_own, is_asked_for(case_id) && is_its_devices(case_id),
                   known != contents_.cases.end() && known->second.opened.has_value()});
 }
 
@@ -260,21 +278,30 @@ void LogWalk::judge_holds(std::uint64_t number) {
   if (!of_holds_now_) {
     return;
   }
-  std::visit(
-      Overloaded{[&](const CaseHeldEntry& held) { holds_[held.case_id].insert(number); },
-                 [&](const CaseReleasedEntry& released) { holds_[released.case_id].erase(released.hold); },
-                 [&](const CaseErasedEntry& erased) {
-                   const std::set<std::uint64_t>& standing = holds_[erased.case_id];
-                   if (!standing.empty()) {
-                     const std::string what =
-                         erased.stream ? "stream " + *erased.stream + " of case " : std::string("case ");
-                     of_cases_->add("erased-while-held", in_ledger(number),
-                                    "the log says that " + what + erased.case_id +
-                                        " was erased while its legal hold of " + at_entry(*standing.begin()) +
-                                        " stood");
-                   }
-                 }},
-      *of_holds_now_);
+  const std::string& case_id =
+      std::visit([](const auto& entry) -> const std::string& { return entry.case_id; }, *of_holds_now_);
+  const bool is_own = is_its_devices(case_id);
+  std::map<std::uint64_t, bool>& standing = holds_[case_id];
+  std::visit(Overloaded{[&](const CaseHeldEntry&) { standing.emplace(number, is_own); },
+                        [&](const CaseReleasedEntry& released) {
+                          const auto hold = standing.find(released.hold);
+                          if (hold != standing.end() && (is_own || !hold->second)) standing.erase(hold);
+                        },
+                        [&](const CaseErasedEntry& erased) {
+                          const auto own =
+                              std::ranges::find_if(standing, [](const auto& hold) { return hold.second; });
+                          if (is_own && own != standing.end()) {
+                            const std::string what = erased.stream ? "stream " + *erased.stream + " of case "
+                                                                   : std::string("case ");
+                            of_cases_->add("erased-while-held", in_ledger(number),
+                                           "the log says that " + what + erased.case_id +
+                                               " was erased while its legal hold of " + at_entry(own->first) +
+                                               " stood");
+                          } else if (!standing.empty()) {
+                            note_another(number);
+                          }
+                        }},
+             *of_holds_now_);
 }
 
 void LogWalk::judge_tail() {
@@ -370,33 +397,30 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                                       "was signed: they were changed on the disk before that");
                  },
                  [&](const CaseOpenedEntry& opened) {
-                   LoggedCase* known = logged(opened.case_id);
+                   LoggedCase* known = logged(opened.case_id, number);
                    if (known != nullptr) {
                      told_now_ = opened.case_id;
                      opened_now_ = true;
+                   } else if (!case_id_.empty() && is_asked_for(opened.case_id)) {
+                     opened_by_another_now_ = opened.sha256;
                    }
                    if (known != nullptr && !known->opened) {
                      known->opened = number;
                      known->opening_line = opened.sha256;
-                     contents_.opened_by_case_device = contents_.device == case_device_;
-                     contents_.opened_by_trusted =
-                         !contents_.opened_by_case_device && trusts_device_ && !trusts_case_device_;
-                     contents_.opened_by_nobody = contents_.device.empty();
                    } else if (known != nullptr && case_id_.empty() && known->opening_line != opened.sha256) {
                      known->further.push_back({number, opened.sha256});
                    }
                  },
                  [&](const CaseCheckpointEntry& checkpoint) {
-                   note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
-                   if (LoggedCase* known = logged(checkpoint.case_id)) {
+                   if (LoggedCase* known = logged(checkpoint.case_id, number)) {
+                     note_root(checkpoint.case_id, {checkpoint.size, checkpoint.root, number});
                      known->told = known->told.value_or(number);
                      told_now_ = checkpoint.case_id;
                    }
                  },
                  [&](const CaseClosedEntry& closed) {
-                   const KnownRoot root{closed.size, closed.root, number};
-                   note_root(closed.case_id, root);
-                   if (LoggedCase* known = logged(closed.case_id)) {
+                   if (LoggedCase* known = logged(closed.case_id, number)) {
+                     note_root(closed.case_id, {closed.size, closed.root, number});
                      known->told = known->told.value_or(number);
                      told_now_ = closed.case_id;
                      closed_now_ = closed;
@@ -404,10 +428,13 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                  },
                  [&](const CaseErasedEntry& erased) {
                    // Of one stream's segments only: the rest of the case must still be there.
-                   if (!erased.stream && logged(erased.case_id) != nullptr) {
+                   if (!is_asked_for(erased.case_id)) return;
+                   if (!erased.stream && is_its_devices(erased.case_id)) {
                      erased_now_ = erased.case_id;
+                   } else if (!erased.stream) {
+                     note_another(number);
                    }
-                   if (is_asked_for(erased.case_id)) of_holds_now_ = erased;
+                   of_holds_now_ = erased;
                  },
                  [&](const CaseHeldEntry& held) {
                    if (is_asked_for(held.case_id)) of_holds_now_ = held;
@@ -435,10 +462,9 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
   }
   keep_vouched_for();
   contents_.device = device;
-  contents_.was_case_devices = contents_.was_case_devices || device == case_device_;
   signer_.reset();
   device_.reset();
-  trusts_device_ = may_accuse_ = false;
+  trusts_device_ = false;
   try {
     const crypto::VerifierKey key = crypto::VerifierKey::parse(device);
     signer_ = key.to_string();
@@ -447,17 +473,43 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
     }
     device_ = known_device(key, options_->devices);
     trusts_device_ = is_among(options_->devices, key);
-    may_accuse_ = trusts_device_ || signs_case_ == key;
     checkpoints_.set_signer(*device_, log_origin(key.name()),
                             {device_->ml_dsa_since(), device_->hardware_since()});
     if (outside_ != nullptr) {
       outside_->add_origin(log_origin(key.name()));
     }
-    judge_device(key, *options_, *findings_);
+    judge_named(key);
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(number),
                    at_entry(number) + " of the log names no device: " + error.what());
   }
+  first_device_ = first_device_.value_or(device_now());
+  const NamedDevice of_case{case_device_, signs_case_, trusts_case_device_};
+  const bool has_its_key =
+      !case_device_.empty() && (device == case_device_ || (device_ && signs_case_ == device_));
+  had_case_key_ = had_case_key_ || has_its_key;
+  // Its further keys are those that follow it in its log.
+  is_case_devices_ = has_its_key || (had_case_key_ && is_one_device(of_case, device_now()));
+  contents_.was_case_devices = contents_.was_case_devices || is_case_devices_;
+}
+
+void LogWalk::judge_named(const crypto::VerifierKey& key) {
+  const bool is_anothers = !case_device_.empty() && signs_case_ != key;
+  if (is_anothers && !options_->devices.empty() && !trusts_device_) {
+    stranger_ = stranger_.value_or(key);
+  } else {
+    judge_device(key, *options_, *findings_);
+  }
+}
+
+// What stands in the case's own log under another key counts for nothing: the case does not rest on it.
+void LogWalk::judge_stranger() {
+  if (!stranger_) return;
+  if (!contents_.was_case_devices) return judge_device(*stranger_, *options_, *findings_);
+  findings_->add(
+      "log-not-tidy", {"", 0},
+      "the log names the device " + stranger_->to_string() +
+          ", which is not among the trusted ones: what stands there while it does was not counted");
 }
 
 void LogWalk::judge_ml_dsa_key(const std::string& key, std::uint64_t number) {
@@ -490,8 +542,31 @@ void LogWalk::judge_hardware_key(const std::string& key, std::uint64_t number) {
   }
 }
 
-LoggedCase* LogWalk::logged(const std::string& case_id) {
-  return is_asked_for(case_id) ? &contents_.cases[case_id] : nullptr;
+LoggedCase* LogWalk::logged(const std::string& case_id, std::uint64_t number) {
+  if (!is_asked_for(case_id)) return nullptr;
+  if (!is_its_devices(case_id)) {
+    note_another(number);
+    return nullptr;
+  }
+  LoggedCase& known = contents_.cases[case_id];
+  if (case_id_.empty() && (!known.device || known.device->text.empty())) {
+    known.device = device_now();
+    known.accuses = trusts_device_ || !first_device_ || is_one_device(*first_device_, *known.device);
+  }
+  return &known;
+}
+
+bool LogWalk::is_its_devices(const std::string& case_id) const {
+  if (!case_id_.empty()) return is_case_devices_;
+  const auto known = contents_.cases.find(case_id);
+  if (known == contents_.cases.end() || !known->second.device || known->second.device->text.empty()) {
+    return true;
+  }
+  return is_one_device(*known->second.device, device_now());
+}
+
+void LogWalk::note_another(std::uint64_t number) {
+  contents_.told_by_another = contents_.told_by_another.value_or(number);
 }
 
 bool LogWalk::is_asked_for(const std::string& case_id) const {
@@ -522,8 +597,8 @@ void LogWalk::check_names() {
 }
 
 LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening,
-                             FindingList& findings)
-    : findings_(&findings) {
+                             FindingList& findings, Head head)
+    : known_head_(head), findings_(&findings) {
   if (log == nullptr || !opening) {
     return;
   }
@@ -532,28 +607,7 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   head_ = opening->appliance_log_size;
   const auto found = log->cases.find(case_id_);
   const bool knows = found != log->cases.end() && found->second.opened;
-  if (knows ? log->opened_by_nobody : log->device.empty()) {
-    findings_->add(
-        "log-silent", in_log(),
-        "no line of the appliance log that can be read names its device" +
-            std::string(knows ? " before it tells of the case" : "") +
-            ", so nobody knows whose it is: whether the device's log knows this case was not checked");
-    return;
-  }
-  // What another device's log says, or does not say, speaks neither for the case nor against it. But anybody
-  // can put a case of a key of their own into the place of one that a trusted device entered.
-  if (knows && !log->opened_by_case_device) {
-    if (log->opened_by_trusted && !log->doubted.contains(*found->second.opened)) {
-      another_ = &found->second;
-    } else {
-      add_of_another_device(*found->second.opened);
-    }
-    return;
-  }
-  if (!knows && !log->was_case_devices && !log->device.empty()) {
-    findings_->add("log-of-another-device", in_log(),
-                   "the appliance log is of " + log->device + ", and " + opening->device +
-                       " signed the case: whether its own log knows it was not checked; give that one");
+  if (!is_to_compare(*log, knows)) {
     return;
   }
   log_ = log;
@@ -572,13 +626,49 @@ LogComparison::LogComparison(const LogContents* log, const std::optional<OpenEnt
   }
   // Of a log that is shorter, of whose lines nobody signed so many, or whose lines were changed before they
   // were signed over, nothing says which state it had.
-  const bool differs = log->root_at_head != opening->appliance_log_root;
+  const bool differs = known_head_ == Head::kKnown && log->root_at_head != opening->appliance_log_root;
   silent_ = differs && (log->accusing < head_ || !log->sound);
   if (differs && !silent_) {
     findings_->add("log-head-differs", in_ledger(0),
                    "open states the log's root at " + std::to_string(head_) +
                        " entries, and the log has another, which was signed");
   }
+}
+
+bool LogComparison::is_to_compare(const LogContents& log, bool knows) {
+  // What another device's log says, or does not say, speaks neither for the case nor against it. But anybody
+  // can put a case of a key of their own into the place of one that a trusted device entered.
+  const auto& another = log.opened_by_another;
+  if (another && another->accuses) {
+    another_ = another;
+    return false;
+  }
+  if (!knows && (another ? another->by_nobody : log.device.empty())) {
+    findings_->add(
+        "log-silent", in_log(),
+        "no line of the appliance log that can be read names its device" +
+            std::string(another ? " before it tells of the case" : "") +
+            ", so nobody knows whose it is: whether the device's log knows this case was not checked");
+    return false;
+  }
+  if (!knows && !log.was_case_devices && another) {
+    add_of_another_device(another->entry);
+    return false;
+  }
+  if (!knows && !log.was_case_devices) {
+    findings_->add("log-of-another-device", in_log(),
+                   "the appliance log is of " + log.device + ", and " + case_device_ +
+                       " signed the case: whether its own log knows it was not checked; give that one");
+    return false;
+  }
+  if (log.told_by_another) {
+    findings_->add("log-of-another-device", in_log(log.told_by_another),
+                   "the appliance log was another device's when it tells of this case in its " +
+                       at_entry(*log.told_by_another) +
+                       ": what stands there counts neither for the case nor against it. It was compared with "
+                       "what its own device states");
+  }
+  return true;
 }
 
 void LogComparison::add_of_another_device(std::uint64_t log_entry) {
@@ -588,6 +678,12 @@ void LogComparison::add_of_another_device(std::uint64_t log_entry) {
 }
 
 void LogComparison::add_silent() {
+  if (known_head_ == Head::kUnknown) {
+    findings_->add("log-silent", in_log(),
+                   "the appliance log given does not know the case, and over which state of it the case was "
+                   "opened cannot be read here: whether the device's log knows this case was not checked");
+    return;
+  }
   const std::string why =
       !log_->sound ? "lines of the log given are broken or lack" +
                          std::string(known_ == nullptr ? ", of which one may tell of it" : "")
@@ -620,7 +716,8 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
     findings_->add("log-case-not-entered", in_log(),
                    "the appliance log does not know the case " + case_id_ +
                        " yet, which holds nothing: it was being begun");
-  } else if (unknown_ && log_->sound && log_->accusing > head_ && log_->accusing - head_ > kMostRecent) {
+  } else if (unknown_ && known_head_ == Head::kKnown && log_->sound && log_->accusing > head_ &&
+             log_->accusing - head_ > kMostRecent) {
     // Other rooms may enter something between the state that `open` has and the line of the case: a copy that
     // was made in between lacks that line, and nobody took anything away.
     findings_->add("log-case-unknown", in_log(), "the appliance log does not know a case " + case_id_);
@@ -650,12 +747,12 @@ void LogComparison::settle(std::uint64_t covered, std::optional<std::uint64_t> c
 }
 
 void LogComparison::check_opening(const crypto::Sha256Digest& entry0) {
-  if (another_ != nullptr && another_->opening_line == entry0) {
-    add_of_another_device(*another_->opened);
-  } else if (another_ != nullptr) {
-    findings_->add("log-opening-differs", in_log(*another_->opened),
+  if (another_ && another_->opening_line == entry0) {
+    add_of_another_device(another_->entry);
+  } else if (another_) {
+    findings_->add("log-opening-differs", in_log(another_->entry),
                    "the appliance log was a trusted device's when it entered another open of case " +
-                       case_id_ + " in its " + at_entry(*another_->opened) + ", and " + case_device_ +
+                       case_id_ + " in its " + at_entry(another_->entry) + ", and " + case_device_ +
                        ", which signed what is here, is not trusted");
   }
   if (known_ != nullptr && known_->opening_line != entry0) {
@@ -713,12 +810,12 @@ std::optional<CaseInLog> LogComparison::told() const {
   return told;
 }
 
-void LogComparison::finish(std::uint64_t entries, bool closed,
-                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+void LogComparison::finish_unread(std::uint64_t entries) {
   entries_ = entries;
-  if (known_ == nullptr) {
-    return;
-  }
+  if (known_ != nullptr) has_all(entries);
+}
+
+bool LogComparison::has_all(std::uint64_t entries) {
   // By size: of those that somebody signed in time the last, or the last of the others.
   const auto signed_then = [&](const KnownRoot& each) { return !log_->doubted.contains(each.entry); };
   auto most = std::find_if(roots_.rbegin(), roots_.rend(), signed_then);
@@ -731,6 +828,15 @@ void LogComparison::finish(std::uint64_t entries, bool closed,
             at_entry(most->entry) + ") and there are " + std::to_string(entries) +
             ": the end of the ledger was removed",
         kItsEnd);
+    return false;
+  }
+  return true;
+}
+
+void LogComparison::finish(std::uint64_t entries, bool closed,
+                           const std::map<std::uint64_t, crypto::Sha256Digest>& tokens) {
+  entries_ = entries;
+  if (known_ == nullptr || !has_all(entries)) {
     return;
   }
   if (!known_->closed && closed) {

@@ -44,7 +44,18 @@ struct FurtherOpening {
   bool vouched = false;  // signed before another entry followed
 };
 
-/// What a log says of one case.
+/// A device as the log names it.
+struct NamedDevice {
+  std::string text;                        // as it stands there; empty: no line names one
+  std::optional<crypto::VerifierKey> key;  // with what is known of it; nothing where that is none
+  bool is_trusted = false;                 // by the verifier
+};
+/// Whether both are one device: by the same key, or by two keys of one name that the verifier trusts. That a
+/// log names another key shows nothing: whoever has a copy of the log can carry it on so.
+bool is_one_device(const NamedDevice& one, const NamedDevice& other);
+
+/// What a log says of one case, in lines of the case's own device. Lines that stand there while the log is
+/// another device's count for nothing.
 struct LoggedCase {
   std::optional<std::uint64_t> opened;  // entry of case-opened
   std::optional<std::uint64_t> told;    // first entry of a checkpoint or an end of it
@@ -57,6 +68,11 @@ struct LoggedCase {
   /// excuses nothing: anybody who can write to the disk can add one, and the next start signs what follows.
   /// No erasure excuses what was opened behind it.
   bool erased = false;
+  /// Where all cases are kept: who told of it first, and so speaks for it. Of the others it is known whose
+  /// they are.
+  std::optional<NamedDevice> device;
+  /// That device is trusted, or began the log: that its case is not there accuses.
+  bool accuses = true;
   /// Whether any entry of the log about the case was signed before another followed.
   bool vouched = false;
 };
@@ -77,17 +93,23 @@ struct LogContents {
   std::uint64_t signed_entries = 0;  // that a checkpoint covers
   SignaturesChecked signatures = SignaturesChecked::kNone;
   std::string device;
-  /// Of the case that the walk is for: the log was its device's when it says that the case was opened.
-  bool opened_by_case_device = false;
-  /// It was another device's then, which the verifier trusts, and the verifier does not trust the case's.
-  bool opened_by_trusted = false;
-  /// No line that can be read names a device by then.
-  bool opened_by_nobody = false;
+  /// Of the case that the walk is for: an opening that the log states while it is not that case's device's.
+  struct OpenedByAnother {
+    std::uint64_t entry = 0;
+    crypto::Sha256Digest opening_line{};
+    bool by_nobody = false;  // no line that can be read names a device by then
+    /// Signed before another entry followed, by a device that the verifier trusts, which does not trust the
+    /// case's.
+    bool accuses = false;
+  };
+  /// The first one that accuses; else the first one.
+  std::optional<OpenedByAnother> opened_by_another;
+  /// The first entry that tells of the case while the log is not its device's.
+  std::optional<std::uint64_t> told_by_another;
   /// The log was its device's at any time.
   bool was_case_devices = false;
-  /// The most entries that a checkpoint covers which the case's device signed, or one that the verifier
-  /// trusts. Whatever else a log holds, anybody can have written: that it lacks something there accuses
-  /// nobody.
+  /// The most entries that a checkpoint covers which the case's device signed. Whatever else a log holds,
+  /// others can have written: that it lacks something there accuses nobody.
   std::uint64_t accusing = 0;
   /// No line is broken, and none lacks that something tells of.
   bool sound = true;
@@ -119,13 +141,22 @@ class LogWalk {
   /// That a checkpoint of all until now holds, for a comparison.
   void keep_signed();
   void set_device(const std::string& device, std::uint64_t number);
+  /// Whether the device that the log names now is trusted.
+  void judge_named(const crypto::VerifierKey& key);
+  /// At the end: of one that is neither, beside a case.
+  void judge_stranger();
   /// A key beside Ed25519 that the log states against the one that is known.
   void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
   void judge_hardware_key(const std::string& key, std::uint64_t number);
   /// Before another device signs, or at the end.
   void keep_vouched_for();
-  /// What is known of a case; nothing where it is not asked for.
-  LoggedCase* logged(const std::string& case_id);
+  /// What is known of a case that entry `number` tells of; nothing where it is not asked for, or the log is
+  /// another device's now.
+  LoggedCase* logged(const std::string& case_id, std::uint64_t number);
+  /// Whether the log is the device's now that speaks for the case.
+  [[nodiscard]] bool is_its_devices(const std::string& case_id) const;
+  void note_another(std::uint64_t number);
+  [[nodiscard]] NamedDevice device_now() const { return {contents_.device, device_, trusts_device_}; }
   [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
   void note_root(const std::string& case_id, const KnownRoot& root);
   void check_names();
@@ -137,6 +168,7 @@ class LogWalk {
   /// When it is known whether the newest entry, `number`, has a checkpoint of its own: here, or one that was
   /// kept elsewhere.
   void judge_told(std::uint64_t number, bool has_its_own);
+  void judge_opening_by_another(std::uint64_t number, bool has_its_own);
   void judge_consents(std::uint64_t number, bool has_its_own);
   /// Of an entry that was signed before another followed; no other holds, releases or accuses.
   void judge_holds(std::uint64_t number);
@@ -155,16 +187,20 @@ class LogWalk {
   std::optional<std::string> signer_;          // the device's key, where it names one
   std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
   bool trusts_device_ = false;
-  bool may_accuse_ = false;  // it is the case's device, or one that is trusted
+  bool is_case_devices_ = false;                 // the case's device, under whichever of its keys
+  bool had_case_key_ = false;                    // the log named the very key that the case names
+  std::optional<crypto::VerifierKey> stranger_;  // beside a case the first other key that is not trusted
+  std::optional<NamedDevice> first_device_;      // that the log names
   std::vector<ListedFile> listing_;
   CheckpointRules checkpoints_;
   crypto::MerkleFrontier tree_;
   LogContents contents_;
   bool names_device_ = false;  // an entry did, be it by a text that is none
   std::int64_t last_mono_ns_ = 0;
-  std::deque<crypto::Checkpoint> recent_;      // of the newest sizes that no listed note has; without origin
-  std::deque<std::uint64_t> to_be_followed_;   // the last two entries that a checkpoint follows at once
-  bool opened_now_ = false;                    // whether it opens the case that it tells of
+  std::deque<crypto::Checkpoint> recent_;     // of the newest sizes that no listed note has; without origin
+  std::deque<std::uint64_t> to_be_followed_;  // the last two entries that a checkpoint follows at once
+  bool opened_now_ = false;                   // whether it opens the case that it tells of
+  std::optional<crypto::Sha256Digest> opened_by_another_now_;  // the first line that it states, if it is that
   std::optional<std::string> erased_now_;      // the case that the newest entry says was erased whole
   std::optional<std::string> told_now_;        // the case that the newest entry tells of, if it is kept
   std::optional<CaseClosedEntry> closed_now_;  // the newest entry, if it is this
@@ -173,7 +209,8 @@ class LogWalk {
   std::optional<LogEntryBody> of_consents_now_;  // the newest entry, if it concerns consents
   ConsentRules consents_;
   BootRules boots_;
-  std::map<std::string, std::set<std::uint64_t>> holds_;  // entries of the holds that stand, by case
+  /// The holds that stand, by case: each entry, and whether the case's own device made it.
+  std::map<std::string, std::map<std::uint64_t, bool>> holds_;
   std::uint64_t since_note_ = 0;  // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };
@@ -181,9 +218,13 @@ class LogWalk {
 /// One case against what the log knows of it, while its ledger is walked.
 class LogComparison {
  public:
+  /// Whether `open` says which state the log had. Of a later version of the format that may not be readable:
+  /// then nothing is said of it, and a log that does not know the case may be from before.
+  enum class Head { kKnown, kUnknown };
   /// `log` may be null: then nothing is compared. It must be of a walk for this case and its `open`, and
   /// outlive the object.
-  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings);
+  LogComparison(const LogContents* log, const std::optional<OpenEntry>& opening, FindingList& findings,
+                Head head = Head::kKnown);
 
   /// Once, of the case's first line.
   void check_opening(const crypto::Sha256Digest& entry0);
@@ -195,6 +236,8 @@ class LogComparison {
   /// The case has `entries`, `close` among them or not; `tokens` are the hashes of its token files by entry.
   void finish(std::uint64_t entries, bool closed,
               const std::map<std::uint64_t, crypto::Sha256Digest>& tokens);
+  /// In place of finish() where nothing but the number of entries can be read: of a later version.
+  void finish_unread(std::uint64_t entries);
   /// At last, where the case's own checkpoints cover `covered` entries and it was closed by entry `close`.
   /// What the log states without a checkpoint of its own is doubted where the device signed otherwise in the
   /// case. Elsewhere nothing but the log tells of what is not there any more, and no crash leaves the log
@@ -220,6 +263,10 @@ class LogComparison {
   };
   static constexpr std::uint64_t kItsEnd = UINT64_MAX;
 
+  /// Whether the log is one to compare with; else it is said why it is not.
+  bool is_to_compare(const LogContents& log, bool knows);
+  /// Whether the case has as many entries as the log states; else it is said.
+  bool has_all(std::uint64_t entries);
   /// Of a log that says nothing for the case, nor against it.
   void add_of_another_device(std::uint64_t log_entry);
   /// That the log does not answer for the case, and why.
@@ -232,10 +279,11 @@ class LogComparison {
   const LogContents* log_ = nullptr;
   const LoggedCase* known_ = nullptr;
   /// What a trusted device's log says of a case whose device is not trusted: another case may bear that name.
-  const LoggedCase* another_ = nullptr;
-  bool unknown_ = false;          // there is a log, and it has no such case
-  bool silent_ = false;           // nor does what is signed of it reach so far
-  std::uint64_t head_ = 0;        // entries of the log when the case was opened
+  std::optional<LogContents::OpenedByAnother> another_;
+  bool unknown_ = false;    // there is a log, and it has no such case
+  bool silent_ = false;     // nor does what is signed of it reach so far
+  std::uint64_t head_ = 0;  // entries of the log when the case was opened
+  Head known_head_ = Head::kKnown;
   std::uint64_t entries_ = 0;     // finish(): of the ledger
   std::vector<KnownRoot> roots_;  // by size, then in the order of the log
   FindingList* findings_;

@@ -127,6 +127,14 @@ void OutsideNotes::reached(std::uint64_t size, const RootTest& fits, bool tree_k
   held_ = held;
 }
 
+bool OutsideNotes::holds_at(std::uint64_t size, const std::string& origin) const {
+  const auto [first, last] =
+      std::ranges::equal_range(notes_, size, {}, [](const Judged& note) { return note.checkpoint.size; });
+  return std::any_of(first, last, [&](const Judged& note) {
+    return note.answer == Answer::kHolds && !note.alone && note.checkpoint.origin == origin;
+  });
+}
+
 std::vector<OutsideNotes::Held> OutsideNotes::held_notes() const {
   std::vector<Held> held;
   for (const Judged& note : notes_) {

@@ -34,6 +34,9 @@ class OutsideNotes {
   /// The largest size so far at which one of them holds; 0 where none does.
   [[nodiscard]] std::uint64_t held() const { return held_; }
 
+  /// Whether one of this size and origin holds, as far as the walk has come.
+  [[nodiscard]] bool holds_at(std::uint64_t size, const std::string& origin) const;
+
   /// Those that hold, as far as the walk has come, by size: their signers' cosignatures count.
   struct Held {
     std::string name, text;

@@ -420,12 +420,17 @@ std::string what_lies_instead(const std::filesystem::path& folder) {
 
 /// Of a case that the log opened, or tells of, in `entry` and that is not in the archive.
 void report_missing(const std::string& case_id, std::string_view deed, std::uint64_t entry, bool vouched,
-                    const std::filesystem::path& archive, FindingList& findings) {
+                    bool accuses, const std::filesystem::path& archive, FindingList& findings) {
   const Place place{std::string(kLedgerFile), entry};
   const std::string text = "case " + case_id + " was " + std::string(deed) + " (entry " +
                            std::to_string(entry) + " of the log), was not erased, and is not in " +
                            archive.string() + what_lies_instead(archive / case_id);
-  if (vouched) {
+  if (vouched && !accuses) {
+    findings.add("log-of-another-device", place,
+                 text +
+                     "; the log was another device's then, which is not trusted and did not begin it: "
+                     "whoever has a copy of a log can carry it on so");
+  } else if (vouched) {
     findings.add("case-missing", place, text);
   } else {
     findings.add("log-entry-doubted", place,
@@ -446,7 +451,7 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
       // Its opening could not be entered, on a full disk say; the log knows it all the same.
       const LyingThere there = search && logged.told ? look_at(archive / case_id) : LyingThere{true, {}};
       if (!logged.erased && !there.unreadable && !there.opening_line) {
-        report_missing(case_id, "recorded", *logged.told, logged.vouched, archive, findings);
+        report_missing(case_id, "recorded", *logged.told, logged.vouched, logged.accuses, archive, findings);
       }
       continue;
     }
@@ -454,7 +459,7 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
     not_looked_for += search || logged.erased ? 0 : 1 + logged.further.size();
     const LyingThere there = search ? look_at(archive / case_id) : LyingThere{};
     if (search && !logged.erased && !there.may_be(logged.opening_line)) {
-      report_missing(case_id, "opened", *logged.opened, logged.vouched, archive, findings);
+      report_missing(case_id, "opened", *logged.opened, logged.vouched, logged.accuses, archive, findings);
     } else if (!logged.closed && !logged.erased) {
       findings.add("log-case-open", opened, "the log knows no end of case " + case_id);
     }
@@ -462,7 +467,7 @@ void look_for_cases(const LogContents& log, const std::filesystem::path& log_fol
       // Of several cases under one identifier one alone can be there.
       for (const FurtherOpening& each : logged.further) {
         if (!there.may_be(each.opening_line)) {
-          report_missing(case_id, "opened", each.entry, each.vouched, archive, findings);
+          report_missing(case_id, "opened", each.entry, each.vouched, logged.accuses, archive, findings);
         }
       }
     }
@@ -528,7 +533,7 @@ std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& fol
                 ledger.explanation);
   }
   if (ledger.file) {
-    if (auto newer = report_on_newer_case(opened, *ledger.file, options.devices)) {
+    if (auto newer = report_on_newer_case(opened, options)) {
       return {std::move(*newer), false};
     }
   }
@@ -563,6 +568,13 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     const LogContents log = walk.run();
     if (!log.gave_up) {
       look_for_cases(log, folder, findings);
+    }
+    if (!log.gave_up && log.told_by_another) {
+      findings.add("log-of-another-device", {std::string(kLedgerFile), log.told_by_another},
+                   "the log was another device's when it tells in its entry " +
+                       std::to_string(*log.told_by_another) +
+                       " of a case that its own device entered before: what stands there counts neither for "
+                       "that case nor against it");
     }
     check_without_evidence("an appliance log", options, {}, findings);
     report.device = log.device;

@@ -275,6 +275,17 @@ TEST_F(AttackOnAnOperation, MoreEntriesThanThereAreCostNothing) {
               HasSubstr("entries, and what lies beside it has"));
   EXPECT_THAT(summary(verify(kMiddle)), HasSubstr("log-opening-differs"));
   expect_broken(kFirst, "than there are here");
+  expect_broken(kFirst, "the end of this one was removed, or it is a copy from before");
+}
+
+// Whoever saw the later case can write its first line, or one that names the earlier case likewise.
+TEST_F(AttackOnAnOperation, AFirstLineThatNobodySignedIsNoLaterCase) {
+  const std::string text = read_file(folder(kLast) / archive::kLedgerFile);
+  fs::remove_all(folder(kLast));
+  fs::create_directory(folder(kLast));
+  write_file(folder(kLast) / archive::kLedgerFile, text.substr(0, text.find('\n') + 1));
+  expect_not_compared(kMiddle, "did not sign what lies there");
+  EXPECT_THAT(told(verify(kMiddle), "carrying-on-holds"), Not(HasSubstr(kLast)));
 }
 
 TEST_F(AttackOnAnOperation, ALedgerWithoutAFirstEntryBesideItIsNoCrash) {

@@ -5,6 +5,8 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
+#include "archive/reading/log_proving.h"
+#include "archive/verify/case_against_log.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
@@ -61,6 +63,47 @@ void go_on(const fs::path& log, std::vector<std::string>& lines, std::size_t mor
                     R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000})");
     write_file(log / archive::note_path(lines.size()), "");
   }
+}
+
+constexpr const char* kStranger = "stranger";
+
+/// The log goes on under a stranger's key, with `says`, and then again under the device's. Each signs its
+/// own.
+struct CarriedOnByAStranger {
+  CarriedOnByAStranger(const fs::path& log, const std::string& says) {
+    const SampleArchive& archive = SoundCases::get().archive;
+    const crypto::SigningKey key = crypto::SigningKey::generate();
+    std::vector<std::string> lines = log_lines(log);
+    const auto add = [&](const std::string& type, const std::string& rest) {
+      lines.push_back(R"({"type":")" + type + R"(","seq":)" + std::to_string(lines.size()) +
+                      R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000)" + rest + "}");
+    };
+    const auto boot = [&](const std::string& name, const crypto::SigningKey& of) {
+      add("boot", R"(,"boot_id":"00000000-0000-4000-8000-000000000000","device":")" +
+                      crypto::VerifierKey(name, of.public_key()).to_string() + "\"");
+      write_file(log / archive::note_path(lines.size()), "");
+    };
+    boot(kStranger, key);
+    add("case-closed", says);
+    const std::uint64_t strangers = lines.size();
+    write_file(log / archive::note_path(strangers), "");
+    boot(SampleArchive::kDeviceName, archive.key());
+    go_on(log, lines, 1);
+    sign_log(log, lines, archive.key());
+    crypto::MerkleFrontier tree;
+    for (std::uint64_t i = 0; i < strangers; ++i) {
+      tree.append(crypto::merkle_leaf_hash(bytes_of(lines[i])));
+      if (i + 2 < strangers) continue;
+      const crypto::Checkpoint checkpoint{archive::log_origin(kStranger), tree.size(), tree.root()};
+      write_file(log / archive::note_path(tree.size()),
+                 crypto::sign_note(checkpoint.to_text(), kStranger, key));
+    }
+  }
+};
+
+std::string end_of(const std::string& case_id, std::uint64_t size) {
+  return R"(,"case":")" + case_id + R"(","size":)" + std::to_string(size) + R"(,"root":")" +
+         std::string(64, '0') + "\"";
 }
 
 /// What the owner of the device can do.
@@ -581,6 +624,49 @@ TEST(AttackWithoutAKey, ACopyOfTheLogFromWhileTheCaseWasBeingOpenedAccusesNobody
   set_log(victim.log(), lines);
   EXPECT_THAT(summary(archive::verify_case(victim.folder(), options)),
               ::testing::HasSubstr("log-case-unknown"));
+}
+
+TEST(AttackWithoutAKey, WhatStandsInALogUnderAnotherKeyAccusesNoCase) {
+  for (const std::uint64_t size : {3U, 900U}) {
+    const AttackedCase victim;
+    CarriedOnByAStranger(victim.log(), end_of(victim.folder().filename(), size));
+    archive::VerifyOptions options = SoundCases::get().archive.options();
+    options.log = victim.log();
+    const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+    EXPECT_EQ(report.verdict, Verdict::kUnproven) << details(report);
+    EXPECT_THAT(summary(report), ::testing::HasSubstr("log-of-another-device"));
+    ASSERT_TRUE(report.in_log);
+    EXPECT_TRUE(report.in_log->end);  // what the device states itself was compared
+  }
+}
+
+TEST(AttackWithoutAKey, WhatStandsInALogUnderAnotherKeyKeepsNoCaseFromItsRecorder) {
+  const AttackedCase victim;
+  const std::string case_id = victim.folder().filename();
+  CarriedOnByAStranger(victim.log(), end_of(case_id, 900));
+  const crypto::SigningKey& key = SoundCases::get().archive.key();
+  archive::CaseAgainstLog known(case_id, victim.log(),
+                                crypto::VerifierKey(SampleArchive::kDeviceName, key.public_key()));
+  std::uint64_t lines = 0;
+  archive::for_each_whole_line(victim.folder(), [&](std::string_view line) {
+    known.take(line);
+    ++lines;
+  });
+  EXPECT_EQ(known.problem(lines), std::nullopt);
+}
+
+TEST(AttackWithoutAKey, TheProofOfACasesEndIsOfTheLineThatItsDeviceSigned) {
+  const AttackedCase victim;
+  const std::string case_id = victim.folder().filename();
+  const auto prove = [&] {
+    const crypto::SigningKey& key = SoundCases::get().archive.key();
+    return archive::prove_case_in_log(victim.folder(), victim.log(),
+                                      crypto::VerifierKey(SampleArchive::kDeviceName, key.public_key()), {},
+                                      [&](const std::string&) { return victim.folder(); });
+  };
+  const std::uint64_t entry = prove().entry;
+  CarriedOnByAStranger(victim.log(), end_of(case_id, 3));
+  EXPECT_EQ(prove().entry, entry);
 }
 
 /// What log-silent says.

@@ -16,8 +16,8 @@ import strict_json
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
-from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Judgement, Ledger, has_hole, is_newer, number_of, outside_notes, parse_entry, sha256_of,
-                      size_of_note, token_of_path)
+from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Heads, Judgement, Ledger, Unread, has_hole, newer, number_of, outside_notes, parse_entry,
+                      sha256_of, size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
@@ -650,13 +650,6 @@ def is_certificates(data):
 MOST_WHILE_OPENING = 64  # entries that a log may get between the state that `open` has and the case's line
 
 
-def _trusts(log, device):
-    try:
-        return note.parse_key(device) in log.folder.trust.devices
-    except note.Malformed:
-        return False
-
-
 class AgainstLog:
     """A case beside what the appliance log says of it."""
 
@@ -673,23 +666,26 @@ class AgainstLog:
             self.log = self.known = None
             return
         if log and entries.opening:
-            device = entries.opening["device"]
-            if not (self.known.device if self.known else any(log.devices)):
-                report("log-silent", "no line names a device")
-                self.log = self.known = None
-                return
-            if self.known.device != device if self.known else log.devices and device not in log.devices:
-                if self.known and self.known.opened not in log.doubted and _trusts(log, self.known.device) and not _trusts(log, device):
-                    self.another = self.known  # of a trusted device: settle() compares the first lines
-                else:
-                    report("log-of-another-device", device)
+            device, another = entries.opening["device"], log.opened_by_another
+            anothers = None
+            if another and another.accuses:
+                self.another = anothers = another  # of a trusted device: settle() compares the first lines
+            elif not self.known and not (another.device if another else log.now.text):
+                anothers = "log-silent"
+            elif not self.known and not log.was_case_devices:
+                anothers = "log-of-another-device"
+            if isinstance(anothers, str):
+                report(anothers, device)
+            if anothers:
                 self.log = self.known = None  # it speaks neither for the case nor against it
                 return
+            if log.told_by_another is not None:
+                report("log-of-another-device", f"line {log.told_by_another}")
             if self.known and self.known.erased:
                 report("log-case-erased", entries.opening["case"])
             stated = entries.opening["appliance_log"]
-            self.head, self.signed = stated["size"], log.signed_by_known(device, log.folder.trust.devices)
-            if log.root_at(stated["size"]) != stated["root"]:
+            self.head, self.signed = stated["size"] if stated else None, log.accusing
+            if self.head is not None and log.root_at(stated["size"]) != stated["root"]:
                 self.silent = self.signed < self.head or not log.beside_a_case()[1]
                 if not self.silent:
                     report("log-head-differs", f"at {stated['size']} entries")
@@ -709,7 +705,7 @@ class AgainstLog:
         if not self.known:
             return 0, 0
         try:
-            device = self.log.folder.known_device(note.parse_key(self.known.device))
+            device = self.log.folder.known_device(note.parse_key(self.entries.opening["device"]))
         except note.Malformed:
             return 0, 0
         by_ml_dsa, by_hardware = self.log.covered_by.get(str(device), (0, 0))
@@ -721,14 +717,14 @@ class AgainstLog:
 
     def settle(self, first_line, ledger, covered, whole):
         if self.another:
-            differs = hashlib.sha256(first_line).hexdigest() != self.another.opening_line
-            self.report("log-opening-differs" if differs else "log-of-another-device", self.another.device)
+            differs = first_line is not None and hashlib.sha256(first_line).hexdigest() != self.another.opening_line
+            self.report("log-opening-differs" if differs else "log-of-another-device", f"line {self.another.entry}")
         if not self.log or not self.entries.opening:
             return
         if self.known is None:
             if whole and len(ledger) == 1 and covered == 0:
                 self.report("log-case-not-entered", self.entries.opening["case"])
-            elif self.log.beside_a_case()[1] and self.signed > self.head + MOST_WHILE_OPENING:
+            elif self.head is not None and self.log.beside_a_case()[1] and self.signed > self.head + MOST_WHILE_OPENING:
                 self.report("log-case-unknown", self.entries.opening["case"])
             else:
                 self.silent = True
@@ -736,12 +732,12 @@ class AgainstLog:
             self.report("log-silent", f"{self.signed} lines are signed")
         if self.known is None:
             return
-        if hashlib.sha256(first_line).hexdigest() != self.known.opening_line:
+        if first_line is not None and hashlib.sha256(first_line).hexdigest() != self.known.opening_line:
             self._add("log-opening-differs", self.known.opened, covered >= 1, "open")
         said = set()
         for root in self.known.roots:
             doubted = root.entry in self.log.doubted
-            here = ledger.first < root.size <= len(ledger)
+            here = ledger.shows(root.size)
             ours = ledger.root(root.size) if here else None  # none where an excerpt's own proof is none
             if here and doubted not in said and (ours is None or ours.hex() != root.root):
                 said.add(doubted)
@@ -757,6 +753,8 @@ class AgainstLog:
         most = signed[-1] if signed and signed[-1].size > entries else roots[-1] if roots else None
         if most and most.size > entries:
             self._add("log-knows-more", most.entry, its_end, f"{most.size} entries")
+            return
+        if isinstance(self.entries, Newer):
             return
         if not self.known.closed and close is not None:
             self.report("log-case-open", self.entries.opening["case"])
@@ -776,11 +774,12 @@ def verify_case(path, trust):
         folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [], None, True)
         return Judgement(folder.findings)
     newest = max(folder.note_sizes, default=0)
-    if _is_newer_case(folder, data):
-        return Judgement([("format-newer", "ledger.jsonl")])
+    if of_newer := _newer_case(folder, data, trust):
+        return of_newer
     ledger = Ledger(data, "case-ledger", 4, folder.report, 0, newest)
     entries = Entries(folder, True)
-    log = LogRead(trust.log, trust) if trust.log else None
+    first = ledger.entries[0] if ledger.entries else None
+    log = LogRead(trust.log, trust, opening=first if first and first["type"] == "open" else None) if trust.log else None
     if log:
         folder.findings += log.beside_a_case()[0]
     for number, entry in enumerate(ledger.entries):
@@ -820,32 +819,102 @@ def verify_case(path, trust):
     return Judgement(folder.findings)
 
 
-def _may_be_of_a_device(folder, size):
-    """Whether a trusted device signed that note; of whom none is named anybody may have."""
-    if not folder.trust.devices:
-        return True
+class Newer:
+    """Of a case of a later version what is read all the same: whose it is, by a note, and over which state of the log it says that it was opened."""
+
+    def __init__(self, case, device, document, end=None):
+        log = document.get("appliance_log")
+        readable = isinstance(log, dict) and type(log.get("size")) is int and log["size"] >= 0 and re.fullmatch("[0-9a-f]{64}", str(log.get("root")))
+        self.opening = {"case": case, "device": str(device) if device else "", "appliance_log": log if readable else None}
+        self.device, self.close, self.token_hashes = device, end, {}
+
+
+def _head(folder, size, named):
+    """The note of this size, the case that it is of and its device: a trusted one that signed it for a case of its own. Where none is named, anybody."""
     try:
         checkpoint = note.parse_checkpoint(_read_small(folder.path / "checkpoints" / f"{size:08}.note"))
     except (note.Malformed, OSError):
-        return False
-    signatures = [(key, s[2]) for key in folder.trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
-    return any(note.holds(key.public, checkpoint.text, signature) for key, signature in signatures)
+        return None
+    for key in folder.trust.devices or ([named] if named else ()):
+        device = folder.known_device(key)
+        found = re.fullmatch(rf"kiroku/{re.escape(device.name)}/([0-9]{{8}}T[0-9]{{6}}Z-[0-9a-f]{{8}})", checkpoint.origin)
+        ours = [s for s in checkpoint.signatures if s[0] == device.name]
+        signed = len(ours) == 1 and ours[0][1] == device.id and note.holds(device.public, checkpoint.text, ours[0][2])
+        others = (device.ml_dsa and device.by_ml_dsa(checkpoint) is False) or (device.hardware and device.by_hardware(checkpoint) is False)
+        if found and signed and not others:
+            return checkpoint, found[1], device
+    if folder.trust.devices:
+        return None
+    found = re.fullmatch("kiroku/[^/]+/([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8})", checkpoint.origin)
+    return checkpoint, found[1] if found else "", None
 
 
-def _is_newer_case(folder, data):
-    """Whether the first line names a later version, and the smallest checkpoint is of these lines: nobody changed it into another."""
-    lines = data.split(b"\n")[:-1]
-    size = min(folder.note_sizes, default=0)
-    return bool(lines) and _may_be_of_a_device(folder, size) and is_newer(lines[0], "case") and 0 < size <= len(lines) and _root_stated(folder, size) == merkle.root([merkle.leaf(line) for line in lines[:size]])
+def _named_by(document):
+    try:
+        return note.parse_key(document["device"]) if isinstance(document.get("device"), str) else None
+    except note.Malformed:
+        return None
 
 
-def _is_newer_excerpt(folder, document):
+def _newer_case(folder, data, trust):
+    """The judgement where the first line names a later version, and the smallest checkpoint is of these lines: nobody changed it into another."""
+    lines, sizes = Unread(data), folder.note_sizes
+    document = newer(lines.lines[0], "case") if lines.lines else None
+    if document is None or not sizes or sizes[0] > len(lines):
+        return None
+    head = _head(folder, sizes[0], _named_by(document))
+    if not head or head[0].size != sizes[0] or head[0].root != lines.root(sizes[0]):
+        return None
+    checkpoint, case, device = head
+    folder.report("format-newer", "ledger.jsonl")
+    called = folder.path.resolve().name
+    if case and re.fullmatch(r"[0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}", called) and called != case:
+        folder.report("folder-of-another-case", called)
+    # Its own notes: only that lines are not those that were signed, or lack.
+    own = Folder(folder.path, trust)
+    own.alone_until = own.hardware_alone_until = 1 << 62
+    if device:
+        for size in sizes:
+            if size <= len(lines) or lines.readable:
+                own.judge_note(size, lines.root(size) if size <= len(lines) else None, device, checkpoint.origin)
+    folder.findings += [each for each in own.findings if each[0] in ("ledger-changed", "ledger-cut")]
+    return _compare_newer(folder, trust, Newer(case, device, document, len(lines) - 1), checkpoint.origin if device else None, lines, lines.lines[0], own.covered, True)
+
+
+def _newer_excerpt(folder, document, trust):
     """Likewise of an excerpt: by its proof the first line is that of the tree to which its lines lead."""
     opening, size = _read_small(folder.path / "ledger-open.jsonl"), document["size"]
     line = opening.split(b"\n")[0]
-    if b"\n" not in opening or not is_newer(line, "case") or size not in folder.note_sizes or not _may_be_of_a_device(folder, size):
-        return False
-    return merkle.root_by_inclusion(merkle.leaf(line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) == _root_stated(folder, size) != b""
+    first = newer(line, "case") if b"\n" in opening and len(line) <= LARGEST_LINE else None
+    head = _head(folder, size, _named_by(first)) if first is not None and size in folder.note_sizes else None
+    if not head or merkle.root_by_inclusion(merkle.leaf(line), 0, size, [bytes.fromhex(h) for h in document["open_proof"]]) != head[0].root:
+        return None
+    return _compare_newer_excerpt(folder, trust, first, line)
+
+
+def _compare_newer_excerpt(folder, trust, document, first_line):
+    """Its notes alone tell of its case, where devices are known."""
+    heads = [(size, _head(folder, size, None)) for size in folder.note_sizes] if trust.devices else []
+    heads = [(size, head) for size, head in heads if head and head[0].size == size]
+    origin, case, device = (heads[-1][1][0].origin, *heads[-1][1][1:]) if heads else (None, "", None)
+    roots = {size: head[0].root for size, head in heads if head[0].origin == origin}
+    folder.report("format-newer", "the excerpt")
+    return _compare_newer(folder, trust, Newer(case, device, document), origin, Heads(roots), first_line if heads else None, max(roots, default=0), False)
+
+
+def _compare_newer(folder, trust, entries, origin, lines, first_line, covered, whole):
+    """With what else was given; `whole`: of a case."""
+    ends = whole and lines.readable
+    if trust.log and not entries.opening["case"]:
+        folder.judge_outside(outside_notes(trust, True), [], None, False)
+        folder.report("log-silent", "nobody knows which case it is")
+    elif trust.log:
+        log = LogRead(trust.log, trust, opening=entries.opening)
+        folder.findings += log.beside_a_case()[0]
+        AgainstLog(log, entries, folder.report).settle(first_line, lines, covered, ends)
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [origin] if origin else [], lines, ends)
+    folder.judge_proof(entries.opening["case"], lines, entries.device, None if whole else len(lines))
+    return Judgement(folder.findings, not whole)
 
 
 def _judge_end(folder, ledger, entries, comparison, newest):
@@ -984,7 +1053,8 @@ def _judge_carrying_on(folder, path, entries):
             named = CARRIES_ON.fullmatch(source)
             own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
             holds = named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3]
-            says(holds, holds or is_signed(later[1], lines, 1))
+            by_device = is_signed(later[1], lines, 1)
+            says(holds and by_device, by_device)
 
 
 class PartOfLedger(Ledger):
@@ -1016,9 +1086,11 @@ def verify_excerpt(path, trust):
         if document["to_ns"] <= document["from_ns"] or document["size"] <= document["first_entry"]:
             raise strict_json.Malformed("a range is empty")
     except (strict_json.Malformed, schema.Unfit) as e:
-        return Judgement([("format-newer" if is_newer(text[:-1], "excerpt") else "excerpt-malformed", str(e))], True)
-    if _is_newer_excerpt(folder, document):
-        return Judgement([("format-newer", "ledger-open.jsonl")], True)
+        if text.endswith(b"\n") and newer(text[:-1], "excerpt"):
+            return _compare_newer_excerpt(folder, trust, {}, None)
+        return Judgement([("excerpt-malformed", str(e))], True)
+    if of_newer := _newer_excerpt(folder, document, trust):
+        return of_newer
     first, size, begin, end = document["first_entry"], document["size"], document["from_ns"], document["to_ns"]
     report, selected, present = folder.report, set(), {f.path for f in folder.listing}
 
@@ -1104,7 +1176,7 @@ def _walk_excerpt(folder, entries, document, opening, part, trust):
         if lines_begin is None:
             lines_begin = entries.last_mono
             if trust.log and entries.opening:
-                log = LogRead(trust.log, trust)
+                log = LogRead(trust.log, trust, opening=entries.opening)
                 folder.findings += log.beside_a_case()[0]
             comparison = AgainstLog(log, entries, report)
         if number + 1 in folder.note_sizes:

@@ -147,6 +147,10 @@ class Exchange(unittest.TestCase):
         usual = {"excerpt_of_a_camera_that_fell_silent", "excerpt_from_within_a_hole", "excerpt_from_within_a_gap"}
         self.ask_the_scripts(usual, lacking | forged | dict.fromkeys(whole, "INTACT EXCERPT"), dict.fromkeys(lacking, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 4))
 
+    def test_the_scripts_with_stock_tools_know_no_later_version(self):
+        later = dict.fromkeys(("case_of_a_later_version", "excerpt_of_a_later_version", "excerpt_of_a_case_of_a_later_version"), "names a later version of the format")
+        self.ask_the_scripts(set(later), later, dict.fromkeys(later, 2))
+
     def ask_the_scripts(self, usual, lines, statuses):
         """Of each forgery by name: what the last line holds, and the exit status; of the `usual` ones alone but in the nightly run."""
         for name, _, make in forgeries.ALL:

@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import pathlib
+import shutil
 
 import age
 import case_writer as w
@@ -1586,6 +1587,198 @@ def case_changed_into_one_of_a_later_version(world):
     return dataclasses.replace(world.given(written.folder), never=["format-newer"])
 
 
+def of_a_later_version(case):
+    case.steps[0].fields["format"] = "kiroku-case/2"
+    return case
+
+
+NO_FORGERY = ["log-opening-differs", "log-checkpoint-differs", "log-knows-more", "log-end-differs", "log-head-differs", "log-case-unknown", "log-proof-differs", "outside-note-forked",
+              "outside-note-rolled-back", "ledger-changed", "ledger-cut", "log-silent", "entry-malformed"]
+
+
+def later_beside_its_log(world, change=lambda log, written: None, made=lambda case: None):
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.checkpoint()
+    empty = log.write(world.folder / "before", "log")
+    case = of_a_later_version(world.sound(log_state=(1, empty.root().hex())))
+    made(case)
+    return with_log(world, change, case=case)
+
+
+@reaches("format-newer")
+def case_of_a_later_version_that_its_log_knows(world):
+    return dataclasses.replace(later_beside_its_log(world), never=NO_FORGERY)
+
+
+@reaches("format-newer", "log-proof-holds", "outside-note-holds")
+def case_of_a_later_version_with_a_proof_and_a_kept_note(world):
+    given = by_proof(world, later_beside_its_log(world))
+    against = kept(world, max((given.path / "checkpoints").iterdir()).read_bytes(), "case.note")
+    return dataclasses.replace(given, against=against, never=NO_FORGERY)
+
+
+def made_anew(world, given, **opening):
+    """By whoever has the device's key: the same case with another mark, in a later version."""
+    case = of_a_later_version(world.sound(log_state=(1, "0" * 64)))
+    case.steps[0].fields.update(opening)
+    case.find("mark").fields["commitment"] = "0" * 64
+    shutil.rmtree(given.path)
+    case.write(world.folder)
+    return given
+
+
+@reaches("format-newer", "log-opening-differs", "log-checkpoint-differs", "log-head-differs")
+def case_made_anew_in_a_later_version_beside_its_log(world):
+    return made_anew(world, with_log(world))
+
+
+@reaches("format-newer", "log-opening-differs")
+def case_made_anew_in_a_later_version_that_says_nothing_of_the_log(world):
+    return dataclasses.replace(made_anew(world, with_log(world), appliance_log="none", case="another", device="another"), never=["log-head-differs"])
+
+
+@reaches("format-newer", "outside-note-forked")
+def case_made_anew_in_a_later_version_beside_a_kept_note(world):
+    given = world.write(world.sound())
+    return made_anew(world, dataclasses.replace(given, against=kept(world, max((given.path / "checkpoints").iterdir()).read_bytes())))
+
+
+@reaches("format-newer", "log-proof-differs")
+def case_made_anew_in_a_later_version_beside_a_proof(world):
+    given = by_proof(world, with_log(world))
+    return made_anew(world, dataclasses.replace(given, log=None))
+
+
+@reaches("format-newer", "log-knows-more")
+def case_of_a_later_version_whose_end_was_cut_off(world):
+    def cut(case):
+        del case.steps[next(i for i, step in enumerate(case.steps) if isinstance(step, Entry) and step.type == "close"):]
+        case.checkpoint()
+
+    def more(log, written):
+        log.find("case-closed").fields.update(size=len(written.lines) + 4, root="0" * 64)
+    return later_beside_its_log(world, more, cut)
+
+
+@reaches("format-newer", "log-entry-doubted")
+def case_of_a_later_version_whose_log_has_a_line_that_nobody_signed(world):
+    def change(log, written):
+        log.add("case-checkpoint", 90 * SECOND, case=written.case.id, size=900, root="0" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return dataclasses.replace(later_beside_its_log(world, change), never=NO_FORGERY)
+
+
+@reaches("format-newer", "log-case-unknown")
+def case_of_a_later_version_that_its_log_does_not_know(world):
+    def change(log, written):
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return later_beside_its_log(world, change)
+
+
+@reaches("format-newer", "log-silent")
+def case_of_a_later_version_that_does_not_say_what_its_log_was(world):
+    def change(log, written):
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+    return dataclasses.replace(later_beside_its_log(world, change, lambda case: case.steps[0].fields.pop("appliance_log")), never=["log-case-unknown"])
+
+
+@reaches("format-newer", "log-of-another-device")
+def case_of_a_later_version_whose_log_a_stranger_carried_on(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}), ("case-closed", {"case": written.case.id, "size": 900, "root": "0" * 64})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return dataclasses.replace(later_beside_its_log(world, change), never=NO_FORGERY)
+
+
+@reaches("format-newer", "ledger-changed")
+def case_of_a_later_version_with_a_changed_line(world):
+    given = world.write(of_a_later_version(world.sound()))
+    change_byte(given.path / "ledger.jsonl", last_line(given.path) + 40)
+    return given
+
+
+@reaches("format-newer", "ledger-cut")
+def case_of_a_later_version_without_its_last_line(world):
+    given = world.write(of_a_later_version(world.sound()))
+    (given.path / "ledger.jsonl").write_bytes((given.path / "ledger.jsonl").read_bytes()[:last_line(given.path)])
+    return given
+
+
+@reaches("format-newer")
+def case_of_a_later_version_with_a_note_of_another_form(world):
+    case = of_a_later_version(world.sound())
+    case.of(Checkpoint)[-1].change = lambda made: made + b"more\n"
+    return dataclasses.replace(world.write(case), never=["checkpoint-malformed", "checkpoint-unknown-key", *NO_FORGERY])
+
+
+@reaches("format-newer", "folder-of-another-case")
+def case_of_a_later_version_in_another_s_place(world):
+    written = of_a_later_version(world.sound()).write(world.folder, "20200101T000000Z-00000000")
+    return world.given(written.folder)
+
+
+@reaches("format-newer", "log-of-another-device")
+def case_of_a_later_version_where_no_device_is_known(world):
+    given = later_beside_its_log(world, made=lambda case: case.steps[0].fields.pop("device"))
+    return dataclasses.replace(given, devices=[], never=NO_FORGERY)
+
+
+@reaches("entry-malformed")
+def case_of_a_later_version_that_is_signed_as_something_else(world):
+    case = of_a_later_version(world.sound())
+    for step in case.of(Checkpoint):
+        step.origin = "kiroku/or3/log"
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("entry-malformed", "open-missing")
+def case_whose_first_line_holds_nothing_for_a_name(world):
+    case = of_a_later_version(world.sound())
+    case.steps[0].fields["more"] = None
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("entry-too-long", "open-missing")
+def case_of_a_later_version_with_too_long_a_first_line(world):
+    case = of_a_later_version(world.sound())
+    case.steps[0].fields["more"] = "x" * (1 << 20)
+    return dataclasses.replace(world.write(case), never=["format-newer"])
+
+
+@reaches("format-newer", "outside-note-forked")
+def excerpt_of_a_later_version_beside_a_kept_note_of_another_history(world):
+    given = excerpt(world, change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    size = max(int(path.stem) for path in (given.path / "checkpoints").iterdir())
+    return dataclasses.replace(given, against=kept(world, world.device.checkpoint(f"kiroku/or3/{world.case_id}", size, bytes(32))))
+
+
+@reaches("format-newer", "log-checkpoint-differs")
+def excerpt_of_a_later_version_beside_a_log_of_another_history(world):
+    given = with_log(world, lambda log, written: log.find("case-closed").fields.update(root="0" * 64))
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"), change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    return dataclasses.replace(given, path=part.path)
+
+
+@reaches("format-newer", "log-opening-differs")
+def excerpt_of_a_case_of_a_later_version_beside_a_log_of_another(world):
+    given = with_log(world)
+    return dataclasses.replace(given, path=excerpt_of_a_case_of_a_later_version(dataclasses.replace(world, folder=world.folder / "part")).path)
+
+
+@reaches("format-newer", "log-silent")
+def excerpt_of_a_later_version_where_no_device_is_known(world):
+    given = with_log(world, devices=[])
+    part = excerpt(dataclasses.replace(world, folder=world.folder / "part"), change=lambda document, files: document.update(format="kiroku-excerpt/2"))
+    return dataclasses.replace(given, path=part.path, never=NO_FORGERY[:-2])
+
+
 @reaches("format-newer")
 def excerpt_of_a_later_version(world):
     def change(document, files):
@@ -2199,6 +2392,263 @@ def accused_by_the_log_of_another_device(world):
     return with_log(world, change, head=(9, "0" * 64), device=world.stranger, devices=[world.device.key, world.stranger.key])
 
 
+def carried_on_by(world, signer, entries, name_it="device-key-changed", back=False, judge=None, trusted=False):
+    """The device's log, which knows its case to the end, carried on under another key by whoever has a copy of it.
+
+    `entries` gives kinds and fields of what it says then, each with its own checkpoint; `back`: then the device's own start follows, signed by it.
+    """
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+
+        def add(by, kind, **fields):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+        add(signer, name_it, device=str(signer.key), **({"boot_id": w.BOOT_ID} if name_it == "boot" else {}))
+        for kind, fields in entries(written):
+            add(signer, kind, **({"case": written.case.id} | fields))
+        if back:
+            add(world.device, "boot", boot_id=w.BOOT_ID, device=str(world.device.key))
+            add(world.device, "access", case="*", what="unlocked", who="sato")
+    given = (judge or with_log)(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, *([signer.key] if trusted else [])])
+
+
+def accused(world, *entries, **more):
+    given = carried_on_by(world, entries=lambda written: entries, **{"signer": world.stranger, **more})
+    return dataclasses.replace(given, never=["log-checkpoint-differs", "log-knows-more", "log-end-differs", "log-case-unknown", "log-head-differs", "log-opening-differs", "log-case-erased",
+                                             "erased-while-held", "case-missing", "device-not-trusted" if given.log else "log-not-tidy"])
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_another_root(world):
+    return accused(world, ("case-checkpoint", {"size": 3, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_more_entries(world):
+    return accused(world, ("case-checkpoint", {"size": 900, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_a_stranger_carried_on_with_another_end(world):
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_whose_log_names_a_stranger_for_two_lines(world):
+    """Its recorder goes on behind them, and signs over them."""
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}), name_it="boot", back=True)
+
+
+@reaches("log-of-another-device")
+def case_whose_log_another_trusted_device_carried_on(world):
+    return accused(world, ("case-closed", {"size": 900, "root": "0" * 64}), signer=ANOTHER_DEVICE, trusted=True)
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_opens_once_more_in_its_log(world):
+    return accused(world, ("case-opened", {"sha256": "0" * 64}))
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_says_was_erased(world):
+    return accused(world, ("erased", {"policy": "after ten years"}))
+
+
+@reaches("log-of-another-device")
+def case_that_a_stranger_says_was_erased_while_held(world):
+    return accused(world, ("case-held", {"reason": "court", "who": "judge"}), ("erased", {"stream": "endoscope", "policy": "after ten years"}))
+
+
+@reaches()
+def case_that_a_stranger_says_is_held(world):
+    return accused(world, ("case-held", {"reason": "court", "who": "judge"}))
+
+
+@reaches("erased-while-held")
+def case_whose_hold_a_stranger_released(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        held = sum(isinstance(step, Entry) for step in log.steps)
+        log.signed("case-held", 90 * SECOND, case=written.case.id, reason="court", who="sato")
+        for by, kind, fields in ((world.stranger, "boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                                 (world.stranger, "case-released", {"case": written.case.id, "hold": held, "reason": "none", "who": "nobody"}),
+                                 (world.device, "boot", {"boot_id": w.BOOT_ID, "device": str(world.device.key)}),
+                                 (world.device, "erased", {"case": written.case.id, "stream": "endoscope", "policy": "after ten years"})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+        log.of(Checkpoint)[-5].signer, log.of(Checkpoint)[-5].origin = world.device, log.origin
+    return with_log(world, change)
+
+
+@reaches()
+def case_of_whose_use_a_stranger_tells(world):
+    given = accused(world, ("access", {"what": "exported", "who": "sato", "purpose": "teaching"}), ("consent-given", {"purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}))
+    return dataclasses.replace(given, never=[*given.never, "access-without-consent", "consent-file-missing", "consent-doubted"])
+
+
+@reaches("access-without-consent")
+def case_whose_consent_a_stranger_states(world):
+    def change(log, written):
+        for by, kind, fields in ((world.stranger, "boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                                 (world.stranger, "consent-given", {"case": written.case.id, "purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}),
+                                 (world.device, "boot", {"boot_id": w.BOOT_ID, "device": str(world.device.key)}),
+                                 (world.device, "access", {"case": written.case.id, "what": "exported", "who": "sato", "purpose": "teaching"})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = by, f"kiroku/{by.name}/log"
+    return with_log(world, change)
+
+
+@reaches("device-not-trusted")
+def log_in_which_a_stranger_states_a_consent(world):
+    """Its file is named by an entry of the log, whoever wrote that."""
+    given = accused(world, ("consent-given", {"purposes": ["teaching"], "statement": "a" * 64, "who": "sato"}), judge=the_log)
+    (given.path / "consents").mkdir()
+    (given.path / "consents" / ("a" * 64 + ".age")).write_bytes(world.seal("stated", b"{}"))
+    return dataclasses.replace(given, never=[*given.never, "consent-not-entered", "file-hash-differs"])
+
+
+def nobody_opened(world, signer, trusted):
+    """In the device's name nothing is signed; another key vouches for the case's end."""
+    made = world.sound(log_state=(0, hashlib.sha256(b"").hexdigest()))
+    written = made.write(world.folder)
+    final = json.loads([line for line in written.lines if b'"type":"token"' in line][-1])["sha256"]
+    log = w.Log(world.device, world.utc_ns - 60 * SECOND)
+    log.add("case-opened", 60 * SECOND, case=made.id, sha256=hashlib.sha256(written.lines[0]).hexdigest())
+    log.signer = signer
+    log.signed("device-key-changed", 61 * SECOND, device=str(signer.key))
+    log.signed("case-closed", 81 * SECOND, case=made.id, size=len(written.lines), root=written.root().hex(), final_token=final)
+    for step in log.of(Checkpoint):
+        step.origin = f"kiroku/{signer.name}/log"
+    log.write(world.folder, "log")
+    return world.given(written.folder, log=world.folder / "log", devices=[world.device.key, *([signer.key] if trusted else [])])
+
+
+@reaches("log-of-another-device", "log-case-open")
+def case_for_whose_end_another_trusted_device_vouches(world):
+    return nobody_opened(world, ANOTHER_DEVICE, True)
+
+
+@reaches()
+def case_whose_end_another_key_of_its_device_entered(world):
+    """The device changed its key, and the verifier trusts both: the log goes on for its cases."""
+    newer = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, written):
+        end = log.steps[-2:]
+        del log.steps[-2:]
+        for step in log.of(Checkpoint):
+            step.signer = log.signer
+        log.signed("device-key-changed", 80 * SECOND, device=str(newer.key))
+        log.steps += end
+        for step in log.of(Checkpoint)[-2:]:
+            step.signer = newer
+    given = with_log(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, newer.key], never=["log-case-open"])
+
+
+@reaches("log-end-differs")
+def case_whose_other_end_another_key_of_its_device_entered(world):
+    newer = note.Signer("or3", bytes([9] * 32))
+
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer = log.signer
+        log.signed("device-key-changed", 90 * SECOND, device=str(newer.key))
+        log.signed("case-closed", 91 * SECOND, case=written.case.id, size=len(written.lines), root=written.root().hex(), final_token="0" * 64)
+        for step in log.of(Checkpoint)[-2:]:
+            step.signer = newer
+    given = with_log(world, change)
+    return dataclasses.replace(given, devices=[*given.devices, newer.key])
+
+
+def log_with_another_case(world, *entries, **more):
+    """The log itself; its case was taken away, and another one lies there."""
+    given = carried_on_by(world, entries=lambda written: entries, judge=the_log, **{"signer": world.stranger, **more})
+    (world.folder / world.case_id).rename(world.folder / "20200101T000000Z-00000000")
+    return given
+
+
+@reaches("case-missing", "log-of-another-device", "device-not-trusted")
+def case_that_was_taken_away_and_a_stranger_says_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}))
+
+
+@reaches("case-missing", "log-of-another-device")
+def case_that_was_taken_away_and_another_trusted_device_says_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=ANOTHER_DEVICE, trusted=True)
+
+
+@reaches()
+def case_that_another_key_of_its_device_says_was_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=note.Signer("or3", bytes([9] * 32)), trusted=True)
+
+
+@reaches("log-of-another-device", "device-not-trusted")
+def case_that_a_stranger_says_was_opened_and_is_not_there(world):
+    given = accused(world, ("case-opened", {"case": "20200101T000000Z-00000000", "sha256": "0" * 64}), judge=the_log)
+    return given
+
+
+@reaches("case-missing")
+def case_of_another_trusted_device_that_is_not_there(world):
+    return carried_on_by(world, ANOTHER_DEVICE, lambda written: [("case-opened", {"case": "20200101T000000Z-00000000", "sha256": "0" * 64})], judge=the_log, trusted=True)
+
+
+@reaches("log-case-unknown", "log-of-another-device")
+def case_that_a_stranger_enters_in_the_log_that_lacks_it(world):
+    """The device's log goes on without the case; what others write there excuses it not."""
+    def change(log, written):
+        line = log.find("case-opened").fields
+        del log.steps[2:]
+        for _ in range(65):
+            log.signed("access", 90 * SECOND, case="*", what="unlocked", who="sato")
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}), ("case-opened", line)):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return with_log(world, change)
+
+
+@reaches("log-opening-differs", "device-not-trusted")
+def case_of_a_strangers_key_that_the_stranger_entered_behind_the_one_in_whose_place_it_is(world):
+    def change(log, written):
+        for step in log.of(Checkpoint):
+            step.signer, step.origin = log.signer, log.origin
+        for kind, fields in (("boot", {"boot_id": w.BOOT_ID, "device": str(world.stranger.key)}),
+                             ("case-opened", {"case": written.case.id, "sha256": hashlib.sha256(written.lines[0]).hexdigest()})):
+            log.signed(kind, 91 * SECOND, **fields)
+            log.steps[-1].signer, log.steps[-1].origin = world.stranger, f"kiroku/{world.stranger.name}/log"
+    return put_in_its_place(world, change)
+
+
+@reaches("log-of-another-device")
+def excerpt_beside_the_log_that_a_stranger_carried_on(world):
+    cases = []
+
+    def entries(written):
+        cases.append(written)
+        return [("case-checkpoint", {"size": len(written.lines), "root": "0" * 64})]
+    given = carried_on_by(world, world.stranger, entries)
+    first = next(i for i, line in enumerate(cases[0].lines) if b'"type":"token"' in line)
+    part = w.write_excerpt(cases[0], world.folder / "part", 6 * SECOND, 9 * SECOND, ["endoscope"], first, len(cases[0].lines))
+    return dataclasses.replace(given, path=part, never=["log-checkpoint-differs", "device-not-trusted"])
+
+
+@reaches("outside-note-of-other-origin")
+def note_of_another_device_that_makes_no_entry_the_device_s_own(world):
+    """Whoever has another trusted device's key signs the unsigned opening of a case that never was."""
+    def change(log, written):
+        log.add("case-opened", 90 * SECOND, case="20200101T000000Z-00000000", sha256="0" * 64)
+    given = the_log(world, change)
+    lines = (given.path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+    against = kept(world, ANOTHER_DEVICE.checkpoint("kiroku/or4/log", len(lines), merkle.root([merkle.leaf(line) for line in lines])))
+    return dataclasses.replace(given, devices=[*given.devices, ANOTHER_DEVICE.key], against=against, never=["case-missing"])
+
+
 def put_in_its_place(world, change=lambda log, written: None, **more):
     """A case of a stranger's key, by the identifier of one that the device's log knows."""
     strangers = dataclasses.replace(world, device=world.stranger, folder=world.folder / "forged").sound()
@@ -2749,6 +3199,17 @@ def is_carried_on_by_what_anybody_wrote(world):
     earlier, later = operation(world)
     (later.folder / "ledger.jsonl").write_bytes(b"hello\n")
     return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-broken"])
+
+
+@reaches("carried-on-not-compared")
+def is_carried_on_by_a_first_line_that_nobody_signed(world):
+    """The later case was taken away; anybody who saw it can write its first line, or one like it."""
+    earlier, later = operation(world)
+    line = (later.folder / "ledger.jsonl").read_bytes().split(b"\n")[0] + b"\n"
+    shutil.rmtree(later.folder)
+    later.folder.mkdir()
+    (later.folder / "ledger.jsonl").write_bytes(line)
+    return dataclasses.replace(world.given(earlier.folder), never=["carrying-on-holds", "carrying-on-broken"])
 
 
 @reaches("carrying-on-broken")

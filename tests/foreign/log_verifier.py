@@ -24,11 +24,44 @@ class KnownRoot:
     entry: int
 
 
+@dataclasses.dataclass(frozen=True)
+class Named:
+    """A device as the log names it: its text, its key where that is one, and whether the verifier trusts it."""
+    text: str | None
+    key: object = None
+    trusted: bool = False
+
+    def is_also(self, other):
+        """Whether both are one device: by one key, or by two of one name that the verifier trusts."""
+        if self.text == other.text:
+            return True
+        return self.key is not None and other.key is not None and (self.key == other.key or (self.trusted and other.trusted and self.key.name == other.key.name))
+
+
+def named_device(text, trust):
+    try:
+        key = note.parse_key(text) if text else None
+    except note.Malformed:
+        key = None
+    return Named(text or None, key, key is not None and key in trust.devices)
+
+
+@dataclasses.dataclass
+class OpenedByAnother:
+    """An opening of the case that is judged, under a key that is not its device's."""
+    entry: int
+    opening_line: str
+    device: str | None
+    accuses: bool
+
+
 @dataclasses.dataclass
 class KnownCase:
+    """By lines of the case's own device alone."""
     opened: int | None = None
     opening_line: str = ""
-    device: str | None = None  # of the log when it was opened
+    device: Named | None = None  # where the log is judged itself: who told of it first
+    accuses: bool = True         # that device is trusted, or began the log
     roots: list = dataclasses.field(default_factory=list)
     closed: KnownRoot | None = None
     final_token: str | None = None
@@ -43,8 +76,13 @@ class Consents:
     def __init__(self, folder):
         self.folder, self.standing, self.doubted, self.unsigned, self.files, self.found = folder, set(), set(), None, {}, []
 
-    def take(self, number, entry, own, opened):
+    def take(self, number, entry, own, opened, ours):
+        """`ours`: of the case's own device. Of what others say only the files are named."""
         kind, case = entry["type"], entry.get("case")
+        if not ours:
+            for digest in filter(None, (entry["statement"], entry.get("form"))) if kind in ("consent-given", "consent-withdrawn") else ():
+                self.files.setdefault(f"consents/{digest}.age", {})
+            return
         if kind == "access" and "purpose" in entry:
             if own and (case, entry["purpose"]) not in self.standing:
                 self.found.append((case, "access-without-consent", number))
@@ -98,7 +136,7 @@ class Consents:
             if case is None or name == case:
                 report(code, f"{name}, {where}")
         for path, cases in sorted(self.files.items()):
-            if case is None or case in cases:
+            if cases and (case is None or case in cases):
                 self._judge_file(path, report)
 
     def _judge_file(self, path, report):
@@ -113,18 +151,25 @@ class Consents:
 
 
 class LogRead:
-    """What the log says; findings are in `folder`. `alone`: it is judged itself, so all notes kept outside are about it."""
+    """What the log says; findings are in `folder`. `alone`: it is judged itself, so all notes kept outside are about it.
 
-    def __init__(self, path, trust, alone=False):
+    `opening`: of the case that is judged by it. What stands there under a key that is not of that case's device counts for nothing.
+    """
+
+    def __init__(self, path, trust, alone=False, opening=None):
         self.path, self.folder, self.cases, self.doubted, self.held_and_erased = pathlib.Path(path), Folder(path, trust), {}, set(), []
+        self.of_case = named_device(opening["device"], trust) if opening else None
+        self.case_id = opening["case"] if opening else None
+        self.opened_by_another = self.told_by_another = self.stranger = None
+        self.had_case_key = False   # the log named the very key that the case names: its further keys are those that follow
+        self.was_case_devices, self.accusing = False, 0   # lines that a checkpoint of the case's device covers
+        first_named = None
         folder, report = self.folder, self.folder.report
         data = folder.read("ledger.jsonl") or b""
         self.ledger = Ledger(data, "appliance-log", 2, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
+        self.now = Named(None)   # the device as the newest entry says it
         named = None   # the device's key as the newest entry says it
-        self.signed_by = {}    # lines that a checkpoint covers, by the device that signed it; None: one kept elsewhere
-        self.devices = set()   # every key that the log named as its device's
-        self.named_first = {}  # in which line
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -143,8 +188,6 @@ class LogRead:
                 mono = entry["mono_ns"]
                 if kind in ("boot", "device-key-changed"):
                     named = entry["device"]
-                    self.devices.add(named)
-                    self.named_first.setdefault(named, number)
                 if kind not in FOLLOWED_BY_NONE:
                     since_note += kind not in ("recovered", "damage-found")
                     to_be_followed.append(number)
@@ -157,11 +200,16 @@ class LogRead:
                         device = later
                         origin = f"kiroku/{device.name}/log"
                         origins.append(origin)
-                        folder.judge_device(device)
+                        self._judge_named(device)
                         folder.alone_until = folder.known_device(device).since
                         folder.hardware_alone_until = folder.known_device(device).hardware_since
                     except note.Malformed as e:
                         report("device-invalid", str(e))
+                if kind in ("boot", "device-key-changed") and named is not None:
+                    self.now = named_device(named, trust)
+                    first_named = first_named or self.now
+                    self.had_case_key = self.had_case_key or self._has_key_of_case()
+                    self.was_case_devices = self.was_case_devices or self._is_its_devices(self.case_id)
                 if kind == "device-ml-dsa-added":
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
                 if kind == "device-hardware-added":
@@ -169,7 +217,7 @@ class LogRead:
                 if kind == "damage-found":
                     report("log-damage-stated", f"line {number}")
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
-                told, erased, closed = self._take(number, entry, kind, named)
+                told, erased, closed = self._take(number, entry, kind, first_named)
             size = number + 1
             if size in folder.note_sizes:
                 folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
@@ -179,17 +227,17 @@ class LogRead:
                     since_note = 0
             kept_elsewhere = any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
             own = folder.covered == size or kept_elsewhere
-            if kept_elsewhere:
-                self.signed_by[None] = size
-            elif own and device is not None:
-                self.signed_by[str(device)] = size
+            if own and self.of_case and self._is_its_devices(self.case_id):
+                self.accusing = size
+            if entry is not None and entry["type"] == "case-opened":
+                self._judge_opening_by_another(number, entry, own)
             if erased and own:
                 erased.erased = True
             if own and entry is not None:
                 self._judge_holds(holds, number, entry)
             if entry is not None:
                 known = self.cases.get(entry.get("case"))
-                self.consents.take(number, entry, own, known is not None and known.opened is not None)
+                self.consents.take(number, entry, own, known is not None and known.opened is not None, self._is_its_devices(entry.get("case")))
             if told:
                 if own and kind == "case-opened":
                     told.erased = False
@@ -214,6 +262,10 @@ class LogRead:
             folder.judge_keys(device, len(self.ledger), (0, 0))
         folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
         self.device = device
+        if self.stranger and self.was_case_devices:
+            report("log-not-tidy", f"the log names {self.stranger}")
+        elif self.stranger:
+            folder.judge_device(self.stranger)
 
     def beside_a_case(self):
         """What was found of the log itself, as it weighs for a case beside it; whether its lines are sound."""
@@ -221,11 +273,34 @@ class LogRead:
                    for code, text in self.folder.findings]
         return weighed, all(code != "log-not-sound" for code, _ in weighed)
 
-    def signed_by_known(self, device, trusted):
-        """How many lines a checkpoint covers that this device signed, or one that is trusted."""
-        sizes = [self.signed_by.get(by, 0) for by in [None, device, *map(str, trusted)]]
-        # What was signed before the log was that device's does not speak of its cases.
-        return max((size for size in sizes if size > self.named_first.get(device, len(self.ledger))), default=0)
+    def _judge_named(self, device):
+        """Beside a case nothing rests on a device that is not the case's."""
+        trusted = self.folder.trust.devices
+        if self.of_case and self.of_case.key != device and trusted and device not in trusted:
+            self.stranger = self.stranger or device
+        else:
+            self.folder.judge_device(device)
+
+    def _is_its_devices(self, case):
+        """Whether the log is the device's now that speaks for the case."""
+        if self.of_case:
+            return self.of_case.text is not None and (self._has_key_of_case() or self.had_case_key and self.of_case.is_also(self.now))
+        known = self.cases.get(case)
+        return known is None or known.device is None or known.device.text is None or known.device.is_also(self.now)
+
+    def _has_key_of_case(self):
+        return self.of_case is not None and self.of_case.text is not None and (self.now.text == self.of_case.text or self.now.key is not None and self.now.key == self.of_case.key)
+
+    def _note_another(self, case, number):
+        if self.told_by_another is None and (self.of_case is None or case == self.case_id):
+            self.told_by_another = number
+
+    def _judge_opening_by_another(self, number, entry, own):
+        if self.of_case is None or entry["case"] != self.case_id or self._is_its_devices(self.case_id):
+            return
+        accuses, first = own and self.now.trusted and not self.of_case.trusted, self.opened_by_another
+        if first is None or accuses and not first.accuses:
+            self.opened_by_another = OpenedByAnother(number, entry["sha256"], self.now.text, accuses)
 
     def _keep_covered(self, device):
         known = self.covered_by.get(str(device), (0, 0))
@@ -254,32 +329,41 @@ class LogRead:
         if known and (name != known.name or known.hardware not in (None, public)):
             report("device-hardware-differs", name)
 
-    def _take(self, number, entry, kind, device):
+    def _take(self, number, entry, kind, first_named):
         """The case that the entry tells of, one that it erases as a whole, its end."""
+        erases = kind == "erased" and "stream" not in entry
+        if kind not in ("case-opened", "case-checkpoint", "case-closed") and not erases:
+            return None, None, None
+        if not self._is_its_devices(entry["case"]):
+            self._note_another(entry["case"], number)
+            return None, None, None
+        case = self.cases.setdefault(entry["case"], KnownCase())
+        if erases:
+            return None, case, None
+        if self.of_case is None and (case.device is None or case.device.text is None):
+            case.device = self.now
+            case.accuses = self.now.trusted or first_named is None or first_named.is_also(self.now)
         if kind == "case-opened":
-            case = self.cases.setdefault(entry["case"], KnownCase())
             if case.opened is None:
-                case.opened, case.opening_line, case.device = number, entry["sha256"], device
+                case.opened, case.opening_line = number, entry["sha256"]
             elif case.opening_line != entry["sha256"]:
                 case.further.append([number, entry["sha256"], False])
             return case, None, None
-        if kind in ("case-checkpoint", "case-closed"):
-            case = self.cases.setdefault(entry["case"], KnownCase())
-            root = KnownRoot(entry["size"], entry["root"], number)
-            case.roots.append(root)
-            return case, None, root if kind == "case-closed" else None
-        if kind == "erased" and "stream" not in entry:
-            return None, self.cases.setdefault(entry["case"], KnownCase()), None
-        return None, None, None
+        root = KnownRoot(entry["size"], entry["root"], number)
+        case.roots.append(root)
+        return case, None, root if kind == "case-closed" else None
 
     def _judge_holds(self, holds, number, entry):
-        standing = holds.setdefault(entry.get("case"), set())
+        standing, ours = holds.setdefault(entry.get("case"), {}), self._is_its_devices(entry.get("case"))
         if entry["type"] == "case-held":
-            standing.add(number)
-        elif entry["type"] == "case-released":
-            standing.discard(entry["hold"])
+            standing[number] = ours
+        elif entry["type"] == "case-released" and (ours or not standing.get(entry["hold"], True)):
+            standing.pop(entry["hold"], None)
         elif entry["type"] == "erased" and standing:
-            self.held_and_erased.append((entry["case"], number))
+            if ours and any(standing.values()):
+                self.held_and_erased.append((entry["case"], number))
+            else:
+                self._note_another(entry["case"], number)
 
     def _judge_tail(self, to_be_followed):
         covered, is_empty = self.folder.covered, len(self.ledger) == 0
@@ -302,6 +386,7 @@ def _held(notes, trust):
         except note.Malformed:
             continue
         signatures = [(key, s[2]) for key in trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
+        signatures = [(key, signature) for key, signature in signatures if checkpoint.origin == f"kiroku/{key.name}/log"]
         if any(note.holds(key.public, checkpoint.text, signature) and key.by_all(checkpoint) for key, signature in signatures):
             kept.append(checkpoint)
     return kept
@@ -319,6 +404,8 @@ def verify_log(path, trust):
     for name, number in log.held_and_erased:
         log.folder.report("erased-while-held", f"{name}, line {number}")
     log.consents.report_of(None, log.folder.report)
+    if log.ledger.readable and log.told_by_another is not None:
+        log.folder.report("log-of-another-device", f"line {log.told_by_another}")
     if log.ledger.readable:
         _look_for_cases(log, pathlib.Path(path).resolve())
     return Judgement(log.folder.findings)
@@ -332,21 +419,25 @@ def _look_for_cases(log, path):
     for name, case in log.cases.items():
         if case.opened is None:
             if case.roots and search and not case.erased and not _has_ledger(archive / name):
-                report("case-missing" if case.vouched else "log-entry-doubted", name)
+                report(_missing(case, case.vouched), name)
             continue
         if not search and not case.erased:
             unknown = True
         if search and not case.erased and not _holds(archive / name, case.opening_line):
-            report("case-missing" if case.vouched else "log-entry-doubted", name)
+            report(_missing(case, case.vouched), name)
         elif not case.closed and not case.erased:
             report("log-case-open", name)
         for _, line, vouched in case.further:
             if search and not case.erased and not _holds(archive / name, line):
-                report("case-missing" if vouched else "log-entry-doubted", name)
+                report(_missing(case, vouched), name)
         if search and case.erased and _holds(archive / name, case.opening_line):
             report("log-case-erased", name)
     if unknown:
         report("cases-not-looked-for", "no case lies beside the log")
+
+
+def _missing(case, vouched):
+    return "log-entry-doubted" if not vouched else "case-missing" if case.accuses else "log-of-another-device"
 
 
 def _has_ledger(folder):

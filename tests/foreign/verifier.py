@@ -117,11 +117,43 @@ class Ledger:
     def __len__(self):
         return self.first + len(self.lines)
 
+    def shows(self, size):
+        """Whether the root of the first `size` lines may be known."""
+        return self.first < size <= len(self)
+
     def root(self, size):
         """The root over the first `size` lines, of a ledger whose beginning is here."""
         if size not in self._roots:
             self._roots[size] = merkle.root(self.leaves[:size])
         return self._roots[size]
+
+
+class Unread(Ledger):
+    """Lines that nobody understands, up to one that is too long."""
+
+    def __init__(self, data):
+        lines = data.split(b"\n")[:-1]
+        self.lines = lines[:next((i for i, line in enumerate(lines) if len(line) > LARGEST_LINE), len(lines))]
+        self.readable = len(self.lines) == len(lines) and len(data) - data.rfind(b"\n") - 1 <= LARGEST_LINE
+        self.first, self.known, self._roots = 0, 1 << 62, {}
+        self.leaves = [merkle.leaf(line) for line in self.lines]
+
+
+class Heads:
+    """Of a ledger that is not here the roots that its notes state, by size."""
+    first, known, readable = 0, 1 << 62, False
+
+    def __init__(self, roots):
+        self.roots = roots
+
+    def __len__(self):
+        return max(self.roots, default=0)
+
+    def shows(self, size):
+        return size in self.roots
+
+    def root(self, size):
+        return self.roots[size]
 
 
 def parse_entry(line, schema_name, levels):
@@ -198,14 +230,20 @@ def is_of_a_system(file):
     return "@eaDir" in above or not folder and (name in (".DS_Store", "Thumbs.db", "desktop.ini") or bool(re.fullmatch("(?s).+:Zone[.]Identifier", name)))
 
 
-def is_newer(line, kind):
-    """Whether a document names a later version of its format than the first."""
+def newer(line, kind):
+    """A document that names a later version of its format than the first; None where it names none."""
     try:
         document = strict_json.parse(line)
     except strict_json.Malformed:
-        return False
-    found = re.fullmatch(rf"kiroku-{kind}/([1-9][0-9]{{0,8}})", document["format"]) if isinstance(document, dict) and isinstance(document.get("format"), str) else None
-    return bool(found) and int(found[1]) > 1
+        return None
+    found = re.fullmatch(rf"kiroku-{kind}/([1-9][0-9]{{0,8}})", document["format"]) if isinstance(document.get("format"), str) else None
+    return document if found and int(found[1]) > 1 and not _holds_null(document) else None
+
+
+def _holds_null(value):
+    if isinstance(value, (dict, list)):
+        return any(_holds_null(each) for each in (value.values() if isinstance(value, dict) else value))
+    return value is None
 
 
 class Folder:
@@ -421,7 +459,7 @@ class Folder:
         for name, checkpoint, alone in seen:
             def accuse(code, name=name, alone=alone):
                 self.report("outside-note-not-by-both" if alone else code, name)
-            known = ledger is not None and (ledger.first == 0 or ledger.first < checkpoint.size) and checkpoint.size <= min(len(ledger), ledger.known)
+            known = ledger is not None and ledger.shows(checkpoint.size) and checkpoint.size <= ledger.known
             if not origins:
                 self.report("outside-note-unchecked", name)
             elif checkpoint.origin not in origins:

@@ -51,6 +51,8 @@ std::vector<std::string> gravest_meanings(const ReportInput& input) {
   constexpr std::size_t kMost = 4;
   for (const auto& finding : input.verification.findings) {
     if (finding.severity != worst || meanings.size() == kMost) continue;
+    // Here the device is the case's.
+    if (finding.of_log && finding.code == "device-not-trusted") continue;
     std::string meaning = meaning_of(input.language, finding.code);
     if (std::ranges::find(meanings, meaning) == meanings.end()) meanings.push_back(std::move(meaning));
   }
@@ -207,11 +209,20 @@ std::string witness_sentence(const ReportInput& input) {
                                         : say(input.language, "witness.beginning", {entries});
 }
 
+bool is_of_later_version(const archive::VerificationReport& verification) {
+  return std::ranges::find(verification.findings, "format-newer", &archive::Finding::code) !=
+         verification.findings.end();
+}
+
 Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
                       verdict_sentence(input.language, verdict), gravest_meanings(input)};
   if (verdict == Verdict::kTampered) return statement;
+  if (is_of_later_version(input.verification)) {
+    statement.sentence = say(input.language, "verdict.newer.sentence");
+    return statement;
+  }
   statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
@@ -281,7 +292,7 @@ std::string signature_words(const ReportInput& input) {
 std::string device_trust_words(const ReportInput& input) {
   if (input.given.devices.empty()) return say(input.language, "device.trusted.none");
   const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
-    return finding.code == "device-not-trusted" || finding.code == "no-trusted-device";
+    return !finding.of_log && (finding.code == "device-not-trusted" || finding.code == "no-trusted-device");
   });
   if (input.verification.signed_entries == 0) return say(input.language, "check.unsigned");
   return doubted || input.verification.device.empty() ? say(input.language, "device.trusted.no")

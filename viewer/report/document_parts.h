@@ -22,6 +22,9 @@ std::string evidence_sentence(const ReportInput& input);
 /// Whether what the log says of the case's end is witnessed; "" where no policy of witnesses was given.
 std::string witness_sentence(const ReportInput& input);
 /// Verdict, what it means, and what is to be known with it.
+/// Whether the record is of a later version of the format: nothing is known of what its entries say.
+bool is_of_later_version(const archive::VerificationReport& verification);
+
 Statement verdict_statement(const ReportInput& input, Brackets brackets = Brackets::kBelow);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);

@@ -28,7 +28,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"erased-before-close", Check::kFiles,
      "終了項目の前に、区間が消去されたという項目がある。記録装置はこのような項目を書かない。"},
     {"format-newer", Check::kLedger,
-     "この症例または抜粋は、このプログラムの知る版より新しい形式のものである。何も確かめていない。"},
+     "この症例または抜粋は、このプログラムの知る版より新しい形式のものである。項目の内容とファイルは確かめて"
+     "い"
+     "ない。"},
     {"open-missing", Check::kLedger, "最初の項目が開始項目でない。"},
     {"open-repeated", Check::kLedger, "開始項目が後で再び現れる。"},
     {"device-invalid", Check::kLedger, "開始項目の装置の鍵が検証鍵として成り立たない。"},
@@ -295,8 +297,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"consent-not-entered", Check::kLog,
      "どの項目にも記されていない、封印された同意の記載または書面がある。"},
     {"log-of-another-device", Check::kLog,
-     "装置ログが別の装置のものである、または症例の開始を記した時点でそうであった。"
-     "署名した装置自身のログは確かめていない。"},
+     "装置ログが別の装置のものである、または症例を記した時点でそうであった。そこに記されたことは、症例を裏付"
+     "け"
+     "るものとも反するものともみなさない。"},
     {"log-algorithm-ended", Check::kLog,
      "与えられた方針では、装置ログが拠るアルゴリズムがもう有効でない。装置ログとの一致は何も証明しない。"},
     {"log-doubted", Check::kLog,

@@ -39,6 +39,11 @@ Document make_receipt(const ReportInput& input) {
     throw UsageError(
         "an excerpt has no receipt: its checkpoint covers more than it holds; make one of the whole case");
   }
+  if (is_of_later_version(input.verification)) {
+    throw UsageError(
+        "cannot make a receipt: the case is of a later version of the format than this program knows; use a "
+        "newer version of the program");
+  }
   if (!facts.last_checkpoint) {
     throw UsageError(
         "cannot make a receipt: the case has no checkpoint that its device signed of the entries that are "

@@ -66,6 +66,7 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
   if (gravest == nullptr && answered.check == Check::kFiles && !in_.facts.excerpt &&
       leaves_files_unasked(found_))
     return words("check.files.unasked");
+  if (is_excused && is_of_later_version(found_)) return words("check.newer");
   const bool ledger_changed =
       std::ranges::find(answers_, Check::kLedger, &CheckAnswer::check)->answer == Answer::kNo;
   if (is_excused && ledger_changed && rests_on_lines(answered.check) && !in_.facts.excerpt)
@@ -247,6 +248,17 @@ std::string ReportMaker::chain_lead() const {
 
 void ReportMaker::add_chain() {
   heading("heading.chain");
+  if (is_of_later_version(found_)) {
+    Chain unread;
+    for (const auto& [name, check] : {std::pair(TextKey("chain.segments"), Check::kFiles),
+                                      std::pair(TextKey("chain.ledger"), Check::kLedger),
+                                      std::pair(TextKey("chain.checkpoints"), Check::kDevice),
+                                      std::pair(TextKey("chain.tokens"), Check::kTime),
+                                      std::pair(TextKey("chain.authorities"), Check::kTime)}) {
+      unread.links.push_back(link(name, answer(check), words("check.newer"), ""));
+    }
+    return add(std::move(unread));
+  }
   paragraph(words("chain.lead", {chain_lead()}));
   const CaseFacts& facts = in_.facts;
   Chain chain;

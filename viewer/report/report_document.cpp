@@ -6,6 +6,14 @@ namespace kiroku::report {
 
 Document ReportMaker::make() {
   add(verdict_statement(in_));
+  if (is_of_later_version(found_)) {
+    add_answers();
+    add_chain();
+    add_findings();
+    add_about();
+    add_words();
+    return std::move(document_);
+  }
   add_answers();
   add_case();
   add(PageBreak{});

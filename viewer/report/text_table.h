@@ -47,6 +47,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "is neither confirmed nor refuted.",
      "この記録に矛盾は見つかりませんが、証明に必要なものが与えられていないか、存在しません。確認も否定もでき"
      "ません。"},
+    {"verdict.newer.sentence",
+     "This record is of a later version of the format than this program knows. What its entries say, and its "
+     "files, was not checked: use a newer version of the program. It is neither confirmed nor refuted.",
+     "この記録は、このプログラムの知る版より新しい形式のものです。項目の内容とファイルは検査していません。新"
+     "し"
+     "い版のプログラムを用いてください。確認も否定もできません。"},
     {"verdict.incomplete", "NOT FINISHED", "未完了"},
     {"verdict.incomplete.sentence",
      "This record was not brought to its end: it is still being recorded, or recording was cut off. What "
@@ -158,6 +164,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "より後は署名されておらず、誰でも書くことができます。"},
     {"check.unsigned", "Nobody signed the ledger: anybody can have written it, and all that it lists.",
      "台帳は署名されていません。台帳とその記載内容は、誰でも書くことができます。"},
+    {"check.newer", "This rests on entries of a later version of the format, which were not checked.",
+     "これは、より新しい版の形式の項目に拠るものであり、検査していません。"},
     {"check.ledger.changed", "The lines of the ledger do not hold, so nothing is said about this.",
      "台帳の行が成立しないため、これについては何も述べません。"},
     {"check.excerpt.unread", "The lines of this excerpt do not hold, so nothing is said about this.",

@@ -23,7 +23,6 @@ std::optional<OpenEntry> case_opening() {
 /// A log that knows the case and these roots of it.
 LogContents log_of(std::vector<KnownRoot> roots) {
   LogContents log;
-  log.opened_by_case_device = true;
   log.root_at_head = crypto::Sha256Digest{};
   log.cases[kLoggedCase].opened = 1;
   log.cases[kLoggedCase].roots = std::move(roots);

@@ -94,6 +94,22 @@ TEST_F(ReportDocument, OfALedgerThatNobodySignedTellsOfNoDeviceThatSignedIt) {
   EXPECT_THAT(test::text_of(make_report(in)), Not(HasSubstr("checkpoints that a device signed")));
 }
 
+TEST_F(ReportDocument, OfALaterVersionSaysThatItsEntriesWereNotCheckedAndNothingElse) {
+  ReportInput in = input();
+  in.verification = {};
+  in.verification.verdict = archive::Verdict::kUnproven;
+  in.verification.findings.push_back(
+      {"format-newer", archive::Severity::kUnproven, "ledger.jsonl", {}, {}, "it is later", false});
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text,
+              AllOf(HasSubstr("of a later version of the format"), HasSubstr("its files, was not checked"),
+                    Not(HasSubstr("contradicts itself")), Not(HasSubstr("Nobody signed")),
+                    Not(HasSubstr("no time stamp")), Not(HasSubstr("No time stamp"))));
+  EXPECT_THROW(make_receipt(in), UsageError);
+  in.language = Language::kJapanese;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("より新しい形式"));
+}
+
 // An expert types what stands under "Repeating this check".
 TEST_F(ReportDocument, ItsCommandsAreNotThoseOfWhoeverMadeTheCase) {
   ReportInput in = input();
