@@ -122,6 +122,8 @@ class LogRead:
         self.ledger = Ledger(data, "appliance-log", 2, report)
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         named = None   # the device's key as the newest entry says it
+        claims = []            # code, line and words of what counts once a checkpoint covers the line
+        fitting = {}           # lines that a checkpoint covers, by the device that signed it
         self.signed_by = {}    # lines that a checkpoint covers, by the device that signed it; None: one kept elsewhere
         self.devices = set()   # every key that the log named as its device's
         self.named_first = {}  # in which line
@@ -163,17 +165,21 @@ class LogRead:
                     except note.Malformed as e:
                         report("device-invalid", str(e))
                 if kind == "device-ml-dsa-added":
-                    self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
+                    self._judge_ml_dsa_key(entry["ml_dsa"], device, lambda code, text, at=number: claims.append((code, at, text)))
                 if kind == "device-hardware-added":
-                    self._judge_hardware_key(entry["hardware"], device, report)
+                    self._judge_hardware_key(entry["hardware"], device, lambda code, text, at=number: claims.append((code, at, text)))
                 if kind == "damage-found":
-                    report("log-damage-stated", f"line {number}")
+                    refuted = device is not None and fitting.get(str(device), -1) >= entry["size"]
+                    claims.append(("log-damage-refuted" if refuted else "log-damage-stated", number, f"line {number}"))
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, named)
             size = number + 1
             if size in folder.note_sizes:
                 folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
                 if folder.covered == size:
+                    claims = self._tell(claims, size, report)
+                    if device is not None:
+                        fitting[str(device)] = size
                     if since_note > MOST_WITHOUT_THEIR_OWN:
                         report("log-signed-late", f"line {number}")
                     since_note = 0
@@ -226,6 +232,14 @@ class LogRead:
         sizes = [self.signed_by.get(by, 0) for by in [None, device, *map(str, trusted)]]
         # What was signed before the log was that device's does not speak of its cases.
         return max((size for size in sizes if size > self.named_first.get(device, len(self.ledger))), default=0)
+
+    @staticmethod
+    def _tell(claims, covered, report):
+        """Those of which a checkpoint covers the line; the others are left."""
+        for code, number, text in claims:
+            if number < covered:
+                report(code, text)
+        return [claim for claim in claims if claim[1] >= covered]
 
     def _keep_covered(self, device):
         known = self.covered_by.get(str(device), (0, 0))
