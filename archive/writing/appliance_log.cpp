@@ -253,8 +253,8 @@ struct ApplianceLog::State {
   /// Whether the device stands for what an entry states: a checkpoint of its own covers it, and the device
   /// did not say that it found the entry unsigned.
   [[nodiscard]] bool stands_for(std::uint64_t entry) const {
-    return entry < signed_until && std::ranges::none_of(found, [&](const Found& each) {
-             return each.entry < signed_until && each.entries.from <= entry && entry <= each.entries.to;
+    return entry < covered_until && std::ranges::none_of(found, [&](const Found& each) {
+             return each.entry < covered_until && each.entries.from <= entry && entry <= each.entries.to;
            });
   }
 
@@ -506,24 +506,28 @@ struct ApplianceLog::State {
   void settle_locked() {
     ledger->catch_up();
     look_behind_locked();
-    const StatedKey* const ml_dsa = other_of(ml_dsa_keys, own_keys.ml_dsa);
-    if (ml_dsa != nullptr) {
-      throw Error("the appliance log in " + folder.string() + " states in its entry " +
-                  std::to_string(ml_dsa->entry) + " that " + device.name() +
-                  " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
-                  "back, and start whatever runs from before it was made anew");
+    if (const std::string why = why_other_keys(); !why.empty()) throw Error(why);
+    if (!device.hardware() && stated_hardware() != nullptr) {
+      silence = "the program that signed was given no key in hardware";
+    }
+  }
+
+  /// Why this program must not sign in this log, whose device has other keys; "" where it may.
+  [[nodiscard]] std::string why_other_keys() const {
+    if (const StatedKey* const ml_dsa = other_of(ml_dsa_keys, own_keys.ml_dsa); ml_dsa != nullptr) {
+      return "the appliance log in " + folder.string() + " states in its entry " +
+             std::to_string(ml_dsa->entry) + " that " + device.name() +
+             " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
+             "back, and start whatever runs from before it was made anew";
     }
     const StatedKey* const hardware = other_of(hardware_keys, own_keys.hardware);
     if (hardware != nullptr && device.hardware()) {
-      throw Error(
-          "the appliance log in " + folder.string() + " states in its entry " +
-          std::to_string(hardware->entry) + " another key in the hardware of " + device.name() +
-          " than device-hardware.json: put the file back that belongs to this home. After hardware was "
-          "replaced, make a new home (docs/how-to/keep-a-key-in-hardware.md)");
+      return "the appliance log in " + folder.string() + " states in its entry " +
+             std::to_string(hardware->entry) + " another key in the hardware of " + device.name() +
+             " than device-hardware.json: put the file back that belongs to this home. After hardware was "
+             "replaced, make a new home (docs/how-to/keep-a-key-in-hardware.md)";
     }
-    if (hardware != nullptr) {
-      silence = "the program that signed was given no key in hardware";
-    }
+    return "";
   }
 
   /// With the turn: what stands behind the newest checkpoint of this device's that fits is a crash's, or
@@ -546,10 +550,13 @@ struct ApplianceLog::State {
     try {
       if (const std::optional<OwnCheckpoint> own = own_checkpoint(size)) {
         damaged = damaged || own->checkpoint.root != ledger->root();
-        if (own->checkpoint.root == ledger->root()) signed_until = size;
+        if (own->checkpoint.root == ledger->root()) signed_until = covered_until = size;
       }
       if (signed_until < size) {
-        signed_until = std::max(signed_until, newest_fitting(signed_until));
+        signed_until = std::max(signed_until, newest_fitting(signed_until, device_of_log()));
+        covered_until = std::max(covered_until, signed_until);
+        covered_until = std::max(covered_until, newest_fitting(covered_until, by_ed25519()));
+        if (!why_other_keys().empty()) return;
         behind = unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage);
       }
     } catch (const Error&) {
@@ -693,6 +700,9 @@ struct ApplianceLog::State {
     return device.with_ml_dsa(*device.ml_dsa(),
                               own != nullptr ? own->entry : std::numeric_limits<std::uint64_t>::max());
   }
+  /// Whatever other keys it has: a note with the line of another key in the device's name is none by all of
+  /// its keys, and what that key signed is the device's all the same.
+  [[nodiscard]] crypto::VerifierKey by_ed25519() const { return {device.name(), key.public_key()}; }
   [[nodiscard]] std::optional<OwnCheckpoint> own_checkpoint(std::uint64_t size) const {
     return checkpoint_of(folder, device_of_log(), size, files);
   }
@@ -714,10 +724,10 @@ struct ApplianceLog::State {
 
   /// With the turn: how many lines the newest checkpoint of this device's covers that is over the lines which
   /// are there; 0 if none is over more than `known`.
-  [[nodiscard]] std::uint64_t newest_fitting(std::uint64_t known) const {
+  [[nodiscard]] std::uint64_t newest_fitting(std::uint64_t known, const crypto::VerifierKey& by) const {
     std::vector<std::uint64_t> sizes = note_sizes_in(files, folder);
     std::erase_if(sizes, [&](std::uint64_t size) { return size <= known || size > ledger->size(); });
-    return sizes.empty() ? 0 : newest_that_fits(files, folder, device_of_log(), sizes);
+    return sizes.empty() ? 0 : newest_that_fits(files, folder, by, sizes);
   }
 
   /// The root of the first `size` lines; nothing where there are fewer.
@@ -741,7 +751,7 @@ struct ApplianceLog::State {
           damage_stated = std::ranges::any_of(
               stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
         } else {
-          signed_until = newest->checkpoint.size;
+          signed_until = covered_until = newest->checkpoint.size;
         }
         newest_note_text = std::move(newest->note);
       }
@@ -750,7 +760,7 @@ struct ApplianceLog::State {
         const auto kept_root = is_newest ? root : root_of_first(expected->size);
         lacks = what_lacks(*expected, kept_root);
         // As if its note lay here still.
-        if (lacks.empty()) signed_until = std::max(signed_until, expected->size);
+        if (lacks.empty()) signed_until = covered_until = std::max(signed_until, expected->size);
       }
     } catch (const Error& error) {
       if (expected) lacks = std::string("it could not be compared: ") + error.what();
@@ -780,7 +790,7 @@ struct ApplianceLog::State {
         }
         if (const std::optional<OwnCheckpoint> there = own_checkpoint(text.size)) {
           if (there->checkpoint != text) return false;
-          signed_until = text.size;
+          signed_until = covered_until = text.size;
           return true;
         }
       } catch (const Error&) {
@@ -789,7 +799,7 @@ struct ApplianceLog::State {
     }
     crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
     reserve.write_durably(file, bytes_of(written.note));
-    signed_until = text.size;
+    signed_until = covered_until = text.size;
     if (keep_note) {
       keep_note(written.note);
     }
@@ -864,6 +874,7 @@ struct ApplianceLog::State {
   Signing newest_signing = Signing::kNone;  // of the newest line
   /// So many lines a checkpoint of this device's covers that fits them, as far as known.
   std::uint64_t signed_until = 0;
+  std::uint64_t covered_until = 0;  // the same by Ed25519, whatever its other keys signed
   /// So many lines were looked at, or written here. Should a note of them vanish now, nothing is cut off.
   std::uint64_t looked_at = 0;
   std::unique_ptr<Ledger> ledger;
