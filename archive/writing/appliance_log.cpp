@@ -510,6 +510,13 @@ struct ApplianceLog::State {
     if (!device.hardware() && stated_hardware() != nullptr) {
       silence = "the program that signed was given no key in hardware";
     }
+    // What was put aside nobody finds in the log any more, should this program enter nothing.
+    if (!was_put_aside) return;
+    try {
+      state_unsigned_locked();
+      was_put_aside = false;
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): the next entry states it
+    }
   }
 
   /// Why this program must not sign in this log, whose device has other keys; "" where it may.
@@ -628,6 +635,7 @@ struct ApplianceLog::State {
     try {
       const SetAside kept = set_aside(files, folder / kLedgerFile, seq, offset, aside_folder());
       unstated.push_back(set_aside_deed(seq, kept.sha256));
+      was_put_aside = true;
       remark(
           "lines stood in the appliance log from entry " + std::to_string(seq) +
           " on that this device did not write: whoever can write to the archive's disk put them there. They "
@@ -867,6 +875,7 @@ struct ApplianceLog::State {
   std::string lacks;                 // as of lacks()
   std::string newest_note_text;      // of the newest checkpoint by this device when the log was opened
   std::deque<std::string> unstated;  // what the log is to say next of lines that nobody signed
+  bool was_put_aside = false;        // and is not stated yet
   std::vector<std::string> remarks;  // as of remarks()
   std::function<void(const std::string& remark)> tell;   // may be null
   std::function<void(std::string_view note)> keep_note;  // may be null

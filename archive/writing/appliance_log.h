@@ -40,7 +40,7 @@ class ApplianceLog {
   /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
   /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. Lines behind the newest
   /// checkpoint of this device that no writer of it leaves are put aside, into log-aside/ beside the folder:
-  /// the next entry says so, and remarks(). So it is whenever something is appended. `files` and `key` must
+  /// an entry says so at once, and remarks(). So it is whenever something is appended. `files` and `key` must
   /// outlive the log. Throws kiroku::Error, also where the log states, in a line that this device signed, an
   /// ML-DSA key of the device that `key` does not have: what it signs would count for nothing. So do all that
   /// append. A key in hardware that it states, and `key` does not have, is silence as that of hardware which

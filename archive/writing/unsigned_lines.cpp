@@ -1,6 +1,7 @@
 #include "archive/writing/unsigned_lines.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <span>
 #include <utility>
 
@@ -10,6 +11,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/format/line_reader.h"
 #include "archive/storage/file_system.h"
+#include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "crypto/merkle_tree.h"
@@ -163,6 +165,8 @@ SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, 
     files.make_folder(folder);
     files.sync_folder(folder.parent_path());
   }
+  // Whoever can write there may have made a link to another place.
+  if (!files.is_folder(folder)) throw IoError("write into the folder", folder, ENOTDIR);
   fs::path part = folder / format_index(line);
   part += kPartSuffix;
   if (files.exists(part)) files.remove(part);

@@ -441,8 +441,7 @@ TEST_F(ApplianceLogTest, ThatWasChangedSaysSoHoweverManyLinesStandBehind) {
 TEST_F(ApplianceLogTest, AFileInTheCheckpointsPlaceKeepsNoLineThatSomebodyAdded) {
   const std::uint64_t hold = open()->case_held(kApplianceCase, "court order", "anna");
   std::ofstream(folder_ / "log" / kLedgerFile, std::ios::app)
-      << to_line(LogEntry{2,
-                          {parse_utc("2026-08-05T07:00:00Z").value(), 1},
+      << to_line(LogEntry{2, parse_log_entry(read_log(folder_ / "log").back().json).entry->at,
                           CaseReleasedEntry{kApplianceCase, hold, "over", "sato"}})
       << "\n";
   std::ofstream(folder_ / "log" / note_path(3)) << "x";
