@@ -251,11 +251,17 @@ struct ApplianceLog::State {
   };
 
   /// Whether the device stands for what an entry states: a checkpoint of its own covers it, and the device
-  /// did not say that it found the entry unsigned.
+  /// did not say later that it found the entry unsigned. Somebody may say so, too, in a line that it found.
   [[nodiscard]] bool stands_for(std::uint64_t entry) const {
-    return entry < covered_until && std::ranges::none_of(found, [&](const Found& each) {
-             return each.entry < covered_until && each.entries.from <= entry && entry <= each.entries.to;
-           });
+    std::vector<Entries> disowned;
+    const auto is_disowned = [&](std::uint64_t number) {
+      return std::ranges::any_of(
+          disowned, [&](const Entries& each) { return each.from <= number && number <= each.to; });
+    };
+    for (auto each = found.rbegin(); each != found.rend() && each->entry > entry; ++each) {
+      if (each->entry < covered_until && !is_disowned(each->entry)) disowned.push_back(each->entries);
+    }
+    return entry < covered_until && !is_disowned(entry);
   }
 
   /// The first line that states the own key, be it unsigned yet.
@@ -552,7 +558,8 @@ struct ApplianceLog::State {
     const std::uint64_t size = ledger->size();
     looked_at = std::min(looked_at, size);
     if (size == looked_at) return;
-    bool damaged = is_damage_open();
+    // The home's own checkpoint may show it, too.
+    bool damaged = is_damage_open() || !lacks.empty();
     std::vector<UnsignedLine> behind;
     try {
       if (const std::optional<OwnCheckpoint> own = own_checkpoint(size)) {
@@ -578,7 +585,8 @@ struct ApplianceLog::State {
     const auto foreign = std::ranges::find(behind, Kind::kForeign, &UnsignedLine::kind);
     bool left = false;
     if (foreign != behind.end()) {
-      const bool is_anothers = signed_until == 0 && foreign == behind.begin();
+      // Whose log it is nobody knows then: another device's, or its checkpoints were taken away.
+      const bool is_anothers = signed_until == 0;
       const bool opens_here = std::any_of(foreign, behind.end(), [&](const UnsignedLine& each) {
         return each.opened && is_case_here(*each.opened);
       });
@@ -697,6 +705,9 @@ struct ApplianceLog::State {
   }
 
   void remark(const std::string& sentence) {
+    // Whoever adds lines all the time fills no memory.
+    constexpr std::size_t kMostRemarks = 16;
+    if (remarks.size() == kMostRemarks) return;
     remarks.push_back(sentence);
     if (tell) tell(sentence);
   }

@@ -481,6 +481,39 @@ TEST_F(ForeignLines, ACaseThatIsKnownAlreadyKeepsNone) {
   EXPECT_THAT(types(), ElementsAre("boot", "case-opened", "recovered", "access", "access"));
 }
 
+// Somebody says of the line that states the device's key that nobody signed it.
+TEST_F(ForeignLines, WhatSomebodySaysToBeUnsignedIsTheDevicesAllTheSame) {
+  const crypto::SigningKey both = crypto::SigningKey::from_pem(key_.to_pem(nullptr).text(), nullptr)
+                                      .with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
+  open(real_file_system(), both)->access("*", "unlocked", "sato");
+  add(AccessEntry{"*", "found no signature of this device over entries 0 to 2", "kiroku", {}});
+  add(AccessEntry{"*", "unlocked", "sato", {}});
+  open(real_file_system(), both)->access("*", "unlocked", "sato");
+  EXPECT_THAT(types(),
+              ElementsAre("boot", "device-ml-dsa-added", "access", "access", "access", "access", "access"));
+  EXPECT_THAT(deeds(), Contains("found no signature of this device over entries 3 to 4"));
+  EXPECT_THAT([&] { open(); }, testing::ThrowsMessage<Error>(HasSubstr("device-ml-dsa.key")));
+}
+
+// Whoever takes all checkpoints away, or those that show it, does not have the recorder put its own lines
+// aside.
+TEST_F(ForeignLines, AreLeftWhereTheDevicesOwnLinesWouldGoWithThem) {
+  {
+    const auto log = open();
+    for (int i = 0; i < 4; ++i) log->case_held(kCase, "court order", "anna");
+  }
+  const crypto::Checkpoint kept{log_origin("theatre-1"), 5, root_of_all()};
+  std::string text = text_of_file(ledger());
+  text.replace(text.find("court order"), 11, "court\x01order");
+  std::ofstream(ledger(), std::ios::binary) << text;
+  for (const std::uint64_t size : {5U, 4U, 3U, 2U}) fs::remove(log_folder() / note_path(size));
+  EXPECT_THAT(open()->remarks(), ElementsAre(HasSubstr("are left")));
+  EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+  const auto log = open(real_file_system(), key_, kept);
+  EXPECT_THAT(log->lacks(), Not(IsEmpty()));
+  EXPECT_THAT(aside(), IsEmpty());
+}
+
 // Another program of the same home, with fewer keys, would take it for somebody else's.
 TEST_F(ForeignLines, AProgramWithAnotherMlDsaKeyPutsNothingAside) {
   const auto with_one_more = [&] {
