@@ -184,6 +184,7 @@ OpenedLog open_kept_log(const Home& home, const crypto::SigningKey& key) {
 std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key) {
   auto log = open_kept_log(home, key).log;
   if (const std::string damage = log->damage(); !damage.empty()) print_error("kiroku", "warning: " + damage);
+  for (const std::string& remark : log->remarks()) print_error("kiroku", "warning: " + remark);
   return log;
 }
 

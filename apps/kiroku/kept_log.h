@@ -32,7 +32,8 @@ struct OpenedLog {
 /// ApplianceLog::open() of the home's log. Its checkpoints are kept in the home from then on, but for those
 /// of a log that is another one than the home knows; never is one kept of fewer entries than the one before.
 OpenedLog open_kept_log(const Home& home, const crypto::SigningKey& key);
-/// The same for a command: a warning on standard error says where the log was changed.
+/// The same for a command: warnings on standard error say where the log was changed, and what lines in it are
+/// not this device's.
 std::unique_ptr<archive::ApplianceLog> open_log(const Home& home, const crypto::SigningKey& key);
 
 }  // namespace kiroku::apps

@@ -84,6 +84,7 @@ void log_configuration(const std::filesystem::path& file, const Home& home, arch
     tell(changed + ". Cases are recorded, and entered behind it");
   }
   if (last != crypto::to_hex(digest)) log.config_changed(digest);
+  for (const std::string& remark : log.remarks()) tell(remark);
 }
 
 void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {

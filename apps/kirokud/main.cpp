@@ -279,6 +279,10 @@ int run(const Request& request) {
         home.control_socket(configuration),
         [&daemon](const nlohmann::json& asked) { return daemon.handle(asked); });
     const std::unique_ptr<KeptHttp> http = serve_http(home, configuration, daemon);
+    shared.log->tell_of_remarks([&daemon](const std::string& sentence) {
+      spdlog::error("{}", printable(sentence));
+      daemon.add_remark(sentence);
+    });
     std::unique_ptr<KeptViewer> viewer =
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
@@ -307,6 +311,7 @@ int run(const Request& request) {
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.
     daemon.close();
+    shared.log->tell_of_remarks({});
     for (const auto& [listen, inbox] : inboxes) inbox->end();
     if (!ends_in_time(std::move(viewer))) {
       late.reset();

@@ -51,7 +51,7 @@ std::map<std::string, fs::path> case_folders(const fs::path& archive) {
   for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
     const std::string name = entries->path().filename().string();
     std::error_code ignored;
-    if (name != "log" && name != kEvidenceFolder && !name.starts_with('.') &&
+    if (name != "log" && name != kEvidenceFolder && name != kLogAsideFolder && !name.starts_with('.') &&
         entries->is_directory(ignored) && !is_excerpt(entries->path())) {
       folders[name] = entries->path();
     }

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
+#include "archive/format/log_entry.h"
 #include "archive/reading/case_reader.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
@@ -123,7 +125,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
-  std::optional<std::uint64_t> damaged_at;
+  std::vector<std::pair<std::uint64_t, LogDamageEntry>> damages;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (tree.size() == newest) {
@@ -136,7 +138,9 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
       if (next_by_case->root != tree.root() && !contradicted_by) contradicted_by = next_by_case->case_id;
     }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
-    if (line.type == "damage-found" && !damaged_at) damaged_at = line.seq;
+    if (line.type == "damage-found") {
+      damages.emplace_back(line.seq, std::get<LogDamageEntry>(parse_log_entry(line.json).entry.value().body));
+    }
     if (std::ranges::find(question.types, line.type) == question.types.end()) {
       return;
     }
@@ -146,10 +150,14 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     question.visit(
         {entry, line.seq, [&] { return is_signed_entry(log_folder, device, line.seq, tree.root()); }});
   });
-  // Later checkpoints are over what was changed, too.
-  if (damaged_at) {
+  // Later checkpoints are over what was changed, too. What nobody signed says nothing, and where something
+  // was changed the newest checkpoint does not fit then.
+  const auto damage = std::ranges::find_if(damages, [&](const auto& each) {
+    return each.first < newest && !is_refuted(log_folder, device, each.second, each.first);
+  });
+  if (damage != damages.end()) {
     throw_unknown(question, log_folder,
-                  "says in its entry " + std::to_string(*damaged_at) +
+                  "says in its entry " + std::to_string(damage->first) +
                       " that lines before it were changed after they were signed");
   }
   if (newest > tree.size()) {

@@ -303,6 +303,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"log-tail-not-covered", Severity::kNote, "no checkpoint covers the newest entries of the log"},
     {"log-damage-stated", Severity::kTampered,
      "the log says itself that lines of it were changed after they were signed"},
+    {"log-damage-refuted", Severity::kNote,
+     "the log says itself that lines of it were changed, and the device's checkpoint over them holds: "
+     "somebody "
+     "added that entry"},
     {"log-case-open", Severity::kNote, "the log knows no end of a case"},
     {"log-case-erased", Severity::kNote,
      "the log says that the whole case was erased, and here it is: a copy that was kept, or an erasure that "

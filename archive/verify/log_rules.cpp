@@ -168,6 +168,7 @@ LogContents LogWalk::run() {
     kept_->whole = tree_known;
   }
   take_late_notes(tree_known);
+  tell_claims();
   checkpoints_.finish(tree_.size());
   if (outside_ != nullptr) {
     outside_->finish(tree_.size(), true);
@@ -216,6 +217,8 @@ void LogWalk::judge_signed() {
   if (checkpoints_.covered() != tree_.size()) {
     return;
   }
+  tell_claims();
+  if (signer_) signed_by_[*signer_] = tree_.size();
   // One is without its own where the machine stopped in between; so is the next start's first entry, where it
   // stops there again. Such entries excuse nothing.
   constexpr std::uint64_t kMost = 3;
@@ -389,13 +392,7 @@ void LogWalk::take(const LedgerLine& line, const LogEntryParse& parse, std::uint
                  [&](const DeviceKeyChangedEntry& change) { set_device(change.device, number); },
                  [&](const DeviceMlDsaEntry& added) { judge_ml_dsa_key(added.ml_dsa, number); },
                  [&](const DeviceHardwareEntry& added) { judge_hardware_key(added.hardware, number); },
-                 [&](const LogDamageEntry& damage) {
-                   findings_->add("log-damage-stated", in_ledger(number),
-                                  at_entry(number) + " of the log says that the first " +
-                                      std::to_string(damage.size) +
-                                      " entries were not, or not all, those over which its checkpoint "
-                                      "was signed: they were changed on the disk before that");
-                 },
+                 [&](const LogDamageEntry& damage) { judge_damage(damage, number); },
                  [&](const CaseOpenedEntry& opened) {
                    LoggedCase* known = logged(opened.case_id, number);
                    if (known != nullptr) {
@@ -512,18 +509,46 @@ void LogWalk::judge_stranger() {
           ", which is not among the trusted ones: what stands there while it does was not counted");
 }
 
+void LogWalk::claim(CodeName code, std::uint64_t number, std::string text) {
+  claims_.push_back({code, number, std::move(text)});
+}
+
+void LogWalk::tell_claims() {
+  std::erase_if(claims_, [&](const Claim& each) {
+    if (each.number >= checkpoints_.covered()) return false;
+    findings_->add(each.code, in_ledger(each.number), each.text);
+    return true;
+  });
+}
+
+void LogWalk::judge_damage(const LogDamageEntry& damage, std::uint64_t number) {
+  // Whoever finds damage finds that the device's newest checkpoint does not fit: none of it covers so many
+  // entries, or more, and does.
+  const auto by_device = signer_ ? signed_by_.find(*signer_) : signed_by_.end();
+  if (by_device != signed_by_.end() && by_device->second >= damage.size) {
+    claim("log-damage-refuted", number,
+          at_entry(number) + " of the log says that the first " + std::to_string(damage.size) +
+              " entries were changed, and a checkpoint over the first " + std::to_string(by_device->second) +
+              " holds: somebody added the entry, and the recorder signed over it");
+    return;
+  }
+  claim("log-damage-stated", number,
+        at_entry(number) + " of the log says that the first " + std::to_string(damage.size) +
+            " entries were not, or not all, those over which its checkpoint was signed: they were changed on "
+            "the disk before that");
+}
+
 void LogWalk::judge_ml_dsa_key(const std::string& key, std::uint64_t number) {
   try {
     const crypto::MlDsaVerifierKey stated = crypto::MlDsaVerifierKey::parse(key);
     if (device_ &&
         (stated.device() != device_->name() || (device_->ml_dsa() && *device_->ml_dsa() != stated))) {
-      findings_->add("device-ml-dsa-differs", in_ledger(number),
-                     at_entry(number) + " of the log states an ML-DSA key of " + stated.device() +
-                         " that is not the one of the identity given for " + device_->name());
+      claim("device-ml-dsa-differs", number,
+            at_entry(number) + " of the log states an ML-DSA key of " + stated.device() +
+                " that is not the one of the identity given for " + device_->name());
     }
   } catch (const UsageError& error) {
-    findings_->add("device-invalid", in_ledger(number),
-                   at_entry(number) + " of the log states no ML-DSA key: " + error.what());
+    claim("device-invalid", number, at_entry(number) + " of the log states no ML-DSA key: " + error.what());
   }
 }
 
@@ -532,13 +557,13 @@ void LogWalk::judge_hardware_key(const std::string& key, std::uint64_t number) {
     const crypto::HardwareVerifierKey stated = crypto::HardwareVerifierKey::parse(key);
     if (device_ &&
         (stated.device() != device_->name() || (device_->hardware() && *device_->hardware() != stated))) {
-      findings_->add("device-hardware-differs", in_ledger(number),
-                     at_entry(number) + " of the log states a key in the hardware of " + stated.device() +
-                         " that is not the one of the identity given for " + device_->name());
+      claim("device-hardware-differs", number,
+            at_entry(number) + " of the log states a key in the hardware of " + stated.device() +
+                " that is not the one of the identity given for " + device_->name());
     }
   } catch (const UsageError& error) {
-    findings_->add("device-invalid", in_ledger(number),
-                   at_entry(number) + " of the log states no key in hardware: " + error.what());
+    claim("device-invalid", number,
+          at_entry(number) + " of the log states no key in hardware: " + error.what());
   }
 }
 

@@ -148,6 +148,11 @@ class LogWalk {
   /// A key beside Ed25519 that the log states against the one that is known.
   void judge_ml_dsa_key(const std::string& key, std::uint64_t number);
   void judge_hardware_key(const std::string& key, std::uint64_t number);
+  /// What an entry claims of the log or of its device counts once a checkpoint covers it: anybody who can
+  /// write to the disk adds a line, and the recorder's next start puts it aside.
+  void claim(CodeName code, std::uint64_t number, std::string text);
+  void tell_claims();
+  void judge_damage(const LogDamageEntry& damage, std::uint64_t number);
   /// Before another device signs, or at the end.
   void keep_vouched_for();
   /// What is known of a case that entry `number` tells of; nothing where it is not asked for, or the log is
@@ -211,6 +216,13 @@ class LogWalk {
   BootRules boots_;
   /// The holds that stand, by case: each entry, and whether the case's own device made it.
   std::map<std::string, std::map<std::uint64_t, bool>> holds_;
+  struct Claim {
+    CodeName code;
+    std::uint64_t number;
+    std::string text;
+  };
+  std::vector<Claim> claims_;                       // that no checkpoint covers yet
+  std::map<std::string, std::uint64_t> signed_by_;  // entries that a checkpoint covers, by each device's key
   std::uint64_t since_note_ = 0;  // entries to be followed, since the last checkpoint that fits
   std::uint64_t broken_lines_ = 0;
 };

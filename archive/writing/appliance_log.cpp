@@ -1,6 +1,7 @@
 #include "archive/writing/appliance_log.h"
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <deque>
 #include <fstream>
@@ -18,6 +19,7 @@
 #include "archive/storage/space_reserve.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/ledger.h"
+#include "archive/writing/unsigned_lines.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hardware_key.h"
@@ -55,15 +57,27 @@ struct OwnCheckpoint {
   std::string note;
 };
 
-/// The checkpoint of that size, if it is one that the device signed. Anybody who can write to the disk makes
-/// others. Throws kiroku::IoError.
+/// What a note says, whoever signed it.
+std::optional<crypto::Checkpoint> text_of_note(std::string_view note) {
+  const std::size_t end = note.find("\n\n");
+  return end == std::string_view::npos ? std::nullopt : crypto::Checkpoint::parse(note.substr(0, end + 1));
+}
+
+/// The checkpoint of that size, if it is one that the device signed; with `root` only if it is over that.
+/// Anybody who can write to the disk makes others. Throws kiroku::IoError.
 std::optional<OwnCheckpoint> checkpoint_of(const fs::path& folder, const crypto::VerifierKey& device,
-                                           std::uint64_t size, const FileReading& files) {
+                                           std::uint64_t size, const FileReading& files,
+                                           const crypto::Sha256Digest* root = nullptr) {
   const FileOpening opening = CaseFolder::open(folder, files).open_file(note_path(size));
   std::optional<std::string> note =
       opening.file ? read_small(*opening.file, kMaximumNoteBytes) : std::nullopt;
   if (!note) {
     return std::nullopt;
+  }
+  if (root != nullptr) {
+    // Signatures of thousands of notes that are over other lines anyway need not be looked at.
+    const std::optional<crypto::Checkpoint> said = text_of_note(*note);
+    if (!said || said->root != *root) return std::nullopt;
   }
   const crypto::OpenedNote opened = crypto::open_note(*note, {device});
   if (!crypto::is_signed_for_log(opened, device, size)) {
@@ -76,16 +90,70 @@ std::optional<OwnCheckpoint> checkpoint_of(const fs::path& folder, const crypto:
   return OwnCheckpoint{std::move(*checkpoint), std::move(*note)};
 }
 
-/// Of the first `size` lines, whatever they say; nothing where there are fewer.
-std::optional<crypto::Sha256Digest> root_of_lines(const FileReading& files, const fs::path& file,
-                                                  std::uint64_t size) {
+/// The roots over so many of the first lines, whatever they say, for `sizes` in ascending order; fewer where
+/// there are fewer lines.
+std::vector<crypto::Sha256Digest> roots_of_lines(const FileReading& files, const fs::path& file,
+                                                 const std::vector<std::uint64_t>& sizes) {
   const ReadableFile input = files.open_to_read(file);
   crypto::MerkleFrontier tree;
   LineReader reader(input);
-  for (LedgerLine line; tree.size() < size && reader.next(line) && !line.torn && !line.too_long;) {
+  std::vector<crypto::Sha256Digest> roots;
+  for (LedgerLine line; roots.size() < sizes.size() && reader.next(line) && !line.torn && !line.too_long;) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    if (tree.size() == sizes[roots.size()]) roots.push_back(tree.root());
   }
-  return tree.size() == size ? std::optional(tree.root()) : std::nullopt;
+  return roots;
+}
+
+/// Sizes of the notes in checkpoints/, ascending, by their names. Throws kiroku::IoError.
+std::vector<std::uint64_t> note_sizes_in(const FileReading& files, const fs::path& folder) {
+  std::vector<std::uint64_t> sizes;
+  for (const std::string& name : files.names_in(folder / kCheckpointsFolder)) {
+    const std::uint64_t size = size_of_note_name(name).value_or(0);
+    if (size > 0) sizes.push_back(size);
+  }
+  std::ranges::sort(sizes);
+  return sizes;
+}
+
+/// The largest of `sizes` (ascending) of which the device signed a checkpoint over the lines that are there;
+/// 0: none.
+std::uint64_t newest_that_fits(const FileReading& files, const fs::path& folder,
+                               const crypto::VerifierKey& device, const std::vector<std::uint64_t>& sizes) {
+  const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, folder / kLedgerFile, sizes);
+  for (std::size_t at = roots.size(); at-- > 0;) {
+    if (checkpoint_of(folder, device, sizes[at], files, &roots[at])) return sizes[at];
+  }
+  return 0;
+}
+
+// What the device says of lines that are not its own, in an entry `access` of its own.
+constexpr std::string_view kFoundBegins = "found no signature of this device over entries ";
+
+std::string found_deed(std::uint64_t from, std::uint64_t to) {
+  return std::string(kFoundBegins) + std::to_string(from) + " to " + std::to_string(to);
+}
+
+std::string set_aside_deed(std::uint64_t from, const std::string& sha256) {
+  return "set aside what stood from entry " + std::to_string(from) +
+         " on, which this device did not sign, sha256 " + sha256;
+}
+
+struct Entries {
+  std::uint64_t from = 0, to = 0;  // both are of them
+};
+
+/// What a deed says of which entries; nothing for any other.
+std::optional<Entries> entries_of_deed(std::string_view what) {
+  if (!what.starts_with(kFoundBegins)) return std::nullopt;
+  what.remove_prefix(kFoundBegins.size());
+  Entries entries;
+  const auto first = std::from_chars(what.begin(), what.end(), entries.from);
+  constexpr std::string_view kTo = " to ";
+  const std::string_view rest(first.ptr, static_cast<std::size_t>(what.end() - first.ptr));
+  if (first.ec != std::errc() || !rest.starts_with(kTo)) return std::nullopt;
+  const auto second = std::from_chars(rest.begin() + kTo.size(), rest.end(), entries.to);
+  return second.ec == std::errc() && second.ptr == rest.end() ? std::optional(entries) : std::nullopt;
 }
 
 }  // namespace
@@ -98,7 +166,12 @@ struct ApplianceLog::State {
         key(the_key),
         device(crypto::verifier_key_of(name, the_key)),
         reserve(the_files, reserve_file(folder.parent_path())),
-        boot_id(kernel_boot_id()) {}
+        boot_id(kernel_boot_id()) {
+    own_keys.device = device.to_string();
+    if (device.ml_dsa()) own_keys.ml_dsa = device.ml_dsa()->to_string();
+    if (device.hardware()) own_keys.hardware = device.hardware()->to_string();
+    if (attester() != nullptr) own_keys.attestation = base64_of(attester()->public_area());
+  }
 
   /// Keeps track of the newest boot and of which cases are open, in what stands in the file, whoever wrote
   /// it. Most lines are checkpoints of cases, which tell nothing of either.
@@ -106,21 +179,19 @@ struct ApplianceLog::State {
     if (seq == 0) {
       cases.clear();
       newest_boot_id.clear();
-      signing.clear();
-      stated_ml_dsa.reset();
-      stated_hardware.reset();
-      stated_attestation.reset();
-      stated_damage.reset();
+      newest_device.clear();
+      forget_keys();
+      found.clear();
+      stated_damages.clear();
     }
     constexpr std::string_view kType = R"("type":")";
     const std::size_t at = line.find(kType);
     const std::string_view type = at == std::string_view::npos ? "" : line.substr(at + kType.size());
-    signing.push_back(signing_of(type));
-    if (signing.size() > kMostRemembered) {
-      signing.pop_front();
-    }
+    newest_signing = signing_of(type);
+    newest_mono_ns = mono_ns_of(line);
     if (!type.starts_with("boot\"") && !type.starts_with("device-") && !type.starts_with("case-opened\"") &&
-        !type.starts_with("case-closed\"") && !type.starts_with("damage-found\"")) {
+        !type.starts_with("case-closed\"") && !type.starts_with("damage-found\"") &&
+        !(type.starts_with("access\"") && line.find(kFoundBegins) != std::string_view::npos)) {
       return;
     }
     const LogEntryParse parsed = parse_log_entry(line);
@@ -129,18 +200,22 @@ struct ApplianceLog::State {
     }
     if (const auto* boot = std::get_if<BootEntry>(&parsed.entry->body)) {
       newest_boot_id = boot->boot_id;
+      take_device(boot->device);
     } else if (const auto* added = std::get_if<DeviceMlDsaEntry>(&parsed.entry->body)) {
-      stated_ml_dsa = {seq, added->ml_dsa};
+      ml_dsa_keys.push_back({seq, added->ml_dsa});
     } else if (const auto* hardware = std::get_if<DeviceHardwareEntry>(&parsed.entry->body)) {
-      stated_hardware = {seq, hardware->hardware};
+      hardware_keys.push_back({seq, hardware->hardware});
     } else if (const auto* attests = std::get_if<DeviceAttestationEntry>(&parsed.entry->body)) {
-      stated_attestation = {seq, attests->attestation};
-    } else if (std::holds_alternative<DeviceKeyChangedEntry>(parsed.entry->body)) {
-      stated_ml_dsa.reset();
-      stated_hardware.reset();
-      stated_attestation.reset();
-    } else if (const auto* found = std::get_if<LogDamageEntry>(&parsed.entry->body)) {
-      stated_damage = found->size;
+      attestation_keys.push_back({seq, attests->attestation});
+    } else if (const auto* changed = std::get_if<DeviceKeyChangedEntry>(&parsed.entry->body)) {
+      newest_device = changed->device;
+      forget_keys();
+    } else if (const auto* damaged = std::get_if<LogDamageEntry>(&parsed.entry->body)) {
+      stated_damages.push_back({seq, *damaged});
+    } else if (const auto* access = std::get_if<AccessEntry>(&parsed.entry->body)) {
+      if (const std::optional<Entries> entries = entries_of_deed(access->what)) {
+        found.push_back({seq, *entries});
+      }
     } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&parsed.entry->body)) {
       cases.try_emplace(opened->case_id, CaseState::kOpened);
     } else if (const auto* closed = std::get_if<CaseClosedEntry>(&parsed.entry->body)) {
@@ -148,12 +223,84 @@ struct ApplianceLog::State {
     }
   }
 
+  void take_device(const std::string& named) {
+    if (!newest_device.empty() && newest_device != named) forget_keys();
+    newest_device = named;
+  }
+
+  void forget_keys() {
+    ml_dsa_keys.clear();
+    hardware_keys.clear();
+    attestation_keys.clear();
+  }
+
+  /// As the line says it; 0 where it says none.
+  static std::int64_t mono_ns_of(std::string_view line) {
+    constexpr std::string_view kKey = R"("mono_ns":)";
+    const std::size_t at = line.find(kKey);
+    std::int64_t value = 0;
+    if (at != std::string_view::npos) {
+      std::from_chars(line.data() + at + kKey.size(), line.data() + line.size(), value);
+    }
+    return value;
+  }
+
+  struct StatedKey {
+    std::uint64_t entry = 0;
+    std::string key;
+  };
+
+  /// Whether the device stands for what an entry states: a checkpoint of its own covers it, and the device
+  /// did not say later that it found the entry unsigned. Somebody may say so, too, in a line that it found.
+  [[nodiscard]] bool stands_for(std::uint64_t entry) const {
+    std::vector<Entries> disowned;
+    const auto is_disowned = [&](std::uint64_t number) {
+      return std::ranges::any_of(
+          disowned, [&](const Entries& each) { return each.from <= number && number <= each.to; });
+    };
+    for (auto each = found.rbegin(); each != found.rend() && each->entry > entry; ++each) {
+      if (each->entry < covered_until && !is_disowned(each->entry)) disowned.push_back(each->entries);
+    }
+    return entry < covered_until && !is_disowned(entry);
+  }
+
+  /// The first line that states the own key, be it unsigned yet.
+  [[nodiscard]] static const StatedKey* own_of(const std::vector<StatedKey>& keys, const std::string& own) {
+    const auto first = std::ranges::find_if(keys, [&](const StatedKey& each) { return each.key == own; });
+    return own.empty() || first == keys.end() ? nullptr : &*first;
+  }
+
+  /// The newest line that states another key, if the device stands for it.
+  [[nodiscard]] const StatedKey* other_of(const std::vector<StatedKey>& keys, const std::string& own) const {
+    const StatedKey* newest = nullptr;
+    for (const StatedKey& each : keys) {
+      if (each.key != own && stands_for(each.entry)) newest = &each;
+    }
+    return newest;
+  }
+
+  [[nodiscard]] const StatedKey* stated_ml_dsa() const {
+    const StatedKey* own = own_of(ml_dsa_keys, own_keys.ml_dsa);
+    return own != nullptr ? own : other_of(ml_dsa_keys, own_keys.ml_dsa);
+  }
+  [[nodiscard]] const StatedKey* stated_hardware() const {
+    const StatedKey* own = own_of(hardware_keys, own_keys.hardware);
+    return own != nullptr ? own : other_of(hardware_keys, own_keys.hardware);
+  }
+  /// Of several the newest that the device stands for, or its own.
+  [[nodiscard]] const StatedKey* stated_attestation() const {
+    const StatedKey* other = other_of(attestation_keys, own_keys.attestation);
+    return other != nullptr ? other : own_of(attestation_keys, own_keys.attestation);
+  }
+
   /// What asks the TPM for quotes; null where this program was given none.
   [[nodiscard]] const crypto::BootAttester* attester() const {
     return key.hardware() == nullptr ? nullptr : key.hardware()->attester();
   }
 
-  [[nodiscard]] bool lacks_attestation() const { return attester() != nullptr && !stated_attestation; }
+  [[nodiscard]] bool lacks_attestation() const {
+    return attester() != nullptr && stated_attestation() == nullptr;
+  }
 
   /// Of the boot of now, for the entry of number `size`, which is the next one.
   [[nodiscard]] crypto::BootAttester::Answer quote(const crypto::BootAttester& asked,
@@ -163,12 +310,13 @@ struct ApplianceLog::State {
 
   [[nodiscard]] BootEntry boot_entry(std::uint64_t size) const {
     BootEntry boot{boot_id, device.to_string()};
-    if (!stated_attestation) {
+    const StatedKey* const stated = stated_attestation();
+    if (stated == nullptr) {
       return boot;
     }
     if (attester() == nullptr) {
       boot.no_quote = "the program that started was given no attestation key";
-    } else if (base64_of(attester()->public_area()) != stated_attestation->key) {
+    } else if (own_keys.attestation != stated->key) {
       boot.no_quote = "the program that started was given another attestation key than the log states";
     } else {
       crypto::BootAttester::Answer answer = quote(*attester(), size);
@@ -190,14 +338,16 @@ struct ApplianceLog::State {
         not_attested = std::move(answer.why);
         return std::vector<std::string>();
       }
-      return std::vector{to_line(
-          LogEntry{size, machine_now(),
-                   DeviceAttestationEntry{base64_of(attester()->public_area()), to_stated(*answer.quote)}})};
+      keys_unsigned = true;
+      return std::vector{to_line(LogEntry{
+          size, machine_now(), DeviceAttestationEntry{own_keys.attestation, to_stated(*answer.quote)}})};
     });
+    looked_at = ledger->size();
   }
 
   /// The entries that must come first (a boot, keys, a cut made good), then `body` if there is one.
   void append_locked(const std::optional<LogEntryBody>& body) {
+    state_unsigned_locked();
     if (lacks_attestation() && not_attested.empty()) {
       // Its quote is bound to all before it.
       append_lines_locked(std::nullopt);
@@ -206,40 +356,73 @@ struct ApplianceLog::State {
     append_lines_locked(body);
   }
 
+  /// What was found of lines that nobody of this device signed, each with a checkpoint of its own. One that
+  /// finds no room stays to be stated.
+  void state_unsigned_locked() {
+    while (!unstated.empty()) {
+      append_lines_locked(AccessEntry{"*", unstated.front(), "kiroku", {}});
+      try {
+        checkpoint_locked();
+      } catch (const IoError&) {
+        take_back_unsigned_line();
+        throw;
+      }
+      unstated.pop_front();
+    }
+  }
+
   void append_lines_locked(const std::optional<LogEntryBody>& body) {
-    ledger->append([&](std::uint64_t size) {
-      std::vector<LogEntryBody> bodies;
-      if (newest_boot_id != boot_id) {
-        bodies.emplace_back(boot_entry(size));
-      }
-      if (device.ml_dsa() && !stated_ml_dsa) {
-        bodies.emplace_back(DeviceMlDsaEntry{device.ml_dsa()->to_string()});
-      }
-      if (device.hardware() && !stated_hardware) {
-        bodies.emplace_back(DeviceHardwareEntry{device.hardware()->to_string()});
-      }
-      if (!silence.empty() && !silence_stated) {
-        bodies.emplace_back(DeviceHardwareSilentEntry{silence});
-      }
-      if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
-        bodies.emplace_back(LogRecoveredEntry{torn});
-      }
-      if (damage && !damage_stated) {
-        bodies.emplace_back(*damage);
-      }
-      if (body) {
-        bodies.push_back(*body);
-      }
-      const Moment now = machine_now();
-      std::vector<std::string> lines;
-      lines.reserve(bodies.size());
-      for (const LogEntryBody& each : bodies) {
-        lines.push_back(to_line(LogEntry{size + lines.size(), now, each}));
-      }
-      return lines;
-    });
+    // Whoever does not ask for the turn may add lines between two looks; not for ever.
+    constexpr int kMostLooks = 4;
+    for (int looks = 1;; ++looks) {
+      bool came_between = false;
+      ledger->append([&](std::uint64_t size) {
+        came_between = size != looked_at && looks < kMostLooks;
+        return came_between ? std::vector<std::string>() : lines_before(size, body);
+      });
+      if (!came_between) break;
+      look_behind_locked();
+    }
+    looked_at = ledger->size();
     silence_stated = !silence.empty();
     damage_stated = damage.has_value();
+  }
+
+  std::vector<std::string> lines_before(std::uint64_t size, const std::optional<LogEntryBody>& body) {
+    const Moment now = machine_now();
+    std::vector<LogEntryBody> bodies;
+    // A line of somebody else may name another device, or a later moment of this boot's clock.
+    if (newest_boot_id != boot_id || newest_device != own_keys.device || newest_mono_ns > now.mono_ns) {
+      bodies.emplace_back(boot_entry(size));
+    }
+    if (device.ml_dsa() && (stated_ml_dsa() == nullptr || newest_device != own_keys.device)) {
+      bodies.emplace_back(DeviceMlDsaEntry{own_keys.ml_dsa});
+    }
+    if (device.hardware() && (stated_hardware() == nullptr || newest_device != own_keys.device)) {
+      bodies.emplace_back(DeviceHardwareEntry{own_keys.hardware});
+    }
+    keys_unsigned = keys_unsigned || std::ranges::any_of(bodies, [](const LogEntryBody& each) {
+                      return std::holds_alternative<DeviceMlDsaEntry>(each) ||
+                             std::holds_alternative<DeviceHardwareEntry>(each);
+                    });
+    if (!silence.empty() && !silence_stated) {
+      bodies.emplace_back(DeviceHardwareSilentEntry{silence});
+    }
+    if (const std::uint64_t torn = ledger->torn_bytes(); torn > 0) {
+      bodies.emplace_back(LogRecoveredEntry{torn});
+    }
+    if (damage && !damage_stated) {
+      bodies.emplace_back(*damage);
+    }
+    if (body) {
+      bodies.push_back(*body);
+    }
+    std::vector<std::string> lines;
+    lines.reserve(bodies.size());
+    for (const LogEntryBody& each : bodies) {
+      lines.push_back(to_line(LogEntry{size + lines.size(), now, each}));
+    }
+    return lines;
   }
 
   void append(const std::optional<LogEntryBody>& body) {
@@ -247,6 +430,12 @@ struct ApplianceLog::State {
     const Ledger::Turn turn(*ledger);
     settle_locked();
     append_locked(body);
+    // A program that was given fewer keys would take the line that states one for somebody else's.
+    if (!keys_unsigned) return;
+    try {
+      checkpoint_locked();
+    } catch (const IoError&) {  // NOLINT(bugprone-empty-catch): the next entry's checkpoint covers it, too
+    }
   }
 
   /// A line whose checkpoint finds no room is taken back before anybody else sees it. Its number.
@@ -264,7 +453,7 @@ struct ApplianceLog::State {
     }
     if (!is_signed && is_statement(body)) {
       const std::string file = (folder / note_path(ledger->size())).string();
-      ledger->take_back(ledger->size() - 1, false);
+      take_back_newest();
       throw Error(
           "what was to be entered into the appliance log cannot be signed: " + file +
           " is in the way, which is a folder, cannot be read, or is a checkpoint of other lines: 'kiroku log "
@@ -294,7 +483,7 @@ struct ApplianceLog::State {
   /// A statement counts if it has a checkpoint of its own. Whoever can write to the disk adds two, of which
   /// none is taken back; a checkpoint over the last would sign it. Behind another entry it stays unsigned.
   void require_no_unsigned_statement() const {
-    if (ledger->size() == 0 || signing.back() == Signing::kNone || !lacks_note()) {
+    if (ledger->size() == 0 || newest_signing == Signing::kNone || !lacks_note()) {
       return;
     }
     throw Error(
@@ -303,84 +492,269 @@ struct ApplianceLog::State {
         "more. Any later entry of the device makes an end of it: start kirokud, then try again");
   }
 
+  void take_back_newest() {
+    looked_at = ledger->size() - 1;
+    ledger->take_back(looked_at, false);
+  }
+
   void take_back_unsigned_line() {
     if (!lacks_note()) {
       return;
     }
     try {
-      ledger->take_back(ledger->size() - 1, false);
+      take_back_newest();
     } catch (const Error&) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
     }
   }
 
-  /// With the turn: takes in what others wrote, and back the last line where its writer died before it was
-  /// signed, or anybody made it up. A writer tells whoever asked only of what is signed, so nobody counts on
-  /// that line. One crash leaves one: where more lack their checkpoint, somebody took those away, and nothing
-  /// is removed. Nor is what the device stands on: a case's opening, another key.
+  /// With the turn: takes in what others wrote, and puts aside what no writer of this device left. Throws
+  /// where the device's own log states a key that this program does not have.
   void settle_locked() {
     ledger->catch_up();
-    if (stated_ml_dsa && (!device.ml_dsa() || device.ml_dsa()->to_string() != stated_ml_dsa->key)) {
-      throw Error("the appliance log in " + folder.string() + " states in its entry " +
-                  std::to_string(stated_ml_dsa->entry) + " that " + device.name() +
-                  " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
-                  "back, and start whatever runs from before it was made anew");
-    }
-    if (stated_hardware && device.hardware() && device.hardware()->to_string() != stated_hardware->key) {
-      throw Error(
-          "the appliance log in " + folder.string() + " states in its entry " +
-          std::to_string(stated_hardware->entry) + " another key in the hardware of " + device.name() +
-          " than device-hardware.json: put the file back that belongs to this home. After hardware was "
-          "replaced, make a new home (docs/how-to/keep-a-key-in-hardware.md)");
-    }
-    if (stated_hardware && !device.hardware()) {
+    look_behind_locked();
+    if (const std::string why = why_other_keys(); !why.empty()) throw Error(why);
+    if (!device.hardware() && stated_hardware() != nullptr) {
       silence = "the program that signed was given no key in hardware";
     }
-    const std::uint64_t size = ledger->size();
-    if (size == 0 || size <= known_signed || signing.back() != Signing::kFollows) {
-      return;
-    }
-    if (!lacks_note()) {
-      known_signed = size;
-      return;
-    }
-    const std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
-    const std::uint64_t unsigned_lines = size - std::min(size, newest ? newest->checkpoint.size : 0);
-    const bool alone = unsigned_lines > 0 && unsigned_lines <= signing.size() &&
-                       std::all_of(signing.end() - static_cast<std::ptrdiff_t>(unsigned_lines),
-                                   signing.end() - 1, [](Signing each) { return each == Signing::kNone; });
-    if (alone) {
-      ledger->take_back(size - 1, true);
+    // What was put aside nobody finds in the log any more, should this program enter nothing.
+    if (!was_put_aside) return;
+    try {
+      state_unsigned_locked();
+      was_put_aside = false;
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): the next entry states it
     }
   }
 
+  /// Why this program must not sign in this log, whose device has other keys; "" where it may.
+  [[nodiscard]] std::string why_other_keys() const {
+    if (const StatedKey* const ml_dsa = other_of(ml_dsa_keys, own_keys.ml_dsa); ml_dsa != nullptr) {
+      return "the appliance log in " + folder.string() + " states in its entry " +
+             std::to_string(ml_dsa->entry) + " that " + device.name() +
+             " signs with an ML-DSA key, too, which was not given: put device-ml-dsa.key of this home "
+             "back, and start whatever runs from before it was made anew";
+    }
+    const StatedKey* const hardware = other_of(hardware_keys, own_keys.hardware);
+    if (hardware != nullptr && device.hardware()) {
+      return "the appliance log in " + folder.string() + " states in its entry " +
+             std::to_string(hardware->entry) + " another key in the hardware of " + device.name() +
+             " than device-hardware.json: put the file back that belongs to this home. After hardware was "
+             "replaced, make a new home (docs/how-to/keep-a-key-in-hardware.md)";
+    }
+    return "";
+  }
+
+  /// With the turn: what stands behind the newest checkpoint of this device's that fits is a crash's, or
+  /// somebody else's.
+  ///
+  /// - Lines that no writer of this device leaves are put aside with all behind them.
+  /// - One that lacks the checkpoint which was to follow it is taken back: a writer tells whoever asked only
+  /// of
+  ///   what is signed, so nobody counts on that line.
+  /// - What the device stands on stays, and so do several that lack theirs: somebody took those away. The
+  ///   next entry says so.
+  ///
+  /// Where lines that were signed are others now, all stays as it is found, for whoever asks what happened.
+  void look_behind_locked() {
+    const std::uint64_t size = ledger->size();
+    looked_at = std::min(looked_at, size);
+    if (size == looked_at) return;
+    // The home's own checkpoint may show it, too.
+    bool damaged = is_damage_open() || !lacks.empty();
+    std::vector<UnsignedLine> behind;
+    try {
+      if (const std::optional<OwnCheckpoint> own = own_checkpoint(size)) {
+        damaged = damaged || own->checkpoint.root != ledger->root();
+        if (own->checkpoint.root == ledger->root()) signed_until = covered_until = size;
+      }
+      if (signed_until < size) {
+        signed_until = std::max(signed_until, newest_fitting(signed_until, device_of_log()));
+        covered_until = std::max(covered_until, signed_until);
+        covered_until = std::max(covered_until, newest_fitting(covered_until, by_ed25519()));
+        if (!why_other_keys().empty()) return;
+        behind = unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage);
+      }
+    } catch (const Error&) {
+      // It keeps nobody from recording; what cannot be read is left to whoever verifies.
+    }
+    if (behind.size() + signed_until == size) settle(behind, damaged);
+    looked_at = ledger->size();
+  }
+
+  void settle(std::vector<UnsignedLine>& behind, bool damaged) {
+    using Kind = UnsignedLine::Kind;
+    const auto foreign = std::ranges::find(behind, Kind::kForeign, &UnsignedLine::kind);
+    bool left = false;
+    if (foreign != behind.end()) {
+      // Whose log it is nobody knows then: another device's, or its checkpoints were taken away.
+      const bool is_anothers = signed_until == 0;
+      const bool opens_here = std::any_of(foreign, behind.end(), [&](const UnsignedLine& each) {
+        return each.opened && is_case_here(*each.opened);
+      });
+      if (!damaged && !is_anothers && !opens_here &&
+          put_aside(signed_until + static_cast<std::uint64_t>(foreign - behind.begin()), foreign->offset)) {
+        behind.erase(foreign, behind.end());
+      } else {
+        left = true;
+      }
+    }
+    const auto counts = [](const UnsignedLine& each) { return each.kind != Kind::kAttends; };
+    const auto unsigned_lines_left = std::ranges::count_if(behind, counts);
+    if (!damaged && !left && unsigned_lines_left == 1) {
+      const auto line = std::ranges::find_if(behind, counts);
+      if (line->kind == Kind::kStatement) {
+        take_back_from(signed_until + static_cast<std::uint64_t>(line - behind.begin()), *line,
+                       static_cast<std::uint64_t>(behind.end() - line));
+      }
+      return;
+    }
+    if (left || (!damaged && unsigned_lines_left > 1)) {
+      const std::uint64_t last = signed_until + behind.size() - 1;
+      unstated.push_back(found_deed(signed_until, last));
+      remark(
+          "the entries from " + std::to_string(signed_until) + " to " + std::to_string(last) +
+          " of the appliance log in " + folder.string() +
+          " have no checkpoint of this device: somebody added them, or took checkpoints away. They are left "
+          "where they are, and the log says so from now on");
+    }
+  }
+
+  /// A crash leaves one line without its checkpoint. Of a disk without room for the copy it is taken back all
+  /// the same, if it is the last.
+  void take_back_from(std::uint64_t seq, const UnsignedLine& line, std::uint64_t lines) {
+    try {
+      set_aside(files, ledger->file(), seq, line.offset, aside_folder());
+    } catch (const IoError&) {
+      if (lines > 1) {
+        unstated.push_back(found_deed(seq, seq + lines - 1));
+        return;
+      }
+    }
+    ledger->take_back(seq, true);
+  }
+
+  /// Lines from number `seq` on, at byte `offset`; false where they cannot be kept elsewhere.
+  bool put_aside(std::uint64_t seq, std::uint64_t offset) {
+    if (!keep_aside(seq, offset)) return false;
+    ledger->take_back(seq, true);
+    return true;
+  }
+
+  bool keep_aside(std::uint64_t seq, std::uint64_t offset) {
+    try {
+      const SetAside kept = set_aside(files, folder / kLedgerFile, seq, offset, aside_folder());
+      unstated.push_back(set_aside_deed(seq, kept.sha256));
+      was_put_aside = true;
+      remark(
+          "lines stood in the appliance log from entry " + std::to_string(seq) +
+          " on that this device did not write: whoever can write to the archive's disk put them there. They "
+          "count for nothing, and lie in " +
+          kept.file.string() + " now: keep that file, and find out who writes there");
+      return true;
+    } catch (const IoError& error) {
+      remark("lines stand in the appliance log from entry " + std::to_string(seq) +
+             " on that this device did not write, and they cannot be put aside: " + error.what());
+      return false;
+    }
+  }
+
+  /// Of a line that is too long, and of what stands behind it, while lines are read.
+  bool put_long_line_aside(std::uint64_t seq, std::uint64_t offset) {
+    return newest_own_size() <= seq && keep_aside(seq, offset);
+  }
+
+  [[nodiscard]] fs::path aside_folder() const { return folder.parent_path() / kLogAsideFolder; }
+
+  /// Whether the case that was opened so lies in the archive: its line is not put aside.
+  [[nodiscard]] bool is_case_here(const CaseOpenedEntry& opened) const {
+    try {
+      const fs::path case_folder = folder.parent_path() / opened.case_id;
+      if (!files.is_folder(case_folder)) return false;
+      const FileOpening opening = CaseFolder::open(case_folder, files).open_file(kLedgerFile);
+      if (!opening.file) return false;
+      LineReader reader(*opening.file);
+      LedgerLine line;
+      return reader.next(line) && !line.torn && crypto::sha256(bytes_of(line.text)) == opened.sha256;
+    } catch (const Error&) {
+      return true;
+    }
+  }
+
+  /// Whether lines are others than those that were signed, and the log does not say so yet.
+  [[nodiscard]] bool is_damage_open() const {
+    return damage && std::ranges::none_of(stated_damages, [&](const StatedDamage& each) {
+             return each.entry < signed_until && is_that_damage(each.damage);
+           });
+  }
+
+  [[nodiscard]] bool is_that_damage(const LogDamageEntry& stated) const {
+    // Where lines were cut off, there may be so many again meanwhile.
+    return stated.size == damage->size && stated.stated_root == damage->stated_root &&
+           (!stated.root || stated.root == damage->root);
+  }
+
+  /// Of the lines of this log: of keys that this program does not have those for which the device stands.
+  [[nodiscard]] LogKeys keys_of_lines() const {
+    LogKeys keys = own_keys;
+    if (const StatedKey* const hardware = stated_hardware(); hardware != nullptr && keys.hardware.empty()) {
+      keys.hardware = hardware->key;
+    }
+    if (const StatedKey* const attestation = stated_attestation(); attestation != nullptr) {
+      keys.attestation = attestation->key;
+    }
+    return keys;
+  }
+
+  void remark(const std::string& sentence) {
+    // Whoever adds lines all the time fills no memory.
+    constexpr std::size_t kMostRemarks = 16;
+    if (remarks.size() == kMostRemarks) return;
+    remarks.push_back(sentence);
+    if (tell) tell(sentence);
+  }
+
   /// Until the log states the device's ML-DSA key, the device signed by Ed25519 alone.
+  [[nodiscard]] crypto::VerifierKey device_of_log() const {
+    if (!device.ml_dsa()) return device;
+    const StatedKey* const own = own_of(ml_dsa_keys, own_keys.ml_dsa);
+    return device.with_ml_dsa(*device.ml_dsa(),
+                              own != nullptr ? own->entry : std::numeric_limits<std::uint64_t>::max());
+  }
+  /// Whatever other keys it has: a note with the line of another key in the device's name is none by all of
+  /// its keys, and what that key signed is the device's all the same.
+  [[nodiscard]] crypto::VerifierKey by_ed25519() const { return {device.name(), key.public_key()}; }
   [[nodiscard]] std::optional<OwnCheckpoint> own_checkpoint(std::uint64_t size) const {
-    if (!device.ml_dsa()) return checkpoint_of(folder, device, size, files);
-    const std::uint64_t since =
-        stated_ml_dsa ? stated_ml_dsa->entry : std::numeric_limits<std::uint64_t>::max();
-    return checkpoint_of(folder, device.with_ml_dsa(*device.ml_dsa(), since), size, files);
+    return checkpoint_of(folder, device_of_log(), size, files);
   }
 
   /// With the turn: the newest checkpoint of this device's. Whoever puts other files there, of whatever size,
   /// or lines behind it, however many, does not hide it.
   [[nodiscard]] std::optional<OwnCheckpoint> newest_own_checkpoint() const {
-    std::vector<std::uint64_t> sizes;
-    for (const std::string& name : files.names_in(folder / kCheckpointsFolder)) {
-      const std::uint64_t size = size_of_note_name(name).value_or(0);
-      if (size > 0) sizes.push_back(size);
-    }
-    std::ranges::sort(sizes, std::greater<>());
-    for (const std::uint64_t size : sizes) {
-      if (std::optional<OwnCheckpoint> own = own_checkpoint(size)) return own;
+    const std::vector<std::uint64_t> sizes = note_sizes_in(files, folder);
+    for (auto size = sizes.rbegin(); size != sizes.rend(); ++size) {
+      if (std::optional<OwnCheckpoint> own = own_checkpoint(*size)) return own;
     }
     return std::nullopt;
+  }
+
+  [[nodiscard]] std::uint64_t newest_own_size() const {
+    const std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
+    return newest ? newest->checkpoint.size : 0;
+  }
+
+  /// With the turn: how many lines the newest checkpoint of this device's covers that is over the lines which
+  /// are there; 0 if none is over more than `known`.
+  [[nodiscard]] std::uint64_t newest_fitting(std::uint64_t known, const crypto::VerifierKey& by) const {
+    std::vector<std::uint64_t> sizes = note_sizes_in(files, folder);
+    std::erase_if(sizes, [&](std::uint64_t size) { return size <= known || size > ledger->size(); });
+    return sizes.empty() ? 0 : newest_that_fits(files, folder, by, sizes);
   }
 
   /// The root of the first `size` lines; nothing where there are fewer.
   [[nodiscard]] std::optional<crypto::Sha256Digest> root_of_first(std::uint64_t size) const {
     if (size == ledger->size()) return ledger->root();
     if (size > ledger->size()) return std::nullopt;
-    return root_of_lines(files, ledger->file(), size);
+    const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, ledger->file(), {size});
+    return roots.empty() ? std::nullopt : std::optional(roots.front());
   }
 
   /// With the turn, of a log that was just opened. A checkpoint that cannot be read is left to whoever
@@ -393,13 +767,19 @@ struct ApplianceLog::State {
         root = root_of_first(newest->checkpoint.size);
         if (root != newest->checkpoint.root) {
           damage = LogDamageEntry{newest->checkpoint.size, newest->checkpoint.root, root};
-          damage_stated = stated_damage == newest->checkpoint.size;
+          damage_stated = std::ranges::any_of(
+              stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
+        } else {
+          signed_until = covered_until = newest->checkpoint.size;
         }
         newest_note_text = std::move(newest->note);
       }
       if (expected && expected->size > 0) {
         const bool is_newest = newest && newest->checkpoint.size == expected->size;
-        lacks = what_lacks(*expected, is_newest ? root : root_of_first(expected->size));
+        const auto kept_root = is_newest ? root : root_of_first(expected->size);
+        lacks = what_lacks(*expected, kept_root);
+        // As if its note lay here still.
+        if (lacks.empty()) signed_until = covered_until = std::max(signed_until, expected->size);
       }
     } catch (const Error& error) {
       if (expected) lacks = std::string("it could not be compared: ") + error.what();
@@ -418,7 +798,7 @@ struct ApplianceLog::State {
   bool checkpoint_locked() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
-    known_signed = text.size;
+    keys_unsigned = false;
     if (text.size == 0) {
       return true;
     }
@@ -428,7 +808,9 @@ struct ApplianceLog::State {
           return false;
         }
         if (const std::optional<OwnCheckpoint> there = own_checkpoint(text.size)) {
-          return there->checkpoint == text;
+          if (there->checkpoint != text) return false;
+          signed_until = covered_until = text.size;
+          return true;
         }
       } catch (const Error&) {
         return false;
@@ -436,6 +818,7 @@ struct ApplianceLog::State {
     }
     crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
     reserve.write_durably(file, bytes_of(written.note));
+    signed_until = covered_until = text.size;
     if (keep_note) {
       keep_note(written.note);
     }
@@ -473,33 +856,47 @@ struct ApplianceLog::State {
     return type.starts_with("case-opened\"") || type.starts_with("device-key-changed\"") ? Signing::kKept
                                                                                          : Signing::kFollows;
   }
-  /// A crash leaves a start of the machine, a cut that was made good and one line.
-  static constexpr std::size_t kMostRemembered = 8;
-
   FileSystem& files;
   fs::path folder;
   const crypto::SigningKey& key;
   crypto::VerifierKey device;
   SpaceReserve reserve;
-  std::string boot_id;         // of this machine, as far as known
-  std::string newest_boot_id;  // that the log states
-  struct StatedKey {
+  std::string boot_id;  // of this machine, as far as known
+  LogKeys own_keys;     // of what this program was given
+  // What the log states, whoever wrote it:
+  std::string newest_boot_id, newest_device;
+  std::int64_t newest_mono_ns = 0;
+  std::vector<StatedKey> ml_dsa_keys, hardware_keys, attestation_keys;  // since it names that device
+  struct StatedDamage {
     std::uint64_t entry = 0;
-    std::string key;
+    LogDamageEntry damage;
   };
-  std::optional<StatedKey> stated_ml_dsa, stated_hardware, stated_attestation;  // the device's, in the log
-  std::string not_attested;  // why the TPM did not quote when its attestation key was to be stated
-  std::string silence;       // why the newest checkpoint lacks the line by hardware
+  std::vector<StatedDamage> stated_damages;
+  struct Found {
+    std::uint64_t entry = 0;
+    Entries entries;
+  };
+  std::vector<Found> found;    // entries over which the device found no signature
+  bool keys_unsigned = false;  // lines that state own keys were written, and no checkpoint yet
+  std::string not_attested;    // why the TPM did not quote when its attestation key was to be stated
+  std::string silence;         // why the newest checkpoint lacks the line by hardware
   bool silence_stated = false;
   std::optional<LogDamageEntry> damage;
   bool damage_stated = false;
-  std::optional<std::uint64_t> stated_damage;  // the size that the log's newest damage-found names
-  std::string lacks;                           // as of lacks()
-  std::string newest_note_text;  // of the newest checkpoint by this device when the log was opened
+  std::string lacks;                 // as of lacks()
+  std::string newest_note_text;      // of the newest checkpoint by this device when the log was opened
+  std::deque<std::string> unstated;  // what the log is to say next of lines that nobody signed
+  bool was_put_aside = false;        // and is not stated yet
+  std::vector<std::string> remarks;  // as of remarks()
+  std::function<void(const std::string& remark)> tell;   // may be null
   std::function<void(std::string_view note)> keep_note;  // may be null
   std::unordered_map<std::string, CaseState> cases;
-  std::deque<Signing> signing;     // of the newest lines
-  std::uint64_t known_signed = 0;  // a note of this size was there: should it vanish now, nothing is cut off
+  Signing newest_signing = Signing::kNone;  // of the newest line
+  /// So many lines a checkpoint of this device's covers that fits them, as far as known.
+  std::uint64_t signed_until = 0;
+  std::uint64_t covered_until = 0;  // the same by Ed25519, whatever its other keys signed
+  /// So many lines were looked at, or written here. Should a note of them vanish now, nothing is cut off.
+  std::uint64_t looked_at = 0;
   std::unique_ptr<Ledger> ledger;
   std::mutex mutex;
 };
@@ -518,10 +915,14 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
   state->ledger = Ledger::open(
       files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
       [&log = *state](std::uint64_t seq, std::string_view line) { log.look_at(seq, line); },
-      [folder, &files] { return newest_note(folder, files); });
+      [&log = *state] { return log.newest_own_size(); }, {},
+      [&log = *state](std::uint64_t seq, std::uint64_t offset) {
+        return log.put_long_line_aside(seq, offset);
+      });
   const Ledger::Turn turn(*state->ledger);
-  state->settle_locked();
+  state->ledger->catch_up();
   state->compare_locked(expected);
+  state->settle_locked();
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 
@@ -533,6 +934,16 @@ std::string ApplianceLog::damage() const {
 std::string ApplianceLog::lacks() const {
   const std::lock_guard guard(state_->mutex);
   return state_->lacks;
+}
+
+std::vector<std::string> ApplianceLog::remarks() const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->remarks;
+}
+
+void ApplianceLog::tell_of_remarks(std::function<void(const std::string& remark)> tell) {
+  const std::lock_guard guard(state_->mutex);
+  state_->tell = std::move(tell);
 }
 
 void ApplianceLog::boot(const std::string& boot_id) {
@@ -568,8 +979,9 @@ ApplianceLog::StatedKeys ApplianceLog::state_keys() {
     const std::lock_guard guard(state_->mutex);
     const Ledger::Turn turn(*state_->ledger);
     state_->settle_locked();
-    const bool all_stated = (!device.ml_dsa() || state_->stated_ml_dsa) &&
-                            (!device.hardware() || state_->stated_hardware) && !state_->lacks_attestation();
+    const bool all_stated = (!device.ml_dsa() || state_->stated_ml_dsa() != nullptr) &&
+                            (!device.hardware() || state_->stated_hardware() != nullptr) &&
+                            !state_->lacks_attestation();
     if (!all_stated) {
       state_->append_locked(std::nullopt);
     }
@@ -582,9 +994,9 @@ ApplianceLog::StatedKeys ApplianceLog::state_keys() {
 ApplianceLog::StatedKeys ApplianceLog::stated_keys() const {
   const std::lock_guard guard(state_->mutex);
   StatedKeys stated;
-  if (state_->stated_ml_dsa) stated.ml_dsa = state_->stated_ml_dsa->entry;
-  if (state_->stated_hardware) stated.hardware = state_->stated_hardware->entry;
-  if (state_->stated_attestation) stated.attestation = state_->stated_attestation->entry;
+  if (const auto* ml_dsa = state_->stated_ml_dsa()) stated.ml_dsa = ml_dsa->entry;
+  if (const auto* hardware = state_->stated_hardware()) stated.hardware = hardware->entry;
+  if (const auto* attestation = state_->stated_attestation()) stated.attestation = attestation->entry;
   stated.not_attested = state_->not_attested;
   return stated;
 }
@@ -765,6 +1177,13 @@ crypto::Sha256Digest root_of_log(const fs::path& folder, std::uint64_t size) {
                 " entries where at least " + std::to_string(size) + " were asked for");
   }
   return tree.root();
+}
+
+bool is_refuted(const fs::path& folder, const crypto::VerifierKey& device, const LogDamageEntry& claim,
+                std::uint64_t seq) {
+  std::vector<std::uint64_t> sizes = note_sizes_in(real_reading(), folder);
+  std::erase_if(sizes, [&](std::uint64_t size) { return size < claim.size || size > seq; });
+  return !sizes.empty() && newest_that_fits(real_reading(), folder, device, sizes) > 0;
 }
 
 std::vector<LogLine> read_log(const fs::path& folder) {

@@ -18,6 +18,7 @@
 namespace kiroku::archive {
 
 struct ConsentStatement;  // archive/format/log_entry.h
+struct LogDamageEntry;
 class FileSystem;
 
 /// One line of the log for listing.
@@ -37,10 +38,13 @@ class ApplianceLog {
   };
 
   /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
-  /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. `files` and `key` must
-  /// outlive the log. Throws kiroku::Error, also where the log states an ML-DSA key of the device that `key`
-  /// does not have: what it signs would count for nothing. So do all that append. A key in hardware that it
-  /// states, and `key` does not have, is silence as that of hardware which does not answer.
+  /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. Lines behind the newest
+  /// checkpoint of this device that no writer of it leaves are put aside, into log-aside/ beside the folder:
+  /// an entry says so at once, and remarks(). So it is whenever something is appended. `files` and `key` must
+  /// outlive the log. Throws kiroku::Error, also where the log states, in a line that this device signed, an
+  /// ML-DSA key of the device that `key` does not have: what it signs would count for nothing. So do all that
+  /// append. A key in hardware that it states, and `key` does not have, is silence as that of hardware which
+  /// does not answer.
   /// `expected` is a checkpoint of the device's log that was kept elsewhere: see lacks().
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name,
@@ -55,6 +59,10 @@ class ApplianceLog {
   /// What the lines that were there when the log was opened lack of the checkpoint that it was opened with,
   /// in words: "it has 5 entries", "its entries are others"; "" where they go on from it, or none was given.
   [[nodiscard]] std::string lacks() const;
+  /// What was found so far of lines that this device did not sign, one sentence each.
+  [[nodiscard]] std::vector<std::string> remarks() const;
+  /// Has `tell` called with each of them from now on. It must neither throw, nor wait, nor call the log.
+  void tell_of_remarks(std::function<void(const std::string& remark)> tell);
 
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,
   // then sign a checkpoint. They throw kiroku::IoError and LedgerHeldError; after a
@@ -146,6 +154,11 @@ std::string for_each_readable_log_line(const std::filesystem::path& folder,
 /// where the checkpoint cannot be read.
 bool is_signed_entry(const std::filesystem::path& folder, const crypto::VerifierKey& device,
                      std::uint64_t seq, const crypto::Sha256Digest& root);
+/// Whether what a `damage-found`, entry `seq` of the log, says is not so: before it stood as many lines as it
+/// names, and a checkpoint that the device signed over them, or more of them, fits. Whoever can write to the
+/// disk could have made the entry up. Throws kiroku::IoError.
+bool is_refuted(const std::filesystem::path& folder, const crypto::VerifierKey& device,
+                const LogDamageEntry& claim, std::uint64_t seq);
 /// The tree's root over the first `size` lines. kiroku::Error if there are fewer, or one cannot be read.
 crypto::Sha256Digest root_of_log(const std::filesystem::path& folder, std::uint64_t size);
 /// All of them.

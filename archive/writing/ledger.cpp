@@ -60,7 +60,8 @@ Ledger::Ledger(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* 
       visitor_(std::move(visitor)) {}
 
 std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing sharing, SpaceReserve* reserve,
-                                     Visitor visitor, Covered covered, NeedsSignature needs_signature) {
+                                     Visitor visitor, Covered covered, NeedsSignature needs_signature,
+                                     SetAside set_aside) {
   std::unique_ptr<Ledger> ledger(new Ledger(files, std::move(file), sharing, reserve, std::move(visitor)));
   ledger->written_ = open_or_create(files, ledger->file_);
   if (sharing == Sharing::kExclusive && !ledger->written_->try_lock()) {
@@ -70,6 +71,7 @@ std::unique_ptr<Ledger> Ledger::open(FileSystem& files, fs::path file, Sharing s
   ledger->covered_when_opened_ = covered;
   ledger->covered_ = std::move(covered);
   ledger->needs_signature_ = std::move(needs_signature);
+  ledger->set_aside_ = std::move(set_aside);
   ledger->catch_up();
   ledger->covered_ = nullptr;
   ledger->needs_signature_ = nullptr;
@@ -259,7 +261,7 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
     }
     rest.append(piece);
     if (rest.size() > kMaximumLineBytes) {
-      if (was_never_flushed(rest)) {
+      if (was_never_flushed(rest) || (set_aside_ && set_aside_(tree_.size(), bytes_))) {
         cut_torn_line(input.size());
         return;
       }

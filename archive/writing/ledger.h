@@ -39,18 +39,22 @@ class Ledger {
   using Covered = std::function<std::uint64_t()>;
   /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
   using NeedsSignature = std::function<bool(std::string_view line)>;
+  /// Keeps elsewhere what stands in the file from byte `offset` on, where line number `seq` begins; false
+  /// where it must stay.
+  using SetAside = std::function<bool(std::uint64_t seq, std::uint64_t offset)>;
 
   /// Opens `file`, or makes it, with its name durable. A last line without LF is one whose writing a crash or
   /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. A power cut may also
   /// leave zeros where blocks of the last append were not flushed, and lines behind them that were: with
   /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
   /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
-  /// write to the disk could have put it there, and unsigned_bytes() tells. Throws UsageError if another
-  /// writer has it (kExclusive), kiroku::Error for a line longer than the format's, kiroku::IoError. `files`
-  /// and `reserve` must outlive the object; `reserve` may be null.
+  /// write to the disk could have put it there, and unsigned_bytes() tells. What stands from a line on that
+  /// is longer than the format's is cut off once `set_aside` kept it, also later; torn_bytes() tells. Throws
+  /// UsageError if another writer has it (kExclusive), kiroku::Error for such a line that stays,
+  /// kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
                                       SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {},
-                                      NeedsSignature needs_signature = {});
+                                      NeedsSignature needs_signature = {}, SetAside set_aside = {});
   Ledger(const Ledger&) = delete;
   Ledger& operator=(const Ledger&) = delete;
 
@@ -130,6 +134,7 @@ class Ledger {
   Covered covered_;
   Covered covered_when_opened_;  // for when it is opened anew
   NeedsSignature needs_signature_;
+  SetAside set_aside_;
   std::unique_ptr<WritableFile> written_;
   crypto::MerkleFrontier tree_;
   std::uint64_t bytes_ = 0;            // of whole lines in the tree

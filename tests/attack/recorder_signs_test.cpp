@@ -526,7 +526,56 @@ TEST_F(NextStart, TakesNothingBackWhereSeveralLinesLackTheirCheckpoint) {
   fs::remove(archive_.log_folder() / archive::note_path(size));
   fs::remove(archive_.log_folder() / archive::note_path(size - 1));
   open_log()->shutdown();
-  EXPECT_EQ(lines(archive_.log_folder()).size(), size + 1);
+  const std::vector<std::string> after = lines(archive_.log_folder());
+  ASSERT_EQ(after.size(), size + 2);
+  EXPECT_THAT(after[size], HasSubstr("found no signature of this device over entries"));
+}
+
+// What keeps nobody from recording, and nobody from knowing what is held.
+TEST_F(NextStart, WhatSomebodyStatesOfTheLogOrOfItsDeviceIsPutAside) {
+  write_case();
+  const std::string id = folder_.filename().string();
+  open_log()->case_held(id, "court order", "anna");
+  const crypto::VerifierKey device(SampleArchive::kDeviceName, archive_.key().public_key());
+  const crypto::SigningKey stranger =
+      crypto::SigningKey::generate().with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
+  const std::uint64_t size = lines(archive_.log_folder()).size();
+  for (const archive::LogEntryBody& lie :
+       {archive::LogEntryBody(
+            archive::LogDamageEntry{size, {}, archive::root_of_log(archive_.log_folder(), size)}),
+        archive::LogEntryBody(archive::LogDamageEntry{size + 90, {}, {}}),
+        archive::LogEntryBody(archive::DeviceMlDsaEntry{
+            crypto::verifier_key_of(SampleArchive::kDeviceName, stranger).ml_dsa()->to_string()}),
+        archive::LogEntryBody(archive::DeviceHardwareEntry{"test+00000000+Ag=="}),
+        archive::LogEntryBody(archive::BootEntry{"b9", "stranger"})}) {
+    const std::size_t before = lines(archive_.log_folder()).size();
+    add_log_line(lie);
+    EXPECT_THAT(archive::why_held(archive::read_holds(archive_.log_folder(), device), id),
+                HasSubstr("court order"))
+        << "before the next start, too";
+    open_log()->shutdown();
+    EXPECT_EQ(lines(archive_.log_folder()).size(), before + 3);
+    EXPECT_EQ(summary(verify()), "intact") << details(verify());
+    EXPECT_EQ(summary(verify_log()), "intact") << details(verify_log());
+    EXPECT_THAT(archive::why_held(archive::read_holds(archive_.log_folder(), device), id),
+                HasSubstr("court order"));
+  }
+}
+
+// Recorders of before signed over it.
+TEST_F(NextStart, AClaimOfDamageThatTheDevicesCheckpointRefutesTakesNoHoldAway) {
+  write_case();
+  const std::string id = folder_.filename().string();
+  open_log()->case_held(id, "court order", "anna");
+  const crypto::VerifierKey device(SampleArchive::kDeviceName, archive_.key().public_key());
+  const std::uint64_t size = lines(archive_.log_folder()).size();
+  add_log_line(archive::LogDamageEntry{size, {}, archive::root_of_log(archive_.log_folder(), size)});
+  add_log_line(archive::ShutdownEntry{});
+  sign_log();
+  EXPECT_THAT(summary(verify_log()), HasSubstr("intact\nlog-damage-refuted"));
+  EXPECT_EQ(verify().verdict, Verdict::kIntact) << details(verify());
+  EXPECT_THAT(archive::why_held(archive::read_holds(archive_.log_folder(), device), id),
+              HasSubstr("court order"));
 }
 
 // Recorders of before left such lines where they were, and signed what came next.

@@ -2783,10 +2783,61 @@ def log_signed_later(world):
 
 @reaches("log-damage-stated")
 def log_that_was_changed(world):
+    """The checkpoint over the line that was changed is gone: the log alone tells of it."""
+    def change(log, written):
+        lines = len(log.of(w.Entry))
+        log.add("access", 89 * SECOND, case="*", what="changed", who="sato")
+        log.add("damage-found", 90 * SECOND, size=lines + 1, stated_root="0" * 64, root="1" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-damage-refuted")
+def log_that_was_not_changed(world):
     def change(log, written):
         log.add("damage-found", 90 * SECOND, size=3, stated_root="0" * 64, root="1" * 64)
         log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
     return the_log(world, change)
+
+
+@reaches("log-damage-refuted")
+def log_that_says_too_late_that_its_end_was_cut_off(world):
+    def change(log, written):
+        log.add("damage-found", 90 * SECOND, size=len(log.of(w.Entry)), stated_root="0" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-tail-not-covered")
+def damage_that_nobody_signed(world):
+    def change(log, written):
+        log.add("damage-found", 90 * SECOND, size=99, stated_root="0" * 64)
+    return dataclasses.replace(the_log(world, change), never=["log-damage-stated", "log-damage-refuted"])
+
+
+@reaches("log-damage-stated", "device-not-trusted")
+def damage_that_a_strangers_checkpoint_does_not_refute(world):
+    """What a stranger signed over the changed lines is no checkpoint of the device's."""
+    stranger = note.Signer("stranger", bytes([77] * 32))
+
+    def change(log, written):
+        lines = len(log.of(w.Entry))
+        log.add("access", 89 * SECOND, case="*", what="changed", who="sato")
+        boot = log.find("boot").fields["boot_id"]
+        log.signed("boot", 90 * SECOND, boot_id=boot, device=str(stranger.key))
+        step = log.of(Checkpoint)[-1]
+        step.signer, step.origin = stranger, "kiroku/stranger/log"
+        log.add("boot", 90 * SECOND, boot_id=boot, device=str(world.device.key))
+        log.add("damage-found", 90 * SECOND, size=lines + 1, stated_root="0" * 64, root="1" * 64)
+        log.signed("access", 91 * SECOND, case="*", what="unlocked", who="sato")
+    return the_log(world, change)
+
+
+@reaches("log-tail-not-covered")
+def ml_dsa_key_that_nobody_signed(world):
+    def change(log, written):
+        log.add("device-ml-dsa-added", 90 * SECOND, ml_dsa="or3")
+    return dataclasses.replace(the_log(world, change), never=["device-ml-dsa-differs", "device-invalid"])
 
 
 @reaches("log-tail-unsigned")

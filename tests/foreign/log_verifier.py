@@ -170,6 +170,8 @@ class LogRead:
         device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         self.now = Named(None)   # the device as the newest entry says it
         named = None   # the device's key as the newest entry says it
+        claims = []            # code, line and words of what counts once a checkpoint covers the line
+        fitting = {}           # lines that a checkpoint covers, by the device that signed it
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -211,17 +213,21 @@ class LogRead:
                     self.had_case_key = self.had_case_key or self._has_key_of_case()
                     self.was_case_devices = self.was_case_devices or self._is_its_devices(self.case_id)
                 if kind == "device-ml-dsa-added":
-                    self._judge_ml_dsa_key(entry["ml_dsa"], device, report)
+                    self._judge_ml_dsa_key(entry["ml_dsa"], device, lambda code, text, at=number: claims.append((code, at, text)))
                 if kind == "device-hardware-added":
-                    self._judge_hardware_key(entry["hardware"], device, report)
+                    self._judge_hardware_key(entry["hardware"], device, lambda code, text, at=number: claims.append((code, at, text)))
                 if kind == "damage-found":
-                    report("log-damage-stated", f"line {number}")
+                    refuted = device is not None and fitting.get(str(device), -1) >= entry["size"]
+                    claims.append(("log-damage-refuted" if refuted else "log-damage-stated", number, f"line {number}"))
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, first_named)
             size = number + 1
             if size in folder.note_sizes:
                 folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
                 if folder.covered == size:
+                    claims = self._tell(claims, size, report)
+                    if device is not None:
+                        fitting[str(device)] = size
                     if since_note > MOST_WITHOUT_THEIR_OWN:
                         report("log-signed-late", f"line {number}")
                     since_note = 0
@@ -301,6 +307,14 @@ class LogRead:
         accuses, first = own and self.now.trusted and not self.of_case.trusted, self.opened_by_another
         if first is None or accuses and not first.accuses:
             self.opened_by_another = OpenedByAnother(number, entry["sha256"], self.now.text, accuses)
+
+    @staticmethod
+    def _tell(claims, covered, report):
+        """Those of which a checkpoint covers the line; the others are left."""
+        for code, number, text in claims:
+            if number < covered:
+                report(code, text)
+        return [claim for claim in claims if claim[1] >= covered]
 
     def _keep_covered(self, device):
         known = self.covered_by.get(str(device), (0, 0))

@@ -49,6 +49,8 @@ ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell
       log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
                                        home_.device.name())) {
   if (const std::string damage = log_->damage(); !damage.empty()) tell(damage);
+  for (const std::string& remark : log_->remarks()) tell(remark);
+  log_->tell_of_remarks([tell](const std::string& remark) { tell(remark); });
 }
 
 playback::CasePlace ViewerContext::case_place(const Request& request) const {

@@ -279,6 +279,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "装置ログ、またはその最新の複数の項目を覆うチェックポイントがない。誰も署名していない。"},
     {"log-tail-not-covered", Check::kLog, "装置ログの最新の項目を覆うチェックポイントがない。"},
     {"log-damage-stated", Check::kLog, "装置ログ自身が、署名後にその行が変更されたと記している。"},
+    {"log-damage-refuted", Check::kLog,
+     "装置ログはその行が変更されたと記しているが、それらの行を覆う装置のチェックポイントは成り立つ。"
+     "その項目は何者かが加えたものである。"},
     {"log-case-open", Check::kLog, "装置ログに症例の終了がない。"},
     {"log-case-erased", Check::kLog,
      "装置ログによれば症例全体は消去されたが、ここに存在する。残された写しか、行われなかった消去である。"},

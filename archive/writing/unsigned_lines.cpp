@@ -1,0 +1,202 @@
+#include "archive/writing/unsigned_lines.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <span>
+#include <utility>
+
+#include "archive/format/boot_quote.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/file_reading.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/line_reader.h"
+#include "archive/storage/file_system.h"
+#include "base/error.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
+#include "crypto/merkle_tree.h"
+#include "crypto/tpm_quote.h"
+
+namespace kiroku::archive {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Kind = UnsignedLine::Kind;
+
+constexpr std::size_t kChunk = 1U << 18U;
+
+bool is_quote_of(const StatedQuote& stated, const std::string& attestation, const QuotePlace& place) {
+  std::string problem;
+  const auto area = crypto::from_base64(attestation, crypto::Base64Padding::kPadded);
+  const auto key = area ? crypto::parse_attestation_key(*area, problem) : std::nullopt;
+  const auto quote = from_stated(stated);
+  const auto said = quote ? crypto::parse_tpm_quote(quote->attest, problem) : std::nullopt;
+  if (!key || !said || said->qualified_signer != key->qualified_name ||
+      !crypto::verify_ecdsa_p256(key->key, quote->attest, quote->signature)) {
+    return false;
+  }
+  const crypto::Sha256Digest asked = qualifying_data(place);
+  return std::ranges::equal(asked, said->qualifying_data) &&
+         std::ranges::equal(said->pcrs, quote->pcrs, {}, {}, &crypto::PcrValue::index) &&
+         said->pcr_digest == crypto::digest_of_pcrs(quote->pcrs);
+}
+
+bool is_same(const LogDamageEntry& one, const LogDamageEntry& other) {
+  return one.size == other.size && one.stated_root == other.stated_root && one.root == other.root;
+}
+
+/// What the lines said so far, as far as it says what may follow.
+class Judge {
+ public:
+  Judge(const LogKeys& own, const std::optional<LogDamageEntry>& damage) : own_(&own), damage_(&damage) {}
+
+  /// Of one that is signed.
+  void pass(std::string_view line) {
+    constexpr std::string_view kType = R"("type":")";
+    const std::size_t at = line.find(kType);
+    const std::string_view type = at == std::string_view::npos ? "" : line.substr(at + kType.size());
+    last_mono_ns_.reset();
+    if (type.starts_with("boot\"") || type.starts_with("case-opened\"")) {
+      if (const LogEntryParse parsed = parse_log_entry(line); parsed.entry) remember(*parsed.entry);
+    }
+    last_ = line;
+  }
+
+  UnsignedLine judge(std::string_view line, bool too_long, const crypto::MerkleFrontier& before) {
+    UnsignedLine judged;
+    const LogEntryParse parsed = too_long ? LogEntryParse{} : parse_log_entry(line);
+    if (!parsed.entry) return judged;
+    const LogEntry& entry = *parsed.entry;
+    const bool boots = std::holds_alternative<BootEntry>(entry.body);
+    if (entry.seq != before.size() || (!boots && entry.at.mono_ns < last_mono_ns())) return judged;
+    judged.kind = kind_of(entry, before);
+    if (const auto* opened = std::get_if<CaseOpenedEntry>(&entry.body);
+        opened != nullptr && !opened_.contains(opened->case_id)) {
+      judged.opened = *opened;
+    }
+    remember(entry);
+    return judged;
+  }
+
+ private:
+  void remember(const LogEntry& entry) {
+    last_mono_ns_ = entry.at.mono_ns;
+    if (const auto* boot = std::get_if<BootEntry>(&entry.body)) {
+      boot_id_ = boot->boot_id;
+    } else if (const auto* opened = std::get_if<CaseOpenedEntry>(&entry.body)) {
+      opened_.insert(opened->case_id);
+    }
+  }
+
+  /// Of the newest line that is an entry, or of those before it none.
+  std::int64_t last_mono_ns() {
+    if (!last_mono_ns_) {
+      const LogEntryParse parsed = parse_log_entry(last_);
+      last_mono_ns_ = parsed.entry ? parsed.entry->at.mono_ns : 0;
+    }
+    return *last_mono_ns_;
+  }
+
+  [[nodiscard]] Kind kind_of(const LogEntry& entry, const crypto::MerkleFrontier& before) const {
+    const auto attends_if = [](bool it_does) { return it_does ? Kind::kAttends : Kind::kForeign; };
+    const LogEntryBody& body = entry.body;
+    if (const auto* boot = std::get_if<BootEntry>(&body)) {
+      return attends_if(
+          boot->device == own_->device &&
+          (!boot->quote || is_quote_of(*boot->quote, own_->attestation,
+                                       {own_->device, entry.seq, before.root(), boot->boot_id})));
+    }
+    if (const auto* added = std::get_if<DeviceMlDsaEntry>(&body)) {
+      return attends_if(added->ml_dsa == own_->ml_dsa);
+    }
+    if (const auto* hardware = std::get_if<DeviceHardwareEntry>(&body)) {
+      return attends_if(hardware->hardware == own_->hardware);
+    }
+    if (const auto* attests = std::get_if<DeviceAttestationEntry>(&body)) {
+      return attends_if(
+          attests->attestation == own_->attestation &&
+          is_quote_of(attests->quote, own_->attestation, {own_->device, entry.seq, before.root(), boot_id_}));
+    }
+    if (std::holds_alternative<DeviceHardwareSilentEntry>(body)) return attends_if(!own_->hardware.empty());
+    if (const auto* found = std::get_if<LogDamageEntry>(&body)) {
+      return attends_if(damage_->has_value() && is_same(*found, **damage_));
+    }
+    if (std::holds_alternative<ConfigChangedEntry>(body) || std::holds_alternative<LogRecoveredEntry>(body)) {
+      return Kind::kAttends;
+    }
+    if (const auto* changed = std::get_if<DeviceKeyChangedEntry>(&body)) {
+      return changed->device == own_->device ? Kind::kKept : Kind::kForeign;
+    }
+    return std::holds_alternative<CaseOpenedEntry>(body) ? Kind::kKept : Kind::kStatement;
+  }
+
+  const LogKeys* own_;
+  const std::optional<LogDamageEntry>* damage_;
+  std::string boot_id_, last_;
+  std::optional<std::int64_t> last_mono_ns_;
+  std::set<std::string> opened_;
+};
+
+}  // namespace
+
+std::vector<UnsignedLine> unsigned_lines(const FileReading& files, const fs::path& file, std::uint64_t from,
+                                         const LogKeys& own, const std::optional<LogDamageEntry>& damage) {
+  const ReadableFile input = files.open_to_read(file);
+  std::vector<UnsignedLine> lines;
+  Judge judge(own, damage);
+  crypto::MerkleFrontier tree;
+  LineReader reader(input);
+  for (LedgerLine line; reader.next(line) && !line.torn;) {
+    if (tree.size() < from) {
+      judge.pass(line.text);
+    } else {
+      lines.push_back(judge.judge(line.text, line.too_long, tree));
+      lines.back().offset = line.offset;
+    }
+    tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+  }
+  return lines;
+}
+
+SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
+                   const fs::path& folder) {
+  if (!files.exists(folder)) {
+    files.make_folder(folder);
+    files.sync_folder(folder.parent_path());
+  }
+  // Whoever can write there may have made a link to another place.
+  if (!files.is_folder(folder)) throw IoError("write into the folder", folder, ENOTDIR);
+  fs::path part = folder / format_index(line);
+  part += kPartSuffix;
+  if (files.exists(part)) files.remove(part);
+  SetAside kept;
+  try {
+    const ReadableFile input = files.open_to_read(file);
+    crypto::Sha256 hash;
+    {
+      const std::unique_ptr<WritableFile> written = files.create(part);
+      std::vector<std::byte> chunk(kChunk);
+      while (const std::size_t count = input.read_at(offset, chunk)) {
+        const ByteView bytes = std::span(chunk).first(count);
+        hash.update(bytes);
+        written->write(bytes);
+        offset += count;
+      }
+      written->sync_all();
+    }
+    kept.sha256 = crypto::to_hex(hash.finish());
+    kept.file = folder / (format_index(line) + "-" + kept.sha256 + ".jsonl");
+    files.rename(part, kept.file);
+  } catch (const IoError&) {
+    try {
+      if (files.exists(part)) files.remove(part);
+    } catch (const IoError&) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
+    }
+    throw;
+  }
+  files.sync_folder(folder);
+  return kept;
+}
+
+}  // namespace kiroku::archive
