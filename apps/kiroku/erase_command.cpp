@@ -369,9 +369,11 @@ std::string first_of(const archive::StreamInfo& stream) {
   return name.substr(0, name.find(';'));
 }
 
-/// Streams of the case that hold the pictures of `stream` in another form, and are not all erased.
-std::vector<std::string> other_forms_of(const fs::path& folder, const std::string& stream) {
-  const archive::CaseReader reader = archive::CaseReader::open(folder);
+/// Streams of the case that hold the same pictures in another form, and are not all erased.
+std::vector<std::string> other_forms_of(const Candidate& candidate) {
+  if (candidate.by_consent) return {};  // they go, too
+  const archive::CaseReader reader = archive::CaseReader::open(candidate.folder);
+  const std::string& stream = candidate.stream;
   const auto& streams = reader.opening().streams;
   const auto asked = std::ranges::find(streams, stream, &archive::StreamInfo::name);
   if (asked == streams.end()) return {};
@@ -455,7 +457,7 @@ int run(const Request& request) {
     }
     if (request.dry_run) {
       const bool left = would_erase(candidate);
-      const auto others = other_forms_of(candidate.folder, candidate.stream);
+      const auto others = other_forms_of(candidate);
       if (left) {
         cases.push_back({{"case", name}, {"stream", candidate.stream}, {"policy", candidate.policy}});
         if (candidate.opened) cases.back()["opened"] = format_utc(*candidate.opened);
@@ -479,7 +481,7 @@ int run(const Request& request) {
                      {"bytes", erased.bytes},
                      {"stamped", erased.stamped},
                      {"policy", candidate.policy}});
-    const auto others = other_forms_of(candidate.folder, candidate.stream);
+    const auto others = other_forms_of(candidate);
     if (!others.empty()) cases.back()["also_in"] = others;
     if (!request.json)
       std::cout << name << ": " << told(candidate, erased)
