@@ -338,11 +338,11 @@ struct Room::State {
   bool leave_out_others(Session& running) {
     constexpr std::chrono::seconds kPatience{2};
     if (!plan.procedure) return true;
-    const std::optional<Clock::Duration> changed = plan.procedure->changed_at();
-    if (!changed) return true;
-    if (changed != left_out_until) {
-      left_out_until = changed;
-      running.forget_before(*changed);
+    const std::optional<Clock::Duration> change = plan.procedure->changed_at();
+    if (!change) return true;
+    if (change != left_out_until) {
+      left_out_until = change;
+      running.forget_before(*change);
     }
     if (running.is_forgotten()) {
       left_out_by.reset();
