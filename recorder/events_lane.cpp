@@ -27,6 +27,10 @@ void EventsLane::mark(const std::string& text) { add("mark", "text", text); }
 
 void EventsLane::subject_missing(const std::string& why) { add("subject-missing", "text", why); }
 
+void EventsLane::ahead_left_out(const std::string& why) { add("ahead-left-out", "text", why); }
+
+void EventsLane::patient_differs(const std::string& how) { add("patient-differs", "text", how); }
+
 void EventsLane::profile(const nlohmann::ordered_json& decision) { add("profile", "profile", decision); }
 
 void EventsLane::late_subject(const Bytes& json) {

@@ -27,6 +27,11 @@ namespace kiroku::recorder {
 ///
 ///   {"time_ns":…,"utc":"…","kind":"profile","profile":{"streams":["endoscope"],"to":"lossless",…}}
 ///
+/// or, of a case that begins with less than was recorded ahead, and of monitors that name another patient,
+///
+///   {"time_ns":…,"utc":"…","kind":"ahead-left-out","text":"what was recorded ahead before … is not part …"}
+///   {"time_ns":…,"utc":"…","kind":"patient-differs","text":"a monitor's messages name another patient …"}
+///
 /// The ledger's commitment is SHA-256(salt bytes ‖ event bytes): whoever can open the stream can prove what
 /// was marked (`jq -j .event`), and nobody can guess it from the ledger.
 class EventsLane {
@@ -40,6 +45,8 @@ class EventsLane {
   /// `json` is what a subject file holds: one JSON object. Throws kiroku::UsageError for anything else.
   void late_subject(const Bytes& json);
   void subject_missing(const std::string& why);
+  void ahead_left_out(const std::string& why);
+  void patient_differs(const std::string& how);
   /// `decision` is the object under "profile".
   void profile(const nlohmann::ordered_json& decision);
   /// Seals what happened, in one segment that follows the one before. Called by the session's thread, about

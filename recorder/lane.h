@@ -77,6 +77,10 @@ class Lane {
   /// Whether the source states its own times and goes as fast as it can, so that the clock says nothing of
   /// it.
   [[nodiscard]] virtual bool is_unpaced() const = 0;
+  /// What is recorded from this time of the case clock on stands in another segment than what was recorded
+  /// before. Returns at once. Thread-safe, as is_split_at(), which says whether it does.
+  virtual void split_at(std::int64_t time_ns) = 0;
+  [[nodiscard]] virtual bool is_split_at(std::int64_t time_ns) const = 0;
   [[nodiscard]] virtual LaneStatus status() const = 0;
   [[nodiscard]] virtual const std::string& name() const = 0;
 };

@@ -101,6 +101,7 @@ void LedgerWriter::write(std::vector<Fact> facts) {
 }
 
 void LedgerWriter::write(StandbySegment segment) {
+  if (!pre_roll_->keeps(segment)) return;
   const std::filesystem::path from = pre_roll_->path_of(segment.entry.file);
   pre_roll_->number(segment);
   writer().take_in(segment.entry, from);

@@ -34,28 +34,46 @@ void PreRoll::trim(std::int64_t now_ns) {
       ++fact;
       continue;
     }
-    if (segment != nullptr) {
-      folder_.discard(segment->entry.file);
-      archive::StreamTotal& gone = gone_.at(segment->stream_index);
-      gone.segments += 1;
-      gone.frames += segment->entry.frames;
-      gone.dropped += segment->entry.dropped;
-      gone.bytes += segment->entry.file.bytes;
-    }
+    if (segment != nullptr) discard(*segment);
     fact = facts_.erase(fact);
   }
 }
 
-std::int64_t PreRoll::decide(std::int64_t now_ns) {
+void PreRoll::discard(const StandbySegment& segment) {
+  folder_.discard(segment.entry.file);
+  archive::StreamTotal& gone = gone_.at(segment.stream_index);
+  gone.segments += 1;
+  gone.frames += segment.entry.frames;
+  gone.dropped += segment.entry.dropped;
+  gone.bytes += segment.entry.file.bytes;
+}
+
+std::int64_t PreRoll::decide(std::int64_t now_ns, std::int64_t not_before_ns) {
   const std::lock_guard guard(mutex_);
   std::int64_t begins_ns = now_ns;
-  for (const Fact& fact : facts_) {
-    if (const auto* segment = std::get_if<StandbySegment>(&fact)) {
-      begins_ns = std::min(begins_ns, segment->entry.span.start_ns);
+  left_out_ = {};
+  for (auto fact = facts_.begin(); fact != facts_.end();) {
+    const auto* segment = std::get_if<StandbySegment>(&*fact);
+    if (segment != nullptr && segment->entry.span.start_ns < not_before_ns) {
+      discard(*segment);
+      left_out_.segments += 1;
+      left_out_.duration_ns = std::max(left_out_.duration_ns, not_before_ns - segment->entry.span.start_ns);
+      fact = facts_.erase(fact);
+      continue;
     }
+    if (segment != nullptr) begins_ns = std::min(begins_ns, segment->entry.span.start_ns);
+    ++fact;
   }
+  not_before_ns_ = not_before_ns;
   begins_ns_ = begins_ns;
   return begins_ns;
+}
+
+bool PreRoll::keeps(const StandbySegment& segment) {
+  const std::lock_guard guard(mutex_);
+  if (segment.entry.span.start_ns >= not_before_ns_) return true;
+  discard(segment);
+  return false;
 }
 
 void PreRoll::reconsider() {
@@ -89,6 +107,11 @@ std::optional<archive::GapEntry> PreRoll::within_case(archive::GapEntry gap) con
   gap.span.start_ns = std::max(gap.span.start_ns, begins_ns_.value_or(0));
   if (gap.span.end_ns <= gap.span.start_ns) return {};
   return gap;
+}
+
+PreRoll::Amount PreRoll::left_out() const {
+  const std::lock_guard guard(mutex_);
+  return left_out_;
 }
 
 PreRoll::Amount PreRoll::amount() const {

@@ -25,9 +25,10 @@ class PreRoll {
   /// Discards what is too old at `now_ns`, until decide() was called. Throws kiroku::IoError.
   void trim(std::int64_t now_ns);
 
-  /// A case begins: from now on everything is kept. Returns where it begins: the start of the oldest segment
-  /// there is, `now_ns` if there is none.
-  std::int64_t decide(std::int64_t now_ns);
+  /// A case begins: from now on everything is kept, but for segments that begin before `not_before_ns`, which
+  /// are discarded, also those that are handed over later. Returns where it begins: the start of the oldest
+  /// segment that is kept, `now_ns` if there is none. Throws kiroku::IoError.
+  std::int64_t decide(std::int64_t now_ns, std::int64_t not_before_ns = INT64_MIN);
   /// The case could not be made: old segments are discarded again.
   void reconsider();
   /// For each stream, what was discarded.
@@ -37,6 +38,8 @@ class PreRoll {
   /// Where a segment of the folder lies, and its number in the case. After decide().
   [[nodiscard]] std::filesystem::path path_of(const archive::FileReference& file) const;
   void number(StandbySegment& segment) const;
+  /// After decide(): false for one that is not to be kept, and is discarded. Throws kiroku::IoError.
+  bool keeps(const StandbySegment& segment);
   /// A gap as far as it lies in the case; nothing if it does not.
   [[nodiscard]] std::optional<archive::GapEntry> within_case(archive::GapEntry gap) const;
 
@@ -46,14 +49,20 @@ class PreRoll {
   };
   /// What is held now.
   [[nodiscard]] Amount amount() const;
+  /// What decide() discarded.
+  [[nodiscard]] Amount left_out() const;
 
  private:
+  void discard(const StandbySegment& segment);
+
   archive::StandbyFolder& folder_;
   const std::int64_t keep_ns_;
   mutable std::mutex mutex_;
   std::deque<Fact> facts_;
   std::vector<archive::StreamTotal> gone_;
   std::optional<std::int64_t> begins_ns_;  // once decided
+  std::int64_t not_before_ns_ = INT64_MIN;
+  Amount left_out_;
 };
 
 }  // namespace kiroku::recorder

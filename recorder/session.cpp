@@ -15,12 +15,14 @@
 #include "recorder/session_request.h"
 #include "recorder/video_lane.h"
 #include "recorder/vitals/awaited_source.h"
+#include "recorder/vitals/patient_watch.h"
 #include "recorder/vitals_lane.h"
 
 namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::milliseconds kProgressInterval{250};
+constexpr std::int64_t kOtherPatientEveryNs = 60'000'000'000;
 constexpr std::int64_t kGraceNs = 1'000'000'000;
 // Nobody waits long for what may be absent: it is tried again while the rest is recorded.
 constexpr std::chrono::seconds kPatienceWithAbsent{2};
@@ -56,6 +58,12 @@ struct Session::State {
   }
   /// Makes the case, which begins at `from_ns` of its clock.
   void make_case(std::int64_t from_ns);
+  /// Says in the case, and in the appliance log, that segments recorded ahead are left out.
+  void state_forgotten(const PreRoll::Amount& left_out);
+  /// The case is about whoever its subject names, and these numbers.
+  void expect_patient(const std::optional<Bytes>& subject, std::vector<PatientNumber> more);
+  /// Says so, in the case and to people, where monitors speak of another one.
+  void tell_of_others(std::int64_t now_ns, bool at_the_end = false);
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
   LedgerWriter::Ended finish_lanes();
@@ -133,6 +141,10 @@ struct Session::State {
   std::unique_ptr<SegmentStore> store;
   std::atomic<bool> begun = false;
   std::atomic<std::int64_t> begins_ns = 0, decided_ns = 0;
+  std::int64_t not_before_ns = INT64_MIN;  // of what was recorded ahead
+  std::uint64_t forgotten = 0;             // segments of it that were still being written then
+  const std::shared_ptr<PatientWatch> patients = std::make_shared<PatientWatch>();
+  std::optional<std::int64_t> others_told_ns;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::vector<VideoLane*> of_pictures;       // of these
   std::size_t video_lanes = 0;
@@ -211,6 +223,7 @@ Session::State::State(SessionOptions asked)
       problems.report(error.what());
       opened.source = await_vital_source(opened.address, clock, error.what());
     }
+    opened.source->hear_patients(patients);
     declare(stream_info(request, opened.address, false), request.recipients);
     vitals.push_back(std::move(opened));
   }
@@ -239,7 +252,10 @@ Session::State::State(SessionOptions asked)
   store = std::make_unique<SegmentStore>(standby.get(), writing.streams.size());
   ledger_writer =
       std::make_unique<LedgerWriter>(facts, clock, problems, pre_roll.get(), options.stamp_interval);
-  if (!options.pre_roll) make_case(0);
+  if (!options.pre_roll) {
+    make_case(0);
+    expect_patient(options.subject, options.identity.patient_numbers);
+  }
 
   if (options.duration) end_ns = options.duration->count();
   const LaneContext context{clock, sleeps, *store, facts, problems, options.segment_duration, end_ns};
@@ -324,12 +340,43 @@ void Session::State::make_case(std::int64_t from_ns) {
     const std::vector<archive::StreamTotal> gone = pre_roll->gone();
     for (std::size_t i = 0; i < gone.size(); ++i) discarded[i] = gone[i].segments;
   }
-  store->enter(*writer, discarded);
+  forgotten = store->enter(*writer, discarded, not_before_ns);
   if (events) events->begin(from_ns);
   if (pointing) pointing->begin(from_ns);
   ledger_writer->begin_case(*writer, *stamper);
   begins_ns = from_ns;
   begun = true;
+}
+
+void Session::State::state_forgotten(const PreRoll::Amount& left_out) {
+  const auto ago = std::chrono::nanoseconds(clock.now_ns() - not_before_ns);
+  const UtcTime since = clock.time().utc() - std::chrono::duration_cast<UtcTime::duration>(ago);
+  events->ahead_left_out("what was recorded ahead before " + format_utc(since) +
+                         " is not part of the case: by then somebody came to the room, left it, or was done "
+                         "with there, as messages say");
+  try {
+    if (options.log != nullptr) options.log->pre_roll_discarded(left_out.segments, left_out.duration_ns);
+  } catch (const Error& error) {
+    problems.report(std::string("the appliance log does not state what was recorded ahead of case ") +
+                    writer->case_id() + " and left out: " + error.what());
+  }
+}
+
+void Session::State::expect_patient(const std::optional<Bytes>& subject, std::vector<PatientNumber> more) {
+  if (subject) add_numbers(more, numbers_of_subject(*subject));
+  patients->expect(std::move(more), begins_ns);
+}
+
+void Session::State::tell_of_others(std::int64_t now_ns, bool at_the_end) {
+  const bool is_soon = others_told_ns && now_ns - *others_told_ns < kOtherPatientEveryNs;
+  if (!begun || (is_soon && !at_the_end)) return;
+  if (patients->take_others() == 0) return;
+  others_told_ns = now_ns;
+  const std::string sentence =
+      "a monitor's messages name another patient (PID-3) than the case is about: see whether it is this "
+      "room's monitor, and whether the case has the right patient";
+  events->patient_differs(sentence);
+  problems.report(sentence);
 }
 
 void Session::State::discard() {
@@ -391,6 +438,7 @@ LedgerWriter::Ended Session::State::finish_lanes() {
   for (const auto& lane : lanes) lane->stop();
   const std::int64_t close_ns = clock.now_ns();
   for (const auto& lane : lanes) lane->finish(close_ns);
+  tell_of_others(close_ns, true);
   events->finish(close_ns);
   if (pointing) pointing->finish(close_ns);
   LedgerWriter::Ended ended{{}, close_ns};
@@ -446,12 +494,30 @@ std::string Session::begin(std::optional<Bytes> subject, const std::optional<cry
   s.identify(identity);
   s.decided_ns = s.clock.now_ns();
   try {
-    s.make_case(s.pre_roll->decide(s.decided_ns));
+    s.make_case(s.pre_roll->decide(s.decided_ns, s.not_before_ns));
   } catch (const std::exception&) {
     s.pre_roll->reconsider();
     throw;
   }
+  s.expect_patient(s.writing.subject, identity.patient_numbers);
+  PreRoll::Amount left_out = s.pre_roll->left_out();
+  left_out.segments += s.forgotten;
+  if (left_out.segments > 0) s.state_forgotten(left_out);
   return s.writer->case_id();
+}
+
+void Session::forget_before(Clock::Duration since_boot) {
+  State& s = *state_;
+  const std::int64_t not_before_ns = s.clock.at_ns(since_boot);
+  if (not_before_ns <= 0 || not_before_ns <= s.not_before_ns) return;
+  s.not_before_ns = not_before_ns;
+  for (const auto& lane : s.lanes) lane->split_at(not_before_ns);
+}
+
+bool Session::is_forgotten() const {
+  const std::int64_t not_before_ns = state_->not_before_ns;
+  return std::ranges::all_of(state_->lanes,
+                             [&](const auto& lane) { return lane->is_split_at(not_before_ns); });
 }
 
 SessionResult Session::run(const std::function<void(const SessionStatus&)>& progress,
@@ -470,6 +536,7 @@ SessionResult Session::run(const std::function<void(const SessionStatus&)>& prog
       s.events->step(now);
       if (s.pointing) s.pointing->step(now);
       next_events_ns = next_boundary(now, events_duration);
+      s.tell_of_others(now);
     }
     if (progress && now >= next_progress_ns) {
       progress(s.status());
@@ -518,7 +585,10 @@ std::optional<std::int64_t> Session::point(media::PointedAt at) {
   return state_->pointing ? state_->pointing->add(std::move(at)) : std::nullopt;
 }
 
-void Session::late_subject(const Bytes& json) { state_->begun_events().late_subject(json); }
+void Session::late_subject(const Bytes& json, std::vector<PatientNumber> patient_numbers) {
+  state_->begun_events().late_subject(json);
+  state_->expect_patient(json, std::move(patient_numbers));
+}
 
 void Session::change_profile(const ProfileDecision& decision) {
   static_cast<void>(state_->begun_events());

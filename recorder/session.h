@@ -22,6 +22,7 @@
 #include "recorder/picture_tap.h"
 #include "recorder/source/source_guard.h"
 #include "recorder/stamper.h"
+#include "recorder/vitals/patient_number.h"
 #include "recorder/vitals_tap.h"
 #include "timestamp/client.h"
 #include "timestamp/token_verifier.h"
@@ -66,6 +67,8 @@ struct CaseIdentity {
   std::optional<archive::CarriedOn> carries_on;
   /// The earlier case's subject file, as it is; then no other subject may be given.
   std::optional<Bytes> sealed_subject;
+  /// Of whom the case is about, beside those that a subject in the clear states: monitors may name them so.
+  std::vector<PatientNumber> patient_numbers = {};
 };
 
 /// In which form pictures are archived, and who or what decided so: sealed as an event of the case.
@@ -164,6 +167,12 @@ class Session {
   /// ahead goes on.
   std::string begin(std::optional<Bytes> subject, const std::optional<crypto::Sha256Digest>& plan = {},
                     const CaseIdentity& identity = {});
+  /// With SessionOptions::pre_roll: what was recorded ahead before `since_boot` (Clock::since_boot()) becomes
+  /// part of no case; segments end there. Returns at once; is_forgotten() once nothing open reaches back
+  /// before the last of these: a case that begins sooner loses what follows in the segments that do. The case
+  /// and the appliance log state what is left out. By the thread that calls begin().
+  void forget_before(Clock::Duration since_boot);
+  [[nodiscard]] bool is_forgotten() const;
   /// Records until stop(), the duration, or the end of the sources (of all video; of the vital signs where
   /// there is no video); closes the case properly; returns. `progress` about four times a second.
   /// `closing` once, when that is over: what follows waits for disks and for authorities.
@@ -183,7 +192,7 @@ class Session {
   std::optional<std::int64_t> point(media::PointedAt at);
   /// The same for what is known of the patient and the procedure only after the case had begun: JSON as of
   /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
-  void late_subject(const Bytes& json);
+  void late_subject(const Bytes& json, std::vector<PatientNumber> patient_numbers = {});
   void subject_missing(const std::string& why);
   /// From the next picture on, with which a segment begins, streams are archived in another form; no picture
   /// is lost or stands there twice. Where that form cannot hold a stream's pictures it goes on as it was,

@@ -7,6 +7,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -98,7 +99,7 @@ archive::StreamInfo stream_info(const StreamRequest& request, const SourceAddres
   info.kind = video ? "video" : "vitals";
   info.media = video ? std::string(request.video.media()) : "application/jsonl";
   info.source = address.stated;
-  if (!request.second_of.empty()) info.source += "; the pictures of stream " + request.second_of;
+  if (!request.second_of.empty()) info.source += std::string(kPicturesOfStream) + request.second_of;
   if (const auto microphone = microphone_of(request)) info.source += "; sound from " + microphone->stated;
   info.profile = video ? std::string(profile_name(request.video.profile)) : "jsonl";
   info.purpose = request.purpose;
@@ -124,6 +125,24 @@ archive::StreamInfo pointing_info(const crypto::AgeRecipients& recipients) {
   info.source = "viewer";
   info.purpose = kPointingPurpose;
   return info;
+}
+
+std::vector<PatientNumber> numbers_of_subject(const Bytes& json) {
+  std::vector<PatientNumber> numbers;
+  try {
+    const auto subject = parse_foreign_json<nlohmann::json>(text_of(json));
+    const auto patient = subject.find("patient");
+    if (!subject.is_object() || patient == subject.end() || !patient->is_object()) return {};
+    const auto text = [&](const char* key) {
+      const auto found = patient->find(key);
+      if (found == patient->end()) return std::string();
+      return found->is_string() ? found->get<std::string>() : found->is_number_integer() ? found->dump() : "";
+    };
+    if (!text("id").empty()) add_numbers(numbers, {{text("id"), text("id_issuer"), "", "", false}});
+    if (!text("visit").empty()) add_numbers(numbers, {{text("visit"), "", "", "", true}});
+  } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): a person's subject may be any JSON
+  }
+  return numbers;
 }
 
 nlohmann::ordered_json json_of(const ProfileDecision& decision, const std::vector<StreamRequest>& video) {

@@ -34,8 +34,9 @@ StreamOutput::~StreamOutput() {
 void StreamOutput::begin(std::int64_t start_ns, std::int64_t first_pts, std::string time_base,
                          std::string_view profile) {
   const std::string its_own(profile == info_.profile ? std::string_view() : profile);
-  SegmentStore::Begun begun = store_.begin(stream_index_, its_own);
+  SegmentStore::Begun begun = store_.begin(stream_index_, start_ns, its_own);
   current_ = std::move(begun.segment);
+  open_since_ns_ = start_ns;
   in_standby_ = begun.in_standby;
   entry_ = {};
   entry_.stream = info_.name;
@@ -73,12 +74,14 @@ void StreamOutput::end(const Ending& ending) {
     handed_.push_back({std::move(current_), entry_for(ending), in_standby_});
   }
   current_.reset();
+  open_since_ns_ = INT64_MAX;
   changed_.notify_all();
 }
 
 void StreamOutput::give_up(const Ending& ending) {
   const std::shared_ptr<archive::SegmentWriter> segment = std::move(current_);
   current_.reset();
+  open_since_ns_ = INT64_MAX;
   {
     std::unique_lock lock(mutex_);
     growing_.reset();

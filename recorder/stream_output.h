@@ -49,6 +49,8 @@ class StreamOutput {
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
   /// Case-clock end of the last segment whose entry has gone to the ledger's writer; 0 before the first.
   [[nodiscard]] std::int64_t claimed_until_ns() const { return claimed_until_ns_; }
+  /// Where the segment begins that is open; INT64_MAX while none is. From any thread.
+  [[nodiscard]] std::int64_t open_since_ns() const { return open_since_ns_; }
   [[nodiscard]] const archive::StreamInfo& info() const { return info_; }
 
  private:
@@ -81,7 +83,7 @@ class StreamOutput {
   std::exception_ptr failure_;
 
   std::atomic<std::uint64_t> segments_ = 0, bytes_ = 0;
-  std::atomic<std::int64_t> claimed_until_ns_ = 0;
+  std::atomic<std::int64_t> claimed_until_ns_ = 0, open_since_ns_ = INT64_MAX;
   std::thread finisher_;
 };
 

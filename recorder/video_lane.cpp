@@ -274,7 +274,9 @@ void VideoLane::take_profile(const PictureFormat& format, Rational rate, std::in
 
 void VideoLane::record(media::Frame prepared) {
   const std::int64_t time_ns = prepared->pts;
-  if (output_.is_open() && segmenter_.cuts_at(time_ns, output_.open_bytes())) end_segment(time_ns);
+  const bool splits = time_ns >= split_ns_ && output_.open_since_ns() < split_ns_;
+  if (output_.is_open() && (splits || segmenter_.cuts_at(time_ns, output_.open_bytes())))
+    end_segment(time_ns);
   const bool first = !output_.is_open();
   media::Packet packet = encoder_->encode(std::move(prepared), first);
   if (first) begin_segment(time_ns, packet->pts);

@@ -53,6 +53,10 @@ class VideoLane : public Lane {
   [[nodiscard]] bool ended() const override { return supervisor_->ended(); }
   [[nodiscard]] bool reached_end() const override { return supervisor_->reached_end(); }
   [[nodiscard]] bool is_unpaced() const override { return supervisor_->address().unpaced(); }
+  void split_at(std::int64_t time_ns) override { split_ns_ = time_ns; }
+  [[nodiscard]] bool is_split_at(std::int64_t time_ns) const override {
+    return output_.open_since_ns() >= time_ns;
+  }
   [[nodiscard]] LaneStatus status() const override;
   [[nodiscard]] const std::string& name() const override { return output_.info().name; }
 
@@ -107,6 +111,7 @@ class VideoLane : public Lane {
   std::atomic<std::uint64_t> frames_ = 0, refused_ = 0;
   std::atomic<double> raw_bytes_per_second_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;  // when the last frame ceased to be shown
+  std::atomic<std::int64_t> split_ns_ = INT64_MIN;
 
   // The coding thread's; finish()'s when that has ended.
   AudioTrack audio_;

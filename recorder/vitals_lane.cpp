@@ -106,7 +106,9 @@ bool VitalsLane::take_next() {
   if (const auto* const notice = std::get_if<media::VitalNotice>(&*line)) tell(*notice);
   live_ = true;
   pass_over_sleep(time_ns);
+  split_before(time_ns);
   segmenter_.add(*line);
+  segment_since_ns_ = segmenter_.start_ns();
   if (tap_) tap_->offer(*line);
   ++samples_;
   last_ns_ = time_ns;
@@ -115,8 +117,12 @@ bool VitalsLane::take_next() {
 
 void VitalsLane::advance_to(std::int64_t until_ns) {
   pass_over_sleep(until_ns);
+  split_before(until_ns);
   segmenter_.advance_to(until_ns);
+  segment_since_ns_ = segmenter_.start_ns();
 }
+
+void VitalsLane::split_before(std::int64_t next_ns) { segmenter_.split(split_ns_, next_ns); }
 
 void VitalsLane::pass_over_sleep(std::int64_t until_ns) {
   if (output_.info().timing != "arrival") return;

@@ -27,6 +27,8 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   [[nodiscard]] bool ended() const override { return ended_; }
   [[nodiscard]] bool reached_end() const override { return reached_end_; }
   [[nodiscard]] bool is_unpaced() const override { return unpaced_; }
+  void split_at(std::int64_t time_ns) override { split_ns_ = time_ns; }
+  [[nodiscard]] bool is_split_at(std::int64_t time_ns) const override { return segment_since_ns_ >= time_ns; }
   [[nodiscard]] LaneStatus status() const override;
   [[nodiscard]] const std::string& name() const override { return output_.info().name; }
 
@@ -37,6 +39,8 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   bool wait_for_arrivals();
   /// Nothing comes any more from before `until_ns`, which is not later than now.
   void advance_to(std::int64_t until_ns);
+  /// Where it was asked for: nothing comes any more from before `next_ns`.
+  void split_before(std::int64_t next_ns);
   /// Where the machine slept since what came last, states a gap until `until_ns`, likewise.
   void pass_over_sleep(std::int64_t until_ns);
   /// A person should hear of it: who may not send, messages that are not taken, beds and patients that are
@@ -60,6 +64,7 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false;
   std::atomic<std::uint64_t> samples_ = 0;
   std::atomic<std::int64_t> last_ns_ = 0;
+  std::atomic<std::int64_t> split_ns_ = INT64_MIN, segment_since_ns_ = 0;
   std::uint64_t samples_before_segment_ = 0;
   bool failed_ = false;
   std::optional<archive::GapCause> gap_cause_;  // why nothing more could be recorded

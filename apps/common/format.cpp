@@ -83,6 +83,25 @@ std::chrono::nanoseconds parse_duration(std::string_view text, const std::string
   return std::chrono::nanoseconds(*ns);
 }
 
+void require_unit(std::string_view text, const std::string& what) {
+  const std::string stated = what + " is '" + std::string(text) + "', which ";
+  if (!text.empty() && text.find_first_not_of("0123456789.") == std::string_view::npos)
+    throw UsageError(stated + "does not say of what: write 24h, 15min or 90s");
+  if (std::ranges::count(text, ':') == 1)
+    throw UsageError(stated +
+                     "may be hours and minutes, or minutes and seconds: write 24h, 15min or 0:15:00");
+}
+
+std::chrono::nanoseconds parse_stated_duration(std::string_view text, const std::string& what) {
+  require_unit(text, what);
+  const std::optional<std::int64_t> ns = parse_time_text(text);
+  if (!ns || *ns == 0 || *ns > kLongestNs) {
+    throw UsageError(what + " is '" + std::string(text) +
+                     "', which is no length of time: write 24h, 15min, 90s, 1h30m or 1:30:00");
+  }
+  return std::chrono::nanoseconds(*ns);
+}
+
 std::int64_t parse_bit_rate(std::string_view text, const std::string& what) {
   std::string_view digits = text;
   double factor = 1;

@@ -24,6 +24,11 @@ std::string format_utc_for_people(UtcTime time);
 /// A length of time as people write it (base/time_text.h), more than nothing and at most 1000 hours. Throws
 /// kiroku::UsageError that names `what` ("--duration").
 std::chrono::nanoseconds parse_duration(std::string_view text, const std::string& what);
+/// The same in a file, of which nobody sees at once what comes of it: refuses a number without a unit, and
+/// "24:00", which may be hours and minutes or minutes and seconds.
+std::chrono::nanoseconds parse_stated_duration(std::string_view text, const std::string& what);
+/// What is refused there. Throws kiroku::UsageError.
+void require_unit(std::string_view text, const std::string& what);
 /// "4M", "800k", "4000000": bits a second, 1k to 1G. Throws kiroku::UsageError that names `what`.
 std::int64_t parse_bit_rate(std::string_view text, const std::string& what);
 

@@ -64,7 +64,7 @@ AuthorityConfiguration read_authority(const toml::table& table, const std::strin
   const auto limited = [&reader](const std::string& key, nanoseconds least, nanoseconds most,
                                  const std::string& range, const auto& take) {
     reader.text(key, [&](const std::string& text) {
-      const nanoseconds duration = parse_duration(text, "'" + key + "'");
+      const nanoseconds duration = parse_stated_duration(text, "'" + key + "'");
       if (duration < least || duration > most) {
         throw UsageError("'" + key + "' is '" + text + "': it must be between " + range);
       }

@@ -34,13 +34,16 @@ void read_recording(const toml::table& table, const std::string& file, Configura
   reader.text("chroma", [&](const std::string& text) { into.chroma_422 = parse_chroma(text, "'chroma'"); });
   reader.flag("deinterlace", into.deinterlace);
   reader.flag("audio", into.audio);
-  reader.text("segment",
-              [&](const std::string& text) { into.segment = parse_segment_duration(text, "'segment'"); });
+  reader.text("segment", [&](const std::string& text) {
+    require_unit(text, "'segment'");
+    into.segment = parse_segment_duration(text, "'segment'");
+  });
   reader.text("stamp_every", [&](const std::string& text) {
+    require_unit(text, "'stamp_every'");
     into.stamp_every = parse_stamp_interval(text, "'stamp_every'");
   });
   reader.text("source_timeout", [&](const std::string& text) {
-    const nanoseconds duration = parse_duration(text, "'source_timeout'");
+    const nanoseconds duration = parse_stated_duration(text, "'source_timeout'");
     if (duration < milliseconds(100) || duration > std::chrono::minutes(1))
       throw UsageError("'source_timeout' is '" + text + "': it must be between 100ms and 1m");
     into.source_timeout = duration;

@@ -62,6 +62,9 @@ std::vector<std::string> doubts_of(const Configuration& configuration);
 /// A sentence for each [[retention]] of which nothing that is recorded now will ever be due: mistyped, or for
 /// cases of before.
 std::vector<std::string> idle_retention(const Configuration& configuration);
+/// What a person should look at in [[retention]]: idle_retention(), what erases within a day, and streams of
+/// rooms for which two rules are.
+std::vector<std::string> doubtful_retention(const Configuration& configuration);
 
 /// The text `kiroku init` writes.
 std::string_view default_configuration_text();

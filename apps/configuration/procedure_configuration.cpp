@@ -13,7 +13,7 @@ using std::chrono::nanoseconds;
 
 nanoseconds parse_between(const std::string& text, const std::string& key, nanoseconds least,
                           nanoseconds most, const std::string& range) {
-  const nanoseconds duration = parse_duration(text, "'" + key + "'");
+  const nanoseconds duration = parse_stated_duration(text, "'" + key + "'");
   if (duration < least || duration > most) {
     throw UsageError("'" + key + "' is '" + text + "': it must be between " + range);
   }

@@ -1,5 +1,7 @@
 #include "apps/configuration/retention_configuration.h"
 
+#include <algorithm>
+
 #include "apps/common/format.h"
 #include "apps/configuration/table_reader.h"
 #include "archive/reading/replica.h"
@@ -14,7 +16,7 @@ RetentionRule read_rule(const toml::table& table, const std::string& file) {
   TableReader reader(table, "[[retention]]", file);
   reader.text("stream", [&](const std::string& text) { rule.stream = text; });
   reader.text("purpose", [&](const std::string& text) { rule.purpose = text; });
-  reader.text("after", [&](const std::string& text) { rule.after = parse_age(text, "'after'"); });
+  reader.text("after", [&](const std::string& text) { rule.after = parse_age_to_erase(text, "'after'"); });
   reader.text("policy", [&](const std::string& text) { rule.policy = text; });
   reader.refuse_unknown_keys();
   if (rule.stream.empty() == rule.purpose.empty()) {
@@ -40,8 +42,27 @@ bool RetentionRule::concerns(const archive::StreamInfo& info) const {
 }
 
 void read_retention_rules(TableReader& top, RetentionConfiguration& into) {
-  for_each_table(top, "retention",
-                 [&](const toml::table& table) { into.rules.push_back(read_rule(table, top.file())); });
+  for_each_table(top, "retention", [&](const toml::table& table) {
+    RetentionRule rule = read_rule(table, top.file());
+    const bool twice = std::ranges::any_of(into.rules, [&](const RetentionRule& other) {
+      return other.stream == rule.stream && other.purpose == rule.purpose;
+    });
+    if (twice) {
+      top.refuse(table.source(),
+                 std::string("there are two [[retention]] for the ") +
+                     (rule.stream.empty() ? "purpose '" + rule.purpose : "stream '" + rule.stream) +
+                     "': leave the one that holds");
+    }
+    into.rules.push_back(std::move(rule));
+  });
+}
+
+const RetentionRule* rule_for(const std::vector<RetentionRule>& rules, const archive::StreamInfo& stream) {
+  const RetentionRule* longest = nullptr;
+  for (const RetentionRule& each : rules) {
+    if (each.concerns(stream) && (longest == nullptr || each.after > longest->after)) longest = &each;
+  }
+  return longest;
 }
 
 void read_replicas(TableReader& storage, RetentionConfiguration& into) {
@@ -59,15 +80,40 @@ std::chrono::nanoseconds parse_age(const std::string& text, const std::string& w
   constexpr std::size_t kMostDigits = 5;
   // Who writes 30 means days, and would erase what is older than half a minute.
   if (!text.empty() && text.find_first_not_of("0123456789.") == std::string::npos) {
-    throw UsageError(what + " is '" + text + "', which does not say of what: write 30d, 12h or 90m");
+    throw UsageError(what + " is '" + text + "', which does not say of what: write 30d, 12h or 90min");
   }
   if (!text.ends_with('d')) return parse_duration(text, what);
   const std::string number = text.substr(0, text.size() - 1);
   if (number.empty() || number.size() > kMostDigits ||
       number.find_first_not_of("0123456789") != std::string::npos) {
-    throw UsageError(what + " is '" + text + "': write whole days such as 30d, or 12h, 90m");
+    throw UsageError(what + " is '" + text + "': write whole days such as 30d, or 12h, 90min");
   }
   return std::chrono::hours(24) * std::stol(number);
+}
+
+std::chrono::nanoseconds parse_age_to_erase(const std::string& text, const std::string& what) {
+  const bool may_be_months =
+      text.ends_with('m') && text.find_first_not_of("0123456789.") == text.size() - 1 && text.size() > 1;
+  if (may_be_months) {
+    const std::string number = text.substr(0, text.size() - 1);
+    throw UsageError(what + " is '" + text + "', which may be months or minutes: write " + number +
+                     "min for minutes, and days for months, such as 180d");
+  }
+  return parse_age(text, what);
+}
+
+std::string age_in_words(std::chrono::nanoseconds age) {
+  using std::chrono::duration_cast;
+  const auto words = [](std::int64_t count, const std::string& unit) {
+    return std::to_string(count) + unit + (count == 1 ? "" : "s");
+  };
+  const std::int64_t seconds = duration_cast<std::chrono::seconds>(age).count();
+  constexpr std::int64_t kMinute = 60, kHour = 60 * kMinute, kDay = 24 * kHour;
+  if (seconds == 0) return words(duration_cast<std::chrono::milliseconds>(age).count(), " millisecond");
+  if (seconds % kDay == 0) return words(seconds / kDay, " day");
+  if (seconds % kHour == 0) return words(seconds / kHour, " hour");
+  if (seconds % kMinute == 0) return words(seconds / kMinute, " minute");
+  return words(seconds, " second");
 }
 
 std::optional<std::string> why_not_replicated(const std::filesystem::path& case_folder,

@@ -26,7 +26,11 @@ struct RetentionConfiguration {
   std::vector<std::filesystem::path> replicas;  // archives with copies of this one's cases
 };
 
-/// [[retention]], out of the whole file. Throws kiroku::UsageError with line and column.
+/// Of the rules that are for a stream the one that keeps it longest: it alone decides. Null where none is.
+const RetentionRule* rule_for(const std::vector<RetentionRule>& rules, const archive::StreamInfo& stream);
+
+/// [[retention]], out of the whole file. Throws kiroku::UsageError with line and column, also for two rules
+/// of one stream, or of one purpose.
 void read_retention_rules(TableReader& top, RetentionConfiguration& into);
 /// `replicas` of [storage].
 void read_replicas(TableReader& storage, RetentionConfiguration& into);
@@ -34,6 +38,10 @@ void read_replicas(TableReader& storage, RetentionConfiguration& into);
 /// "30d", or what every other duration is written as, but for a number without a unit; throws UsageError
 /// naming `what`.
 std::chrono::nanoseconds parse_age(const std::string& text, const std::string& what);
+/// The same of what is erased when it is older: refuses "6m", too, which may be months.
+std::chrono::nanoseconds parse_age_to_erase(const std::string& text, const std::string& what);
+/// "30 days", "12 hours", "90 minutes", "5 seconds": exact down to a second, but for what is less.
+std::string age_in_words(std::chrono::nanoseconds age);
 
 /// Nothing if one of the replicas holds the stream of the case; else why none does, a sentence. See
 /// archive::why_not_replicated.

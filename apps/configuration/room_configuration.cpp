@@ -172,7 +172,7 @@ void read_resumption(TableReader& reader, recorder::RoomRules& rules) {
   std::optional<std::chrono::nanoseconds> within;
   reader.flag("resume", resume);
   reader.text("resume_within", [&](const std::string& text) {
-    within = parse_duration(text, "'resume_within'");
+    within = parse_stated_duration(text, "'resume_within'");
     if (*within < kLeast || *within > kMost)
       throw UsageError("'resume_within' is '" + text + "': it must be between 10s and 12h");
   });
@@ -201,13 +201,13 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
     room.rules.schedule = recorder::Schedule::parse(windows);
   });
   reader.text("stop_after_silence", [&](const std::string& text) {
-    room.rules.stop_after_silence = parse_duration(text, "'stop_after_silence'");
+    room.rules.stop_after_silence = parse_stated_duration(text, "'stop_after_silence'");
   });
   reader.text("longest_case", [&](const std::string& text) {
-    room.rules.longest_case = parse_duration(text, "'longest_case'");
+    room.rules.longest_case = parse_stated_duration(text, "'longest_case'");
   });
   reader.text("pre_roll", [&](const std::string& text) {
-    room.rules.pre_roll = parse_duration(text, "'pre_roll'");
+    room.rules.pre_roll = parse_stated_duration(text, "'pre_roll'");
     if (room.rules.pre_roll > std::chrono::hours(1))
       throw UsageError("'pre_roll' is '" + text + "': at most 1h");
   });
@@ -219,7 +219,7 @@ RoomConfiguration read_room(const toml::table& table, const TableReader& top, co
   }
   reader.text("start_on_signal", [&](const std::string& text) { room.rules.start_on_signal = text; });
   reader.text("signal_lasts", [&](const std::string& text) {
-    room.rules.signal_lasts = parse_duration(text, "'signal_lasts'");
+    room.rules.signal_lasts = parse_stated_duration(text, "'signal_lasts'");
   });
   read_resumption(reader, room.rules);
   room.procedure = read_procedure(reader);
@@ -471,6 +471,48 @@ std::vector<std::string> idle_retention(const Configuration& configuration) {
   return idle;
 }
 
+namespace {
+
+std::string named(const RetentionRule& rule) {
+  return rule.stream.empty() ? "the purpose '" + rule.purpose + "'" : "the stream '" + rule.stream + "'";
+}
+
+/// Streams of rooms for which there are two rules.
+std::vector<std::string> overlapping_retention(const Configuration& configuration) {
+  std::vector<std::string> told;
+  for (const RoomConfiguration& room : configuration.rooms) {
+    for (const StreamConfiguration& stream : room.streams) {
+      for (const std::string& name : names_of(stream)) {
+        archive::StreamInfo info;
+        info.name = name;
+        info.purpose = stream.purpose;
+        const RetentionRule* const holds = rule_for(configuration.retention.rules, info);
+        for (const RetentionRule& rule : configuration.retention.rules) {
+          if (&rule == holds || !rule.concerns(info)) continue;
+          told.push_back("[[retention]] has two rules for the stream '" + name + "' of room '" + room.name +
+                         "': that of " + named(*holds) + ", which keeps it longer (" +
+                         age_in_words(holds->after) + "), holds; that of " + named(rule) + " (" +
+                         age_in_words(rule.after) + ") erases nothing of it");
+        }
+      }
+    }
+  }
+  return told;
+}
+
+}  // namespace
+
+std::vector<std::string> doubtful_retention(const Configuration& configuration) {
+  std::vector<std::string> doubts = idle_retention(configuration);
+  for (const RetentionRule& rule : configuration.retention.rules) {
+    if (rule.after >= std::chrono::hours(24)) continue;
+    doubts.push_back("[[retention]] of " + named(rule) + " erases what was recorded " +
+                     age_in_words(rule.after) + " after the case was opened, which is less than a day");
+  }
+  for (std::string& sentence : overlapping_retention(configuration)) doubts.push_back(std::move(sentence));
+  return doubts;
+}
+
 std::vector<recorder::ProfileRule> profile_rules_for(const Configuration& configuration,
                                                      const std::string& room,
                                                      const std::vector<std::string>& streams) {
@@ -497,7 +539,8 @@ void read_daemon(TableReader& top, Configuration& into) {
   if (const toml::table* table = top.table("storage")) {
     TableReader reader(*table, "[storage]", top.file());
     reader.text("warn_below", [&](const std::string& text) {
-      const std::chrono::duration<double, std::ratio<3600>> hours = parse_duration(text, "'warn_below'");
+      const std::chrono::duration<double, std::ratio<3600>> hours =
+          parse_stated_duration(text, "'warn_below'");
       into.storage.warn_below_hours = hours.count();
     });
     read_replicas(reader, into.retention);

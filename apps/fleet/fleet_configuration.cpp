@@ -69,7 +69,7 @@ void read_sharing(TableReader& top, FleetConfiguration& into) {
   if (table != nullptr) {
     TableReader reader(*table, "[sharing]", top.file());
     reader.text("every", [&](const std::string& text) {
-      const std::chrono::nanoseconds every = parse_duration(text, "'every'");
+      const std::chrono::nanoseconds every = parse_stated_duration(text, "'every'");
       if (every < std::chrono::seconds(1) || every > std::chrono::minutes(5))
         throw UsageError("'every' is '" + text + "': a round lasts between 1s and 5m");
       into.round = every;

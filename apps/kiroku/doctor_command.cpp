@@ -292,10 +292,11 @@ Check check_recipients(const Home& home, const Configuration& configuration) {
 }
 
 Check check_retention(const Configuration& configuration) {
-  const std::vector<std::string> idle = idle_retention(configuration);
-  if (!idle.empty()) {
-    return {Health::kWarning, "retention", joined(idle, "; "),
-            "look at the names in kiroku.toml, or leave the rule while such cases are there"};
+  const std::vector<std::string> doubts = doubtful_retention(configuration);
+  if (!doubts.empty()) {
+    return {
+        Health::kWarning, "retention", joined(doubts, "; "),
+        "look at names and times of [[retention]] in kiroku.toml; leave a rule that cases of before need"};
   }
   return {Health::kGood, "retention",
           std::to_string(configuration.retention.rules.size()) + " rule(s), each for what is recorded here",

@@ -23,10 +23,12 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "base/printable.h"
 #include "fleet/stored_copy.h"
 #include "recorder/checkpoint_stamper.h"
 #include "recorder/clock/clock_watch.h"
+#include "recorder/session_request.h"
 
 namespace kiroku::apps {
 namespace {
@@ -50,6 +52,7 @@ struct Candidate {
   bool by_age = false;
   /// Because of a withdrawn consent: then copies elsewhere are no reason to wait for, they are to go, too.
   bool by_consent = false;
+  std::optional<UtcTime> opened = {}, due = {};  // of by_age
 };
 
 /// How old cases are: now, once and for all, against the latest that ledger, tokens and appliance log say of
@@ -60,9 +63,12 @@ class Ages {
 
   [[nodiscard]] bool is_older(const std::string& case_id, UtcTime opened,
                               std::chrono::nanoseconds age) const {
+    return now_ - opened_by_log(case_id, opened) > std::chrono::duration_cast<UtcTime::duration>(age);
+  }
+  /// `opened`, or what the appliance log had entered before it.
+  [[nodiscard]] UtcTime opened_by_log(const std::string& case_id, UtcTime opened) const {
     const auto before = log_.before_case.find(case_id);
-    if (before != log_.before_case.end()) opened = std::max(opened, before->second);
-    return now_ - opened > std::chrono::duration_cast<UtcTime::duration>(age);
+    return before != log_.before_case.end() ? std::max(opened, before->second) : opened;
   }
   /// Of one case. Its ledger is read again where it is old enough by its first entry, once.
   class OfCase {
@@ -71,14 +77,20 @@ class Ages {
     [[nodiscard]] bool is_older(std::chrono::nanoseconds age) {
       const std::string& id = reader_.opening().case_id;
       if (!ages_.is_older(id, reader_.opened_at().utc, age)) return false;
+      return ages_.is_older(id, read_opened(), age);
+    }
+    /// When it was opened, by the latest that says so.
+    [[nodiscard]] UtcTime opened() { return ages_.opened_by_log(reader_.opening().case_id, read_opened()); }
+
+   private:
+    UtcTime read_opened() {
       if (!opened_) {
         opened_.emplace();
         reader_.for_each([&](const archive::CaseEntry& entry) { opened_->take(entry); });
       }
-      return ages_.is_older(id, opened_->at(), age);
+      return opened_->at();
     }
 
-   private:
     const Ages& ages_;
     const archive::CaseReader& reader_;
     std::optional<archive::OpeningTime> opened_;
@@ -223,6 +235,10 @@ void add_due_by_consent(const Home& home, const ConsentConfiguration& site, Refu
   });
 }
 
+UtcTime due_after(UtcTime opened, std::chrono::nanoseconds age) {
+  return opened + std::chrono::duration_cast<UtcTime::duration>(age);
+}
+
 /// What [[retention]] says may go by now.
 std::vector<Candidate> what_is_due(const Home& home, const std::vector<RetentionRule>& rules,
                                    const Ages& ages, Refusals& refusals) {
@@ -230,12 +246,12 @@ std::vector<Candidate> what_is_due(const Home& home, const std::vector<Retention
   for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
     Ages::OfCase of_case(ages, reader);
     for (const archive::StreamInfo& stream : reader.opening().streams) {
-      const auto rule = std::find_if(rules.begin(), rules.end(), [&](const RetentionRule& each) {
-        return each.concerns(stream) && of_case.is_older(each.after);
-      });
-      if (rule != rules.end() && has_something_left(reader, stream.name)) {
-        due.push_back({reader.folder(), stream.name, rule->policy, if_due(ages, *rule, stream.name), true});
-      }
+      const RetentionRule* const rule = rule_for(rules, stream);
+      if (rule == nullptr || !of_case.is_older(rule->after) || !has_something_left(reader, stream.name))
+        continue;
+      due.push_back({reader.folder(), stream.name, rule->policy, if_due(ages, *rule, stream.name), true});
+      due.back().opened = of_case.opened();
+      due.back().due = due_after(of_case.opened(), rule->after);
     }
   });
   return due;
@@ -250,8 +266,8 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request, 
   if (request.stream.empty()) throw UsageError("name the stream that may go with --stream");
   if (request.policy.empty()) throw UsageError("--policy is empty: say why the recording may go");
   require_printable(request.policy, "--policy");
-  const auto age =
-      request.older_than ? parse_age(*request.older_than, "--older-than") : std::chrono::nanoseconds{};
+  const auto age = request.older_than ? parse_age_to_erase(*request.older_than, "--older-than")
+                                      : std::chrono::nanoseconds{};
   if (request.case_name) {
     const fs::path folder = find_case(home, *request.case_name);
     if (!home.holds(folder)) {
@@ -259,20 +275,30 @@ std::vector<Candidate> what_was_named(const Home& home, const Request& request, 
                        " is not in this home's archive: only the recorder that recorded a "
                        "case can state that something was erased from it");
     }
-    if (request.older_than && !Ages::OfCase(ages, archive::CaseReader::open(folder)).is_older(age)) {
-      throw UsageError("case " + folder.filename().string() + " is not older than " + *request.older_than +
-                       ": nothing was erased");
+    Candidate candidate{fs::canonical(folder), request.stream, request.policy,
+                        request.older_than ? if_older(ages, age) : MayGo{}, request.older_than.has_value()};
+    if (request.older_than) {
+      const archive::CaseReader reader = archive::CaseReader::open(folder);
+      Ages::OfCase of_case(ages, reader);
+      if (!of_case.is_older(age)) {
+        throw UsageError("case " + folder.filename().string() + " is not older than " + *request.older_than +
+                         ": nothing was erased");
+      }
+      candidate.opened = of_case.opened();
+      candidate.due = due_after(of_case.opened(), age);
     }
-    return {{fs::canonical(folder), request.stream, request.policy,
-             request.older_than ? if_older(ages, age) : MayGo{}, request.older_than.has_value()}};
+    return {candidate};
   }
   std::vector<Candidate> named;
   for_each_closed_case(home, refusals, [&](const archive::CaseReader& reader) {
     const auto& streams = reader.opening().streams;
     const bool has_stream = std::any_of(streams.begin(), streams.end(),
                                         [&](const auto& stream) { return stream.name == request.stream; });
-    if (has_stream && Ages::OfCase(ages, reader).is_older(age))
-      named.push_back({reader.folder(), request.stream, request.policy, if_older(ages, age), true});
+    Ages::OfCase of_case(ages, reader);
+    if (!has_stream || !of_case.is_older(age)) return;
+    named.push_back({reader.folder(), request.stream, request.policy, if_older(ages, age), true});
+    named.back().opened = of_case.opened();
+    named.back().due = due_after(of_case.opened(), age);
   });
   return named;
 }
@@ -334,6 +360,37 @@ class Copies {
   std::optional<fleet::ObjectStore> store_;
   std::optional<fleet::ShippingList> list_;
 };
+
+/// The stream whose pictures this one archives a second time; "": it has its own.
+std::string first_of(const archive::StreamInfo& stream) {
+  const std::size_t at = stream.source.find(recorder::kPicturesOfStream);
+  if (at == std::string::npos) return "";
+  const std::string name = stream.source.substr(at + recorder::kPicturesOfStream.size());
+  return name.substr(0, name.find(';'));
+}
+
+/// Streams of the case that hold the same pictures in another form, and are not all erased.
+std::vector<std::string> other_forms_of(const Candidate& candidate) {
+  if (candidate.by_consent) return {};  // they go, too
+  const archive::CaseReader reader = archive::CaseReader::open(candidate.folder);
+  const std::string& stream = candidate.stream;
+  const auto& streams = reader.opening().streams;
+  const auto asked = std::ranges::find(streams, stream, &archive::StreamInfo::name);
+  if (asked == streams.end()) return {};
+  const std::string first = first_of(*asked).empty() ? stream : first_of(*asked);
+  std::vector<std::string> others;
+  for (const archive::StreamInfo& each : streams) {
+    const bool is_same = each.name == first || first_of(each) == first;
+    if (is_same && each.name != stream && has_something_left(reader, each.name)) others.push_back(each.name);
+  }
+  return others;
+}
+
+std::string told_of(const std::vector<std::string>& other_forms) {
+  return other_forms.empty()
+             ? ""
+             : "; the same pictures are left in another form: " + printable(joined(other_forms));
+}
 
 std::string told(const Candidate& candidate, const archive::Erasure& erased) {
   const std::string what = erased.segments == 0
@@ -400,12 +457,21 @@ int run(const Request& request) {
     }
     if (request.dry_run) {
       const bool left = would_erase(candidate);
-      if (left) cases.push_back({{"case", name}, {"stream", candidate.stream}, {"policy", candidate.policy}});
+      const auto others = other_forms_of(candidate);
+      if (left) {
+        cases.push_back({{"case", name}, {"stream", candidate.stream}, {"policy", candidate.policy}});
+        if (candidate.opened) cases.back()["opened"] = format_utc(*candidate.opened);
+        if (candidate.due) cases.back()["due"] = format_utc(*candidate.due);
+        if (!others.empty()) cases.back()["also_in"] = others;
+      }
       if (!request.json)
         std::cout << name
                   << (left ? ": would erase " + candidate.stream + ", by the policy: " + candidate.policy
                            : ": nothing of " + candidate.stream + " is left to erase")
-                  << "\n";
+                  << (left && candidate.due ? "; opened " + format_utc_for_people(*candidate.opened) +
+                                                  ", it may go since " + format_utc_for_people(*candidate.due)
+                                            : "")
+                  << told_of(others) << "\n";
       return;
     }
     const archive::Erasure erased = eraser->erase(candidate);
@@ -415,9 +481,12 @@ int run(const Request& request) {
                      {"bytes", erased.bytes},
                      {"stamped", erased.stamped},
                      {"policy", candidate.policy}});
+    const auto others = other_forms_of(candidate);
+    if (!others.empty()) cases.back()["also_in"] = others;
     if (!request.json)
       std::cout << name << ": " << told(candidate, erased)
-                << (candidate.by_consent ? ", by the policy: " + candidate.policy : "") << "\n";
+                << (candidate.by_consent ? ", by the policy: " + candidate.policy : "") << told_of(others)
+                << "\n";
   };
   for (const Candidate& candidate : candidates) {
     if (request.case_name) {
@@ -452,7 +521,7 @@ void add_erase_command(Command& program) {
   command.option("--policy", "TEXT", request->policy,
                  "why they may go; stands in the case and in the appliance log for good");
   command.option("--older-than", "T", request->older_than,
-                 "only what was opened longer ago: 30d, or 12h, 90m");
+                 "only what was opened longer ago: 30d, or 12h, 90min");
   command.flag("--due", request->due,
                "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
   command.flag("--only-copy", request->only_copy, "also what nothing else holds");
@@ -475,6 +544,9 @@ void add_erase_command(Command& program) {
       "after the newest entry of the appliance log, unless --clock-is-right is given. "
       "With --due a case goes, too, of which a consent was withdrawn that [consent] "
       "erase_when_withdrawn of kiroku.toml names: all its streams, whether copies are elsewhere or not. "
+      "Of several rules of [[retention]] for one stream the one holds that keeps it longest. A stream that "
+      "archives the same pictures in another form ('also') is a stream of its own: it is named where it is "
+      "left. "
       "Where several "
       "cases "
       "are asked for, one that cannot be read or written keeps the others from nothing: it is named, and the "

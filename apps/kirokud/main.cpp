@@ -201,7 +201,7 @@ int run(const Request& request) {
     }
     static_cast<void>(hook_token(home, configuration));
     recorder::ControlServer::check(home.control_socket(configuration));
-    std::vector<std::string> warnings = idle_retention(configuration);
+    std::vector<std::string> warnings = doubtful_retention(configuration);
     warnings.insert(warnings.end(), doubts.begin(), doubts.end());
     // It records without a viewer, and beside another log: neither keeps a newer program from taking over.
     warnings.push_back(viewer_certificate_problem(home, setup.viewer));

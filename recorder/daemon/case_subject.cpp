@@ -31,9 +31,11 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
   looked_for_ = false;
   goes_on_ = goes_on;
   is_given_ = found.json.has_value();
+  numbers_.clear();
   if (found.json || goes_on != GoesOn::kNo || !source_) return found;
   if (const auto known = find()) {
     found.json = subject_json(*known);
+    numbers_ = known->numbers;
     found.state = SubjectState::kFound;
   }
   looked_for_ = !found.json;
@@ -65,6 +67,7 @@ std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!found) return {};
   // A person may have given one meanwhile.
   if (!looked_for_.exchange(false)) return {};
+  numbers_ = found->numbers;
   return subject_json(*found);
 }
 

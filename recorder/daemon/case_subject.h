@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/bytes.h"
 #include "base/clock.h"
@@ -46,11 +47,14 @@ class CaseSubject {
   [[nodiscard]] std::optional<std::string> why_missing() const;
   /// To be called again and again while the case runs: a subject that became known, once. Looks each second.
   std::optional<Bytes> late(Clock::Time now);
+  /// By which messages name the patient who was found last; none: nobody was, or none says so.
+  [[nodiscard]] const std::vector<PatientNumber>& numbers() const { return numbers_; }
   /// A person gave one: nothing is looked for any more.
   void given_while_running() { looked_for_ = false; }
 
  private:
   [[nodiscard]] std::optional<ProcedureData> find() const;
+  std::vector<PatientNumber> numbers_;
 
   const std::shared_ptr<ProcedureSource> source_;
   const std::function<void(const std::string&)> tell_;

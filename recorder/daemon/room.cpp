@@ -11,6 +11,7 @@
 #include "crypto/age_file.h"
 #include "recorder/daemon/rate_meter.h"
 #include "recorder/daemon/retry_pause.h"
+#include "recorder/session_request.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -192,6 +193,7 @@ struct Room::State {
     taken->profiles = again->profiles;
     taken->identity.case_id = archive::new_case_id(time.utc());
     taken->identity.sealed_subject = again->sealed_subject;
+    taken->identity.patient_numbers = again->patient_numbers;
     return taken;
   }
 
@@ -206,6 +208,7 @@ struct Room::State {
       return;
     }
     asked.identity.sealed_subject = newest_subject;
+    asked.identity.patient_numbers = newest_numbers;
     asked.profiles = newest_profiles;
   }
 
@@ -227,7 +230,7 @@ struct Room::State {
         // A disk that fails each case at once is not tried for ever.
         if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
           again_before = time.now() + *plan.rules.resume_within;
-        again = Again{begun_for, plan_of_case, newest_subject, std::move(profiles)};
+        again = Again{begun_for, plan_of_case, newest_subject, newest_numbers, std::move(profiles)};
       }
     }
     return goes_on ? "; nothing is recorded until another one is begun" + retry.next_try()
@@ -274,6 +277,7 @@ struct Room::State {
     begun_for = asked.first_reason;
     plan_of_case = asked.sealed_plan;
     newest_subject = asked.identity.sealed_subject;
+    newest_numbers = asked.identity.patient_numbers;
     after_error_too = asked.reason == "after-error";
     end_wanted = false;
     again.reset();
@@ -303,6 +307,8 @@ struct Room::State {
       tell_problem("nothing can be recorded ahead: " + std::string(error.what()) + retry.next_try());
       return;
     }
+    left_out_until.reset();
+    left_out_by.reset();
     {
       const std::lock_guard guard(mutex);
       session = running;
@@ -327,15 +333,35 @@ struct Room::State {
     }
   }
 
+  /// What was recorded ahead of the last change of who is in the room is somebody else's. Whether a case may
+  /// begin: for a moment after a change, what is being written reaches back before it.
+  bool leave_out_others(Session& running) {
+    constexpr std::chrono::seconds kPatience{2};
+    if (!plan.procedure) return true;
+    const std::optional<Clock::Duration> change = plan.procedure->changed_at();
+    if (!change) return true;
+    if (change != left_out_until) {
+      left_out_until = change;
+      running.forget_before(*change);
+    }
+    if (running.is_forgotten()) {
+      left_out_by.reset();
+      return true;
+    }
+    if (!left_out_by) left_out_by = time.now() + kPatience;
+    return time.now() >= *left_out_by;
+  }
+
   /// Looks whether a case shall begin; why its operation was begun if it has.
   std::string begin_if_wanted(Session& running, const SessionStatus& now) {
     beat();
+    const bool may_begin = leave_out_others(running);
     std::unique_ptr<Request> taken;
     {
       const std::lock_guard guard(mutex);
       status.session = now;
-      taken = next_request();
-      if (!taken && !resume && !again && !begins_no_more) {
+      if (may_begin) taken = next_request();
+      if (may_begin && !taken && !resume && !again && !begins_no_more) {
         const bool scheduled = start_rules.schedule_wants_a_case(time.utc()),
                    signalled = start_rules.signal_wants_a_case(now);
         // After a failure the rules wait; a person may try at once.
@@ -395,10 +421,20 @@ struct Room::State {
     CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on);
     if (found.json) {
       asked.identity.sealed_subject = crypto::seal_bytes(*found.json, plan.session.event_recipients);
+      asked.identity.patient_numbers = known_numbers(*found.json);
     }
     const std::lock_guard guard(mutex);
     status.subject = found.state;
     return std::move(found.json);
+  }
+
+  /// Those of a subject, and by which else messages name the patient whom the room's procedure data found.
+  std::vector<PatientNumber> known_numbers(const Bytes& subject) const {
+    std::vector<PatientNumber> numbers = numbers_of_subject(subject);
+    // A person may have given another patient.
+    if (numbers.empty() || share_a_number(numbers, case_subject.numbers()))
+      add_numbers(numbers, case_subject.numbers());
+    return numbers;
   }
 
   /// In which form pictures of a case that begins now are archived: as those of the case with which it goes
@@ -477,7 +513,7 @@ struct Room::State {
       if (not_noted && time.now() >= note_again) note_newest_subject();
       found = case_subject.late(time.now());
       if (!found) return;
-      running.late_subject(*found);
+      running.late_subject(*found, case_subject.numbers());
       keep_late_subject(running, *found);
     }
     tell_of_late_rule(running, *found);
@@ -496,6 +532,7 @@ struct Room::State {
     if (session.get() != &running) return;
     status.subject = SubjectState::kLate;
     newest_subject = std::move(sealed);
+    newest_numbers = numbers_of_subject(subject);
   }
 
   [[nodiscard]] bool is_of_now(const Session& running) const {
@@ -872,6 +909,7 @@ struct Room::State {
     std::string first_reason;
     std::optional<crypto::Sha256Digest> sealed_plan;
     std::optional<Bytes> sealed_subject;
+    std::vector<PatientNumber> patient_numbers;
     Profiles profiles;
   };
   std::optional<Again> again;  // until that case has begun
@@ -884,8 +922,9 @@ struct Room::State {
   // whether somebody or a rule ends it.
   std::string begun_for;
   std::optional<crypto::Sha256Digest> plan_of_case;
-  Profiles newest_profiles;             // of the case that an error ended
-  std::optional<Bytes> newest_subject;  // of that case, or of the last one: sealed
+  Profiles newest_profiles;                   // of the case that an error ended
+  std::optional<Bytes> newest_subject;        // of that case, or of the last one: sealed
+  std::vector<PatientNumber> newest_numbers;  // of the same
   Clock::Time same_operation_before{};  // a case that a rule begins after the error that ended the last one
   bool after_error_too = false, end_wanted = false;
   // Of the case that is being made: whether nobody asked for it, and why it is to end as soon as it has
@@ -898,7 +937,9 @@ struct Room::State {
 
   std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
   RetryPause retry;
-  Clock::Time begin_before{};  // the case that is to be carried on
+  Clock::Time begin_before{};                     // the case that is to be carried on
+  std::optional<Clock::Duration> left_out_until;  // since boot: what was recorded ahead before
+  std::optional<Clock::Time> left_out_by;         // a case is kept waiting no longer for that
   std::thread thread;
 };
 

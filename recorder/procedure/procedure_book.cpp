@@ -68,6 +68,7 @@ void leave_identity(ProcedureMessage& message) {
   data.birth_date = message.data.birth_date;
   message.data = std::move(data);
   message.places.clear();
+  message.planned_places.clear();
 }
 
 }  // namespace
@@ -103,6 +104,12 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     message.replaces.clear();
     message.replaced_numbers.clear();
   }
+  for (const ProcedureMessage& message : messages) {
+    if (message.kind == Kind::kLeaves || message.kind == Kind::kDeparts) {
+      for (const std::string& place : message.places) note_change(place, arrival);
+    }
+    if (message.kind == Kind::kAppointment && message.is_over) note_end(message, arrival);
+  }
   // Who is meant is settled: now it can be told what comes late.
   std::set<std::string> in_doubt;
   std::erase_if(messages, [&](const ProcedureMessage& each) {
@@ -113,7 +120,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     if (stays) {
       in_doubt.insert(each.patient);
     } else {
-      doubt(each);
+      doubt(each, arrival);
     }
     return !stays;
   });
@@ -140,6 +147,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
       case Kind::kCancels: {
         const std::string key = key_of_ended(message);
         message.data = {};
+        message.planned_places.clear();
         ended_.insert_or_assign(key, Kept{arrival, std::move(message)});
         break;
       }
@@ -235,7 +243,7 @@ ProcedureBook::Likeness ProcedureBook::lateness(const ProcedureMessage& message)
   return is_perhaps && !is_known ? Likeness::kPerhaps : Likeness::kNone;
 }
 
-void ProcedureBook::doubt(const ProcedureMessage& message) {
+void ProcedureBook::doubt(const ProcedureMessage& message, const Arrival& received) {
   using Kind = ProcedureMessage::Kind;
   bool is_news = false;
   if (is_of_appointment(message)) {
@@ -254,12 +262,45 @@ void ProcedureBook::doubt(const ProcedureMessage& message) {
       const bool is_since = message.happened && (!kept.moved || *message.happened > *kept.moved);
       if (message.kind == Kind::kPlaces && (!is_elsewhere || !is_since)) continue;
       kept.is_in_doubt = is_news = true;
+      note_change("", received);
+      for (const auto& [place, came] : kept.since) note_change(place, received);
     }
   }
   if (is_news) ++ended_late_;
 }
 
+void ProcedureBook::note_change(const std::string& place, const Arrival& when) {
+  for (const std::string& each : {lower_case(place), std::string()}) {
+    const auto [known, added] = changes_.try_emplace(each, when.at);
+    if (!added && known->second.since_boot < when.at.since_boot) known->second = when.at;
+  }
+}
+
+void ProcedureBook::note_end(const ProcedureMessage& over, const Arrival& when) {
+  for (const std::string& place : over.places) {
+    if (!is_there_another(over.patient, place)) note_change(place, when);
+  }
+}
+
+bool ProcedureBook::is_there_another(const std::string& patient, const std::string& place) const {
+  return std::ranges::any_of(placed_, [&](const auto& other) {
+    return other.first != patient && std::ranges::any_of(other.second.since, [&](const auto& came) {
+             return same_but_for_case(came.first, place);
+           });
+  });
+}
+
+std::optional<ProcedureMoment> ProcedureBook::changed(const ProcedureRule& rule) const {
+  std::optional<ProcedureMoment> last;
+  for (const auto& [place, at] : changes_) {
+    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    if (is_meant && (!last || last->since_boot < at.since_boot)) last = at;
+  }
+  return last;
+}
+
 void ProcedureBook::pass(const std::string& place, const Arrival& came, const Arrival& went) {
+  note_change(place, went);
   const auto [known, added] = passed_.try_emplace(lower_case(place), Passed{came, went});
   if (added) return;
   if (known->second.came.number < came.number) known->second.came = came;
@@ -341,7 +382,11 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     ended_.erase(message.patient);
     const std::optional<UtcTime> moved = message.moves ? message.happened : std::nullopt;
     Kept kept{received, std::move(message), {}, is_in_doubt, moved};
-    for (const std::string& place : kept.message.places) kept.since.emplace(place, received);
+    note_change("", received);
+    for (const std::string& place : kept.message.places) {
+      kept.since.emplace(place, received);
+      note_change(place, received);
+    }
     const std::string patient = kept.message.patient;
     placed_.emplace(patient, std::move(kept));
     return;
@@ -356,6 +401,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     std::map<std::string, Arrival> since;
     for (const std::string& place : message.places) {
       const auto before = kept.since.find(place);
+      if (arrives || before == kept.since.end()) note_change(place, received);
       const bool stays = !arrives && before != kept.since.end() &&
                          somebody_else_came(message.patient, place, before->second);
       since.emplace(place, stays ? before->second : received);
@@ -366,6 +412,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     }
     kept.since = std::move(since);
   } else {
+    if (arrives) note_change("", received);
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
   }
@@ -474,9 +521,45 @@ void ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
   });
 }
 
+UtcTime ProcedureBook::planned_last(const Kept& kept, const ProcedureMoment& at) {
+  UtcTime last = planned(kept, at);
+  for (const PlannedPlace& place : kept.message.planned_places)
+    last = std::max(last, place.planned.value_or(last));
+  return last;
+}
+
+ProcedureBook::PlannedHere ProcedureBook::planned_here(const ProcedureRule& rule, const Kept& kept,
+                                                       const ProcedureMoment& at) {
+  std::optional<PlannedHere> here;
+  for (const PlannedPlace& place : kept.message.planned_places) {
+    const bool is_here = rule.locations.empty() || std::ranges::any_of(place.spellings, [&](const auto& one) {
+                           return is_of_room(rule, one);
+                         });
+    if (!is_here) continue;
+    const PlannedHere found{place.planned.value_or(planned(kept, at)), &place, place.is_time_unclear};
+    const bool is_unclear = found.is_unclear || (here && here->is_unclear);
+    if (!here || std::chrono::abs(found.time - at.utc) < std::chrono::abs(here->time - at.utc)) here = found;
+    here->is_unclear = is_unclear;
+  }
+  return here.value_or(PlannedHere{planned(kept, at)});
+}
+
+ProcedureData ProcedureBook::data_of(const Kept& kept, const PlannedHere& here) {
+  ProcedureData data = kept.message.data;
+  if (here.place == nullptr) return data;
+  if (!here.place->planned_text.empty()) data.planned = here.place->planned_text;
+  if (!here.place->location.empty()) data.location = here.place->location;
+  if (!here.place->description.empty() || !here.place->code.empty()) {
+    data.description = here.place->description;
+    data.code = here.place->code;
+    data.coding_system = here.place->coding_system;
+  }
+  return data;
+}
+
 void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
   const auto newest = [&now](const Kept& kept) {
-    return std::max(now.by_this_clock(kept.received.at), planned(kept, now));
+    return std::max(now.by_this_clock(kept.received.at), planned_last(kept, now));
   };
   std::erase_if(messages, [&](const auto& each) { return now.utc - newest(each.second) > kLongestWindow; });
   while (messages.size() > kMostKept) {
@@ -487,6 +570,12 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
 }
 
 void ProcedureBook::forget_passed(const ProcedureMoment& now) {
+  std::erase_if(changes_,
+                [&](const auto& each) { return now.since_boot - each.second.since_boot > kLongestWindow; });
+  while (changes_.size() > kMostKept) {
+    changes_.erase(
+        std::ranges::min_element(changes_, {}, [](const auto& each) { return each.second.since_boot; }));
+  }
   std::erase_if(passed_, [&](const auto& each) {
     return now.utc - now.by_this_clock(each.second.went.at) > kLongestWindow;
   });
@@ -506,23 +595,24 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
     const UtcTime since = at.by_this_clock(came_in->at);
     if (!is_near(since)) continue;
     placed.insert(patient);
-    std::vector<const ProcedureMessage*> planned;
+    std::vector<ProcedureData> planned;
     std::vector<std::optional<UtcTime>> times;
     for (const auto& [appointment, other] : appointments_) {
       if (other.message.patient != patient || other.message.is_over) continue;
       if (!concerns(rule, other.message)) continue;
-      planned.push_back(&other.message);
-      times.emplace_back(ProcedureBook::planned(other, at));
+      const PlannedHere here = planned_here(rule, other, at);
+      planned.push_back(data_of(other, here));
+      times.emplace_back(here.time);
     }
     all.push_back(kept.message.data);
     all.back().chosen = "a message placed the patient in the room at " + format_utc(since);
-    if (const auto chosen = nearest(times, at.utc, rule.window).index)
-      complete(all.back(), planned[*chosen]->data);
+    if (const auto chosen = nearest(times, at.utc, rule.window).index) complete(all.back(), planned[*chosen]);
   }
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
-    if (!is_near(planned(kept, at))) continue;
-    all.push_back(kept.message.data);
+    const PlannedHere here = planned_here(rule, kept, at);
+    if (!is_near(here.time) && !here.is_unclear) continue;
+    all.push_back(data_of(kept, here));
     all.back().chosen =
         "an appointment of which a message told at " + format_utc(at.by_this_clock(kept.received.at));
   }
@@ -546,13 +636,23 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   if (const Doubt doubt = doubt_of_passed(rule, here_number, at); doubt != Doubt::kNone) return {{}, doubt};
   if (here != nullptr && here->is_in_doubt) return {{}, Doubt::kToldLate};
   std::vector<const Kept*> planned;
+  std::vector<PlannedHere> in_room;
   std::vector<std::optional<UtcTime>> times;
+  bool is_unclear = false;
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || kept.message.is_over) continue;
     if (here != nullptr && (kept.is_in_doubt || kept.message.patient != here->message.patient)) continue;
+    const PlannedHere its = planned_here(rule, kept, at);
+    // It may be planned for now, or not.
+    const bool may_be_near = std::chrono::abs(planned_last(kept, at) - at.utc) <= rule.window ||
+                             std::chrono::abs(ProcedureBook::planned(kept, at) - at.utc) <= rule.window;
+    is_unclear = is_unclear || (its.is_unclear && may_be_near);
+    if (here != nullptr && its.is_unclear) continue;
     planned.push_back(&kept);
-    times.emplace_back(ProcedureBook::planned(kept, at));
+    in_room.push_back(its);
+    times.emplace_back(its.time);
   }
+  if (here == nullptr && is_unclear) return {{}, Doubt::kTimeUnclear};
   const NearestPlan plan = nearest(times, at.utc, rule.window);
   const auto chosen = plan.index;
   if (here == nullptr) {
@@ -570,13 +670,15 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   });
   ProcedureData appointment;
   if (chosen) {
-    appointment = planned[*chosen]->message.data;
+    appointment = data_of(*planned[*chosen], in_room[*chosen]);
     appointment.chosen =
         "the appointment nearest to the beginning, of " + std::to_string(count) + " within " +
         std::to_string(std::chrono::duration_cast<std::chrono::minutes>(rule.window).count()) + " minutes";
   }
+  if (chosen) appointment.numbers = planned[*chosen]->message.numbers;
   if (here == nullptr) return {std::move(appointment), Doubt::kNone, true};
   ProcedureData found = here->message.data;
+  found.numbers = here->message.numbers;
   found.chosen = "the only patient whom messages placed in the room, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);
   return {std::move(found)};

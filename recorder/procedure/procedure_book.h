@@ -75,6 +75,10 @@ class ProcedureBook {
   /// to `at`, and appointments of others, within the window.
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, ProcedureMoment at) const;
 
+  /// When somebody came to the rule's room last, left it, or was done with there, as far as messages say:
+  /// what was in the room before that is of somebody else. Whoever is told late counts from when it happened.
+  [[nodiscard]] std::optional<ProcedureMoment> changed(const ProcedureRule& rule) const;
+
   /// So many left by numbers of whom nothing was known.
   [[nodiscard]] std::uint64_t strangers_left() const { return strangers_left_; }
   /// So many messages came after later ones of the same patient, or appointment, and said that they left, or
@@ -112,6 +116,10 @@ class ProcedureBook {
     Arrival came, went;
   };
   void pass(const std::string& place, const Arrival& came, const Arrival& went);
+  void note_change(const std::string& place, const Arrival& when);
+  /// That an operation is over says something of a place where nobody else is known to have come since.
+  void note_end(const ProcedureMessage& over, const Arrival& when);
+  [[nodiscard]] bool is_there_another(const std::string& patient, const std::string& place) const;
   /// All places of one who is gone.
   void pass(const Kept& gone, const Arrival& went);
   /// Whether whoever went may have been the one, instead of whoever is there now.
@@ -133,6 +141,17 @@ class ProcedureBook {
   static UtcTime planned(const Kept& kept, const ProcedureMoment& at) {
     return kept.message.planned.value_or(at.by_this_clock(kept.received.at));
   }
+  /// The last of the times that it states, of whatever place.
+  static UtcTime planned_last(const Kept& kept, const ProcedureMoment& at);
+  /// When it is planned in the rule's room: of several times there, the nearest to `at`.
+  struct PlannedHere {
+    UtcTime time;
+    const PlannedPlace* place = nullptr;  // null: it states nothing of this room alone
+    bool is_unclear = false;              // it states a time that cannot be read
+  };
+  static PlannedHere planned_here(const ProcedureRule& rule, const Kept& kept, const ProcedureMoment& at);
+  /// What it says of the procedure there.
+  static ProcedureData data_of(const Kept& kept, const PlannedHere& here);
   template <typename Use>  // void(Arrival&)
   void with_each_arrival(const Use& use);
   void watch_clock(const ProcedureMessage& message, const ProcedureMoment& received);
@@ -144,7 +163,7 @@ class ProcedureBook {
   /// Whether the same sender told later things of the same patient, or appointment, already.
   [[nodiscard]] Likeness lateness(const ProcedureMessage& message) const;
   /// What a message that comes late says of somebody's leaving is not followed; whom it is about is in doubt.
-  void doubt(const ProcedureMessage& message);
+  void doubt(const ProcedureMessage& message, const Arrival& received);
   /// Those who are placed and may be whom it names: by the same number; else by one of their numbers, if
   /// birth or name agree, or if nobody else may be meant.
   [[nodiscard]] std::vector<std::string> known_as(const ProcedureMessage& message, bool surely) const;
@@ -167,7 +186,8 @@ class ProcedureBook {
   Messages appointments_;                      // by appointment and patient
   Messages ended_;   // who left, by patient; what was cancelled, by "\n", appointment and patient
   Messages merged_;  // by what the patient was called before
-  std::map<std::string, Passed> passed_;  // by place, in lower case; "" of all places together
+  std::map<std::string, Passed> passed_;            // by place, in lower case; "" of all places together
+  std::map<std::string, ProcedureMoment> changes_;  // likewise
 };
 
 }  // namespace kiroku::recorder

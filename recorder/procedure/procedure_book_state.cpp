@@ -10,9 +10,11 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 3;
-/// Which knows nothing of doubts, of mergers and of whoever was in a room before. It is read once, by the
-/// upgrade.
+constexpr std::uint64_t kVersion = 4;
+/// Which knows nothing of the times of single places, and of when somebody came to a room or left it.
+constexpr std::uint64_t kVersionOfOneTime = 3;
+/// Which knows nothing of doubts, of mergers and of whoever was in a room before, either. Both are read once,
+/// by the upgrade.
 constexpr std::uint64_t kOlderVersion = 2;
 
 template <typename T, typename Wanted>
@@ -44,7 +46,8 @@ void members(Codec& codec, Member& member) {
 template <typename Codec, Is<ProcedureData> Data>
 void members(Codec& codec, Data& data) {
   auto& [patient_id, patient_id_issuer, patient, birth_date, sex, visit, description, code, coding_system,
-         procedure_id, accession, study_uid, planned, location, staff, origin, chosen] = data;
+         procedure_id, accession, study_uid, planned, location, staff, origin, chosen, numbers] = data;
+  // Without numbers, which are those of the message.
   codec.all(patient_id, patient_id_issuer, birth_date, sex, visit, description, code, coding_system,
             procedure_id, accession, study_uid, planned, location, origin, chosen);
   members(codec, patient);
@@ -79,10 +82,30 @@ void members(Codec& codec, Numbers& numbers) {
   }
 }
 
+template <typename Codec, Is<PlannedPlace> Place>
+void members(Codec& codec, Place& place) {
+  auto& [spellings, planned, is_time_unclear, planned_text, location, description, code, coding_system] =
+      place;
+  members(codec, spellings);
+  members(codec, planned);
+  codec.all(is_time_unclear, planned_text, location, description, code, coding_system);
+}
+
+template <typename Codec, Is<std::vector<PlannedPlace>> Places>
+void members(Codec& codec, Places& places) {
+  if constexpr (Codec::kReads) {
+    for (std::size_t left = codec.length(); left > 0; --left) members(codec, places.emplace_back());
+  } else {
+    codec.one(static_cast<std::uint64_t>(places.size()));
+    for (const PlannedPlace& each : places) members(codec, each);
+  }
+}
+
 template <typename Codec, Is<ProcedureMessage> Message>
 void members(Codec& codec, Message& message) {
+  // Without planned_places, which stand at the end of what is kept: versions before had none.
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
-         placer, filler, is_over, places, planned, data] = message;
+         placer, filler, is_over, places, planned, data, planned_places] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -136,6 +159,7 @@ struct ProcedureBook::AsBytes {
       codec.one(is_in_doubt);
       members(codec, moved);
     }
+    if (version > kVersionOfOneTime) members(codec, message.planned_places);
   }
 
   template <typename Codec, Is<Passed> One>
@@ -197,6 +221,12 @@ Bytes ProcedureBook::exported() const {
     writer.one(place);
     AsBytes::passed(writer, one);
   }
+  writer.one(static_cast<std::uint64_t>(changes_.size()));
+  for (const auto& [place, at] : changes_) {
+    writer.one(place);
+    // What was told late may have happened before the boot.
+    writer.one(ProcedureMoment{at.utc + kLongestBefore, at.since_boot + kLongestBefore});
+  }
   return writer.take();
 }
 
@@ -204,7 +234,7 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   StateReader reader(bytes);
   std::uint64_t version = 0;
   reader.one(version);
-  if (version != kVersion && version != kOlderVersion) StateReader::refuse();
+  if (version > kVersion || version < kOlderVersion) StateReader::refuse();
   ProcedureBook book;
   reader.one(book.arrivals_);
   const auto read = [&](const auto& key_of) {
@@ -229,6 +259,15 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
       AsBytes::passed(reader, one);
       const bool is_known = one.came.number <= book.arrivals_ && one.went.number <= book.arrivals_;
       if (!is_known || !book.passed_.emplace(std::move(place), one).second) StateReader::refuse();
+    }
+  }
+  if (version > kVersionOfOneTime) {
+    for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
+      std::string place;
+      ProcedureMoment later{UtcTime{}};
+      reader.all(place, later);
+      const ProcedureMoment at{later.utc - kLongestBefore, later.since_boot - kLongestBefore};
+      if (!book.changes_.emplace(std::move(place), at).second) StateReader::refuse();
     }
   }
   reader.require_end();

@@ -146,6 +146,8 @@ std::string_view words_of(Doubt doubt) {
     case Doubt::kTooEarly:
       return "what is planned nearest to its beginning lies more than an hour ahead, and a person must "
              "choose";
+    case Doubt::kTimeUnclear:
+      return "a message plans a patient here at a time that cannot be read, and a person must choose";
   }
   return "";
 }

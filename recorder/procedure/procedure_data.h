@@ -10,6 +10,7 @@
 
 #include "base/bytes.h"
 #include "base/utc_time.h"
+#include "recorder/vitals/patient_number.h"
 
 namespace kiroku::recorder {
 
@@ -44,6 +45,9 @@ struct ProcedureData {
 
   std::string origin;  // "hl7", "worklist", "hl7+hl7": who said so
   std::string chosen;  // why these data and no others, one sentence
+  /// All by which messages name the patient, where they say so: monitors may name them by another one. Not
+  /// in the subject file.
+  std::vector<PatientNumber> numbers = {};
 
   bool operator==(const ProcedureData&) const = default;
 };
@@ -82,6 +86,7 @@ enum class Doubt {
   kToldLate,       // a message that came late says that they left, or are planned no more
   kTwoWays,        // messages and worklist name two patients
   kTooEarly,       // what is planned nearest lies more than kFurthestAhead ahead
+  kTimeUnclear,    // an appointment states a time for this room that cannot be read
 };
 /// Half a sentence without anything of a patient; "" of kNone.
 std::string_view words_of(Doubt doubt);

@@ -50,6 +50,11 @@ std::size_t kept_bytes(const ProcedureMessage& message) {
                       message.replaces.size() + message.appointment.size() + message.placer.size() +
                       message.filler.size();
   for (const std::string& place : message.places) bytes += place.size();
+  for (const PlannedPlace& each : message.planned_places) {
+    for (const std::string& place : each.spellings) bytes += place.size();
+    bytes += each.planned_text.size() + each.location.size() + each.description.size() + each.code.size() +
+             each.coding_system.size();
+  }
   for (const auto* const numbers : {&message.numbers, &message.replaced_numbers}) {
     for (const PatientNumber& each : *numbers)
       bytes += each.number.size() + each.issuer.size() + each.issuer_id.size() + each.type.size();
@@ -291,6 +296,12 @@ ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at) co
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   return state_->book.list(rule, state_->moment(at));
+}
+
+std::optional<Clock::Duration> ProcedureInbox::changed_at(const ProcedureRule& rule) const {
+  const std::lock_guard guard(state_->mutex);
+  const std::optional<ProcedureMoment> changed = state_->book.changed(rule);
+  return changed ? std::optional(changed->since_boot) : std::nullopt;
 }
 
 ProcedureWay ProcedureInbox::way() const {

@@ -49,6 +49,9 @@ class ProcedureInbox {
     return choose(rule, at).data;
   }
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
+  /// When, since the machine's boot, somebody came to the room last, left it, or was done with there; nothing
+  /// where no message says so.
+  [[nodiscard]] std::optional<Clock::Duration> changed_at(const ProcedureRule& rule) const;
   /// Its sentence says since when messages are known, if that is not since before all that counts.
   [[nodiscard]] ProcedureWay way() const;
   /// The port it listens on; 0 while it does not.

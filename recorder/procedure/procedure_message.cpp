@@ -2,15 +2,20 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
+#include <cmath>
 #include <span>
 #include <string_view>
+#include <utility>
 
 #include "base/ascii.h"
 #include "base/bytes.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "recorder/vitals/hl7_observation.h"
 #include "recorder/vitals/hl7_patient_part.h"
 #include "recorder/vitals/hl7_time.h"
+#include "recorder/vitals/sender_zone.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -49,6 +54,40 @@ bool is_finished(const std::string& status) {
 /// Belongs to the whole appointment, though it stands behind a patient.
 bool is_of_resources(std::string_view name) { return name == "RGS" || name.starts_with("AI"); }
 
+/// How long is one of a unit in which an offset is stated (CE): those of ISO+ and UCUM, and words for them.
+/// HL7 has an empty one mean seconds. Nothing for any other.
+std::optional<std::chrono::seconds> length_of(const std::string& unit) {
+  using std::chrono::hours;
+  using std::chrono::minutes;
+  using std::chrono::seconds;
+  struct Named {
+    std::string_view name;
+    seconds length;
+  };
+  constexpr std::array<Named, 19> kUnits{{{"", seconds(1)},
+                                          {"s", seconds(1)},
+                                          {"sec", seconds(1)},
+                                          {"secs", seconds(1)},
+                                          {"second", seconds(1)},
+                                          {"seconds", seconds(1)},
+                                          {"m", minutes(1)},
+                                          {"min", minutes(1)},
+                                          {"mins", minutes(1)},
+                                          {"minute", minutes(1)},
+                                          {"minutes", minutes(1)},
+                                          {"h", hours(1)},
+                                          {"hr", hours(1)},
+                                          {"hrs", hours(1)},
+                                          {"hour", hours(1)},
+                                          {"hours", hours(1)},
+                                          {"d", hours(24)},
+                                          {"day", hours(24)},
+                                          {"days", hours(24)}}};
+  const std::string wanted = lower_case(unit);
+  const auto* const found = std::ranges::find(kUnits, wanted, &Named::name);
+  return found == kUnits.end() ? std::nullopt : std::optional(found->length);
+}
+
 /// "2026-08-05T09:15:00+02:00", as precise as it was stated, the zone only where one was.
 std::string iso_time(const Hl7Time& time) {
   constexpr std::size_t kToSeconds = 19, kToMinutes = 16, kToDay = 10;
@@ -66,7 +105,10 @@ std::string iso_time(const Hl7Time& time) {
 class Reader {
  public:
   Reader(const Hl7Message& message, const AssumedZone& assumed_zone)
-      : message_(message), assumed_zone_(assumed_zone), event_(event_of(message)) {
+      : message_(message),
+        stated_zone_(stated_zone(message)),
+        assumed_zone_(zone_of(message, assumed_zone)),
+        event_(event_of(message)) {
     constexpr std::size_t kShort = 14;
     const std::string sender = message.sender();
     if (!sender.empty()) out_.sender = crypto::to_hex(crypto::sha256(bytes_of(sender))).substr(0, kShort);
@@ -83,6 +125,7 @@ class Reader {
       const bool is_common = patient == 0 || (is_appointment && is_of_resources(segment.name()));
       if (is_common || patient == which) read(segment);
     }
+    plan_places();
     const std::string_view event = event_;
     using Kind = ProcedureMessage::Kind;
     if (is_appointment) {
@@ -185,37 +228,137 @@ class Reader {
     if (out_.data.location.empty()) out_.data.location = joined;
   }
 
-  void plan(const Hl7Field& field) {
-    const auto time = parse_hl7_time(field.component(1).raw());
-    if (!time || out_.planned) return;
-    out_.data.planned = iso_time(*time);
-    if (time->is_instant() && time->utc(assumed_zone_) >= UtcTime{}) out_.planned = time->utc(assumed_zone_);
+  /// A time that a message states of something planned.
+  struct Stated {
+    std::optional<UtcTime> at;
+    std::string text;
+    bool is_unclear = false;
+  };
+  [[nodiscard]] Stated stated(const Hl7Field& field) const {
+    Stated stated;
+    auto time = parse_hl7_time(field.component(1).raw());
+    if (!time) {
+      stated.is_unclear = !field.component(1).empty();
+      return stated;
+    }
+    const bool is_instant = time->is_instant() && time->utc(assumed_zone_) >= UtcTime{};
+    if (is_instant) stated.at = time->utc(assumed_zone_);
+    if (is_instant && !time->zone && stated_zone_) {
+      time->zone = std::chrono::duration_cast<std::chrono::minutes>(assumed_zone_.at(time->local));
+    }
+    stated.text = iso_time(*time);
+    return stated;
   }
 
-  /// A coded service or procedure; the first one stands.
-  void procedure(const Hl7Field& coded, const std::string& words) {
+  void plan(const Hl7Field& field) {
+    const Stated time = stated(field);
+    if (time.text.empty() || out_.planned) return;
+    out_.data.planned = time.text;
+    out_.planned = time.at;
+  }
+
+  struct Service {
+    std::string description, code, coding_system;
+    [[nodiscard]] bool empty() const { return description.empty() && code.empty(); }
+  };
+  /// A coded service or procedure.
+  [[nodiscard]] static Service service(const Hl7Field& coded, const std::string& words) {
+    return {words.empty() ? coded.component(2).text() : words, coded.component(1).text(),
+            coded.component(3).text()};
+  }
+  /// The first one stands.
+  void procedure(const Service& one) {
     ProcedureData& data = out_.data;
     if (!data.description.empty() || !data.code.empty()) return;
-    data.code = coded.component(1).text();
-    data.description = words.empty() ? coded.component(2).text() : words;
-    data.coding_system = coded.component(3).text();
+    data.description = one.description;
+    data.code = one.code;
+    data.coding_system = one.coding_system;
   }
 
-  [[nodiscard]] PatientNumber number(const Hl7Field& cx, bool is_of_account) const {
-    PatientNumber number{cx.component(1).text(), first_subcomponent(cx.component(4)), "",
-                         cx.component(5).text()};
-    const std::string_view issuer = cx.component(4).raw();
-    const std::size_t first = issuer.find(message_.separators().subcomponent);
-    if (first != std::string_view::npos) {
-      number.issuer_id = first_subcomponent(Hl7Field(issuer.substr(first + 1), message_.separators()));
+  /// When a resource or a service is needed: a time of its own (AIS-4, AIL-6, AIG-8), or so long after the
+  /// appointment begins (the two fields behind it: an amount and its unit).
+  struct Needed {
+    Stated time;
+    Hl7Field offset, unit;
+  };
+  [[nodiscard]] Needed needed(const Hl7Segment& segment, std::size_t time) const {
+    return {stated(segment.field(time)), segment.field(time + 1), segment.field(time + 2)};
+  }
+  /// Nothing where it says nothing.
+  [[nodiscard]] std::optional<Stated> moment_of(const Needed& needed) const {
+    const Stated& own = needed.time;
+    if (own.at || own.is_unclear || (!own.text.empty() && !out_.planned)) return own;
+    // A day alone says no more than the appointment does, or something else.
+    if (!own.text.empty() && !out_.data.planned.starts_with(own.text)) return Stated{{}, own.text, true};
+    if (needed.offset.component(1).empty()) return {};
+    const std::optional<double> amount = parse_decimal(needed.offset.component(1).raw());
+    if (amount && *amount == 0) return {};
+    Stated stated;
+    const std::string code = needed.unit.component(1).text(), words = needed.unit.component(2).text();
+    std::optional<std::chrono::seconds> unit = length_of(code.empty() ? words : code);
+    if (!unit && !words.empty()) unit = length_of(words);
+    // Beyond a year it is none of an appointment's, and beyond what a time can hold.
+    constexpr double kMostSeconds = 366.0 * 24 * 3600;
+    const double seconds = amount && unit ? *amount * static_cast<double>(unit->count()) : kMostSeconds + 1;
+    if (!out_.planned || std::abs(seconds) > kMostSeconds) {
+      stated.is_unclear = true;
+      return stated;
     }
-    number.is_of_account = is_of_account || is_type_of_account(number.type);
-    return number;
+    stated.at = *out_.planned + std::chrono::microseconds(std::llround(seconds * 1e6));
+    stated.text = format_utc(*stated.at).substr(0, 19) + "+00:00";
+    return stated;
   }
 
-  void take_numbers(std::vector<PatientNumber>& into, const Hl7Field& list, bool is_of_account) const {
-    for (const Hl7Field& each : list.repetitions()) {
-      if (!each.component(1).empty()) add_numbers(into, {number(each, is_of_account)});
+  /// Services and places of one resource group (RGS) belong together.
+  struct ServiceOfGroup {
+    std::size_t group = 0;
+    Service service;
+    Needed needed;
+  };
+  struct PlaceOfGroup {
+    std::size_t group = 0;
+    PlannedPlace place;
+    Needed needed;
+  };
+
+  /// Once all is read: what an appointment's offsets count from may stand behind them.
+  void plan_places() {
+    if (!out_.planned && !services_.empty()) take_time_of(services_.front().needed);
+    if (!out_.planned && !places_.empty()) take_time_of(places_.front().needed);
+    for (PlaceOfGroup& each : places_) {
+      PlannedPlace& place = each.place;
+      const auto its_service = std::ranges::find(services_, each.group, &ServiceOfGroup::group);
+      std::optional<Stated> time = moment_of(each.needed);
+      if (!time && its_service != services_.end()) time = moment_of(its_service->needed);
+      if (!time) time = Stated{out_.planned, out_.data.planned, false};
+      place.planned = time->at;
+      place.is_time_unclear = time->is_unclear;
+      place.planned_text = time->text;
+      if (its_service != services_.end() && !its_service->service.empty()) {
+        place.description = its_service->service.description;
+        place.code = its_service->service.code;
+        place.coding_system = its_service->service.coding_system;
+      }
+      out_.planned_places.push_back(std::move(place));
+    }
+  }
+  void take_time_of(const Needed& needed) {
+    if (needed.time.text.empty()) return;
+    out_.data.planned = needed.time.text;
+    out_.planned = needed.time.at;
+  }
+
+  /// Of AIL and AIG: `components` of the third field name the place.
+  void planned_place(const Hl7Segment& segment, std::size_t components, std::size_t time) {
+    for (const Hl7Field& one : segment.field(3).repetitions()) {
+      const std::size_t before = out_.places.size();
+      const std::string location = std::exchange(out_.data.location, "");
+      add_place(one, components);
+      PlannedPlace place;
+      place.spellings.assign(out_.places.begin() + static_cast<std::ptrdiff_t>(before), out_.places.end());
+      place.location = out_.data.location;
+      if (!location.empty()) out_.data.location = location;
+      if (!place.spellings.empty()) places_.push_back({group_, std::move(place), needed(segment, time)});
     }
   }
 
@@ -231,10 +374,7 @@ class Reader {
     data.patient_id = chosen.component(1).text();
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
     out_.patient = key_of(chosen);
-    take_numbers(out_.numbers, chosen, false);  // first: of many some are not kept
-    take_numbers(out_.numbers, pid.field(3), false);
-    take_numbers(out_.numbers, pid.field(2), false);
-    take_numbers(out_.numbers, pid.field(18), true);
+    add_numbers(out_.numbers, numbers_of(pid, message_.separators()));
     data.patient = name(pid.field(5), 1);
     if (const auto born = parse_hl7_time(pid.field(7).component(1).raw())) {
       constexpr std::size_t kYear = 4, kMonth = 7, kDay = 10;
@@ -251,16 +391,22 @@ class Reader {
     const std::string_view name = segment.name();
     // A change of an appointment names what is taken out of it, too (segment action code, table 0206).
     const bool is_taken_out = is_of_resources(name) && segment.field(2).text() == "D";
-    if (name == "RGS") group_taken_out_ = is_taken_out;
+    if (name == "RGS") {
+      group_taken_out_ = is_taken_out;
+      ++group_;
+    }
     if (is_taken_out || (group_taken_out_ && is_of_resources(name))) return;
+    // Or says of it that it is called off (table 0278).
+    const std::size_t status_field = name == "AIS" ? 10 : name == "AIL" ? 12 : name == "AIG" ? 14 : 0;
+    if (status_field > 0 && is_called_off(segment.field(status_field).component(1).text())) return;
     if (name == "PID") {
       read_patient(segment);
     } else if (name == "MRG") {
       const Hl7Field chosen = chosen_identifier(segment.field(1), segment.field(4));
       out_.replaces = key_of(chosen);
-      take_numbers(out_.replaced_numbers, chosen, false);
-      take_numbers(out_.replaced_numbers, segment.field(1), false);
-      take_numbers(out_.replaced_numbers, segment.field(4), false);
+      take_numbers(out_.replaced_numbers, chosen, false, message_.separators());
+      take_numbers(out_.replaced_numbers, segment.field(1), false, message_.separators());
+      take_numbers(out_.replaced_numbers, segment.field(4), false, message_.separators());
     } else if (name == "PV1") {
       add_place(segment.field(11), 3);  // temporary location first: the operating room of an in-patient
       const bool departs = is_one_of(event_, kDeparting);
@@ -273,7 +419,7 @@ class Reader {
       add_staff("attending", segment.field(7));
       out_.data.visit = segment.field(19).component(1).text();
     } else if (name == "PR1") {
-      procedure(segment.field(3), segment.field(4).text());
+      procedure(service(segment.field(3), segment.field(4).text()));
       plan(segment.field(5));
       add_staff("surgeon", segment.field(11));
     } else if (name == "SCH") {
@@ -287,12 +433,12 @@ class Reader {
     } else if (name == "TQ1") {
       plan(segment.field(7));
     } else if (name == "AIS") {
-      procedure(segment.field(3), "");
-      plan(segment.field(4));
+      services_.push_back({group_, service(segment.field(3), ""), needed(segment, 4)});
+      procedure(services_.back().service);
     } else if (name == "AIL") {
-      add_place(segment.field(3), 3);
+      planned_place(segment, 3, 6);
     } else if (name == "AIG") {
-      add_place(segment.field(3), 2);
+      planned_place(segment, 2, 8);
     } else if (name == "AIP") {
       const Hl7Field role = segment.field(4);
       const std::string words = role.component(2).text();
@@ -301,9 +447,13 @@ class Reader {
   }
 
   const Hl7Message& message_;
+  const std::optional<std::chrono::minutes> stated_zone_;
   const AssumedZone assumed_zone_;
   const std::string event_;
   bool called_off_ = false, group_taken_out_ = false;
+  std::size_t group_ = 0;
+  std::vector<ServiceOfGroup> services_;
+  std::vector<PlaceOfGroup> places_;
   ProcedureMessage out_;
 };
 

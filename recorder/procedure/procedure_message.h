@@ -6,12 +6,22 @@
 #include <string>
 #include <vector>
 
-#include "recorder/procedure/patient_number.h"
 #include "recorder/procedure/procedure_data.h"
 #include "recorder/vitals/assumed_zone.h"
 #include "recorder/vitals/hl7_message.h"
+#include "recorder/vitals/patient_number.h"
 
 namespace kiroku::recorder {
+
+/// What an appointment says of one place alone (AIL, AIG): when it is needed, and for which service. An
+/// appointment may need several places, each at its own time.
+struct PlannedPlace {
+  std::vector<std::string> spellings;            // as ProcedureMessage::places
+  std::optional<UtcTime> planned;                // absent: nothing says when
+  bool is_time_unclear = false;                  // a time or an offset is stated that cannot be read
+  std::string planned_text, location;            // as ProcedureData has them
+  std::string description, code, coding_system;  // "": those of the appointment
+};
 
 struct ProcedureMessage {
   enum class Kind {
@@ -43,8 +53,9 @@ struct ProcedureMessage {
   /// Every way to write where it is done: point of care, room, bed of PV1-3, PV1-11 and AIL-3, and those
   /// joined by '^'; resource and its name of AIG-3.
   std::vector<std::string> places;
-  std::optional<UtcTime> planned;
+  std::optional<UtcTime> planned;  // when the appointment begins
   ProcedureData data;
+  std::vector<PlannedPlace> planned_places;  // in their order
 };
 
 /// "ADT^A01", "SIU^S12".
@@ -63,7 +74,7 @@ bool has_its_numbers(const ProcedureMessage& message);
 bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b);
 
 /// What the message says of each patient that it names, in its order; one that names nobody is one, too.
-/// `message` must be of such a type; times without zone count by `assumed_zone`.
+/// `message` must be of such a type; times without zone count as MSH-7 states, else by `assumed_zone`.
 std::vector<ProcedureMessage> read_procedure_messages(const Hl7Message& message,
                                                       const AssumedZone& assumed_zone);
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/clock.h"
 #include "recorder/procedure/procedure_data.h"
 
 namespace kiroku::recorder {
@@ -31,6 +32,10 @@ class ProcedureSource {
   [[nodiscard]] virtual Doubt doubt(UtcTime /*at*/) const { return Doubt::kNone; }
   /// Whether something of list() was only said once, by a message, and not listed by who can be asked again.
   [[nodiscard]] virtual bool knows_by_messages(UtcTime /*at*/) const { return false; }
+  /// When, since the machine's boot (Clock::since_boot()), somebody came to the room last, left it, or was
+  /// done with there, as far as is known: what was recorded before is of somebody else. Nothing where nothing
+  /// says so. Returns at once.
+  [[nodiscard]] virtual std::optional<Clock::Duration> changed_at() const { return {}; }
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

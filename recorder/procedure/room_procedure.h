@@ -30,6 +30,9 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] bool knows_by_messages(UtcTime at) const override {
     return inbox_ && !inbox_->list(rule_, at).empty();
   }
+  [[nodiscard]] std::optional<Clock::Duration> changed_at() const override {
+    return inbox_ ? inbox_->changed_at(rule_) : std::nullopt;
+  }
   void hurry() override {
     if (worklist_) worklist_->hurry();
   }

@@ -47,6 +47,7 @@ class AwaitedSource : public VitalSource {
     interrupted_ = true;
     if (source_) source_->interrupt();
   }
+  void hear_patients(std::shared_ptr<PatientWatch> watch) override { watch_ = std::move(watch); }
   [[nodiscard]] bool is_live() const override { return true; }
   [[nodiscard]] std::uint64_t refused() const override {
     const std::lock_guard guard(mutex_);
@@ -65,6 +66,7 @@ class AwaitedSource : public VitalSource {
   bool open() {
     try {
       auto opened = open_vital_source(address_, clock_);
+      opened->hear_patients(watch_);
       const std::lock_guard guard(mutex_);
       source_ = std::move(opened);
       present_since_ns_ = clock_.now_ns();
@@ -83,6 +85,7 @@ class AwaitedSource : public VitalSource {
   const SourceAddress address_;
   const CaseClock& clock_;
   const std::string why_;
+  std::shared_ptr<PatientWatch> watch_;
   mutable std::mutex mutex_;  // guards the pointer against interrupt()
   std::unique_ptr<VitalSource> source_;
   std::atomic<bool> interrupted_ = false;

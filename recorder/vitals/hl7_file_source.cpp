@@ -52,6 +52,9 @@ class Hl7FileSource : public BlockSource {
   }
 
   [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
+  void hear_patients(std::shared_ptr<PatientWatch> watch) override {
+    vitals_.hear_patients(std::move(watch));
+  }
 
  private:
   bool read_block(std::vector<VitalLine>& lines) override {

@@ -91,6 +91,33 @@ std::string first_subcomponent(const Hl7Field& component, const Hl7Separators& s
       .text();
 }
 
+PatientNumber number_of(const Hl7Field& cx, bool is_of_account, const Hl7Separators& separators) {
+  PatientNumber number{cx.component(1).text(), first_subcomponent(cx.component(4), separators), "",
+                       cx.component(5).text()};
+  const std::string_view issuer = cx.component(4).raw();
+  const std::size_t first = issuer.find(separators.subcomponent);
+  if (first != std::string_view::npos)
+    number.issuer_id = first_subcomponent(Hl7Field(issuer.substr(first + 1), separators), separators);
+  number.is_of_account = is_of_account || is_type_of_account(number.type);
+  return number;
+}
+
+void take_numbers(std::vector<PatientNumber>& into, const Hl7Field& list, bool is_of_account,
+                  const Hl7Separators& separators) {
+  for (const Hl7Field& each : list.repetitions()) {
+    if (!each.component(1).empty()) add_numbers(into, {number_of(each, is_of_account, separators)});
+  }
+}
+
+std::vector<PatientNumber> numbers_of(const Hl7Segment& pid, const Hl7Separators& separators) {
+  std::vector<PatientNumber> numbers;
+  take_numbers(numbers, chosen_identifier(pid.field(3), pid.field(2)), false, separators);
+  take_numbers(numbers, pid.field(3), false, separators);
+  take_numbers(numbers, pid.field(2), false, separators);
+  take_numbers(numbers, pid.field(18), true, separators);
+  return numbers;
+}
+
 std::vector<PatientPart> patient_parts(const Hl7Message& message) {
   const Hl7Separators& separators = message.separators();
   const std::vector<Hl7Segment>& segments = message.segments();
@@ -109,6 +136,7 @@ std::vector<PatientPart> patient_parts(const Hl7Message& message) {
       next.begin = i;
       if (is_visit) {
         next.patient = parts.back().patient;
+        next.numbers = parts.back().numbers;
         next.issuer = parts.back().issuer;
       }
       parts.push_back(std::move(next));
@@ -120,6 +148,7 @@ std::vector<PatientPart> patient_parts(const Hl7Message& message) {
       part.patient = identifier.component(1).text();
       const Hl7Field issuer = identifier.component(4);
       part.issuer = issuer.empty() ? "" : first_subcomponent(issuer, separators);
+      part.numbers = numbers_of(segment, separators);
     } else if (is_visit) {
       const std::string usual = add_place(segment.field(3), separators, part.spellings);
       const std::string temporary = add_place(segment.field(11), separators, part.spellings);

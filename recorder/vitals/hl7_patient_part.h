@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "recorder/vitals/hl7_message.h"
+#include "recorder/vitals/patient_number.h"
 
 namespace kiroku::recorder {
 
@@ -20,6 +21,14 @@ Hl7Field chosen_identifier(const Hl7Field& list, const Hl7Field& older);
 /// What a component says before its first '&': the namespace of an issuer.
 std::string first_subcomponent(const Hl7Field& component, const Hl7Separators& separators);
 
+/// A number as CX has it; `is_of_account` where the field says so, whatever CX-5 does.
+PatientNumber number_of(const Hl7Field& cx, bool is_of_account, const Hl7Separators& separators);
+/// Adds those of a list of identifiers.
+void take_numbers(std::vector<PatientNumber>& into, const Hl7Field& list, bool is_of_account,
+                  const Hl7Separators& separators);
+/// All of PID-3, PID-2 and PID-18, the chosen_identifier() first: of many some are not kept.
+std::vector<PatientNumber> numbers_of(const Hl7Segment& pid, const Hl7Separators& separators);
+
 /// The segments of one patient.
 struct PatientPart {
   std::size_t begin = 0, end = 0;  // of Hl7Message::segments()
@@ -30,7 +39,8 @@ struct PatientPart {
   /// joined.
   std::vector<std::string> spellings;
   std::string patient, issuer;  // chosen_identifier() of PID-3 and PID-2: to be compared, never to be told
-  bool observes = false;        // holds an OBX
+  std::vector<PatientNumber> numbers;  // likewise: all of them
+  bool observes = false;               // holds an OBX
 };
 
 /// In their order, together all of the message; one at least. A part begins with a PID, or with a PV1 behind

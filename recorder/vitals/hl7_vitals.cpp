@@ -242,6 +242,7 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
   for (std::size_t i = 0; i < parts.size(); ++i) {
     const PatientPart& part = parts[i];
     note_mixtures(part, sources[i], arrival_ns, taken.lines);
+    if (watch_ && part.observes) watch_->heard(part.numbers, arrival_ns);
     for (media::VitalLine& line :
          reader_of(sources[i]).read(*parsed.message, arrival_ns, part.begin, part.end)) {
       taken.lines.push_back(std::move(line));

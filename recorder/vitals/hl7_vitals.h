@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -17,6 +18,7 @@
 #include "recorder/vitals/hl7_patient_part.h"
 #include "recorder/vitals/message_memory.h"
 #include "recorder/vitals/monitor_reader.h"
+#include "recorder/vitals/patient_watch.h"
 #include "recorder/vitals/sender_list.h"
 
 namespace kiroku::recorder {
@@ -38,6 +40,9 @@ class Hl7Vitals {
   /// acknowledged, so that its sender goes on, and not recorded either.
   explicit Hl7Vitals(const AssumedZone& assumed_zone, SenderList senders = {}, PlaceList places = {})
       : assumed_zone_(assumed_zone), senders_(std::move(senders)), places_(std::move(places)) {}
+
+  /// Told of each patient whose values are taken; null: nobody. Before the first message.
+  void hear_patients(std::shared_ptr<PatientWatch> watch) { watch_ = std::move(watch); }
 
   struct Taken {
     /// The message itself first, unless it is of another place, too; then what was read from it; all stamped
@@ -116,6 +121,7 @@ class Hl7Vitals {
   std::map<std::string, std::vector<PatientKey>> patients_at_;  // by sender and place
   Tally unreadable_{kMostSenders, kUnreadableKept};             // by peer
   std::map<std::string, MonitorReader> readers_;
+  std::shared_ptr<PatientWatch> watch_;
   MessageMemory seen_;
 };
 

@@ -90,6 +90,9 @@ class MllpSource : public VitalSource {
   [[nodiscard]] bool is_live() const override { return true; }
   [[nodiscard]] std::uint64_t refused() const override { return server_.refused() + vitals_.refused(); }
   [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
+  void hear_patients(std::shared_ptr<PatientWatch> watch) override {
+    vitals_.hear_patients(std::move(watch));
+  }
 
   void interrupt() noexcept override {
     interrupted_ = true;

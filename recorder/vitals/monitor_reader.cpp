@@ -6,6 +6,8 @@
 #include <limits>
 #include <optional>
 
+#include "recorder/vitals/sender_zone.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -91,7 +93,7 @@ struct MonitorReader::Order {
 };
 
 MonitorReader::MonitorReader(std::string source, const AssumedZone& assumed_zone)
-    : source_(std::move(source)), assumed_zone_(assumed_zone) {}
+    : source_(std::move(source)), assumed_zone_(assumed_zone), zone_(assumed_zone) {}
 
 bool MonitorReader::reads(const std::string& type) {
   return std::ranges::find(kTypesRead, type) != kTypesRead.end();
@@ -113,6 +115,8 @@ std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std
   const auto segments = all.subspan(first, std::min(end, all.size()) - first);
   lines_.clear();
   arrival_ns_ = arrival_ns;
+  const std::optional<std::chrono::minutes> its_zone = stated_zone(message);
+  zone_ = its_zone ? AssumedZone(*its_zone) : assumed_zone_;
   for (const std::string& remark : message.remarks()) {
     notice("message-form", remark);
   }
@@ -160,12 +164,12 @@ void MonitorReader::read_clock(const Hl7Message& message) {
     return;
   }
   if (!time->zone) {
-    const auto minutes = std::chrono::duration_cast<std::chrono::minutes>(assumed_zone_.at(time->local));
+    const auto minutes = std::chrono::duration_cast<std::chrono::minutes>(zone_.at(time->local));
     const std::string zone = format_hl7_zone(minutes);
     notice("zone-assumed",
            "times without zone were taken to be " + (minutes.count() == 0 ? "UTC" : "UTC" + zone));
   }
-  message_time_ = time->utc(assumed_zone_);
+  message_time_ = time->utc(zone_);
   const auto step_us = clock_.add(arrival_ns_, *message_time_);
   zero_of_clock_ = clock_.estimate().zero;
   if (step_us) {
@@ -254,10 +258,10 @@ media::VitalQuality MonitorReader::quality_of(const Observation& observation) {
 
 std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Observation& observation) const {
   if (observation.time) {
-    return observation.time->utc(assumed_zone_);
+    return observation.time->utc(zone_);
   }
   if (order.begin && order.begin->is_instant()) {
-    return order.begin->utc(assumed_zone_);
+    return order.begin->utc(zone_);
   }
   return message_time_;
 }
@@ -364,8 +368,7 @@ double MonitorReader::rate_of(const Order& order, std::size_t index, std::size_t
     return known->second;
   }
   if (order.begin && order.end && order.end->local > order.begin->local) {
-    const std::chrono::duration<double> length =
-        order.end->utc(assumed_zone_) - order.begin->utc(assumed_zone_);
+    const std::chrono::duration<double> length = order.end->utc(zone_) - order.begin->utc(zone_);
     return static_cast<double>(values) / length.count();
   }
   return 0;
@@ -430,9 +433,9 @@ void MonitorReader::read_wave(const Order& order, std::size_t index) {
   // The monitor states when a block began; a sample's own time is its end.
   const auto block = std::chrono::microseconds(std::llround(seconds * 1e6));
   if (observation.time) {
-    wave.device_time = observation.time->utc(assumed_zone_) + block;
+    wave.device_time = observation.time->utc(zone_) + block;
   } else if (order.begin && order.begin->is_instant()) {
-    wave.device_time = order.begin->utc(assumed_zone_) + block;
+    wave.device_time = order.begin->utc(zone_) + block;
   } else {
     wave.device_time = message_time_;
   }

@@ -43,7 +43,7 @@ class MonitorReader {
   /// An observation that arrives so long after it was measured was stored in between, or is an earlier one.
   static constexpr std::int64_t kLateUs = 120'000'000;
 
-  /// `source` stands in the lines; times without zone count by `assumed_zone`.
+  /// `source` stands in the lines; times without zone count as MSH-7 states, else by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
 
   /// Whether messages of this type (MSH-9, "ORU^R01") hold what is read here.
@@ -74,6 +74,7 @@ class MonitorReader {
 
   std::string source_;
   AssumedZone assumed_zone_;
+  AssumedZone zone_;  // of the message being read
   std::int64_t arrival_ns_ = 0;
   std::optional<UtcTime> message_time_;
   std::vector<media::VitalLine> lines_;  // of the message being read

@@ -10,6 +10,7 @@
 namespace kiroku::recorder {
 
 class CaseClock;
+class PatientWatch;
 struct SourceAddress;
 
 using media::to_json_line;
@@ -31,6 +32,8 @@ class VitalSource {
   /// Makes next() end, from any thread (not from a signal handler). A source that waits for what arrives
   /// first gives what it had taken; all others end now.
   virtual void interrupt() noexcept = 0;
+  /// Told of each patient whom what it gives names. Before next() is first called.
+  virtual void hear_patients(std::shared_ptr<PatientWatch> /*watch*/) {}
   /// Whether it waits for what arrives, rather than stating its own times.
   [[nodiscard]] virtual bool is_live() const { return false; }
   /// Connections and messages that were refused because of who sent them. From any thread.

@@ -44,6 +44,14 @@ void VitalsSegmenter::advance_to(std::int64_t now_ns) {
   }
 }
 
+void VitalsSegmenter::split(std::int64_t from_ns, std::int64_t next_ns) {
+  // Lines of one moment stay together: nothing of the last one may follow.
+  if (finished_ || start_ns_ >= from_ns || next_ns < from_ns || next_ns <= floor_ns_) return;
+  const std::int64_t end_ns = std::max(from_ns, floor_ns_ + 1);
+  advance_to(end_ns);
+  if (start_ns_ < end_ns) end_at(end_ns);
+}
+
 void VitalsSegmenter::add(const media::VitalLine& line) {
   advance_to(media::time_ns_of(line));
   std::string text;

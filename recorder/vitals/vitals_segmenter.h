@@ -34,6 +34,10 @@ class VitalsSegmenter {
   void add(const media::VitalLine& line);
   /// Nothing with time_ns < `now_ns` will come any more: ends the segments that lie wholly before.
   void advance_to(std::int64_t now_ns);
+  /// What lies before `from_ns` ends in a segment of its own, where nothing with time_ns < `next_ns` will
+  /// come any more and `next_ns` is not before it: at `from_ns`, or just after the last line if that is
+  /// later.
+  void split(std::int64_t from_ns, std::int64_t next_ns);
   /// Nothing was recorded from the last advance_to() or line until `until_ns`: the open segment ends before,
   /// the next one begins then. Where what was recorded ends; `until_ns` must not be before that.
   std::int64_t pass_over(std::int64_t until_ns);
@@ -42,6 +46,8 @@ class VitalsSegmenter {
 
   /// No line before it is taken any more.
   [[nodiscard]] std::int64_t floor_ns() const { return floor_ns_; }
+  /// Where the segment begins that is open, or the next one.
+  [[nodiscard]] std::int64_t start_ns() const { return start_ns_; }
   [[nodiscard]] std::uint64_t samples() const { return samples_; }
   [[nodiscard]] std::uint64_t segments() const { return next_index_; }
 

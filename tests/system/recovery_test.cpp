@@ -169,6 +169,48 @@ TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
   EXPECT_EQ(kiroku({"erase", "--due"}).out, "Nothing is due to be erased.\n");
 }
 
+// Ten years by one rule, at once by another: the first one of the file that was due would have erased.
+TEST_F(Recovering, OfTwoRulesForOneStreamTheLongerOneHolds) {
+  const std::filesystem::path folder = record();
+  const std::string configuration = read_text(home() / "kiroku.toml");
+  const auto purpose =
+      nlohmann::json::parse(
+          read_text(folder / "ledger.jsonl")
+              .substr(0, read_text(folder / "ledger.jsonl").find('\n')))["streams"][0]["purpose"]
+          .get<std::string>();
+  const std::string longer =
+      "[[retention]]\nstream = \"endoscope\"\nafter = \"3650d\"\npolicy = \"by law\"\n";
+  const std::string shorter =
+      "[[retention]]\npurpose = \"" + purpose + "\"\nafter = \"10ms\"\npolicy = \"a while\"\n";
+  for (const std::string& rules : {longer + shorter, shorter + longer}) {
+    write_text(home() / "kiroku.toml", rules + configuration);
+    EXPECT_EQ(kiroku({"erase", "--due", "--clock-is-right"}).out, "Nothing is due to be erased.\n");
+  }
+  // Alone it would erase, and says since when.
+  write_text(home() / "kiroku.toml", shorter + configuration);
+  const Arguments dry{"erase",       "--older-than",     "10ms",     "--stream", "endoscope", "--policy", "p",
+                      "--only-copy", "--clock-is-right", "--dry-run"};
+  EXPECT_THAT(kiroku(dry).out, AllOf(HasSubstr("would erase endoscope, by the policy: p; opened 20"),
+                                     HasSubstr(" UTC, it may go since 20")));
+  Arguments json = dry;
+  json.emplace_back("--json");
+  EXPECT_THAT(kiroku_json(json)["cases"][0].dump(),
+              AllOf(HasSubstr("\"opened\":\"20"), HasSubstr("\"due\":\"20")));
+  EXPECT_REFUSED(kiroku({"erase", "--older-than", "6m", "--stream", "endoscope", "--policy", "p"}),
+                 "may be months or minutes");
+}
+
+TEST_F(Recovering, ErasingOneFormOfPicturesNamesTheOtherThatIsLeft) {
+  const std::filesystem::path folder = record({"--also", "lossless"});
+  const auto erase = [&](const std::string& stream) {
+    return kiroku({"erase", folder.filename().string(), "--stream", stream, "--policy", "p", "--only-copy"})
+        .out;
+  };
+  EXPECT_THAT(erase("endoscope"),
+              HasSubstr("the same pictures are left in another form: endoscope-lossless"));
+  EXPECT_THAT(erase("endoscope-lossless"), Not(HasSubstr("the same pictures")));
+}
+
 // A machine that has just started, or whose battery is empty, may believe itself years ahead.
 TEST_F(Recovering, AClockThatNobodySetErasesNothingByAge) {
   timex state{};

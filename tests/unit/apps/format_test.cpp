@@ -45,6 +45,29 @@ TEST(Format, RefusesWhatIsNoDuration) {
   }
 }
 
+// Of a file nobody sees at once what comes of it: 24 hours were meant, and 24 seconds would be taken.
+TEST(Format, ADurationInAFileSaysOfWhatItIs) {
+  EXPECT_EQ(parse_stated_duration("24h", "x"), seconds(86'400));
+  EXPECT_EQ(parse_stated_duration("15min", "x"), seconds(900));
+  EXPECT_EQ(parse_stated_duration("15m", "x"), seconds(900));
+  EXPECT_EQ(parse_stated_duration("0:15:00", "x"), seconds(900));
+  EXPECT_EQ(parse_stated_duration("500ms", "x"), milliseconds(500));
+  const auto refusal = [](const char* text) -> std::string {
+    try {
+      (void)parse_stated_duration(text, "'k'");
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  for (const char* text : {"24", "1.5", "0"})
+    EXPECT_EQ(refusal(text),
+              "'k' is '" + std::string(text) + "', which does not say of what: write 24h, 15min or 90s");
+  EXPECT_NE(refusal("24:00").find("may be hours and minutes, or minutes and seconds"), std::string::npos);
+  for (const char* text : {"", "soon", "0s", "1001h"})
+    EXPECT_NE(refusal(text).find("which is no length of time: write 24h"), std::string::npos) << text;
+}
+
 TEST(Format, ReadsBitRates) {
   EXPECT_EQ(parse_bit_rate("4M", "x"), 4'000'000);
   EXPECT_EQ(parse_bit_rate("800k", "x"), 800'000);

@@ -235,6 +235,43 @@ TEST(Session, TellsWhereVitalSignsOfSeveralBedsComeInOneStream) {
   EXPECT_EQ(alone.last.streams.at(0).elsewhere, 1U);
 }
 
+// The cable of the room's monitor, or the case, is of somebody else.
+TEST(Session, SaysWhereMonitorsNameAnotherPatientThanTheCase) {
+  const RecorderBench bench;
+  std::ofstream file(bench / "monitor.hl7", std::ios::binary);
+  for (const char* second : {"1", "2", "3"})
+    file << "MSH|^~\\&|MON|W|||2026010112000" << second << "+0000||ORU^R01|" << second
+         << "|P|2.6\rPID|||A1^^^H^MR~V5^^^H^VN\rPV1||I|OR1\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|72\r";
+  file.close();
+  const auto record = [&](const std::string& subject, std::vector<PatientNumber> more = {}) {
+    SessionOptions options = bench.options();
+    options.vitals = {bench.stream("vitals", (bench / "monitor.hl7").string() + "?speed=max")};
+    if (!subject.empty()) options.subject = to_bytes(subject);
+    options.identity.patient_numbers = std::move(more);
+    Session session(std::move(options));
+    return session.run({});
+  };
+  const SessionResult other = record(R"({"patient":{"id":"B2","id_issuer":"H","name":"BRAVO^BERTA"}})");
+  EXPECT_THAT(other.last.last_problem, HasSubstr("a monitor's messages name another patient (PID-3)"));
+  EXPECT_THAT(other.last.last_problem, Not(HasSubstr("A1")));
+  const RecordedCase recorded = bench.read(other.folder);
+  EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(1)) << "the ledger commits to it";
+  ASSERT_THAT(recorded.lines("events"), SizeIs(1));
+  EXPECT_THAT(recorded.lines("events")[0], HasSubstr(R"(\"kind\":\"patient-differs\",\"text\":)"));
+  EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+  for (const char* same : {R"({"patient":{"id":"A1","id_issuer":"H"}})", R"({"patient":{"id":"A1"}})",
+                           R"({"patient":{"visit":"V5"}})", R"({"patient":{"name":"nobody knows"}})",
+                           R"({"patient":"typed"})", ""}) {
+    const SessionResult result = record(same);
+    EXPECT_EQ(result.last.last_problem, "") << same;
+    EXPECT_THAT(bench.read(result.folder).all<archive::MarkEntry>(), IsEmpty()) << same;
+  }
+  // As messages name the patient besides.
+  EXPECT_EQ(
+      record(R"({"patient":{"id":"99","id_issuer":"X"}})", {{"A1", "H", "", "MR", false}}).last.last_problem,
+      "");
+}
+
 TEST(Session, StampsAtOpenEachIntervalAndAfterClose) {
   const RecorderBench bench;
   SessionOptions options = bench.options();

@@ -10,6 +10,7 @@
 namespace kiroku::apps {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 std::string refusal(const std::string& toml) {
@@ -392,6 +393,83 @@ TEST(Configuration, ACaseIsLongerThanWhatWasRecordedAheadOfIt) {
               HasSubstr("k.toml:3:12: 'pre_roll' is not shorter than 'longest_case'"));
 }
 
+// 24 hours were meant, and 24 seconds would be taken: every case would end as it begins.
+TEST(Configuration, ALengthOfTimeWithoutAUnitIsRefused) {
+  const std::string stream = "[[room.stream]]\nname = \"endoscope\"\nsource = \"synthetic:pattern\"\n";
+  const auto of_room = [&](const std::string& rules) {
+    return refusal("[[room]]\nname = \"or-1\"\n" + rules + stream);
+  };
+  const auto unclear = HasSubstr("which does not say of what: write 24h, 15min or 90s");
+  for (const std::string key : {"longest_case", "stop_after_silence", "pre_roll", "signal_lasts"}) {
+    EXPECT_THAT(of_room(key + " = \"24\"\n"),
+                AllOf(HasSubstr("k.toml:3:"), HasSubstr("'" + key + "' is '24'"), unclear));
+    EXPECT_THAT(of_room(key + " = 24\n"), HasSubstr("'" + key + "' must be a text in quotation marks"));
+  }
+  EXPECT_THAT(of_room("longest_case = \"24:00\"\n"), HasSubstr("may be hours and minutes"));
+  EXPECT_EQ(of_room("longest_case = \"24:00:00\"\n"), "accepted");
+  EXPECT_THAT(of_room("resume = true\nresume_within = \"20\"\n"), unclear);
+  for (const std::string key : {"segment", "stamp_every", "source_timeout"})
+    EXPECT_THAT(refusal("[recording]\n" + key + " = \"2\"\n"), unclear) << key;
+  EXPECT_THAT(refusal("[storage]\nwarn_below = \"8\"\n"), unclear);
+  for (const std::string key : {"connect_timeout", "total_timeout", "min_interval", "shared_patience"})
+    EXPECT_THAT(refusal("[[authority]]\nname = \"a\"\nurl = \"https://a.example/\"\n" + key + " = \"5\"\n"),
+                unclear)
+        << key;
+  EXPECT_THAT(of_room("[room.procedure.hl7]\nlisten = \"mllp://127.0.0.1:1\"\nwindow = \"12\"\n"), unclear);
+  for (const std::string key : {"refresh", "timeout", "window"})
+    EXPECT_THAT(of_room("[room.procedure.worklist]\n" + key + " = \"60\"\n"), unclear) << key;
+}
+
+// Six months were meant.
+TEST(Configuration, WhatErasesSaysWhetherItIsMinutesOrMonths) {
+  const auto with = [](const std::string& after) {
+    return refusal("[[retention]]\nstream = \"a\"\nafter = \"" + after + "\"\npolicy = \"p\"\n");
+  };
+  EXPECT_THAT(with("6m"), HasSubstr("k.toml:3:9: 'after' is '6m', which may be months or minutes: write 6min "
+                                    "for minutes, and days for months, such as 180d"));
+  EXPECT_EQ(with("6min"), "accepted");
+  EXPECT_EQ(with("1h30m"), "accepted");
+  EXPECT_EQ(with("180d"), "accepted");
+  EXPECT_EQ(age_in_words(std::chrono::hours(48)), "2 days");
+  EXPECT_EQ(age_in_words(std::chrono::hours(25)), "25 hours");
+  EXPECT_EQ(age_in_words(std::chrono::minutes(1)), "1 minute");
+  EXPECT_EQ(age_in_words(std::chrono::seconds(61)), "61 seconds");
+  EXPECT_EQ(age_in_words(std::chrono::milliseconds(10)), "10 milliseconds");
+}
+
+TEST(Configuration, OfSeveralRetentionRulesTheLongerHolds) {
+  const std::string stream =
+      "[[retention]]\nstream = \"endoscope\"\nafter = \"3650d\"\npolicy = \"ten years\"\n";
+  const std::string purpose = "[[retention]]\npurpose = \"record\"\nafter = \"12h\"\npolicy = \"a while\"\n";
+  const std::string room =
+      "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\npurpose = \"record\"\n"
+      "source = \"synthetic:pattern\"\nprofile = \"uncompressed\"\nalso = \"mpeg2\"\n";
+  EXPECT_THAT(refusal(stream + stream),
+              HasSubstr("k.toml:5:1: there are two [[retention]] for the stream 'endoscope'"));
+  EXPECT_THAT(refusal(purpose + purpose), HasSubstr("there are two [[retention]] for the purpose 'record'"));
+  for (const std::string& text : {stream + purpose + room, purpose + stream + room}) {
+    const Configuration configuration = parse_configuration(text, "k.toml");
+    archive::StreamInfo info;
+    info.name = "endoscope";
+    info.purpose = "record";
+    const RetentionRule* holds = rule_for(configuration.retention.rules, info);
+    ASSERT_NE(holds, nullptr);
+    EXPECT_EQ(holds->policy, "ten years");
+    info.name = "endoscope-mpeg2";
+    EXPECT_EQ(rule_for(configuration.retention.rules, info)->policy, "a while");
+    info.purpose = "other";
+    EXPECT_EQ(rule_for(configuration.retention.rules, info), nullptr);
+    EXPECT_THAT(
+        doubtful_retention(configuration),
+        testing::ElementsAre(
+            "[[retention]] of the purpose 'record' erases what was recorded 12 hours after the case was "
+            "opened, which is less than a day",
+            "[[retention]] has two rules for the stream 'endoscope' of room 'or-1': that of the stream "
+            "'endoscope', which keeps it longer (3650 days), holds; that of the purpose 'record' (12 "
+            "hours) erases nothing of it"));
+  }
+}
+
 TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
   EXPECT_EQ(refusal("[[retention]]\nafter = \"1d\"\npolicy = \"p\"\n"),
             "k.toml:1:1: a [[retention]] needs either a 'stream' or a 'purpose'");
@@ -401,7 +479,7 @@ TEST(Configuration, RetentionSaysWhatWhenAndWhy) {
             "k.toml:1:1: a [[retention]] needs 'after', such as \"30d\"");
   // Thirty days were meant, and thirty seconds would be taken.
   EXPECT_NE(refusal("[[retention]]\nstream = \"a\"\nafter = \"30\"\npolicy = \"p\"\n")
-                .find("write 30d, 12h or 90m"),
+                .find("write 30d, 12h or 90min"),
             std::string::npos);
   EXPECT_EQ(refusal("[[retention]]\nstream = \"a\"\nafter = \"1d\"\n"),
             "k.toml:1:1: a [[retention]] needs a 'policy': why the recording may go");

@@ -40,7 +40,7 @@ TEST(FleetConfiguration, ReadsWhoStampsForAllAppliances) {
 TEST(FleetConfiguration, RefusesRoundsThatCannotBeStamped) {
   EXPECT_THAT(refusal(kFleet + kSwiss), HasSubstr("name its root in 'trust' of [verification]"));
   EXPECT_THAT(refusal(kFleet + kTrust + "[sharing]\nevery = \"30s\"\n"), HasSubstr("needs an [[authority]]"));
-  for (const char* every : {"0s", "999ms", "6m", "x"})
+  for (const char* every : {"0s", "999ms", "6m", "x", "20"})
     EXPECT_THAT(refusal(kFleet + kTrust + "[sharing]\nevery = \"" + every + "\"\n" + kSwiss),
                 HasSubstr("'every'"));
   EXPECT_THAT(refusal(kFleet + kTrust + kSwiss + "min_interval = \"75s\"\n"),

@@ -501,6 +501,15 @@ class StatedProcedure : public ProcedureSource {
     return data_ ? std::vector{*data_} : std::vector<ProcedureData>();
   }
   void hurry() override { ++hurried; }
+  [[nodiscard]] std::optional<Clock::Duration> changed_at() const override {
+    const std::lock_guard guard(mutex_);
+    return changed_;
+  }
+  /// Somebody came to the room, or left it, now.
+  void change() {
+    const std::lock_guard guard(mutex_);
+    changed_ = Clock::system().since_boot();
+  }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "does not answer"}};
   }
@@ -510,7 +519,79 @@ class StatedProcedure : public ProcedureSource {
  private:
   mutable std::mutex mutex_;
   std::optional<ProcedureData> data_;
+  std::optional<Clock::Duration> changed_;
 };
+
+// The patient before lay there until then.
+TEST_F(RoomTest, WhatWasRecordedBeforeAPatientCameIsNoneOfTheirCase) {
+  const auto procedure = std::make_shared<StatedProcedure>();
+  procedure->state("4711");
+  procedure->change();  // before anything is recorded
+  RoomPlan ahead = plan({kCamera});
+  ahead.session.vitals.push_back(bench.stream("vitals", "synthetic:patient?waves=0"));
+  ahead.procedure = procedure;
+  ahead.rules.pre_roll = 1min;
+  for (const bool at_once : {false, true}) {
+    UtcTime came;
+    {
+      Room room(ahead, listener());
+      ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 2'000'000'000; }));
+      came = utc_now();
+      procedure->change();
+      if (!at_once) {
+        const std::int64_t then = room.status().session.now_ns;
+        ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > then + 1'500'000'000; }));
+      }
+      room.start("operator");
+      const std::int64_t before = room.status().session.streams.at(0).last_ns;
+      ASSERT_TRUE(test::eventually(
+          [&] { return room.status().session.streams.at(0).last_ns > before + 1'000'000'000; }));
+      room.stop("operator", true);
+    }
+    const RecordedCase recorded = bench.read(results.at(at_once ? 1 : 0).folder);
+    EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+    const archive::Moment opened = recorded.entries().at(0).at;
+    const auto utc_of = [&](std::int64_t mono_ns) {
+      return opened.utc - std::chrono::microseconds((opened.mono_ns - mono_ns) / 1000);
+    };
+    for (const char* stream : {"camera-0", "vitals"}) {
+      const auto segments = recorded.segments(stream);
+      ASSERT_FALSE(segments.empty());
+      EXPECT_EQ(segments.front().index, 0U);
+      EXPECT_GE(utc_of(segments.front().span.start_ns) - came, -1ms) << stream;
+      // Nothing of the case itself is lost for that.
+      EXPECT_LE(segments.front().span.start_ns, opened.mono_ns + 1'000'000'000) << stream;
+    }
+    const auto open = recorded.all<archive::OpenEntry>().at(0);
+    EXPECT_LT(open.begins_ns == 0 ? opened.mono_ns : open.begins_ns, opened.mono_ns + 1);
+    EXPECT_GE(opened.mono_ns - (open.begins_ns == 0 ? opened.mono_ns : open.begins_ns),
+              at_once ? 0 : 1'000'000'000)
+        << "since then it is their own";
+    ASSERT_THAT(recorded.lines("events"), SizeIs(1));
+    EXPECT_THAT(recorded.lines("events")[0],
+                HasSubstr(R"(\"kind\":\"ahead-left-out\",\"text\":\"what was recorded ahead before 20)"));
+    EXPECT_THAT(recorded.all<archive::MarkEntry>(), SizeIs(1)) << "the ledger commits to it";
+  }
+}
+
+TEST_F(RoomTest, WithoutAChangeOfPatientsACaseBeginsWithAllThatWasRecordedAhead) {
+  const auto procedure = std::make_shared<StatedProcedure>();
+  procedure->change();
+  RoomPlan ahead = plan({kCamera});
+  ahead.procedure = procedure;
+  ahead.rules.pre_roll = 1min;
+  {
+    Room room(std::move(ahead), listener());
+    ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 2'000'000'000; }));
+    room.start("operator");
+    room.stop("operator", true);
+  }
+  const RecordedCase recorded = bench.read(results.at(0).folder);
+  EXPECT_GE(recorded.entries().at(0).at.mono_ns - recorded.segments("camera-0").front().span.start_ns,
+            1'500'000'000);
+  for (const std::string& event : recorded.lines("events"))
+    EXPECT_THAT(event, testing::Not(HasSubstr("ahead-left-out")));
+}
 
 TEST_F(RoomTest, ProcedureDataBecomeTheSubjectUnlessAPersonGaveOne) {
   for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {

@@ -184,12 +184,110 @@ TEST(ProcedureBook, BytesHoldAllOfIt) {
   EXPECT_EQ(ProcedureBook::imported(ProcedureBook().exported()).size(), 0U);
 }
 
-// Of the version before, which an upgrade hands over: it ended with the senders' clocks, and knew no doubt.
-TEST(ProcedureBook, BytesOfTheVersionBeforeAreRead) {
+PlannedPlace place_at(const std::string& place, std::optional<UtcTime> time, const std::string& what = "") {
+  PlannedPlace planned;
+  planned.spellings = {place};
+  planned.planned = time;
+  planned.location = place;
+  planned.description = what;
+  return planned;
+}
+
+// One appointment in two rooms, in this one only in four hours.
+TEST(ProcedureBook, AnAppointmentInSeveralPlacesGoesByTheTimeOfThisOne) {
+  ProcedureBook book;
+  ProcedureMessage anna = planned("anna", "both", kMorning);
+  anna.places = {"OR2", "OR1"};
+  anna.planned_places = {place_at("OR2", kMorning, "biopsy"), place_at("or1", kMorning + 4h, "resection")};
+  book.take(anna, kMorning - 1h);
+  book.take(planned("berta", "hernia", kMorning + 10min), kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning), "berta hernia");
+  EXPECT_EQ(found(book, kMorning, {"OR2"}), "anna biopsy");
+  EXPECT_EQ(found(book, kMorning + 4h), "anna resection");
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 4h)->location, "or1");
+  EXPECT_EQ(found(ProcedureBook::imported(book.exported()), kMorning), "berta hernia") << "after an upgrade";
+  EXPECT_EQ(ProcedureBook::imported(book.exported()).exported(), book.exported());
+  // Whoever is in the room has the operation of this room.
+  book.take(placed("anna", {"OR1"}), kMorning + 3h);
+  EXPECT_EQ(found(book, kMorning + 4h), "anna resection");
+  EXPECT_THAT(listed(book, kMorning + 4h), testing::UnorderedElementsAre("anna resection", "berta hernia"));
+}
+
+TEST(ProcedureBook, ATimeOfThisRoomThatCannotBeReadLeavesItToAPerson) {
+  ProcedureBook book;
+  ProcedureMessage anna = planned("anna", "a", kMorning);
+  anna.planned_places = {place_at("OR1", {})};
+  anna.planned_places.front().is_time_unclear = true;
+  book.take(anna, kMorning - 1h);
+  book.take(planned("berta", "b", kMorning + 10min), kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning + 10min), "nobody");
+  EXPECT_EQ(doubt(book, kMorning + 10min), Doubt::kTimeUnclear);
+  EXPECT_NE(words_of(Doubt::kTimeUnclear), "");
+  EXPECT_EQ(doubt(book, kMorning + 10min, {"OR2"}), Doubt::kNone);
+  book.take(placed("berta", {"OR1"}), kMorning);
+  EXPECT_EQ(found(book, kMorning + 10min), "berta b") << "who is there is known";
+}
+
+TEST(ProcedureBook, KnowsWhenARoomChangedLast) {
+  const auto changed = [](const ProcedureBook& book, const std::vector<std::string>& locations = {"or1"}) {
+    const auto at = book.changed({locations, 12h});
+    return at ? format_utc(at->utc).substr(11, 5) : "never";
+  };
+  ProcedureBook book;
+  EXPECT_EQ(changed(book), "never");
+  book.take(placed("1", {"SURGERY", "OR1", "SURGERY^OR1"}), kMorning);
+  EXPECT_EQ(changed(book), "07:00");
+  EXPECT_EQ(changed(book, {"OR2"}), "never");
+  EXPECT_EQ(changed(book, {}), "07:00") << "every message is about the room";
+  book.take(placed("1", {"SURGERY", "OR1", "SURGERY^OR1"}), kMorning + 10min);
+  book.take(facts("1"), kMorning + 20min);
+  book.take(planned("2", "next", kMorning + 3h), kMorning + 25min);
+  EXPECT_EQ(changed(book), "07:00") << "other facts of whoever is there, and plans";
+  book.take(leaving("1"), kMorning + 30min);
+  EXPECT_EQ(changed(book), "07:30");
+  book.take(moved("2", "OR1"), kMorning + 40min);
+  EXPECT_EQ(changed(book), "07:40");
+  EXPECT_EQ(changed(ProcedureBook::imported(book.exported())), "07:40") << "after an upgrade";
+  book.take(moved("2", "PACU"), kMorning + 50min);
+  EXPECT_EQ(changed(book), "07:50");
+  // Whom nobody placed here, as after a start that forgot everything.
+  ProcedureMessage stranger = leaving("9");
+  stranger.places = {"OR1"};
+  book.take(stranger, kMorning + 1h);
+  EXPECT_EQ(changed(book), "08:00");
+  ProcedureMessage over = planned("3", "done", kMorning);
+  over.is_over = true;
+  book.take(over, kMorning + 70min);
+  EXPECT_EQ(changed(book), "08:10") << "the operation is over";
+  book.take(moved("4", "OR1"), kMorning + 80min);
+  over.appointment = "written up later";
+  book.take(over, kMorning + 90min);
+  EXPECT_EQ(changed(book), "08:20") << "somebody else is there since";
+}
+
+TEST(ProcedureBook, ALeavingThatIsToldLateCountsFromWhenItHappened) {
+  ProcedureBook book;
+  book.take(told_by("A", kMorning, moved("1", "OR1")), kMorning);
+  book.take(told_by("A", kMorning + 1h, moved("2", "OR2")), kMorning + 1h);
+  ProcedureMessage left = leaving("1");
+  left.places = {"OR1"};
+  book.take(told_by("A", kMorning + 50min, left), kMorning + 2h);
+  EXPECT_EQ(format_utc(book.changed({{"OR1"}, 12h})->utc).substr(11, 5), "07:50");
+}
+
+// Of the versions before, which an upgrade hands over: one knew no times of single places, and of no change
+// of a room; the one before ended with the senders' clocks, and knew no doubt.
+TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   ProcedureBook book;
   book.take(placed("1", {"OR1"}), kMorning);
   Bytes bytes = book.exported();
   constexpr std::size_t kCount = 8;  // bytes
+  // Two changes, of "or1" and of all places: each a text and a moment.
+  bytes.resize(bytes.size() - kCount - 2 * (kCount + 16) - 3);
+  // And of each patient an empty list of places.
+  bytes.erase(bytes.end() - 6 * kCount, bytes.end() - 5 * kCount);
+  bytes.at(0) = std::byte{3};
+  EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
   // Nobody was merged, or has passed; before these lie empty lists of appointments, of who left, and of
   // clocks.
   bytes.resize(bytes.size() - 2 * kCount);

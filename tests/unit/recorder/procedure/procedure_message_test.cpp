@@ -226,6 +226,69 @@ TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
   EXPECT_EQ(planned("20260805").data.planned, "2026-08-05");
 }
 
+// HL7 v2 chapter 2, MSH-7: a zone that is stated there holds throughout the message.
+TEST(ProcedureMessage, TimesWithoutAZoneAreInTheZoneOfMsh7) {
+  const auto planned = [](const std::string& sent, const std::string& time) {
+    return read("MSH|^~\\&|A||||" + sent + "||SIU^S12|1|P|2.5\rPID|1||7\rTQ1|1||||||" + time + "\r");
+  };
+  EXPECT_EQ(planned("20260805080000+0000", "202608050915").planned, parse_utc("2026-08-05T09:15:00Z"));
+  EXPECT_EQ(planned("20260805080000+0000", "202608050915").data.planned, "2026-08-05T09:15+00:00");
+  EXPECT_EQ(planned("20260805080000+0900", "202608050915").planned, parse_utc("2026-08-05T00:15:00Z"));
+  EXPECT_EQ(planned("20260805080000+0000", "202608050915-0500").planned, parse_utc("2026-08-05T14:15:00Z"))
+      << "its own";
+  const ProcedureMessage told = read(
+      "MSH|^~\\&|ADT|HOSP|||20260805080000+0000||ADT^A02|1|P|2.5\rEVN|A02|202608050759||||202608050730\r"
+      "PID|1||7\rPV1|1|I|OR1\r");
+  EXPECT_EQ(told.told, parse_utc("2026-08-05T07:59:00Z"));
+  EXPECT_EQ(told.happened, parse_utc("2026-08-05T07:30:00Z"));
+}
+
+/// Of each place its last spelling, when it is planned there, and of what.
+std::vector<std::string> plan_of(const ProcedureMessage& message) {
+  std::vector<std::string> out;
+  for (const PlannedPlace& each : message.planned_places) {
+    out.push_back(each.spellings.back() + " " +
+                  (each.is_time_unclear ? "unclear"
+                   : each.planned       ? format_utc(*each.planned).substr(11, 5)
+                                        : "none") +
+                  (each.code.empty() ? "" : " " + each.code));
+  }
+  return out;
+}
+
+// HL7 v2 chapter 10: AIS-4 to 6, AIG-8 to 10, AIL-6 to 8.
+TEST(ProcedureMessage, EachPlaceOfAnAppointmentHasItsOwnTime) {
+  const auto plan = [](const std::string& resources) {
+    return plan_of(
+        read("MSH|^~\\&|PLAN|HOSP|||20260804170000+0000||SIU^S12^SIU_S12|2|P|2.5\r"
+             "SCH|P1|F77|||||||||^^^20260805080000\rPID|1||7\r" +
+             resources));
+  };
+  EXPECT_THAT(plan("RGS|1\rAIL|1||OR2|||202608050815\rRGS|2\rAIL|2||OR1|||20260805120000+0100\r"),
+              ElementsAre("OR2 08:15", "OR1 11:00"));
+  EXPECT_THAT(plan("RGS|1\rAIS|1||K35|202608050930\rAIL|1||OR1\rRGS|2\rAIS|2||K36||30|min\rAIL|1||OR2\r"),
+              ElementsAre("OR1 09:30 K35", "OR2 08:30 K36"))
+      << "that of the service in its group";
+  EXPECT_THAT(plan("AIS|1||K35|202608050930\rAIL|1||OR1||||-15|min^minute\r"), ElementsAre("OR1 07:45 K35"));
+  EXPECT_THAT(plan("AIG|1||OR1^Room|||||202608051000\rAIG|2||OR2^Room||||||2|HR\r"),
+              ElementsAre("OR1^Room 10:00", "OR2^Room 10:00"));
+  EXPECT_THAT(plan("AIL|1||OR1||||0\rAIL|2||OR2||||600\rAIL|3||OR3||||1|^Hours\rAIL|4||OR4||||1|d\r"),
+              ElementsAre("OR1 08:00", "OR2 08:10", "OR3 09:00", "OR4 08:00"))
+      << "HL7 has an offset without a unit mean seconds";
+  EXPECT_THAT(
+      plan("AIL|1||OR1|||soon\rAIL|2||OR2||||5|fortnight\rAIL|3||OR3||||x|min\rAIL|4||OR4|||20260806\r"),
+      ElementsAre("OR1 unclear", "OR2 unclear", "OR3 unclear", "OR4 unclear"));
+  EXPECT_THAT(plan("AIL|1||OR1|||20260805\rAIL|2||OR2|||\"\"\r"), ElementsAre("OR1 08:00", "OR2 08:00"));
+  EXPECT_THAT(plan("AIL|1||OR1~OR2|||202608050900\rAIL|2||OR3|||||||||Cancelled\r"),
+              ElementsAre("OR1 09:00", "OR2 09:00"));
+  EXPECT_THAT(plan("RGS|1\rAIS|1||K35\rRGS|2\rAIL|1||OR1\r"), ElementsAre("OR1 08:00"));
+  EXPECT_EQ(read("MSH|^~\\&|P||||2026||SIU^S12|2|P|2.5\rSCH|P1|F77\rPID|1||7\r"
+                 "AIL|1||OR1|||20260805120000+0000\r")
+                .planned,
+            parse_utc("2026-08-05T12:00:00Z"))
+      << "where the appointment states none";
+}
+
 TEST(ProcedureMessage, ReadsNamesInTheirCharacterSet) {
   std::string latin = adt("A01", "", "8859/1");
   latin.replace(latin.find("Doe^John"), 8, "M\xFCller^J\xF6rg");

@@ -70,6 +70,21 @@ constexpr const char* kSaturation =
     "OBX|1|NM|150456^MDC_PULS_OXIM_SAT_O2^MDC|1.3.1.150456|97|262688^MDC_DIM_PERCENT^MDC|||||R|||"
     "20260101115959";
 
+// HL7 v2 chapter 2, MSH-7: a zone that is stated there holds throughout the message.
+TEST_F(MonitorReaderTest, TimesWithoutAZoneAreInTheZoneOfMsh7) {
+  const auto device_time = [this](const std::string& body, const std::string& sent) {
+    const auto samples = of<VitalSample>(read(body, 1'000'000'000, sent));
+    return samples.size() == 1 && samples[0].device_time ? format_utc(*samples[0].device_time).substr(0, 19)
+                                                         : "none";
+  };
+  EXPECT_EQ(device_time(kSaturation, "20260101120000+0900"), "2026-01-01T02:59:59");
+  EXPECT_EQ(device_time(kSaturation, "20260101120000-0500"), "2026-01-01T16:59:59");
+  EXPECT_EQ(device_time(kSaturation, "20260101120000"), "2026-01-01T11:59:59") << "the assumed one again";
+  EXPECT_EQ(device_time("OBR|1|||X|||20260101115800\rOBX|1|NM|1^A||5|%\r", "20260101120000+0900"),
+            "2026-01-01T02:58:00")
+      << "OBR-7";
+}
+
 TEST_F(MonitorReaderTest, ReadsANumber) {
   const auto lines = read(kSaturation);
   const auto samples = of<VitalSample>(lines);

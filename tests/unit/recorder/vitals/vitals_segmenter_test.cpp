@@ -67,6 +67,31 @@ TEST(VitalsSegmenter, PassesOverATimeInWhichNothingWasRecorded) {
                                     "begin 3 at 2030", "line", "end at 2050 with 1"}));
 }
 
+// What was recorded before somebody came is to be told from what came after.
+TEST(VitalsSegmenter, SplitsWhereItIsAsked) {
+  Diary diary;
+  VitalsSegmenter segmenter(diary, nanoseconds(100));
+  segmenter.add(at(120));
+  segmenter.split(130, 125);
+  EXPECT_EQ(segmenter.start_ns(), 100) << "something of before may come yet";
+  segmenter.split(120, 120);
+  segmenter.add(at(120));
+  EXPECT_EQ(segmenter.start_ns(), 100) << "lines of one moment stay together";
+  segmenter.split(120, 150);
+  EXPECT_EQ(segmenter.start_ns(), 121);
+  segmenter.split(120, 160);
+  segmenter.add(at(160));
+  segmenter.split(310, 350);
+  segmenter.add(at(350));
+  segmenter.finish(360);
+  EXPECT_EQ(diary.entries, (Entries{"begin 0 at 0", "end at 100 with 0",                    //
+                                    "begin 1 at 100", "line", "line", "end at 121 with 2",  //
+                                    "begin 2 at 121", "line", "end at 200 with 1",          //
+                                    "begin 3 at 200", "end at 300 with 0",                  //
+                                    "begin 4 at 300", "end at 310 with 0",                  //
+                                    "begin 5 at 310", "line", "end at 360 with 1"}));
+}
+
 TEST(VitalsSegmenter, CutsAtWholeMultiplesAndStatesEmptySegments) {
   Diary diary;
   VitalsSegmenter segmenter(diary, nanoseconds(100));

@@ -1,4 +1,4 @@
-#include "recorder/procedure/patient_number.h"
+#include "recorder/vitals/patient_number.h"
 
 #include <algorithm>
 #include <string_view>

@@ -14,6 +14,7 @@ struct PatientNumber {
   std::string issuer, issuer_id;  // CX-4: namespace and universal identifier ("H", "1.2.3" of "H&1.2.3&ISO")
   std::string type;               // CX-5: "MR", "PI"
   bool is_of_account = false;  // of an account or a visit (PID-18, AN, VN): another number than a patient's
+  bool operator==(const PatientNumber&) const = default;
 };
 
 inline constexpr std::size_t kMostNumbers = 16;     // of one patient; further ones are not kept
