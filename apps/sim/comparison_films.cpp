@@ -106,9 +106,11 @@ PlanView::PlanView(const ComparisonRequest& request, const archive::CaseReader& 
                     options.transfer_function("liver"), options.engine_choice(), scene);
 }
 
-compare::CompositionForm PlanView::form(const ComparisonRequest& request) const {
+compare::CompositionForm PlanView::form(const ComparisonRequest& request,
+                                        const compare::Provenance& made) const {
   compare::CompositionForm form = form_of(request, size_);
   form.plan_background = background_;
+  form.cautions = compare::cautions_of(made);
   return form;
 }
 
