@@ -104,7 +104,10 @@ sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
   }
   StepLine line;
   line.show("reading the CT");
-  return sim::read_volume(path, {request.series.value_or(""), false}).volume;
+  sim::VolumeFile file = sim::read_volume(path, {request.series.value_or(""), false});
+  line.clear();
+  for (const std::string& finding : file.findings) print_error("kiroku", "warning: the CT: " + finding);
+  return std::move(file.volume);
 }
 
 int run(const Request& request) {
