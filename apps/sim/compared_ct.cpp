@@ -90,7 +90,8 @@ PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHan
     const auto subjects = playback::subjects_of(media);
     if (!subjects.empty()) numbers.of_case = without_blanks(subjects.back().patient_id);
   } catch (const Error&) {
-    // Whoever may not open the subject learns nothing of it; a CT that cannot be read is told where it is read.
+    // Whoever may not open the subject learns nothing of it; a CT that cannot be read is told where it is
+    // read.
   }
   return numbers;
 }

@@ -130,16 +130,17 @@ int verify_comparison(const ComparisonRequest& request) {
     return entry != nullptr && entry->what == compare::comparison_deed(digest) &&
            entry->case_id == made.case_state.case_id;
   }));
-  const int status = tell_checks(file.string(), "made by " + made.made_by, checks,
-                                 {{"comparison", file.string()},
-                                  {"case", made.case_state.case_id},
-                                  {"plan", made.plan},
-                                  {"case_names_plan", or_null(made.case_names_plan)},
-                                  {"ct_of_plan", made.ct ? nlohmann::ordered_json(made.ct->of_plan) : nlohmann::ordered_json(nullptr)},
-                                  {"made_by", made.made_by},
-                                  {"made_at", format_utc(made.made_at)},
-                                  {"sha256", crypto::to_hex(digest)}},
-                                 request.json);
+  const int status = tell_checks(
+      file.string(), "made by " + made.made_by, checks,
+      {{"comparison", file.string()},
+       {"case", made.case_state.case_id},
+       {"plan", made.plan},
+       {"case_names_plan", or_null(made.case_names_plan)},
+       {"ct_of_plan", made.ct ? nlohmann::ordered_json(made.ct->of_plan) : nlohmann::ordered_json(nullptr)},
+       {"made_by", made.made_by},
+       {"made_at", format_utc(made.made_at)},
+       {"sha256", crypto::to_hex(digest)}},
+      request.json);
   if (!request.json && made.ct && !made.ct->of_plan)
     std::cout << "  The CT that was shown is not part of the plan: nothing shows that it was planned on.\n";
   if (!request.json)

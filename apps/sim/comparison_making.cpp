@@ -302,7 +302,7 @@ int make_comparison(const ComparisonRequest& request) {
   std::optional<compare::ComparedCt> compared = compared_ct(request, *at_hand);
   const crypto::AgeIdentities identities = identities_of(request, home);
   const bool is_entered = material_leaves && enter_purpose(home, recording.folder(), request.purpose,
-                                                          "wrote a comparison with a plan");
+                                                           "wrote a comparison with a plan");
   if (!is_entered) log_access(home, recording.folder(), "opened to compare it with a plan");
   ComparisonTold told(request.progress == "json");
   SimulatedPlan frames(at_hand->plan, told);

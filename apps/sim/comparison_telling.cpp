@@ -107,20 +107,21 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
       keeping == nullptr ? made.document.string() : keeping->place().sealed_document().string();
   const std::string output = request.output.value_or(document);
   if (request.json) {
-    ordered_json object{{"output", output},
-                        {"document", document},
-                        {"sha256", crypto::to_hex(made.digest)},
-                        {"in_log", made.in_log},
-                        {"time", time_of(made.stamps)},
-                        {"time_stamps", stamps_json(made.stamps)},
-                        {"steps_found", comparison.matching.matches.size()},
-                        {"steps_planned", comparison.steps.size()},
-                        {"in_planned_order", comparison.matching.in_planned_order()},
-                        {"pictures", pictures},
-                        {"case_names_plan", or_null(provenance.case_names_plan)},
-                        {"ct_of_plan", provenance.ct ? ordered_json(provenance.ct->of_plan) : ordered_json(nullptr)},
-                        {"one_patient", or_null(provenance.of_one_patient)},
-                        {"cautions", compare::cautions_of(provenance)}};
+    ordered_json object{
+        {"output", output},
+        {"document", document},
+        {"sha256", crypto::to_hex(made.digest)},
+        {"in_log", made.in_log},
+        {"time", time_of(made.stamps)},
+        {"time_stamps", stamps_json(made.stamps)},
+        {"steps_found", comparison.matching.matches.size()},
+        {"steps_planned", comparison.steps.size()},
+        {"in_planned_order", comparison.matching.in_planned_order()},
+        {"pictures", pictures},
+        {"case_names_plan", or_null(provenance.case_names_plan)},
+        {"ct_of_plan", provenance.ct ? ordered_json(provenance.ct->of_plan) : ordered_json(nullptr)},
+        {"one_patient", or_null(provenance.of_one_patient)},
+        {"cautions", compare::cautions_of(provenance)}};
     // Not to a program that compares for somebody, who may not see whom the case is of.
     if (provenance.of_one_patient == false && !request.asked_by)
       object["patient_numbers"] = {{"ct", numbers.ct}, {"case", numbers.of_case}};
@@ -144,8 +145,8 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
     for (const std::string& caution : compare::cautions_of(provenance))
       std::cout << "  CAUTION: " << printable(caution) << "\n";
     if (provenance.of_one_patient == false && !request.asked_by)
-      std::cout << "    the CT states " << printable(numbers.ct) << ", the case " << printable(numbers.of_case)
-                << "\n";
+      std::cout << "    the CT states " << printable(numbers.ct) << ", the case "
+                << printable(numbers.of_case) << "\n";
     print_comparison(comparison, at_hand);
     if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
     if (comparison.alignment) print_alignment(*comparison.alignment, comparison.case_begins_ns);

@@ -102,10 +102,11 @@ sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
         "the plan " + request.plan +
         " names no CT that could be shown: give its \"volume\" a file or folder, or name one with --volume");
   }
-  StepLine line;
-  line.show("reading the CT");
-  sim::VolumeFile file = sim::read_volume(path, {request.series.value_or(""), false});
-  line.clear();
+  sim::VolumeFile file = [&] {
+    StepLine line;
+    line.show("reading the CT");
+    return sim::read_volume(path, {request.series.value_or(""), false});
+  }();
   for (const std::string& finding : file.findings) print_error("kiroku", "warning: the CT: " + finding);
   return std::move(file.volume);
 }

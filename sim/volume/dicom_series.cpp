@@ -87,8 +87,8 @@ void check_alike(const DicomSeries& series) {
   }
 }
 
-/// What is not measured in Hounsfield units must not be read as if it was: a PET has a slope and an intercept,
-/// too.
+/// What is not measured in Hounsfield units must not be read as if it was: a PET has a slope and an
+/// intercept, too.
 void check_hounsfield(const DicomSeries& series, std::vector<std::string>& findings) {
   const std::string what = "cannot read the series " + title_of(series) + ": ";
   std::string unspecified;
@@ -112,9 +112,9 @@ void check_hounsfield(const DicomSeries& series, std::vector<std::string>& findi
 
 /// Two acquisitions of one place, as of a breath held and let go, make every second slice another body's.
 void check_acquisitions(const std::vector<DicomPicture>& sorted) {
-  for (const auto& [member, tag] : {std::pair{&DicomPicture::acquisition, "AcquisitionNumber"},
-                                    std::pair{&DicomPicture::temporal_position,
-                                              "TemporalPositionIdentifier"}}) {
+  for (const auto& [member, tag] :
+       {std::pair{&DicomPicture::acquisition, "AcquisitionNumber"},
+        std::pair{&DicomPicture::temporal_position, "TemporalPositionIdentifier"}}) {
     std::map<std::string, std::size_t> counts;
     std::size_t runs = 0;
     const std::string* before = nullptr;
@@ -136,7 +136,7 @@ std::string in_millimetres(double metres) { return number_text(1000 * metres, 4)
 
 /// The least of a length that pictures state, nothing where none does.
 std::optional<double> least_of(const std::vector<DicomPicture>& pictures,
-                               std::optional<double> DicomPicture::* member) {
+                               std::optional<double> DicomPicture::*member) {
   std::optional<double> least;
   for (const DicomPicture& picture : pictures) {
     if (picture.*member && (!least || *(picture.*member) < *least)) least = picture.*member;
@@ -205,10 +205,9 @@ void tell_holes(const std::vector<DicomPicture>& sorted, const SliceStack& stack
 void tell_lossy(const DicomSeries& series, std::vector<std::string>& findings) {
   const auto lossy = std::ranges::find_if(series.pictures, &DicomPicture::is_lossy);
   if (lossy == series.pictures.end()) return;
-  findings.push_back(
-      "its pictures were compressed with loss" +
-      (lossy->lossy_ratio.empty() ? std::string() : ", 1 to " + lossy->lossy_ratio) +
-      " (LossyImageCompression): their values are not those that were measured");
+  findings.push_back("its pictures were compressed with loss" +
+                     (lossy->lossy_ratio.empty() ? std::string() : ", 1 to " + lossy->lossy_ratio) +
+                     " (LossyImageCompression): their values are not those that were measured");
 }
 
 /// Pictures sorted along their normal, and where they are.

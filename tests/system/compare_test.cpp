@@ -1,5 +1,6 @@
 // 'kiroku compare' as a person calls it.
 #include "tests/support/cube_plan.h"
+#include "tests/support/decoded_video.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -33,6 +34,11 @@ class CompareProgram : public ProgramTest {
                         "--by-hand", "hand.json",    "--gpu",          "off", "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return kiroku_json(arguments);
+  }
+  [[nodiscard]] int height_of_film(const std::string& file) const {
+    const std::string film = read_text(folder() / file);
+    const DecodedVideo decoded = decode_video(bytes_of(film), 1);
+    return decoded.frames.empty() ? 0 : decoded.frames.front().height;
   }
   /// Everything in the case, byte for byte.
   [[nodiscard]] std::string whole_case() const {
@@ -103,19 +109,21 @@ TEST_F(CompareProgram, HandsNoPicturesOutWithoutTheConsentThatTheSiteDemands) {
     return kiroku(arguments);
   };
   const Arguments purpose{"--purpose", "teaching"};
-  for (const char* output : {"out.html", "out.mp4"}) {
+  for (const char* output : {"out.html", "out.mp4", "out.json"}) {
     EXPECT_REFUSED(made(output, {}), "this site demands a purpose");
     EXPECT_REFUSED(made(output, purpose), "no consent to the purpose teaching was given");
     EXPECT_FALSE(fs::exists(folder() / output));
   }
-  EXPECT_REFUSED(made("out.json", purpose), "--purpose is for what holds recorded pictures");
-  EXPECT_EQ(made("out.json", {}).status, 0) << "a document holds no picture";
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.seal.json", "--by-hand", "hand.json", "--purpose",
+                         "teaching"}),
+                 "--purpose is for what is written in the clear");
   write_text(folder() / "who.txt", "Hana Mori, patient\n");
   const nlohmann::json given = kiroku_json(
       {"consent", "give", case_.string(), "--purpose", "teaching", "--person", "who.txt", "--json"});
   EXPECT_EQ(given["given"][0], "teaching");
   const ProcessResult page = made("out.html", purpose);
   EXPECT_EQ(page.status, 0) << page.err;
+  EXPECT_EQ(made("figures.json", purpose).status, 0) << "it holds marks and vital signs";
   const std::string log = read_text(home() / "archive/log/ledger.jsonl");
   EXPECT_THAT(log, HasSubstr("wrote a comparison with a plan"));
   EXPECT_THAT(log, HasSubstr("\"purpose\":\"teaching\""));
@@ -207,6 +215,67 @@ TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsChec
   EXPECT_EQ(own.status, 0) << own.out;
   EXPECT_THAT(own.out, HasSubstr("was recorded by this plan"));
   EXPECT_THAT(own.out, HasSubstr("are as they were sealed"));
+}
+
+// It is told where it is made, too: whoever is handed the film never checks the document.
+TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsMade) {
+  std::string another = read_text(folder() / "plan.json");
+  another.replace(another.find("Lift"), 4, "Push");
+  write_text(folder() / "another.json", another);
+  const auto made = [&](const std::string& plan, Arguments more) {
+    Arguments arguments{"compare", case_.string(), plan, "--by-hand", "hand.json", "--gpu", "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  const char* const said = "The case was recorded by another plan than the one shown";
+  EXPECT_THAT(made("another.json", {"-o", "a.json"}).out, HasSubstr(said));
+  EXPECT_THAT(made("another.json", {"--steps"}).out, HasSubstr(said));
+  const nlohmann::json told = nlohmann::json::parse(made("another.json", {"-o", "b.json", "--json"}).out);
+  EXPECT_EQ(told["case_names_plan"], false);
+  EXPECT_EQ(told["cautions"][0], said);
+  EXPECT_EQ(nlohmann::json::parse(made("another.json", {"--steps", "--json"}).out)["case_names_plan"], false);
+  EXPECT_THAT(made("another.json", {"-o", "a.html"}).out, HasSubstr("CAUTION"));
+  EXPECT_THAT(read_text(folder() / "a.html"), HasSubstr(said));
+  // The film has a line more above its pictures.
+  EXPECT_EQ(made("another.json", {"-o", "a.mp4", "--speed", "8"}).status, 0);
+  const ProcessResult own = made("plan.seal.json", {"-o", "own.mp4", "--speed", "8"});
+  EXPECT_THAT(own.out, Not(HasSubstr("CAUTION")));
+  EXPECT_GT(height_of_film("a.mp4"), height_of_film("own.mp4"));
+}
+
+TEST_F(CompareProgram, AnotherCtThanThePlansIsRefusedAndOneOfNoPlanIsTold) {
+  fs::create_directory(folder() / "other");
+  std::string ct = read_text(folder() / "ct.nrrd");
+  write_text(folder() / "other/same.nrrd", ct);
+  ct.back() = static_cast<char>(ct.back() ^ 1);
+  write_text(folder() / "other/patient-b.nrrd", ct);
+  const auto made = [&](const std::string& plan, Arguments more) {
+    Arguments arguments{"compare", case_.string(), plan, "--by-hand", "hand.json", "--gpu", "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  for (const char* output : {"a.html", "a.mp4", "a.json"}) {
+    EXPECT_REFUSED(made("plan.seal.json", {"-o", output, "--volume", "other/patient-b.nrrd"}),
+                   "is another CT than the plan's");
+    EXPECT_FALSE(fs::exists(folder() / output));
+  }
+  const ProcessResult same = made("plan.seal.json", {"-o", "same.html", "--volume", "other/same.nrrd"});
+  EXPECT_EQ(same.status, 0) << same.err;
+  EXPECT_THAT(same.out, Not(HasSubstr("CAUTION")));
+  std::string without = read_text(folder() / "plan.json");
+  const std::string named = "\"volume\": \"ct.nrrd\", ";
+  without.erase(without.find(named), named.size());
+  write_text(folder() / "without.json", without);
+  const ProcessResult other = made("without.json", {"-o", "b.html", "--volume", "other/patient-b.nrrd"});
+  EXPECT_EQ(other.status, 0) << other.err;
+  const char* const said = "The CT shown is not part of the plan: patient-b.nrrd";
+  EXPECT_THAT(other.out, HasSubstr(said));
+  EXPECT_THAT(read_text(folder() / "b.html"), HasSubstr(said));
+  const auto document = nlohmann::json::parse(read_text(folder() / "b.comparison.json"));
+  EXPECT_EQ(document["ct"]["of_plan"], false);
+  EXPECT_EQ(document["ct"]["files"][0]["name"], "patient-b.nrrd");
+  EXPECT_THAT(kiroku({"compare", case_.string(), "without.json", "--verify", "b.comparison.json"}).out,
+              HasSubstr("is not part of the plan"));
 }
 
 // The case's first line says by which plan it was recorded; what the document says beside it is its maker's.

@@ -290,9 +290,7 @@ class Page {
     }
     if (unmeasured > 0)
       add("<p><b>Not measured:</b> no systolic or mean arterial pressure was recorded " +
-          (unmeasured == done ? std::string("while any step was done")
-                              : "during " + without) +
-          ".</p>\n");
+          (unmeasured == done ? std::string("while any step was done") : "during " + without) + ".</p>\n");
     if (!unread.empty())
       add("<p><b>Not judged:</b> recorded in a unit that is none of a pressure: " + unread + ".</p>\n");
   }

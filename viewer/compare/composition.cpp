@@ -43,9 +43,7 @@ int Composer::width() const {
   return form_.arrangement == Arrangement::kSideBySide ? 2 * form_.width + kGap : form_.width;
 }
 
-int Composer::height() const {
-  return form_.height + (3 + static_cast<int>(cautions_.size())) * line(form_);
-}
+int Composer::height() const { return form_.height + (3 + static_cast<int>(cautions_.size())) * line(form_); }
 
 sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& recording,
                                const Caption& caption) {

@@ -59,8 +59,8 @@ void add_passings(const std::string& code, const VitalSeries& series, std::int64
   }
 }
 
-/// The last number before the step, where it was beyond the limit already: passing it is no event of the step,
-/// and the step was done under it all the same.
+/// The last number before the step, where it was beyond the limit already: passing it is no event of the
+/// step, and the step was done under it all the same.
 void add_standing(const std::string& code, const VitalSeries& series, std::int64_t from_ns, const char* what,
                   bool below, double limit, std::vector<PressureEvent>& events) {
   const auto after = std::ranges::lower_bound(series.numbers, from_ns, {}, &VitalNumber::time_ns);
@@ -92,8 +92,7 @@ PressureMeasured measured_of(const CaseRecord& record, const archive::Span& span
   PressureMeasured measured;
   for (const auto& [key, series] : record.vitals) {
     if (!is_one_of(key.code, kSystolic) && !is_one_of(key.code, kMean)) continue;
-    const auto first =
-        std::ranges::lower_bound(series.numbers, span.start_ns, {}, &VitalNumber::time_ns);
+    const auto first = std::ranges::lower_bound(series.numbers, span.start_ns, {}, &VitalNumber::time_ns);
     if (first == series.numbers.end() || first->time_ns >= span.end_ns) continue;
     if (mmhg_of(first->value, series.unit)) {
       measured.judged = true;

@@ -45,7 +45,7 @@ struct StepFigures {
   std::optional<std::int64_t> pause_before_ns;  // since the step before ended; nothing where nobody said when
                                                 // that was, and for the first
   std::int64_t pauses_within_ns = 0;
-  std::vector<VitalChange> vitals;      // by code and device
+  std::vector<VitalChange> vitals;  // by code and device
   /// What was beyond a limit as it began, then what happened while it was done, in order.
   std::vector<PressureEvent> pressure;
   PressureMeasured measured;

@@ -53,8 +53,8 @@ struct Provenance {
   std::vector<NamedFile> plan_files;
   std::optional<bool> case_names_plan;  // whether the case was recorded by this plan; nothing: by none
   std::optional<ComparedCt> ct;         // nothing: neither the plan nor the request names one
-  /// Whether CT and case state the same patient's number; nothing where one is not known. The numbers are told
-  /// to whoever compares alone: films and documents go to others.
+  /// Whether CT and case state the same patient's number; nothing where one is not known. The numbers are
+  /// told to whoever compares alone: films and documents go to others.
   std::optional<bool> of_one_patient;
   std::vector<NamedFile> outputs;  // the film or page beside the document
 };
