@@ -278,6 +278,92 @@ TEST_F(CompareProgram, AnotherCtThanThePlansIsRefusedAndOneOfNoPlanIsTold) {
               HasSubstr("is not part of the plan"));
 }
 
+/// The cube's CT as a folder of DICOM files of this patient, in explicit little endian (PS3.5, 7.1.2).
+void write_dicom_ct(const fs::path& folder, const std::string& patient) {
+  fs::create_directory(folder);
+  const auto number = [](std::uint32_t value, int bytes) {
+    std::string text;
+    for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> (8 * i) & 0xffU);
+    return text;
+  };
+  const auto element = [&](std::uint16_t group, std::uint16_t tag, const std::string& kind,
+                           std::string value) {
+    if (value.size() % 2 != 0) value += kind == "UI" || kind == "OB" ? '\0' : ' ';
+    const bool is_long = kind == "OB" || kind == "OW";
+    return number(group, 2) + number(tag, 2) + kind +
+           (is_long ? number(0, 2) + number(static_cast<std::uint32_t>(value.size()), 4)
+                    : number(static_cast<std::uint32_t>(value.size()), 2)) +
+           value;
+  };
+  for (int slice = 0; slice < 20; ++slice) {
+    const std::string uid = "1.2.3.5." + std::to_string(slice + 1);
+    std::string pixels;
+    for (int at = 0; at < 20 * 20; ++at) pixels += number(static_cast<std::uint32_t>(1024 + at % 90), 2);
+    const std::string meta = element(2, 1, "OB", std::string("\0\1", 2)) +
+                             element(2, 2, "UI", "1.2.840.10008.5.1.4.1.1.2") + element(2, 3, "UI", uid) +
+                             element(2, 0x10, "UI", "1.2.840.10008.1.2.1") +
+                             element(2, 0x12, "UI", "1.2.3.99");
+    std::string file = std::string(128, '\0') + "DICM" +
+                       element(2, 0, "UL", number(static_cast<std::uint32_t>(meta.size()), 4)) + meta;
+    file += element(8, 0x16, "UI", "1.2.840.10008.5.1.4.1.1.2") + element(8, 0x18, "UI", uid) +
+            element(8, 0x60, "CS", "CT") + element(0x10, 0x20, "LO", patient) +
+            element(0x20, 0xd, "UI", "1.2.3") + element(0x20, 0xe, "UI", "1.2.3.4") +
+            element(0x20, 0x32, "DS", "-5\\-5\\" + std::to_string(slice - 5)) +
+            element(0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0") + element(0x28, 2, "US", number(1, 2)) +
+            element(0x28, 4, "CS", "MONOCHROME2") + element(0x28, 0x10, "US", number(20, 2)) +
+            element(0x28, 0x11, "US", number(20, 2)) + element(0x28, 0x30, "DS", "1\\1") +
+            element(0x28, 0x100, "US", number(16, 2)) + element(0x28, 0x101, "US", number(16, 2)) +
+            element(0x28, 0x102, "US", number(15, 2)) + element(0x28, 0x103, "US", number(0, 2)) +
+            element(0x28, 0x1052, "DS", "-1024") + element(0x28, 0x1053, "DS", "1") +
+            element(0x7fe0, 0x10, "OW", pixels);
+    write_text(folder / (std::to_string(100 + slice) + ".dcm"), file);
+  }
+}
+
+// The numbers stand where whoever compares reads them, and nowhere that is handed on.
+TEST_F(CompareProgram, ACtOfAnotherPatientThanTheCasesIsTold) {
+  write_dicom_ct(folder() / "ct", "ALPHA-1");
+  std::string plan = read_text(folder() / "plan.json");
+  plan.replace(plan.find("ct.nrrd"), 7, "ct");
+  write_text(folder() / "dicom.json", plan);
+  const auto recorded = [&](const std::string& id) {
+    write_text(folder() / "subject.json", R"({"patient": {"id": ")" + id + R"("}})");
+    return kiroku_json({"record", "--json", "--endoscope", "replay.mkv?speed=max", "--duration", "00:00:02",
+                        "--subject", "subject.json"})["case"]
+        .get<std::string>();
+  };
+  const auto made = [&](const std::string& recording, const std::string& output, Arguments more = {}) {
+    Arguments arguments{"compare",   recording,   "dicom.json", "-o",  output,
+                        "--by-hand", "hand.json", "--gpu",      "off", "--force"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = kiroku(arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return result.out;
+  };
+  const std::string other = recorded("BRAVO-2");
+  const char* const said = "The CT states another patient's number than the case";
+  const std::string told = made(other, "a.html");
+  EXPECT_THAT(told, HasSubstr(said));
+  EXPECT_THAT(told, HasSubstr("the CT states ALPHA-1, the case BRAVO-2"));
+  EXPECT_THAT(read_text(folder() / "a.html"), HasSubstr(said));
+  const nlohmann::json json = nlohmann::json::parse(made(other, "b.json", {"--json"}));
+  EXPECT_EQ(json["one_patient"], false);
+  EXPECT_EQ(json["patient_numbers"]["case"], "BRAVO-2");
+  for (const char* file : {"a.html", "a.comparison.json", "b.json"}) {
+    EXPECT_THAT(read_text(folder() / file), Not(HasSubstr("BRAVO-2")));
+    EXPECT_THAT(read_text(folder() / file), Not(HasSubstr("ALPHA-1")));
+  }
+  EXPECT_EQ(nlohmann::json::parse(read_text(folder() / "b.json"))["one_patient"], false);
+  EXPECT_THAT(made(other, "c.json", {"--asked-by", "somebody"}), Not(HasSubstr("BRAVO-2")));
+  EXPECT_THAT(kiroku({"compare", other, "dicom.json", "--verify", "b.json"}).out,
+              HasSubstr("another patient's number"));
+  const std::string own = recorded("ALPHA-1");
+  EXPECT_THAT(made(own, "own.html"), Not(HasSubstr("CAUTION")));
+  EXPECT_THAT(read_text(folder() / "own.html"), HasSubstr("CT and case state the same number"));
+  // Of a case without a subject nothing is known.
+  EXPECT_EQ(nlohmann::json::parse(made(case_.string(), "d.json", {"--json"}))["one_patient"], nullptr);
+}
+
 // The case's first line says by which plan it was recorded; what the document says beside it is its maker's.
 TEST_F(CompareProgram, OfWhetherTheCaseNamesThePlanTheCaseIsAsked) {
   ASSERT_FALSE(compare("out.json").empty());
