@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
+#include <system_error>
 
 #include "base/error.h"
 #include "sim/volume/dicom_file.h"
@@ -35,9 +37,13 @@ std::optional<double> in_metres(const std::optional<double>& millimetres) {
   return millimetres && *millimetres > 0 ? std::optional(*millimetres / 1000) : std::nullopt;
 }
 
-std::optional<std::int64_t> whole(const std::optional<double>& number) {
-  constexpr double kMost = 1e9;
-  return number && std::abs(*number) < kMost ? std::optional(std::llround(*number)) : std::nullopt;
+/// Of an integer string (PS3.5, 6.2): nothing for what is none.
+std::optional<std::int64_t> whole(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(" +");
+  if (begin == std::string::npos) return {};
+  std::int32_t number = 0;
+  const auto read = std::from_chars(text.data() + begin, text.data() + text.size(), number);
+  return read.ec == std::errc() ? std::optional<std::int64_t>(number) : std::nullopt;
 }
 
 Vector3 vector_of(const double* values) { return {values[0], values[1], values[2]}; }
@@ -94,8 +100,8 @@ std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file)
   picture.lossy_ratio = header.text(DCM_LossyImageCompressionRatio);
   picture.spacing_between_m = in_metres(header.optional_real(DCM_SpacingBetweenSlices));
   picture.thickness_m = in_metres(header.optional_real(DCM_SliceThickness));
-  picture.images_in_acquisition = whole(header.optional_real(DCM_ImagesInAcquisition));
-  picture.instance_number = whole(header.optional_real(DCM_InstanceNumber));
+  picture.images_in_acquisition = whole(header.text(DCM_ImagesInAcquisition));
+  picture.instance_number = whole(header.text(DCM_InstanceNumber));
   const PixelPacking packing = packing_of(header);
   if (const auto padding = header.stored(DCM_PixelPaddingValue, packing.is_signed)) {
     const std::int32_t limit =
