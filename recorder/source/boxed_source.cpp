@@ -270,9 +270,11 @@ class BoxedSource : public Source {
   /// What has a place in the world's time, or was due by it, has come by now.
   [[nodiscard]] std::int64_t latest_ns() const { return unpaced_ ? beyond(kLongestHoleNs) : clock_.now_ns(); }
 
-  /// So long behind the last picture, and within what a film may last.
+  /// So long behind the last picture; as FfmpegSource, which follows no long hole to beyond what a film may
+  /// last.
   [[nodiscard]] std::int64_t beyond(std::int64_t hole_ns) const {
-    return std::min(std::max<std::int64_t>(last_time_ns_, 0) + hole_ns, kLongestFilmNs);
+    const std::int64_t last_ns = std::max<std::int64_t>(last_time_ns_, 0);
+    return std::max(last_ns + kLongestPacedHoleNs, std::min(last_ns + hole_ns, kLongestFilmNs));
   }
 
   TimedFrame picture_of(ByteView body) {

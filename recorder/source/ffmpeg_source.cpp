@@ -473,7 +473,7 @@ class FfmpegSource : public Source {
 
   [[nodiscard]] std::int64_t longest_hole_ns() const {
     if (!address_.unpaced()) return kLongestPacedHoleNs;
-    return std::min(kLongestHoleNs, kLongestFilmNs - file_time_ns_);
+    return std::max(kLongestPacedHoleNs, std::min(kLongestHoleNs, kLongestFilmNs - file_time_ns_));
   }
 
   /// How many pictures the source's own times leave out before this one, where data were damaged on the way
