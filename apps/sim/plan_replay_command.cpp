@@ -96,11 +96,11 @@ class Replay {
   std::optional<sim::Lettering> lettering_;
 };
 
-/// Whether a CT is shown that the plan does not name, though it names one.
+/// Whether a CT is shown that the plan does not name.
 bool is_of_another_file(const Request& request, const sim::Plan& plan) {
   std::error_code unknown;
-  return request.volume && !plan.volume.empty() &&
-         !std::filesystem::equivalent(*request.volume, plan.volume, unknown);
+  return request.volume &&
+         (plan.volume.empty() || !std::filesystem::equivalent(*request.volume, plan.volume, unknown));
 }
 
 sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
