@@ -7,6 +7,7 @@
 
 extern "C" {
 #include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
 #include <libavutil/frame.h>
 }
 
@@ -34,14 +35,34 @@ inline std::int64_t number_of(const AVFrame& frame) { return frame.reordered_opa
 #ifdef AV_FRAME_FLAG_KEY  // libavutil 58.7; key_frame and interlaced_frame are deprecated since
 inline bool is_key_frame(const AVFrame& frame) { return (frame.flags & AV_FRAME_FLAG_KEY) != 0; }
 inline bool is_interlaced(const AVFrame& frame) { return (frame.flags & AV_FRAME_FLAG_INTERLACED) != 0; }
+inline bool is_upper_field_first(const AVFrame& frame) {
+  return (frame.flags & AV_FRAME_FLAG_TOP_FIELD_FIRST) != 0;
+}
 inline void set_interlaced(AVFrame& frame, bool interlaced) {
   frame.flags = interlaced ? frame.flags | AV_FRAME_FLAG_INTERLACED : frame.flags & ~AV_FRAME_FLAG_INTERLACED;
 }
 #else
 inline bool is_key_frame(const AVFrame& frame) { return frame.key_frame != 0; }
 inline bool is_interlaced(const AVFrame& frame) { return frame.interlaced_frame != 0; }
+inline bool is_upper_field_first(const AVFrame& frame) { return frame.top_field_first != 0; }
 inline void set_interlaced(AVFrame& frame, bool interlaced) { frame.interlaced_frame = interlaced ? 1 : 0; }
 #endif
+
+/// How the stream says that its pictures are to be shown: nine numbers, null where it says nothing. Its own
+/// memory.
+inline const std::int32_t* display_matrix_of(const AVStream& stream) {
+  constexpr std::size_t kBytes = 9 * sizeof(std::int32_t);
+#if LIBAVCODEC_VERSION_INT >= AV_VERSION_INT(60, 31, 102)
+  const AVPacketSideData* const said = av_packet_side_data_get(
+      stream.codecpar->coded_side_data, stream.codecpar->nb_coded_side_data, AV_PKT_DATA_DISPLAYMATRIX);
+  if (said == nullptr || said->size < kBytes) return nullptr;
+  return reinterpret_cast<const std::int32_t*>(said->data);
+#else
+  std::size_t size = 0;
+  const std::uint8_t* const said = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &size);
+  return said == nullptr || size < kBytes ? nullptr : reinterpret_cast<const std::int32_t*>(said);
+#endif
+}
 
 /// In units of the frame's time base, 0 where it is not known.
 inline void set_duration(AVFrame& frame, std::int64_t duration) {

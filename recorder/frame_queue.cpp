@@ -50,7 +50,7 @@ bool FrameQueue::push(TimedFrame frame, bool patient) {
   dropped_before_next_ += frame.lost_before;
   const bool is_full = !has_room();
   if (is_full && frame.is_sound) return false;  // silence fills the hole
-  if (is_full || (!frame.is_sound && !patient && prolongs_hole(time_ns))) {
+  if (is_full || (!frame.is_sound && prolongs_hole(time_ns))) {
     if (is_full) {
       dropped_cause_ = archive::GapCause::kOverload;
       empties_ = empties_ || gaps_.counted(time_ns) >= kManyGaps;

@@ -211,7 +211,9 @@ Session::State::State(SessionOptions asked)
         problems.report(error.what());
       }
     }
-    declare(stream_info(request, videos.back().address, true), request.recipients);
+    archive::StreamInfo info = stream_info(request, videos.back().address, true);
+    if (videos.back().source) info.source += ledger_text(videos.back().source->treatment());
+    declare(std::move(info), request.recipients);
   }
   require_wanted();
   for (const StreamRequest& request : options.vitals) {

@@ -148,9 +148,18 @@ void SourceSupervisor::read(Source& source) {
     }
     live_ = true;
     frame->rate = rate;
+    tell_of(frame->time_break);
     if (terms_.tap) terms_.tap->offer(*frame);
     show(std::move(*frame));
   }
+}
+
+void SourceSupervisor::tell_of(TimeBreak time_break) {
+  if (time_break == TimeBreak::kNone || std::exchange(told_of_break_, true)) return;
+  context_.problems.report(
+      "source '" + terms_.address.stated + "': its times " +
+      (time_break == TimeBreak::kBack ? "go back" : "go further ahead than is followed") +
+      "; a gap is stated there, and how long it was is not known");
 }
 
 bool SourceSupervisor::reopen(bool may_have_ended) {

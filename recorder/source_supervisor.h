@@ -71,6 +71,8 @@ class SourceSupervisor {
  private:
   void run();
   void read(Source& source);
+  /// Once: a film may have thousands.
+  void tell_of(TimeBreak time_break);
   void show(TimedFrame picture);
   void lose();
   void hear(TimedFrame audio);
@@ -87,6 +89,7 @@ class SourceSupervisor {
   const Terms terms_;
   FrameQueue& queue_;
   std::vector<FrameQueue*> further_;
+  bool told_of_break_ = false;  // of the thread that reads
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows

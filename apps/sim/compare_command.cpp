@@ -47,7 +47,9 @@ void add_compare_command(Command& program) {
   command.option("--speed", "FACTOR", request->speed, "of the film", "1");
   command.option("--width", "PIXELS", request->width, "of each of the two pictures",
                  "the recording's, at most 640");
-  command.option("--volume", "CT", request->volume, "the CT to be shown", "the plan's");
+  command.option("--volume", "CT", request->volume,
+                 "the CT to be shown where the plan names none: every output says that it is not the plan's; "
+                 "another one than the plan's is refused");
   command.option("--series", "UID", request->series,
                  "of a folder with several series: its UID, or how that ends");
   command.option("--transfer", "NAME", request->transfer, "how tissue looks (kiroku sim transfer)", "liver");
@@ -88,7 +90,7 @@ void add_compare_command(Command& program) {
                  "(YAML, XML or JSON: camera_matrix, distortion_coefficients, image_width, image_height)");
   command.option(
       "--purpose", "P", request->purpose,
-      "of a film or page, what for: teaching, research or another purpose of the site's; a consent "
+      "of what -o writes, what for: teaching, research or another purpose of the site's; a consent "
       "to it must stand");
   command.option("--made-by", "NAME", request->made_by, "who compares", "the user of this machine");
   command.option("--asked-by", "NAME", request->asked_by,

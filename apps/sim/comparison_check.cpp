@@ -121,21 +121,28 @@ int verify_comparison(const ComparisonRequest& request) {
   std::vector<Check> checks = check_case(request, home, made, names_plan);
   std::ranges::move(check_plan(request, made), std::back_inserter(checks));
   std::ranges::move(check_outputs(made, file.parent_path()), std::back_inserter(checks));
+  if (made.of_one_patient == false)
+    checks.push_back({"patient", Check::Answer::kDiffers,
+                      "the CT stated another patient's number than the case when they were compared"});
   std::ranges::move(check_tokens(request.roots, home, file, digest), std::back_inserter(checks));
   checks.push_back(check_log(home, "comparison", [&](const archive::LogEntryBody& body) {
     const auto* const entry = std::get_if<archive::AccessEntry>(&body);
     return entry != nullptr && entry->what == compare::comparison_deed(digest) &&
            entry->case_id == made.case_state.case_id;
   }));
-  const int status = tell_checks(file.string(), "made by " + made.made_by, checks,
-                                 {{"comparison", file.string()},
-                                  {"case", made.case_state.case_id},
-                                  {"plan", made.plan},
-                                  {"case_names_plan", or_null(made.case_names_plan)},
-                                  {"made_by", made.made_by},
-                                  {"made_at", format_utc(made.made_at)},
-                                  {"sha256", crypto::to_hex(digest)}},
-                                 request.json);
+  const int status = tell_checks(
+      file.string(), "made by " + made.made_by, checks,
+      {{"comparison", file.string()},
+       {"case", made.case_state.case_id},
+       {"plan", made.plan},
+       {"case_names_plan", or_null(made.case_names_plan)},
+       {"ct_of_plan", made.ct ? nlohmann::ordered_json(made.ct->of_plan) : nlohmann::ordered_json(nullptr)},
+       {"made_by", made.made_by},
+       {"made_at", format_utc(made.made_at)},
+       {"sha256", crypto::to_hex(digest)}},
+      request.json);
+  if (!request.json && made.ct && !made.ct->of_plan)
+    std::cout << "  The CT that was shown is not part of the plan: nothing shows that it was planned on.\n";
   if (!request.json)
     std::cout << about_the_plan(names_plan) << "  Whether the case itself is whole tells kiroku verify.\n";
   return status;

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/sim/number_option.h"
 #include "apps/sim/picture_options.h"
@@ -80,7 +81,13 @@ const sim::Volume& PlanCt::get() {
           "the plan names no CT that could be shown: name one with --volume, or ask for figures alone "
           "(-o OUT.json)");
     }
-    volume_ = sim::read_volume(ct, {request_.series.value_or(""), false}).volume;
+    sim::VolumeFile file = sim::read_volume(ct, {request_.series.value_or(""), false});
+    told_.clear();
+    // Programs read standard error by the line.
+    if (request_.progress != "json") {
+      for (const std::string& finding : file.findings) print_error("kiroku", "warning: the CT: " + finding);
+    }
+    volume_ = std::move(file.volume);
   }
   return *volume_;
 }
@@ -106,9 +113,11 @@ PlanView::PlanView(const ComparisonRequest& request, const archive::CaseReader& 
                     options.transfer_function("liver"), options.engine_choice(), scene);
 }
 
-compare::CompositionForm PlanView::form(const ComparisonRequest& request) const {
+compare::CompositionForm PlanView::form(const ComparisonRequest& request,
+                                        const compare::Provenance& made) const {
   compare::CompositionForm form = form_of(request, size_);
   form.plan_background = background_;
+  form.cautions = compare::cautions_of(made);
   return form;
 }
 

@@ -59,7 +59,9 @@ class PlanView {
            const crypto::AgeIdentities& identities, const compare::Comparison& comparison,
            const sim::Plan& plan, PlanCt& ct, std::int64_t from_ns);
   sim::PlanPictures& pictures() { return *pictures_; }
-  [[nodiscard]] compare::CompositionForm form(const ComparisonRequest& request) const;
+  /// With what everybody must be told of what is shown.
+  [[nodiscard]] compare::CompositionForm form(const ComparisonRequest& request,
+                                              const compare::Provenance& made) const;
 
  private:
   compare::PictureSize size_;

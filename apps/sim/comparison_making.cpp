@@ -11,6 +11,7 @@
 #include "apps/kiroku/stamped_file.h"
 #include "apps/kiroku/standing_consents.h"
 #include "apps/kiroku/user_name.h"
+#include "apps/sim/compared_ct.h"
 #include "apps/sim/comparison_films.h"
 #include "apps/sim/comparison_outputs.h"
 #include "apps/sim/comparison_progress.h"
@@ -110,14 +111,15 @@ void add_alignment(const ComparisonRequest& request, const Sources& from, compar
 
 /// Of the fluoroscopy where that was asked for, else of the pictures.
 std::uint64_t write_paired_film(const ComparisonRequest& request, Sources& from,
-                                const compare::Comparison& comparison, ComparisonTold& told) {
+                                const compare::Comparison& comparison, const compare::Provenance& made,
+                                ComparisonTold& told) {
   const archive::Span span = shown_span(request, from.recording, comparison);
   const sim::PlanFrames& frames = from.frames.get();
   if (comparison.fluoroscopy) {
     const double share = request.share ? parse_number(*request.share, "--share", 0, 1) : 0.5;
     compare::PairedRadiographs paired(from.recording, from.identities, comparison, *comparison.fluoroscopy,
                                       frames, *from.radiographs, radiograph_form(request), share,
-                                      span.start_ns, span.end_ns);
+                                      span.start_ns, span.end_ns, compare::cautions_of(made));
     return write_film(
         request, span, paired.width(), paired.height(),
         [&](std::int64_t case_ns) { return paired.at(case_ns); }, told);
@@ -125,7 +127,7 @@ std::uint64_t write_paired_film(const ComparisonRequest& request, Sources& from,
   PlanView plan(request, from.recording, from.identities, comparison, from.at_hand.plan, from.ct,
                 span.start_ns);
   compare::PairedPictures paired(from.recording, from.identities, comparison, frames, plan.pictures(),
-                                 plan.form(request), span.start_ns, span.end_ns);
+                                 plan.form(request, made), span.start_ns, span.end_ns);
   return write_film(
       request, span, paired.width(), paired.height(),
       [&](std::int64_t case_ns) { return paired.at(case_ns); }, told);
@@ -133,13 +135,13 @@ std::uint64_t write_paired_film(const ComparisonRequest& request, Sources& from,
 
 std::vector<compare::StillPicture> paired_stills(const ComparisonRequest& request, Sources& from,
                                                  const compare::Comparison& comparison,
-                                                 ComparisonTold& told) {
+                                                 const compare::Provenance& made, ComparisonTold& told) {
   const archive::Span whole{comparison.case_begins_ns, comparison.recording_end_ns};
   const sim::PlanFrames& frames = from.frames.get();
   PlanView plan(request, from.recording, from.identities, comparison, from.at_hand.plan, from.ct,
                 whole.start_ns);
   compare::PairedPictures paired(from.recording, from.identities, comparison, frames, plan.pictures(),
-                                 plan.form(request), whole.start_ns, whole.end_ns);
+                                 plan.form(request, made), whole.start_ns, whole.end_ns);
   return stills(comparison, paired, told);
 }
 
@@ -154,9 +156,9 @@ std::uint64_t write_pictures(const ComparisonRequest& request, ComparisonOutput 
         "no step of the plan was found in the recording, so there is nothing to show in step: mark steps by "
         "their names while recording, or match them by hand (--by-hand)");
   if (comparison.map && form == ComparisonOutput::kFilm) {
-    count = write_paired_film(request, from, comparison, told);
+    count = write_paired_film(request, from, comparison, made, told);
   } else if (comparison.map) {
-    pictures = paired_stills(request, from, comparison, told);
+    pictures = paired_stills(request, from, comparison, made, told);
     count = pictures.size();
   }
   told.clear();
@@ -195,7 +197,8 @@ std::uint64_t keep_plan_films(const ComparisonRequest& request, Keeping& keeping
 }
 
 compare::Provenance provenance_of(const ComparisonRequest& request, const archive::CaseReader& recording,
-                                  const PlanAtHand& at_hand) {
+                                  const PlanAtHand& at_hand, std::optional<compare::ComparedCt> ct,
+                                  const PatientNumbers& numbers) {
   compare::Provenance made;
   made.made_by = request.made_by.value_or(user_name());
   made.made_at = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
@@ -206,6 +209,8 @@ compare::Provenance provenance_of(const ComparisonRequest& request, const archiv
   made.plan_sealed = at_hand.sealed;
   for (const SealedFile& file : at_hand.files.files) made.plan_files.push_back(named(file));
   if (recording.opening().plan) made.case_names_plan = *recording.opening().plan == at_hand.seal;
+  made.ct = std::move(ct);
+  made.of_one_patient = numbers.are_same();
   return made;
 }
 
@@ -279,11 +284,10 @@ int make_comparison(const ComparisonRequest& request) {
   const archive::CaseReader recording = archive::CaseReader::open(find_case(home, *request.named));
   const std::string stream = compare::pictures_of(recording, request.stream);
   const ComparisonOutput form = request.output ? output_form(*request.output) : ComparisonOutput::kKept;
-  // In the clear; what is kept for the viewer is sealed.
-  const bool pictures_leave =
-      !request.steps && (form == ComparisonOutput::kPage || form == ComparisonOutput::kFilm);
-  if (request.purpose && !pictures_leave)
-    throw UsageError("--purpose is for what holds recorded pictures: -o OUT.mp4 or OUT.html");
+  // In the clear, with pictures, or with marks and vital signs; what is kept for the viewer is sealed.
+  const bool material_leaves = !request.steps && request.output.has_value();
+  if (request.purpose && !material_leaves)
+    throw UsageError("--purpose is for what is written in the clear: -o OUT.mp4, OUT.html or OUT.json");
   if (request.output) require_free(request, document_of(*request.output));
   std::optional<Keeping> keeping;
   if (!request.output && !request.write_by_hand && !request.steps) {
@@ -295,9 +299,10 @@ int make_comparison(const ComparisonRequest& request) {
   if (!at_hand) return kRefused;
   const compare::ByHand by_hand = by_hand_of(request, recording, at_hand->plan);
   require_alignment_sense(request, recording, by_hand);
+  std::optional<compare::ComparedCt> compared = compared_ct(request, *at_hand);
   const crypto::AgeIdentities identities = identities_of(request, home);
-  const bool is_entered = pictures_leave && enter_purpose(home, recording.folder(), request.purpose,
-                                                          "wrote a comparison with a plan");
+  const bool is_entered = material_leaves && enter_purpose(home, recording.folder(), request.purpose,
+                                                           "wrote a comparison with a plan");
   if (!is_entered) log_access(home, recording.folder(), "opened to compare it with a plan");
   ComparisonTold told(request.progress == "json");
   SimulatedPlan frames(at_hand->plan, told);
@@ -308,7 +313,7 @@ int make_comparison(const ComparisonRequest& request) {
       [&]() -> const sim::PlanFrames& { return frames.get(); }, told.progress());
   told.clear();
   if (request.steps) {
-    tell_steps(comparison, *at_hand, request.json);
+    tell_steps(comparison, *at_hand, recording.opening().plan, request.json);
     return kDone;
   }
   if (request.write_by_hand) {
@@ -317,11 +322,12 @@ int make_comparison(const ComparisonRequest& request) {
         bytes_of(compare::by_hand_text(comparison.matching, comparison.steps, comparison.case_begins_ns)),
         request.force);
     if (!request.output) {
-      tell_steps(comparison, *at_hand, false);
+      tell_steps(comparison, *at_hand, recording.opening().plan, false);
       return kDone;
     }
   }
-  compare::Provenance made = provenance_of(request, recording, *at_hand);
+  const PatientNumbers numbers = patient_numbers(request, *at_hand, recording, identities);
+  compare::Provenance made = provenance_of(request, recording, *at_hand, std::move(compared), numbers);
   add_alignment(request, from, comparison, told);
   add_fluoroscopy(request, from, comparison, told);
   std::uint64_t count = 0;
@@ -332,7 +338,7 @@ int make_comparison(const ComparisonRequest& request) {
   }
   Keeping* const kept = keeping ? &*keeping : nullptr;
   const MadeComparison written = write_document(request, home, recording, comparison, *at_hand, made, kept);
-  return tell_comparison(request, comparison, *at_hand, written, count, kept);
+  return tell_comparison(request, comparison, *at_hand, made, numbers, written, count, kept);
 }
 
 }  // namespace kiroku::apps

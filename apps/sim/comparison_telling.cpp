@@ -10,6 +10,7 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "archive/reading/case_reader.h"
+#include "base/json_or_null.h"
 #include "base/number_text.h"
 #include "base/utc_time.h"
 #include "crypto/encoding.h"
@@ -99,22 +100,31 @@ void print_alignment(const compare::Alignment& found, std::int64_t begins_ns) {
 }  // namespace
 
 int tell_comparison(const ComparisonRequest& request, const compare::Comparison& comparison,
-                    const PlanAtHand& at_hand, const MadeComparison& made, std::uint64_t pictures,
+                    const PlanAtHand& at_hand, const compare::Provenance& provenance,
+                    const PatientNumbers& numbers, const MadeComparison& made, std::uint64_t pictures,
                     const Keeping* keeping) {
   const std::string document =
       keeping == nullptr ? made.document.string() : keeping->place().sealed_document().string();
   const std::string output = request.output.value_or(document);
   if (request.json) {
-    ordered_json object{{"output", output},
-                        {"document", document},
-                        {"sha256", crypto::to_hex(made.digest)},
-                        {"in_log", made.in_log},
-                        {"time", time_of(made.stamps)},
-                        {"time_stamps", stamps_json(made.stamps)},
-                        {"steps_found", comparison.matching.matches.size()},
-                        {"steps_planned", comparison.steps.size()},
-                        {"in_planned_order", comparison.matching.in_planned_order()},
-                        {"pictures", pictures}};
+    ordered_json object{
+        {"output", output},
+        {"document", document},
+        {"sha256", crypto::to_hex(made.digest)},
+        {"in_log", made.in_log},
+        {"time", time_of(made.stamps)},
+        {"time_stamps", stamps_json(made.stamps)},
+        {"steps_found", comparison.matching.matches.size()},
+        {"steps_planned", comparison.steps.size()},
+        {"in_planned_order", comparison.matching.in_planned_order()},
+        {"pictures", pictures},
+        {"case_names_plan", or_null(provenance.case_names_plan)},
+        {"ct_of_plan", provenance.ct ? ordered_json(provenance.ct->of_plan) : ordered_json(nullptr)},
+        {"one_patient", or_null(provenance.of_one_patient)},
+        {"cautions", compare::cautions_of(provenance)}};
+    // Not to a program that compares for somebody, who may not see whom the case is of.
+    if (provenance.of_one_patient == false && !request.asked_by)
+      object["patient_numbers"] = {{"ct", numbers.ct}, {"case", numbers.of_case}};
     if (comparison.fluoroscopy) {
       object["similarity"] = {{"before", comparison.fluoroscopy->similarity}};
       if (comparison.fluoroscopy->alignment)
@@ -132,6 +142,11 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
     print_json(object);
   } else {
     warn_of_missing(made.stamps);
+    for (const std::string& caution : compare::cautions_of(provenance))
+      std::cout << "  CAUTION: " << printable(caution) << "\n";
+    if (provenance.of_one_patient == false && !request.asked_by)
+      std::cout << "    the CT states " << printable(numbers.ct) << ", the case "
+                << printable(numbers.of_case) << "\n";
     print_comparison(comparison, at_hand);
     if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
     if (comparison.alignment) print_alignment(*comparison.alignment, comparison.case_begins_ns);
@@ -153,8 +168,13 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
   return any_valid(made.stamps) ? kDone : kNoAnswer;
 }
 
-void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand, bool json) {
+void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand,
+                const std::optional<crypto::Sha256Digest>& named, bool json) {
+  compare::Provenance about;
+  if (named) about.case_names_plan = *named == at_hand.seal;
   if (!json) {
+    for (const std::string& caution : compare::cautions_of(about))
+      std::cout << "  CAUTION: " << printable(caution) << "\n";
     print_comparison(comparison, at_hand);
     return;
   }
@@ -170,6 +190,7 @@ void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand
   for (const auto& each : at_hand.plan.tools) tools.push_back(each.tool.name);
   print_json({{"plan", at_hand.plan.name},
               {"seal", crypto::to_hex(at_hand.seal)},
+              {"case_names_plan", or_null(about.case_names_plan)},
               {"stream", comparison.stream},
               {"begins_ns", comparison.case_begins_ns},
               {"end_ns", comparison.recording_end_ns},

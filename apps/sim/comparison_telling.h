@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <vector>
 
 #include "apps/kiroku/stamped_file.h"
+#include "apps/sim/compared_ct.h"
 #include "apps/sim/comparison_request.h"
 #include "apps/sim/keeping.h"
 #include "apps/sim/plan_at_hand.h"
@@ -23,10 +25,13 @@ struct MadeComparison {
 
 /// Of an output or of what is kept (`keeping`, else null) with so many pictures; the exit status.
 int tell_comparison(const ComparisonRequest& request, const compare::Comparison& comparison,
-                    const PlanAtHand& at_hand, const MadeComparison& made, std::uint64_t pictures,
+                    const PlanAtHand& at_hand, const compare::Provenance& provenance,
+                    const PatientNumbers& numbers, const MadeComparison& made, std::uint64_t pictures,
                     const Keeping* keeping);
 
-/// The planned steps and what was found of them, with the moments between which they may lie.
-void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand, bool json);
+/// The planned steps and what was found of them, with the moments between which they may lie, and whether the
+/// case names (`named`) another plan.
+void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand,
+                const std::optional<crypto::Sha256Digest>& named, bool json);
 
 }  // namespace kiroku::apps

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <system_error>
 
 #include <nlohmann/json.hpp>
 
@@ -95,6 +96,13 @@ class Replay {
   std::optional<sim::Lettering> lettering_;
 };
 
+/// Whether a CT is shown that the plan does not name.
+bool is_of_another_file(const Request& request, const sim::Plan& plan) {
+  std::error_code unknown;
+  return request.volume &&
+         (plan.volume.empty() || !std::filesystem::equivalent(*request.volume, plan.volume, unknown));
+}
+
 sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
   const std::filesystem::path path = request.volume ? std::filesystem::path(*request.volume) : plan.volume;
   if (path.empty()) {
@@ -102,9 +110,15 @@ sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
         "the plan " + request.plan +
         " names no CT that could be shown: give its \"volume\" a file or folder, or name one with --volume");
   }
-  StepLine line;
-  line.show("reading the CT");
-  return sim::read_volume(path, {request.series.value_or(""), false}).volume;
+  sim::VolumeFile file = [&] {
+    StepLine line;
+    line.show("reading the CT");
+    return sim::read_volume(path, {request.series.value_or(""), false});
+  }();
+  if (is_of_another_file(request, plan))
+    print_error("kiroku", "warning: the CT shown is " + path.string() + ", which is not the plan's");
+  for (const std::string& finding : file.findings) print_error("kiroku", "warning: the CT: " + finding);
+  return std::move(file.volume);
 }
 
 int run(const Request& request) {
@@ -129,6 +143,7 @@ int run(const Request& request) {
     print_json({{"film", request.output},
                 {"frames", replay.frames()},
                 {"duration_s", all_s},
+                {"ct_of_plan", !is_of_another_file(request, *plan)},
                 {"renderer", replay.renderer().renderer()}});
   } else {
     std::cout << printable(request.output) << ": " << replay.frames() << " frames of "

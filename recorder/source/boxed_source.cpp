@@ -42,8 +42,6 @@ constexpr std::size_t kLongestMessage = 8 << 20;  // a second of sound, many cha
 constexpr std::size_t kLongestText = 2000, kLongestFacts = 64 << 10;
 constexpr int kMostChannels = 64, kLargestSide = 16'384;
 constexpr std::uint64_t kMostLost = 1'000'000;
-// As of FfmpegSource: no two pictures of a file are further apart.
-constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
 // A decoder that was taken over gives signs of life for as long as it likes. A source of which nothing else
 // comes for so many times its longest silence is lost; a film may pause for as long as its largest jump.
 constexpr int kMostSilences = 12;
@@ -103,6 +101,7 @@ class BoxedSource : public Source {
   [[nodiscard]] std::string input() const override { return input_; }
   [[nodiscard]] SourceCoding coding() const override { return coding_; }
   [[nodiscard]] std::string remark() const override { return remark_; }
+  [[nodiscard]] PictureTreatment treatment() const override { return treatment_; }
 
   std::optional<TimedFrame> read() override {
     if (!std::exchange(begun_, true)) {
@@ -251,6 +250,11 @@ class BoxedSource : public Source {
       const json& coding = facts.at("coding");
       coding_.name = printable(coding.at(0).get<std::string>().substr(0, kLongestText));
       coding_.loss = static_cast<CodingLoss>(within(coding.at(1), 0, static_cast<int>(CodingLoss::kCertain)));
+      const json& treatment = facts.at("treatment");
+      treatment_.turn = static_cast<Turn>(within(treatment.at(0), 0, static_cast<int>(kLastTurn)));
+      treatment_.is_turned = within(treatment.at(1), 0, 1) == 1;
+      treatment_.fields =
+          static_cast<FieldOrder>(within(treatment.at(2), 0, static_cast<int>(FieldOrder::kLowerFirst)));
       input_ = text_from(facts, "input");
       remark_ = text_from(facts, "remark");
       if (const auto sound = facts.find("sound"); sound != facts.end()) {
@@ -264,8 +268,13 @@ class BoxedSource : public Source {
   }
 
   /// What has a place in the world's time, or was due by it, has come by now.
-  [[nodiscard]] std::int64_t latest_ns() const {
-    return unpaced_ ? std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs : clock_.now_ns();
+  [[nodiscard]] std::int64_t latest_ns() const { return unpaced_ ? beyond(kLongestHoleNs) : clock_.now_ns(); }
+
+  /// So long behind the last picture; as FfmpegSource, which follows no long hole to beyond what a film may
+  /// last.
+  [[nodiscard]] std::int64_t beyond(std::int64_t hole_ns) const {
+    const std::int64_t last_ns = std::max<std::int64_t>(last_time_ns_, 0);
+    return std::max(last_ns + kLongestPacedHoleNs, std::min(last_ns + hole_ns, kLongestFilmNs));
   }
 
   TimedFrame picture_of(ByteView body) {
@@ -281,6 +290,9 @@ class BoxedSource : public Source {
     timed.time_ns = std::clamp(message.time_ns, last_time_ns_ + 1, std::max(latest_ns(), last_time_ns_ + 1));
     timed.lost_before = std::min(message.lost_before, kMostLost);
     timed.lost_on_the_way = message.lost_on_the_way != 0;
+    if (message.time_break == static_cast<std::uint32_t>(TimeBreak::kBack) ||
+        message.time_break == static_cast<std::uint32_t>(TimeBreak::kAhead))
+      timed.time_break = static_cast<TimeBreak>(message.time_break);
     last_time_ns_ = timed.time_ns;
     return timed;
   }
@@ -308,7 +320,7 @@ class BoxedSource : public Source {
     timed.is_sound = true;
     // A film's sound may lie before its pictures are due.
     const std::int64_t latest =
-        live_ ? clock_.now_ns() : std::max<std::int64_t>(last_time_ns_, 0) + kLargestJumpNs;
+        live_ ? clock_.now_ns() : beyond(unpaced_ ? kLongestHoleNs : kLongestPacedHoleNs);
     timed.time_ns = std::clamp<std::int64_t>(message.time_ns, 0, std::max<std::int64_t>(latest, 0));
     timed.frame = media::make_frame();
     AVFrame& frame = *timed.frame;
@@ -337,6 +349,7 @@ class BoxedSource : public Source {
   bool lives_ = false, begun_ = false;
   SourceCoding coding_;
   std::string input_, remark_;
+  PictureTreatment treatment_;
   std::int64_t last_time_ns_ = -1;
 };
 

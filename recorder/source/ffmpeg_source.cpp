@@ -27,8 +27,8 @@ using media::require;
 
 // libavdevice keeps its descriptor to itself, so a device is asked this often whether it has a picture.
 constexpr std::chrono::milliseconds kDeviceInterval{1};
-// A file whose time stamps jump further than this is taken to go on where it was.
-constexpr std::int64_t kLargestJumpNs = 10'000'000'000;
+// What is lost on the way of a live source lies within this.
+constexpr std::int64_t kLongestLossNs = 10'000'000'000;
 // A decoder gives pictures some packets after it took them in.
 constexpr int kPicturesOfDamage = 16;
 // A server is asked for them in this order.
@@ -87,6 +87,9 @@ class FfmpegSource : public Source {
     } while (first_frame_ && is_sound(*first_frame_));
     if (!first_frame_) throw Error(name_ + " holds no picture that can be decoded");
     format_ = format_of(*first_frame_);
+    treatment_at_opening_ = treatment_;
+    if (const std::string turn = turn_text(treatment_); !turn.empty())
+      remark_ += (remark_.empty() ? "" : "; ") + name_ + ": " + turn;
     cancelled_ = nullptr;
     opening_ = false;
     if (address_.kind == SourceKind::kDevice) compare_with_asked();
@@ -110,6 +113,7 @@ class FfmpegSource : public Source {
     return format_.to_string() + rate + (transport_.empty() ? "" : ", RTSP over " + transport_);
   }
 
+  [[nodiscard]] PictureTreatment treatment() const override { return treatment_at_opening_; }
   [[nodiscard]] SourceCoding coding() const override {
     return {avcodec_get_name(decoder_->codec_id), loss_of(*decoder_)};
   }
@@ -140,7 +144,11 @@ class FfmpegSource : public Source {
         timed.lost_before = lost_on_the_way_before(*frame);
         timed.lost_on_the_way = true;
       } else {
-        timed.time_ns = file_time_ns(*frame);
+        timed.time_ns = file_time_ns(*frame, timed.time_break);
+        if (timed.time_break != TimeBreak::kNone) {
+          timed.lost_before = 1;
+          timed.lost_on_the_way = true;
+        }
         if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption(), pulse_)) return {};
       }
       last_time_ns_ = timed.time_ns;
@@ -292,6 +300,8 @@ class FfmpegSource : public Source {
       const int index = static_cast<int>(i);
       if (index != stream_ && index != sound_stream_) input_->streams[i]->discard = AVDISCARD_ALL;
     }
+    if (const std::int32_t* const matrix = media::display_matrix_of(*stream))
+      turn_of_stream_ = turn_of(matrix);
     const std::string action = "cannot decode " + name_;
     decoder_.reset(avcodec_alloc_context3(decoder));
     if (!decoder_) throw std::bad_alloc();
@@ -361,7 +371,7 @@ class FfmpegSource : public Source {
       const int received = avcodec_receive_frame(decoder_.get(), frame.get());
       if (received == 0) {
         state_range_apart(*frame);
-        return frame;
+        return as_shown(std::move(frame));
       }
       if (sound_decoder_ && avcodec_receive_frame(sound_decoder_.get(), frame.get()) == 0) {
         if (can_be_taken(*frame)) return frame;
@@ -388,6 +398,16 @@ class FfmpegSource : public Source {
       }
       av_packet_unref(packet.get());
     }
+  }
+
+  /// Turned as it says that it is shown: every player and export of the record shows it so.
+  media::Frame as_shown(media::Frame frame) {
+    PictureTreatment treatment;
+    treatment.turn = turn_of(*frame, turn_of_stream_);
+    treatment.is_turned = can_turn(*frame, treatment.turn);
+    treatment.fields = field_order_of(*frame);
+    treatment_ = treatment;
+    return treatment.is_turned ? turned(*frame, treatment.turn) : std::move(frame);
   }
 
   /// As av_read_frame(), which a device without a picture answers at once.
@@ -426,20 +446,34 @@ class FfmpegSource : public Source {
   }
 
   /// The file's own time line, beginning at 0 and always going forward, over loops and jumps.
-  std::int64_t file_time_ns(const AVFrame& frame) {
+  std::int64_t file_time_ns(const AVFrame& frame, TimeBreak& broken) {
     const std::int64_t step = 1'000'000'000LL * rate_.denominator / rate_.numerator;
     std::int64_t advance = frames_read_ == 0 ? 0 : step;
     if (frame.best_effort_timestamp != AV_NOPTS_VALUE) {
       const std::int64_t pts_ns =
           av_rescale_q(frame.best_effort_timestamp, input_->streams[stream_]->time_base, kNanoseconds);
       if (last_pts_ns_) {
-        const std::int64_t difference = pts_ns - *last_pts_ns_;
-        if (difference > 0 && difference < kLargestJumpNs) advance = difference;
+        std::int64_t difference = 0;
+        const bool overflows = __builtin_sub_overflow(pts_ns, *last_pts_ns_, &difference);
+        if (overflows || difference > longest_hole_ns()) {
+          broken = pts_ns > *last_pts_ns_ ? TimeBreak::kAhead : TimeBreak::kBack;
+        } else if (difference <= -kLeastStepBackNs) {
+          broken = TimeBreak::kBack;
+        } else if (difference > 0) {
+          advance = difference;
+        }
+        // One picture's time stands for what nobody knows.
+        if (broken != TimeBreak::kNone) advance = 2 * step;
       }
       last_pts_ns_ = pts_ns;
     }
     ++frames_read_;
     return file_time_ns_ += advance;
+  }
+
+  [[nodiscard]] std::int64_t longest_hole_ns() const {
+    if (!address_.unpaced()) return kLongestPacedHoleNs;
+    return std::max(kLongestPacedHoleNs, std::min(kLongestHoleNs, kLongestFilmNs - file_time_ns_));
   }
 
   /// How many pictures the source's own times leave out before this one, where data were damaged on the way
@@ -456,7 +490,7 @@ class FfmpegSource : public Source {
     if (damage_concerns_ == 0) return 0;
     --damage_concerns_;
     const std::int64_t step = 1'000'000'000LL * rate_.denominator / rate_.numerator;
-    if (advance < step || advance > kLargestJumpNs) return 0;
+    if (advance < step || advance > kLongestLossNs) return 0;
     return static_cast<std::uint64_t>((advance + step / 2) / step - 1);
   }
 
@@ -466,7 +500,11 @@ class FfmpegSource : public Source {
     if (!last_pts_ns_ || frame.best_effort_timestamp == AV_NOPTS_VALUE) return -1;
     const std::int64_t pts_ns =
         av_rescale_q(frame.best_effort_timestamp, input_->streams[sound_stream_]->time_base, kNanoseconds);
-    return file_time_ns_ + pts_ns - *last_pts_ns_;
+    std::int64_t difference = 0;
+    const bool overflows = __builtin_sub_overflow(pts_ns, *last_pts_ns_, &difference);
+    // Sound of beyond a break: where the pictures before it go on, nothing is known yet.
+    if (overflows || difference > longest_hole_ns() || difference < -kLongestPacedHoleNs) return -1;
+    return file_time_ns_ + difference;
   }
 
   const SourceAddress address_;
@@ -494,6 +532,8 @@ class FfmpegSource : public Source {
   Rational rate_;
   std::string transport_;  // of RTSP
   std::string remark_;
+  Turn turn_of_stream_ = Turn::kNone;
+  PictureTreatment treatment_, treatment_at_opening_;
   media::Frame first_frame_;
   std::int64_t last_time_ns_ = -1;
   std::optional<std::int64_t> last_pts_ns_;

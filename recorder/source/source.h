@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "media/libav_handles.h"
 #include "recorder/clock/case_clock.h"
+#include "recorder/source/picture_turn.h"
 #include "recorder/source/source_address.h"
 
 namespace kiroku::recorder {
@@ -62,6 +63,10 @@ SoundFormat sound_format_of(const AVFrame& frame);
 /// memory of 48,000 samples: sources give none slower, faster or longer than these.
 inline constexpr int kSlowestSound = 1000, kFastestSound = 768'000, kLongestSoundSeconds = 10;
 
+/// Where a film's own times do not go on: they go back, or further ahead than is followed. How long nothing
+/// was recorded there, nobody knows.
+enum class TimeBreak : std::uint32_t { kNone, kBack, kAhead };
+
 /// A picture, or a piece of sound, and when it reached this machine (case clock), or when it was due (a file
 /// at its own pace), or its own time (unpaced).
 struct TimedFrame {
@@ -71,6 +76,7 @@ struct TimedFrame {
   bool lost_on_the_way = false;   // by what sends them or the network, not for want of time here
   Rational rate{25, 1};           // nominal, of the source it came from
   bool is_sound = false;
+  TimeBreak time_break = TimeBreak::kNone;  // before this picture
 };
 
 /// A run of frames from one opened device, address or file. Disposable: any error ends it, and a fresh one is
@@ -89,6 +95,8 @@ class Source {
   [[nodiscard]] virtual std::string input() const { return {}; }
   /// What its pictures are coded with. Not known of what is made here (synthetic_source.h).
   [[nodiscard]] virtual SourceCoding coding() const { return {}; }
+  /// What its pictures say of how they are shown, and what was done about it.
+  [[nodiscard]] virtual PictureTreatment treatment() const { return {}; }
   /// What a person should know of how it was opened: that it gives other pictures than were asked for, or
   /// comes another way. "" where there is nothing.
   [[nodiscard]] virtual std::string remark() const { return {}; }

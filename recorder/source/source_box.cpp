@@ -101,6 +101,9 @@ class SourceBox {
                 {format.colour_range, format.colour_primaries, format.colour_transfer, format.colour_space}},
                {"rate", {made->frame_rate().numerator, made->frame_rate().denominator}},
                {"coding", {made->coding().name, static_cast<int>(made->coding().loss)}},
+               {"treatment",
+                {static_cast<int>(made->treatment().turn), made->treatment().is_turned ? 1 : 0,
+                 static_cast<int>(made->treatment().fields)}},
                {"input", made->input()},
                {"remark", made->remark()}};
     if (const auto sound = made->sound_format())
@@ -136,6 +139,7 @@ class SourceBox {
       }
       message.time_ns = frame.time_ns;
       message.lost_before = frame.lost_before + lost_here_;
+      message.time_break = static_cast<std::uint32_t>(frame.time_break);
       message.lost_on_the_way = frame.lost_on_the_way && lost_here_ == 0 ? 1 : 0;
       lost_here_ = 0;
       count_one();

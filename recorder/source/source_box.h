@@ -41,7 +41,7 @@ struct PictureMessage {
   media::PictureNote note;
   std::int64_t time_ns = 0;
   std::uint64_t lost_before = 0;
-  std::uint32_t lost_on_the_way = 0, reserved = 0;
+  std::uint32_t lost_on_the_way = 0, time_break = 0;  // TimeBreak
 };
 struct SoundMessage {
   std::int64_t time_ns = 0;

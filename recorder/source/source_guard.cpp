@@ -60,6 +60,7 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     bool live = false, unboxed = false;
     SourceCoding coding;
     std::string input, remark;
+    PictureTreatment treatment;
   };
 
   void start() {
@@ -181,8 +182,8 @@ class SourceGuard::Thread : public std::enable_shared_from_this<Thread> {
     Facts facts;
     try {
       made = guard_->make_(address_, clock_, terms_);
-      facts = {made->format(),     made->frame_rate(), made->sound_format(), made->is_live(),
-               made->is_unboxed(), made->coding(),     made->input(),        made->remark()};
+      facts = {made->format(), made->frame_rate(), made->sound_format(), made->is_live(),  made->is_unboxed(),
+               made->coding(), made->input(),      made->remark(),       made->treatment()};
     } catch (...) {
       failure = std::current_exception();
     }
@@ -248,6 +249,7 @@ class SourceGuard::Guarded : public Source {
   [[nodiscard]] SourceCoding coding() const override { return facts_.coding; }
   [[nodiscard]] std::string input() const override { return facts_.input; }
   [[nodiscard]] std::string remark() const override { return facts_.remark; }
+  [[nodiscard]] PictureTreatment treatment() const override { return facts_.treatment; }
 
   std::optional<TimedFrame> read() override {
     if (interrupted()) return {};

@@ -12,10 +12,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void add(std::vector<PlanFile>& files, const std::string& role, const JsonField& named,
-         const fs::path& folder, const DataFileOf& data_file_of) {
-  const fs::path path = named.existing_path(folder);
-  const fs::path name = fs::path(named.text()).lexically_normal();
+void add(std::vector<PlanFile>& files, const std::string& role, const fs::path& name, const fs::path& path,
+         const DataFileOf& data_file_of) {
   if (!fs::is_directory(path)) {
     files.push_back({role, name.generic_string(), path, ""});
     if (const auto data = data_file_of(path)) {
@@ -54,7 +52,7 @@ std::vector<PlanFile> files_of_plan(const fs::path& plan, const DataFileOf& data
   const fs::path folder = plan.parent_path();
   std::vector<PlanFile> files{{"plan", plan.filename().generic_string(), plan, ""}};
   const auto take = [&](const char* role, const JsonField& named) {
-    add(files, role, named, folder, data_file_of);
+    add(files, role, fs::path(named.text()).lexically_normal(), named.existing_path(folder), data_file_of);
   };
   const JsonField mesh = field.member("mesh");
   if (mesh.is_object()) {
@@ -69,6 +67,14 @@ std::vector<PlanFile> files_of_plan(const fs::path& plan, const DataFileOf& data
   if (const auto breathing = field.optional_member("breathing"); breathing && breathing->is_object()) {
     if (const auto trace = breathing->optional_member("trace")) take("trace", *trace);
   }
+  return files;
+}
+
+std::vector<PlanFile> files_of_volume(const fs::path& volume, const DataFileOf& data_file_of) {
+  std::vector<PlanFile> files;
+  // "ct/" has no name of its own.
+  const fs::path named = volume.has_filename() ? volume : volume.parent_path();
+  add(files, "volume", named.filename(), volume, data_file_of);
   return files;
 }
 

@@ -32,5 +32,8 @@ PlanKind kind_of_plan(const std::filesystem::path& plan);
 /// that has its voxels in another one that one, too. kiroku::IoError, and kiroku::Error for a plan that is no
 /// JSON object or names what is not there, and as `data_file_of`.
 std::vector<PlanFile> files_of_plan(const std::filesystem::path& plan, const DataFileOf& data_file_of);
+/// The files of a CT that no plan names, likewise; their names begin with its own. kiroku::IoError, and as
+/// `data_file_of`.
+std::vector<PlanFile> files_of_volume(const std::filesystem::path& volume, const DataFileOf& data_file_of);
 
 }  // namespace kiroku::sim

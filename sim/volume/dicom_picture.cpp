@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
+#include <system_error>
 
 #include "base/error.h"
 #include "sim/volume/dicom_file.h"
@@ -28,6 +30,20 @@ std::string defect_of(const DicomPicture& picture, const PixelPacking& packing, 
   }
   if (picture.slope == 0) return name + " has a RescaleSlope of 0";
   return {};
+}
+
+/// Nothing for what is no length.
+std::optional<double> in_metres(const std::optional<double>& millimetres) {
+  return millimetres && *millimetres > 0 ? std::optional(*millimetres / 1000) : std::nullopt;
+}
+
+/// Of an integer string (PS3.5, 6.2): nothing for what is none.
+std::optional<std::int64_t> whole(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(" +");
+  if (begin == std::string::npos) return {};
+  std::int32_t number = 0;
+  const auto read = std::from_chars(text.data() + begin, text.data() + text.size(), number);
+  return read.ec == std::errc() ? std::optional<std::int64_t>(number) : std::nullopt;
 }
 
 Vector3 vector_of(const double* values) { return {values[0], values[1], values[2]}; }
@@ -77,6 +93,15 @@ std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file)
   picture.slope = header.reals<1>(DCM_RescaleSlope)[0];
   picture.intercept = header.reals<1>(DCM_RescaleIntercept)[0];
   picture.gantry_tilt_deg = header.optional_real(DCM_GantryDetectorTilt);
+  picture.rescale_type = header.text(DCM_RescaleType);
+  picture.acquisition = header.text(DCM_AcquisitionNumber);
+  picture.temporal_position = header.text(DCM_TemporalPositionIdentifier);
+  picture.is_lossy = header.text(DCM_LossyImageCompression) == "01";
+  picture.lossy_ratio = header.text(DCM_LossyImageCompressionRatio);
+  picture.spacing_between_m = in_metres(header.optional_real(DCM_SpacingBetweenSlices));
+  picture.thickness_m = in_metres(header.optional_real(DCM_SliceThickness));
+  picture.images_in_acquisition = whole(header.text(DCM_ImagesInAcquisition));
+  picture.instance_number = whole(header.text(DCM_InstanceNumber));
   const PixelPacking packing = packing_of(header);
   if (const auto padding = header.stored(DCM_PixelPaddingValue, packing.is_signed)) {
     const std::int32_t limit =

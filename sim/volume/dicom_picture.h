@@ -3,6 +3,8 @@
 // thread-safe.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -22,6 +24,11 @@ struct DicomPicture {
   double column_spacing_m = 0, row_spacing_m = 0;                        // between columns; between rows
   double slope = 1, intercept = 0;                                       // HU = slope * stored + intercept
   std::optional<double> gantry_tilt_deg;
+  // What the scanner says of the series. Empty, or nothing, where it says none.
+  std::string rescale_type, acquisition, temporal_position, lossy_ratio;
+  bool is_lossy = false;
+  std::optional<double> spacing_between_m, thickness_m;
+  std::optional<std::int64_t> images_in_acquisition, instance_number;
   /// Stored values that mean that nothing was measured there: from the first to the second.
   std::optional<std::array<std::int32_t, 2>> padding;
   /// Why its pixels can't be used; empty if they can. "1-003.dcm lacks PixelSpacing (0028,0030)".

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <system_error>
@@ -84,6 +85,129 @@ void check_alike(const DicomSeries& series) {
       differs(picture, "their direction in the patient");
     }
   }
+}
+
+/// What is not measured in Hounsfield units must not be read as if it was: a PET has a slope and an
+/// intercept, too.
+void check_hounsfield(const DicomSeries& series, std::vector<std::string>& findings) {
+  const std::string what = "cannot read the series " + title_of(series) + ": ";
+  std::string unspecified;
+  for (const DicomPicture& picture : series.pictures) {
+    const std::string name = picture.file.filename().string();
+    if (!picture.modality.empty() && picture.modality != "CT") {
+      throw Error(what + name + " is no CT (Modality " + picture.modality +
+                  "): its numbers are no Hounsfield units");
+    }
+    const std::string& type = picture.rescale_type;
+    if (type.empty() || type == "HU") continue;
+    // US is "unspecified", HU_MOD a CT that was changed by a program.
+    if (type != "US" && type != "HU_MOD")
+      throw Error(what + name + " holds no Hounsfield units (RescaleType " + type + ")");
+    unspecified = type;
+  }
+  if (!unspecified.empty())
+    findings.push_back("RescaleType is " + unspecified +
+                       ": whether its values are Hounsfield units is not said");
+}
+
+/// Two acquisitions of one place, as of a breath held and let go, make every second slice another body's.
+void check_acquisitions(const std::vector<DicomPicture>& sorted) {
+  for (const auto& [member, tag] :
+       {std::pair{&DicomPicture::acquisition, "AcquisitionNumber"},
+        std::pair{&DicomPicture::temporal_position, "TemporalPositionIdentifier"}}) {
+    std::map<std::string, std::size_t> counts;
+    std::size_t runs = 0;
+    const std::string* before = nullptr;
+    for (const DicomPicture& picture : sorted) {
+      const std::string& value = picture.*member;
+      ++counts[value];
+      if (before == nullptr || *before != value) ++runs;
+      before = &value;
+    }
+    if (counts.size() < 2 || runs <= counts.size()) continue;
+    throw Error("cannot read the series in " + sorted.front().file.parent_path().string() + ": pictures of " +
+                std::to_string(counts.size()) + " acquisitions lie among each other (" + tag +
+                "), as in a series of several phases; keep those of one");
+  }
+}
+
+/// "2.5 mm" of 0.0025.
+std::string in_millimetres(double metres) { return number_text(1000 * metres, 4) + " mm"; }
+
+/// The least of a length that pictures state, nothing where none does.
+std::optional<double> least_of(const std::vector<DicomPicture>& pictures,
+                               std::optional<double> DicomPicture::*member) {
+  std::optional<double> least;
+  for (const DicomPicture& picture : pictures) {
+    if (picture.*member && (!least || *(picture.*member) < *least)) least = picture.*member;
+  }
+  return least;
+}
+
+/// What says that pictures of the series are not here. A text where that is sure enough to refuse it.
+std::string missing_of(const std::vector<DicomPicture>& sorted, double median_gap_m,
+                       std::vector<std::string>& findings) {
+  std::string refused;
+  const auto stated = least_of(sorted, &DicomPicture::spacing_between_m);
+  if (stated && median_gap_m > (1 + kMostUnevenness) * *stated) {
+    refused = "its slices lie " + in_millimetres(median_gap_m) + " apart, and their headers say " +
+              in_millimetres(*stated) + " (SpacingBetweenSlices): slices between them may be missing";
+  }
+  const auto thickness = least_of(sorted, &DicomPicture::thickness_m);
+  if (thickness && median_gap_m > (1 + kMostUnevenness) * *thickness) {
+    findings.push_back("its slices are " + in_millimetres(*thickness) + " thick and lie " +
+                       in_millimetres(median_gap_m) + " apart: between them nothing was measured");
+  }
+  std::map<std::string, std::pair<std::int64_t, std::int64_t>> acquisitions;  // stated, here
+  for (const DicomPicture& picture : sorted) {
+    auto& [of_all, here] = acquisitions[picture.acquisition];
+    of_all = std::max(of_all, picture.images_in_acquisition.value_or(0));
+    ++here;
+  }
+  for (const auto& [number, counts] : acquisitions) {
+    if (counts.second >= counts.first) continue;
+    findings.push_back("its acquisition " + (number.empty() ? "" : number + " ") + "has " +
+                       std::to_string(counts.first) + " pictures (ImagesInAcquisition), of which " +
+                       std::to_string(counts.second) + " are here: some may be missing");
+  }
+  std::vector<std::int64_t> numbers;
+  for (const DicomPicture& picture : sorted) {
+    if (picture.instance_number) numbers.push_back(*picture.instance_number);
+  }
+  std::ranges::sort(numbers);
+  if (numbers.size() == sorted.size() && std::ranges::adjacent_find(numbers) == numbers.end()) {
+    const std::int64_t span = numbers.back() - numbers.front() + 1;
+    if (span > static_cast<std::int64_t>(numbers.size()))
+      findings.push_back("its pictures are numbered from " + std::to_string(numbers.front()) + " to " +
+                         std::to_string(numbers.back()) + " (InstanceNumber), and " +
+                         std::to_string(numbers.size()) + " are here: some may be missing");
+  }
+  return refused;
+}
+
+/// A hole that resampling would fill with what was never measured.
+void tell_holes(const std::vector<DicomPicture>& sorted, const SliceStack& stack, double median_gap_m,
+                const std::string& what, std::vector<std::string>& findings) {
+  constexpr double kOneIsMissing = 1.5, kThreeAreMissing = 3.5;
+  for (std::size_t slice = 1; slice < sorted.size(); ++slice) {
+    const double gap_m = stack.normal().dot(stack.positions_m[slice] - stack.positions_m[slice - 1]);
+    if (gap_m <= kOneIsMissing * median_gap_m) continue;
+    const std::string where = "between " + sorted[slice - 1].file.filename().string() + " and " +
+                              sorted[slice].file.filename().string() + " " + in_millimetres(gap_m) +
+                              " were not measured";
+    if (gap_m > kThreeAreMissing * median_gap_m)
+      throw Error(what + ": " + where + ", where its slices lie " + in_millimetres(median_gap_m) +
+                  " apart: too much is missing to be resampled over");
+    findings.push_back(where + ": what is there was made up from the slices beside");
+  }
+}
+
+void tell_lossy(const DicomSeries& series, std::vector<std::string>& findings) {
+  const auto lossy = std::ranges::find_if(series.pictures, &DicomPicture::is_lossy);
+  if (lossy == series.pictures.end()) return;
+  findings.push_back("its pictures were compressed with loss" +
+                     (lossy->lossy_ratio.empty() ? std::string() : ", 1 to " + lossy->lossy_ratio) +
+                     " (LossyImageCompression): their values are not those that were measured");
 }
 
 /// Pictures sorted along their normal, and where they are.
@@ -182,11 +306,14 @@ const DicomSeries& choose_series(const DicomFolder& folder, const std::string& w
 
 DicomVolume read_dicom_series(const DicomSeries& series, bool resample) {
   check_alike(series);
+  DicomVolume result;
+  check_hounsfield(series, result.findings);
+  tell_lossy(series, result.findings);
   std::vector<DicomPicture> pictures = series.pictures;
   const std::string what = "cannot read the series in " + pictures.front().file.parent_path().string();
   if (pictures.size() < 2) throw Error(what + ": one picture alone is no volume");
   const SliceStack stack = sorted_stack(pictures);
-  DicomVolume result;
+  check_acquisitions(pictures);
   const Irregularity irregularity = irregularity_of(stack);
   if (!irregularity.text.empty() && !resample) {
     std::string stated;
@@ -195,6 +322,11 @@ DicomVolume read_dicom_series(const DicomSeries& series, bool resample) {
     }
     throw Error(what + ": " + irregularity.text + stated + "; they can be resampled (--resample)");
   }
+  const std::string missing = missing_of(pictures, irregularity.median_gap_m, result.findings);
+  if (!missing.empty() && !resample)
+    throw Error(what + ": " + missing + "; if they are all there, take them as they lie (--resample)");
+  if (!missing.empty()) result.findings.push_back(missing);
+  if (irregularity.uneven) tell_holes(pictures, stack, irregularity.median_gap_m, what, result.findings);
   Grid grid = regular_grid(stack);
   make_sound(grid, what);
   std::vector<float> hu = read_slices(pictures, result.padding_voxels);

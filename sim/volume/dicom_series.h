@@ -39,10 +39,14 @@ struct DicomVolume {
   std::size_t padding_voxels = 0;
   /// What was resampled, in words; empty where nothing was.
   std::string resampled;
+  /// What the headers say that a person should know, one sentence each.
+  std::vector<std::string> findings;
 };
 /// kiroku::Error in one sentence for: pictures that cannot be used (the first is named, with the tags it
 /// lacks), patients, studies, frames of reference, sizes or directions that differ, two pictures at one
-/// place, a single picture; and for uneven gaps and a tilted gantry, with the numbers, unless `resample`.
+/// place, a single picture, pictures of no CT or whose numbers are none of HU, acquisitions that lie among
+/// each other, more than two slices missing in one place; and for uneven gaps, slices that lie wider apart
+/// than their headers say, and a tilted gantry, with the numbers, unless `resample`.
 DicomVolume read_dicom_series(const DicomSeries& series, bool resample);
 
 }  // namespace kiroku::sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <system_error>
 
@@ -42,6 +43,7 @@ VolumeFile read_dicom_folder(const std::filesystem::path& folder, const VolumeOp
   file.instance_uids = std::move(read.instance_uids);
   file.padding_voxels = read.padding_voxels;
   if (!read.resampled.empty()) file.findings.push_back("resampled to a regular grid: " + read.resampled);
+  std::ranges::move(read.findings, std::back_inserter(file.findings));
   if (series.uid.empty())
     file.findings.emplace_back("the pictures have no SeriesInstanceUID; they were taken for one series");
   if (found.other_files > 0) {

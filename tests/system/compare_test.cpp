@@ -1,5 +1,6 @@
 // 'kiroku compare' as a person calls it.
 #include "tests/support/cube_plan.h"
+#include "tests/support/decoded_video.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -33,6 +34,11 @@ class CompareProgram : public ProgramTest {
                         "--by-hand", "hand.json",    "--gpu",          "off", "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return kiroku_json(arguments);
+  }
+  [[nodiscard]] int height_of_film(const std::string& file) const {
+    const std::string film = read_text(folder() / file);
+    const DecodedVideo decoded = decode_video(bytes_of(film), 1);
+    return decoded.frames.empty() ? 0 : decoded.frames.front().height;
   }
   /// Everything in the case, byte for byte.
   [[nodiscard]] std::string whole_case() const {
@@ -103,19 +109,21 @@ TEST_F(CompareProgram, HandsNoPicturesOutWithoutTheConsentThatTheSiteDemands) {
     return kiroku(arguments);
   };
   const Arguments purpose{"--purpose", "teaching"};
-  for (const char* output : {"out.html", "out.mp4"}) {
+  for (const char* output : {"out.html", "out.mp4", "out.json"}) {
     EXPECT_REFUSED(made(output, {}), "this site demands a purpose");
     EXPECT_REFUSED(made(output, purpose), "no consent to the purpose teaching was given");
     EXPECT_FALSE(fs::exists(folder() / output));
   }
-  EXPECT_REFUSED(made("out.json", purpose), "--purpose is for what holds recorded pictures");
-  EXPECT_EQ(made("out.json", {}).status, 0) << "a document holds no picture";
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.seal.json", "--by-hand", "hand.json", "--purpose",
+                         "teaching"}),
+                 "--purpose is for what is written in the clear");
   write_text(folder() / "who.txt", "Hana Mori, patient\n");
   const nlohmann::json given = kiroku_json(
       {"consent", "give", case_.string(), "--purpose", "teaching", "--person", "who.txt", "--json"});
   EXPECT_EQ(given["given"][0], "teaching");
   const ProcessResult page = made("out.html", purpose);
   EXPECT_EQ(page.status, 0) << page.err;
+  EXPECT_EQ(made("figures.json", purpose).status, 0) << "it holds marks and vital signs";
   const std::string log = read_text(home() / "archive/log/ledger.jsonl");
   EXPECT_THAT(log, HasSubstr("wrote a comparison with a plan"));
   EXPECT_THAT(log, HasSubstr("\"purpose\":\"teaching\""));
@@ -207,6 +215,153 @@ TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsChec
   EXPECT_EQ(own.status, 0) << own.out;
   EXPECT_THAT(own.out, HasSubstr("was recorded by this plan"));
   EXPECT_THAT(own.out, HasSubstr("are as they were sealed"));
+}
+
+// It is told where it is made, too: whoever is handed the film never checks the document.
+TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsMade) {
+  std::string another = read_text(folder() / "plan.json");
+  another.replace(another.find("Lift"), 4, "Push");
+  write_text(folder() / "another.json", another);
+  const auto made = [&](const std::string& plan, Arguments more) {
+    Arguments arguments{"compare", case_.string(), plan, "--by-hand", "hand.json", "--gpu", "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  const char* const said = "The case was recorded by another plan than the one shown";
+  EXPECT_THAT(made("another.json", {"-o", "a.json"}).out, HasSubstr(said));
+  EXPECT_THAT(made("another.json", {"--steps"}).out, HasSubstr(said));
+  const nlohmann::json told = nlohmann::json::parse(made("another.json", {"-o", "b.json", "--json"}).out);
+  EXPECT_EQ(told["case_names_plan"], false);
+  EXPECT_EQ(told["cautions"][0], said);
+  EXPECT_EQ(nlohmann::json::parse(made("another.json", {"--steps", "--json"}).out)["case_names_plan"], false);
+  EXPECT_THAT(made("another.json", {"-o", "a.html"}).out, HasSubstr("CAUTION"));
+  EXPECT_THAT(read_text(folder() / "a.html"), HasSubstr(said));
+  // The film has a line more above its pictures.
+  EXPECT_EQ(made("another.json", {"-o", "a.mp4", "--speed", "8"}).status, 0);
+  const ProcessResult own = made("plan.seal.json", {"-o", "own.mp4", "--speed", "8"});
+  EXPECT_THAT(own.out, Not(HasSubstr("CAUTION")));
+  EXPECT_GT(height_of_film("a.mp4"), height_of_film("own.mp4"));
+}
+
+TEST_F(CompareProgram, AnotherCtThanThePlansIsRefusedAndOneOfNoPlanIsTold) {
+  fs::create_directory(folder() / "other");
+  std::string ct = read_text(folder() / "ct.nrrd");
+  write_text(folder() / "other/same.nrrd", ct);
+  ct.back() = static_cast<char>(ct.back() ^ 1);
+  write_text(folder() / "other/patient-b.nrrd", ct);
+  const auto made = [&](const std::string& plan, Arguments more) {
+    Arguments arguments{"compare", case_.string(), plan, "--by-hand", "hand.json", "--gpu", "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  for (const char* output : {"a.html", "a.mp4", "a.json"}) {
+    EXPECT_REFUSED(made("plan.seal.json", {"-o", output, "--volume", "other/patient-b.nrrd"}),
+                   "is another CT than the plan's");
+    EXPECT_FALSE(fs::exists(folder() / output));
+  }
+  const ProcessResult same = made("plan.seal.json", {"-o", "same.html", "--volume", "other/same.nrrd"});
+  EXPECT_EQ(same.status, 0) << same.err;
+  EXPECT_THAT(same.out, Not(HasSubstr("CAUTION")));
+  std::string without = read_text(folder() / "plan.json");
+  const std::string named = "\"volume\": \"ct.nrrd\", ";
+  without.erase(without.find(named), named.size());
+  write_text(folder() / "without.json", without);
+  const ProcessResult other = made("without.json", {"-o", "b.html", "--volume", "other/patient-b.nrrd"});
+  EXPECT_EQ(other.status, 0) << other.err;
+  const char* const said = "The CT shown is not part of the plan: patient-b.nrrd";
+  EXPECT_THAT(other.out, HasSubstr(said));
+  EXPECT_THAT(read_text(folder() / "b.html"), HasSubstr(said));
+  const auto document = nlohmann::json::parse(read_text(folder() / "b.comparison.json"));
+  EXPECT_EQ(document["ct"]["of_plan"], false);
+  EXPECT_EQ(document["ct"]["files"][0]["name"], "patient-b.nrrd");
+  EXPECT_THAT(kiroku({"compare", case_.string(), "without.json", "--verify", "b.comparison.json"}).out,
+              HasSubstr("is not part of the plan"));
+}
+
+/// The cube's CT as a folder of DICOM files of this patient, in explicit little endian (PS3.5, 7.1.2).
+void write_dicom_ct(const fs::path& folder, const std::string& patient) {
+  fs::create_directory(folder);
+  const auto number = [](std::uint32_t value, int bytes) {
+    std::string text;
+    for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> (8 * i) & 0xffU);
+    return text;
+  };
+  const auto element = [&](std::uint16_t group, std::uint16_t tag, const std::string& kind,
+                           std::string value) {
+    if (value.size() % 2 != 0) value += kind == "UI" || kind == "OB" ? '\0' : ' ';
+    const bool is_long = kind == "OB" || kind == "OW";
+    return number(group, 2) + number(tag, 2) + kind +
+           (is_long ? number(0, 2) + number(static_cast<std::uint32_t>(value.size()), 4)
+                    : number(static_cast<std::uint32_t>(value.size()), 2)) +
+           value;
+  };
+  for (int slice = 0; slice < 20; ++slice) {
+    const std::string uid = "1.2.3.5." + std::to_string(slice + 1);
+    std::string pixels;
+    for (int at = 0; at < 20 * 20; ++at) pixels += number(static_cast<std::uint32_t>(1024 + at % 90), 2);
+    const std::string meta = element(2, 1, "OB", std::string("\0\1", 2)) +
+                             element(2, 2, "UI", "1.2.840.10008.5.1.4.1.1.2") + element(2, 3, "UI", uid) +
+                             element(2, 0x10, "UI", "1.2.840.10008.1.2.1") +
+                             element(2, 0x12, "UI", "1.2.3.99");
+    std::string file = std::string(128, '\0') + "DICM" +
+                       element(2, 0, "UL", number(static_cast<std::uint32_t>(meta.size()), 4)) + meta;
+    file += element(8, 0x16, "UI", "1.2.840.10008.5.1.4.1.1.2") + element(8, 0x18, "UI", uid) +
+            element(8, 0x60, "CS", "CT") + element(0x10, 0x20, "LO", patient) +
+            element(0x20, 0xd, "UI", "1.2.3") + element(0x20, 0xe, "UI", "1.2.3.4") +
+            element(0x20, 0x32, "DS", "-5\\-5\\" + std::to_string(slice - 5)) +
+            element(0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0") + element(0x28, 2, "US", number(1, 2)) +
+            element(0x28, 4, "CS", "MONOCHROME2") + element(0x28, 0x10, "US", number(20, 2)) +
+            element(0x28, 0x11, "US", number(20, 2)) + element(0x28, 0x30, "DS", "1\\1") +
+            element(0x28, 0x100, "US", number(16, 2)) + element(0x28, 0x101, "US", number(16, 2)) +
+            element(0x28, 0x102, "US", number(15, 2)) + element(0x28, 0x103, "US", number(0, 2)) +
+            element(0x28, 0x1052, "DS", "-1024") + element(0x28, 0x1053, "DS", "1") +
+            element(0x7fe0, 0x10, "OW", pixels);
+    write_text(folder / (std::to_string(100 + slice) + ".dcm"), file);
+  }
+}
+
+// The numbers stand where whoever compares reads them, and nowhere that is handed on.
+TEST_F(CompareProgram, ACtOfAnotherPatientThanTheCasesIsTold) {
+  write_dicom_ct(folder() / "ct", "ALPHA-1");
+  std::string plan = read_text(folder() / "plan.json");
+  plan.replace(plan.find("ct.nrrd"), 7, "ct");
+  write_text(folder() / "dicom.json", plan);
+  const auto recorded = [&](const std::string& id) {
+    write_text(folder() / "subject.json", R"({"patient": {"id": ")" + id + R"("}})");
+    return kiroku_json({"record", "--json", "--endoscope", "replay.mkv?speed=max", "--duration", "00:00:02",
+                        "--subject", "subject.json"})["case"]
+        .get<std::string>();
+  };
+  const auto made = [&](const std::string& recording, const std::string& output, Arguments more = {}) {
+    Arguments arguments{"compare",   recording,   "dicom.json", "-o",  output,
+                        "--by-hand", "hand.json", "--gpu",      "off", "--force"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = kiroku(arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return result.out;
+  };
+  const std::string other = recorded("BRAVO-2");
+  const char* const said = "The CT states another patient's number than the case";
+  const std::string told = made(other, "a.html");
+  EXPECT_THAT(told, HasSubstr(said));
+  EXPECT_THAT(told, HasSubstr("the CT states ALPHA-1, the case BRAVO-2"));
+  EXPECT_THAT(read_text(folder() / "a.html"), HasSubstr(said));
+  const nlohmann::json json = nlohmann::json::parse(made(other, "b.json", {"--json"}));
+  EXPECT_EQ(json["one_patient"], false);
+  EXPECT_EQ(json["patient_numbers"]["case"], "BRAVO-2");
+  for (const char* file : {"a.html", "a.comparison.json", "b.json"}) {
+    EXPECT_THAT(read_text(folder() / file), Not(HasSubstr("BRAVO-2")));
+    EXPECT_THAT(read_text(folder() / file), Not(HasSubstr("ALPHA-1")));
+  }
+  EXPECT_EQ(nlohmann::json::parse(read_text(folder() / "b.json"))["one_patient"], false);
+  EXPECT_THAT(made(other, "c.json", {"--asked-by", "somebody"}), Not(HasSubstr("BRAVO-2")));
+  EXPECT_THAT(kiroku({"compare", other, "dicom.json", "--verify", "b.json"}).out,
+              HasSubstr("another patient's number"));
+  const std::string own = recorded("ALPHA-1");
+  EXPECT_THAT(made(own, "own.html"), Not(HasSubstr("CAUTION")));
+  EXPECT_THAT(read_text(folder() / "own.html"), HasSubstr("CT and case state the same number"));
+  // Of a case without a subject nothing is known.
+  EXPECT_EQ(nlohmann::json::parse(made(case_.string(), "d.json", {"--json"}))["one_patient"], nullptr);
 }
 
 // The case's first line says by which plan it was recorded; what the document says beside it is its maker's.

@@ -20,14 +20,22 @@ std::string plan_time(const PlanMoment& moment) {
 
 /// The last number, of whatever device, that is not older than `oldest_ns`.
 std::optional<double> latest(const CaseRecord& record, const std::string& code, std::int64_t case_ns,
-                             std::int64_t oldest_ns) {
+                             std::int64_t oldest_ns, bool is_pressure = false) {
   std::optional<VitalNumber> newest;
   for (auto entry = record.vitals.lower_bound({code, ""});
        entry != record.vitals.end() && entry->first.code == code; ++entry) {
     const std::vector<VitalNumber>& numbers = entry->second.numbers;
     const auto after = std::ranges::upper_bound(numbers, case_ns, {}, &VitalNumber::time_ns);
     if (after == numbers.begin() || std::prev(after)->time_ns < case_ns - oldest_ns) continue;
-    if (!newest || std::prev(after)->time_ns > newest->time_ns) newest = *std::prev(after);
+    if (newest && std::prev(after)->time_ns <= newest->time_ns) continue;
+    newest = *std::prev(after);
+    if (!is_pressure) continue;
+    // Pressures are shown without a unit: they are mmHg or not shown.
+    if (const auto mmhg = mmhg_of(newest->value, entry->second.unit)) {
+      newest->value = *mmhg;
+    } else {
+      newest.reset();
+    }
   }
   return newest ? std::optional(newest->value) : std::nullopt;
 }
@@ -41,9 +49,9 @@ std::string vitals_text(const CaseRecord& record, std::int64_t case_ns) {
   if (const auto oxygen = latest(record, "MDC_PULS_OXIM_SAT_O2", case_ns, kMinuteNs))
     add("SpO2 " + rounded(*oxygen) + " %");
   const auto add_pressure = [&](const char* label, const std::string& code, std::int64_t oldest_ns) {
-    const auto systolic = latest(record, code + "_SYS", case_ns, oldest_ns);
-    const auto diastolic = latest(record, code + "_DIA", case_ns, oldest_ns);
-    const auto mean = latest(record, code + "_MEAN", case_ns, oldest_ns);
+    const auto systolic = latest(record, code + "_SYS", case_ns, oldest_ns, true);
+    const auto diastolic = latest(record, code + "_DIA", case_ns, oldest_ns, true);
+    const auto mean = latest(record, code + "_MEAN", case_ns, oldest_ns, true);
     if (!systolic && !mean) return;
     std::string words = label;
     if (systolic) words += " " + rounded(*systolic) + (diastolic ? "/" + rounded(*diastolic) : "");

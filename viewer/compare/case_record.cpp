@@ -1,6 +1,7 @@
 #include "viewer/compare/case_record.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <variant>
@@ -8,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/format/pointing_stream.h"
+#include "base/ascii.h"
 #include "base/error.h"
 #include "media/recorded_lines.h"
 #include "media/vital_codes.h"
@@ -29,7 +31,11 @@ void take_vital(const media::VitalLine& line, const std::string& stream, CaseRec
     const bool usable = sample->quality == media::VitalQuality::kGood ||
                         sample->quality == media::VitalQuality::kQuestionable;
     if (!sample->value || !usable || sample->code == media::kFlashCode) return;
-    const std::string& device = sample->source.empty() ? stream : sample->source;
+    std::string device = sample->source.empty() ? stream : sample->source;
+    const auto known_series = record.vitals.find({sample->code, device});
+    // A mean over 120 mmHg and 16 kPa would be none.
+    if (known_series != record.vitals.end() && known_series->second.unit != sample->unit)
+      device += " in " + (sample->unit.empty() ? "no stated unit" : sample->unit);
     VitalSeries& series = record.vitals[{sample->code, device}];
     if (series.numbers.empty()) {
       const media::VitalCode* const known = media::find_vital_code(sample->code);
@@ -44,6 +50,26 @@ void take_vital(const media::VitalLine& line, const std::string& stream, CaseRec
 }
 
 }  // namespace
+
+std::optional<double> mmhg_of(double value, std::string_view unit) {
+  // UCUM tells case apart; monitors and those who write files by hand do not.
+  struct Unit {
+    std::string_view name;
+    double mmhg;
+  };
+  constexpr double kOfKilopascal = 7.50062, kOfCentimetreOfWater = 0.735559;
+  constexpr std::array<Unit, 8> kUnits{{{"mm[hg]", 1},
+                                        {"mmhg", 1},
+                                        {"torr", 1},
+                                        {"kpa", kOfKilopascal},
+                                        {"hpa", kOfKilopascal / 10},
+                                        {"pa", kOfKilopascal / 1000},
+                                        {"cm[h2o]", kOfCentimetreOfWater},
+                                        {"cmh2o", kOfCentimetreOfWater}}};
+  const auto* const known = std::ranges::find(kUnits, lower_case(unit), &Unit::name);
+  if (known == kUnits.end()) return {};
+  return value * known->mmhg;
+}
 
 CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::AgeIdentities& identities) {
   CaseRecord record;

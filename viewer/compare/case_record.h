@@ -4,7 +4,9 @@
 #include <compare>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "archive/reading/case_reader.h"
@@ -24,7 +26,11 @@ struct VitalKey {
   std::string device;  // as the samples say, else the stream's name
   auto operator<=>(const VitalKey&) const = default;
 };
-/// One quantity of one device over time, in order.
+/// A pressure in mmHg; nothing of a unit that is not stated, or is none of a pressure.
+std::optional<double> mmhg_of(double value, std::string_view unit);
+
+/// One quantity of one device over time, in order, in one unit: where a device changes the unit, what follows
+/// is a series of its own.
 struct VitalSeries {
   std::string label, unit;
   std::vector<VitalNumber> numbers;

@@ -71,6 +71,9 @@ ordered_json steps_json(const Comparison& comparison) {
       one["done"] = std::move(done);
       one["vitals"] = vitals_json(figures.vitals);
       one["pressure_events"] = events_json(figures.pressure);
+      one["pressure_measured"] = figures.measured.judged;
+      if (!figures.measured.unread_units.empty())
+        one["pressure_units_unread"] = figures.measured.unread_units;
     } else {
       one["done"] = nullptr;
     }
@@ -289,6 +292,14 @@ ordered_json files_json(const std::vector<NamedFile>& files) {
   return all;
 }
 
+ordered_json ct_json(const std::optional<ComparedCt>& ct) {
+  if (!ct) return nullptr;
+  ordered_json one{{"of_plan", ct->of_plan}};
+  if (!ct->series.empty()) one["series"] = ct->series;
+  one["files"] = files_json(ct->files);
+  return one;
+}
+
 }  // namespace
 
 std::string comparison_json(const Comparison& comparison, const sim::Plan& plan, const Provenance& made) {
@@ -307,6 +318,8 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
                       {"seal", crypto::to_hex(made.plan_seal)},
                       {"sealed", made.plan_sealed},
                       {"files", files_json(made.plan_files)}};
+  document["ct"] = ct_json(made.ct);
+  document["one_patient"] = or_null(made.of_one_patient);
   document["in_planned_order"] = comparison.matching.in_planned_order();
   document["steps"] = steps_json(comparison);
   document["repeated_marks"] = marks_json(comparison.matching.repeated);

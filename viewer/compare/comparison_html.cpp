@@ -105,6 +105,7 @@ class Page {
     add("<p><b>The recording was not verified for this comparison.</b> Whether it is whole, and which device "
         "signed it, tells <code>kiroku verify " +
         escaped(made_.case_state.case_id) + "</code>.</p>\n");
+    for (const std::string& caution : cautions_of(made_)) add("<p><b>" + escaped(caution) + ".</b></p>\n");
     add("<p>" + std::to_string(matching.matches.size()) + " of " + std::to_string(comparison_.steps.size()) +
         " planned steps were found in the recording, " +
         (matching.in_planned_order() ? "in the planned order" : "<b>in another order than planned</b>") +
@@ -254,8 +255,13 @@ class Page {
         " mmHg, mean below " + number(limits.mean_low, 0) + " mmHg.</p>\n");
     std::size_t count = 0;
     for (const StepFigures& figures : comparison_.figures) count += figures.pressure.size();
+    not_measured();
     if (count == 0) {
-      add("<p>None while a step was done.</p>\n");
+      // Of steps without any measured pressure was said above that nothing is known.
+      const bool any = std::ranges::any_of(comparison_.figures, [](const StepFigures& figures) {
+        return figures.done_as && figures.measured.judged;
+      });
+      if (any) add("<p>None while a step was done in which a pressure was measured.</p>\n");
       return;
     }
     add("<table>\n");
@@ -266,6 +272,27 @@ class Page {
              (event.is_alarm ? "alarm: " : "") + escaped(event.text)});
     }
     add("</table>\n");
+  }
+
+  /// Steps of which no pressure can say anything.
+  void not_measured() {
+    std::string without, unread;
+    std::size_t done = 0, unmeasured = 0;
+    for (const StepFigures& figures : comparison_.figures) {
+      if (!figures.done_as) continue;
+      ++done;
+      for (const std::string& unit : figures.measured.unread_units)
+        unread += (unread.empty() ? "" : ", ") + names_[figures.step] + " (" +
+                  (unit.empty() ? "no unit stated" : escaped(unit)) + ")";
+      if (figures.measured.judged || !figures.measured.unread_units.empty()) continue;
+      ++unmeasured;
+      without += (without.empty() ? "" : ", ") + names_[figures.step];
+    }
+    if (unmeasured > 0)
+      add("<p><b>Not measured:</b> no systolic or mean arterial pressure was recorded " +
+          (unmeasured == done ? std::string("while any step was done") : "during " + without) + ".</p>\n");
+    if (!unread.empty())
+      add("<p><b>Not judged:</b> recorded in a unit that is none of a pressure: " + unread + ".</p>\n");
   }
 
   void tools() {
@@ -358,6 +385,14 @@ class Page {
                                               : "<b>was recorded by another plan</b>"});
     for (const NamedFile& file : made_.plan_files)
       row({escaped(file.role), escaped(file.name) + " " + hash(file.sha256)});
+    if (made_.ct) {
+      for (const NamedFile& file : made_.ct->files)
+        row({"CT, <b>not the plan's</b>", escaped(file.name) + " " + hash(file.sha256)});
+      if (!made_.ct->series.empty()) row({"series of the CT", "…" + escaped(made_.ct->series)});
+    }
+    if (made_.of_one_patient)
+      row({"patient", *made_.of_one_patient ? "CT and case state the same number"
+                                            : "<b>CT and case state different numbers</b>"});
     add("</table>\n<p class=\"faint\">Whether this comparison still fits case and plan tells <code>kiroku "
         "compare --verify</code> of the document beside this page.</p>\n");
   }

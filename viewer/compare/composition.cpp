@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 namespace kiroku::compare {
 namespace {
 
-constexpr sim::Rgb kPaper{10, 11, 13}, kInk{236, 238, 240}, kFaint{150, 156, 164};
+constexpr sim::Rgb kPaper{10, 11, 13}, kInk{236, 238, 240}, kFaint{150, 156, 164}, kCaution{255, 176, 64};
 constexpr int kGap = 8;
 
 /// A 26th of a picture's height, for people who sit before a screen.
@@ -20,13 +21,29 @@ int line(const CompositionForm& form) { return letters(form) * 9 / 10 * 2; }
 
 }  // namespace
 
-Composer::Composer(const CompositionForm& form) : form_(form) {}
+Composer::Composer(const CompositionForm& form) : form_(form) {
+  const int size = letters(form_), room = width() - size;
+  for (const std::string& caution : form_.cautions) {
+    std::istringstream words(caution);
+    std::string text;
+    for (std::string word; words >> word;) {
+      const std::string longer = text.empty() ? word : text + " " + word;
+      if (!text.empty() && lettering_.width_of(longer, size) > room) {
+        cautions_.push_back(text);
+        text = word;
+      } else {
+        text = longer;
+      }
+    }
+    cautions_.push_back(text);
+  }
+}
 
 int Composer::width() const {
   return form_.arrangement == Arrangement::kSideBySide ? 2 * form_.width + kGap : form_.width;
 }
 
-int Composer::height() const { return form_.height + 3 * line(form_); }
+int Composer::height() const { return form_.height + (3 + static_cast<int>(cautions_.size())) * line(form_); }
 
 sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& recording,
                                const Caption& caption) {
@@ -42,17 +59,20 @@ sim::Picture Composer::frame(const sim::Picture& pictures, const Caption& captio
   sim::Picture whole(width(), height());
   for (std::size_t i = 0; i < whole.rgb.size(); ++i) whole.rgb[i] = kPaper[i % 3];
   const int size = letters(form_), high = line(form_), margin = size / 2;
-  std::ranges::copy(pictures.rgb, whole.pixel(0, high));
+  const int above = static_cast<int>(cautions_.size()) * high;
+  std::ranges::copy(pictures.rgb, whole.pixel(0, above + high));
   const auto write = [&](const std::string& text, int left, int row, const sim::Rgb& colour) {
     lettering_.draw(whole, text, left, row + (high + size * 3 / 4) / 2, size, colour);
   };
   const bool apart = form_.arrangement == Arrangement::kSideBySide;
-  write(caption.plan, margin, 0, kInk);
+  for (std::size_t i = 0; i < cautions_.size(); ++i)
+    write(cautions_[i], margin, static_cast<int>(i) * high, kCaution);
+  write(caption.plan, margin, above, kInk);
   const int right =
       apart ? form_.width + kGap + margin : width() - margin - lettering_.width_of(caption.recording, size);
-  write(caption.recording, right, 0, kInk);
-  write(caption.step, margin, high + form_.height, kInk);
-  write(caption.vitals, margin, 2 * high + form_.height, kFaint);
+  write(caption.recording, right, above, kInk);
+  write(caption.step, margin, above + high + form_.height, kInk);
+  write(caption.vitals, margin, above + 2 * high + form_.height, kFaint);
   return whole;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "sim/render/lettering.h"
 #include "sim/render/picture.h"
@@ -19,6 +20,7 @@ struct CompositionForm {
   int width = 0, height = 0;             // of each of the two pictures; even
   double share = 0.5;                    // of overlay: the plan's opacity; of wipe: where the line is, 0 to 1
   sim::Rgb plan_background{18, 20, 24};  // what of the plan's picture is none of it
+  std::vector<std::string> cautions;     // above everything, in every picture: provenance.h
 };
 
 /// What stands around the pictures.
@@ -47,6 +49,7 @@ class Composer {
 
   CompositionForm form_;
   sim::Lettering lettering_;
+  std::vector<std::string> cautions_;  // in lines that fit
 };
 
 }  // namespace kiroku::compare

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <string_view>
 
 namespace kiroku::compare {
@@ -40,19 +41,15 @@ std::string text_of(const char* what, double value, const char* passed, double l
   return text.data() + (device.empty() ? "" : " (" + device + ")");
 }
 
-/// Kilopascal is the other unit that monitors know.
-double mmhg(double value, const std::string& unit) {
-  constexpr double kMmhgPerKilopascal = 7.50062;
-  return unit == "kPa" ? value * kMmhgPerKilopascal : value;
-}
-
 void add_passings(const std::string& code, const VitalSeries& series, std::int64_t from_ns,
                   std::int64_t to_ns, const char* what, bool below, double limit,
                   std::vector<PressureEvent>& events) {
   bool was_beyond = false;
   for (const VitalNumber& number : series.numbers) {
     if (number.time_ns >= to_ns) break;
-    const double value = mmhg(number.value, series.unit);
+    const std::optional<double> known = mmhg_of(number.value, series.unit);
+    if (!known) return;  // what cannot be read passes no limit: measured_of() says so
+    const double value = *known;
     const bool beyond = below ? value < limit : value > limit;
     if (beyond && !was_beyond && number.time_ns >= from_ns) {
       const std::string text = text_of(what, value, below ? "below" : "above", limit, series.told_device);
@@ -60,6 +57,50 @@ void add_passings(const std::string& code, const VitalSeries& series, std::int64
     }
     was_beyond = beyond;
   }
+}
+
+/// The last number before the step, where it was beyond the limit already: passing it is no event of the
+/// step, and the step was done under it all the same.
+void add_standing(const std::string& code, const VitalSeries& series, std::int64_t from_ns, const char* what,
+                  bool below, double limit, std::vector<PressureEvent>& events) {
+  const auto after = std::ranges::lower_bound(series.numbers, from_ns, {}, &VitalNumber::time_ns);
+  if (after == series.numbers.begin()) return;
+  const VitalNumber& last = *std::prev(after);
+  if (last.time_ns < from_ns - kOldestPressureNs) return;
+  const std::optional<double> value = mmhg_of(last.value, series.unit);
+  if (!value || !(below ? *value < limit : *value > limit)) return;
+  const std::string text =
+      text_of(what, *value, below ? "already below" : "already above", limit, series.told_device);
+  events.push_back({from_ns, text, code, *value});
+}
+
+std::vector<PressureEvent> standing_events(const CaseRecord& record, std::int64_t from_ns,
+                                           const PressureLimits& limits) {
+  std::vector<PressureEvent> events;
+  for (const auto& [key, series] : record.vitals) {
+    if (is_one_of(key.code, kSystolic)) {
+      add_standing(key.code, series, from_ns, "systolic", true, limits.systolic_low, events);
+      add_standing(key.code, series, from_ns, "systolic", false, limits.systolic_high, events);
+    } else if (is_one_of(key.code, kMean)) {
+      add_standing(key.code, series, from_ns, "mean", true, limits.mean_low, events);
+    }
+  }
+  return events;
+}
+
+PressureMeasured measured_of(const CaseRecord& record, const archive::Span& span) {
+  PressureMeasured measured;
+  for (const auto& [key, series] : record.vitals) {
+    if (!is_one_of(key.code, kSystolic) && !is_one_of(key.code, kMean)) continue;
+    const auto first = std::ranges::lower_bound(series.numbers, span.start_ns, {}, &VitalNumber::time_ns);
+    if (first == series.numbers.end() || first->time_ns >= span.end_ns) continue;
+    if (mmhg_of(first->value, series.unit)) {
+      measured.judged = true;
+    } else if (std::ranges::find(measured.unread_units, series.unit) == measured.unread_units.end()) {
+      measured.unread_units.push_back(series.unit);
+    }
+  }
+  return measured;
 }
 
 std::vector<VitalChange> changes(const CaseRecord& record, const archive::Span& span) {
@@ -114,7 +155,10 @@ std::vector<StepFigures> figures_of(std::span<const PlannedStep> steps, const St
     for (const archive::Span& pause : match->pauses)
       figures.pauses_within_ns += pause.end_ns - pause.start_ns;
     figures.vitals = changes(record, match->span);
-    figures.pressure = pressure_events(record, match->span.start_ns, match->span.end_ns, limits);
+    figures.pressure = standing_events(record, match->span.start_ns, limits);
+    std::ranges::move(pressure_events(record, match->span.start_ns, match->span.end_ns, limits),
+                      std::back_inserter(figures.pressure));
+    figures.measured = measured_of(record, match->span);
   }
   return all;
 }

@@ -32,17 +32,28 @@ struct PressureEvent {
   bool is_alarm = false;
 };
 
+/// Whether pressures that have limits were measured while a step was done. "None passed a limit" says nothing
+/// of a pressure that nobody measured.
+struct PressureMeasured {
+  bool judged = false;                    // a number in a unit that is known
+  std::vector<std::string> unread_units;  // of numbers that were left out: as they were sent, "" for none
+};
+
 struct StepFigures {
   std::size_t step = 0;
   std::optional<std::size_t> done_as;           // 0: first of the steps that were done; nothing: not found
   std::optional<std::int64_t> pause_before_ns;  // since the step before ended; nothing where nobody said when
                                                 // that was, and for the first
   std::int64_t pauses_within_ns = 0;
-  std::vector<VitalChange> vitals;      // by code and device
-  std::vector<PressureEvent> pressure;  // while it was done, in order
+  std::vector<VitalChange> vitals;  // by code and device
+  /// What was beyond a limit as it began, then what happened while it was done, in order.
+  std::vector<PressureEvent> pressure;
+  PressureMeasured measured;
 };
 
 inline constexpr std::int64_t kVitalWindowNs = 30'000'000'000;
+/// A pressure by cuff counts for so long.
+inline constexpr std::int64_t kOldestPressureNs = 600'000'000'000;
 
 /// For each planned step, in the planned order.
 std::vector<StepFigures> figures_of(std::span<const PlannedStep> steps, const StepMatching& matching,

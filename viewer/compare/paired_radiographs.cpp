@@ -8,11 +8,13 @@
 namespace kiroku::compare {
 namespace {
 
-CompositionForm layout_of(RadiographForm form, const sim::ProjectionGeometry& geometry) {
+CompositionForm layout_of(RadiographForm form, const sim::ProjectionGeometry& geometry,
+                          const std::vector<std::string>& cautions) {
   CompositionForm layout;
   layout.arrangement = form == RadiographForm::kBeside ? Arrangement::kSideBySide : Arrangement::kOverlay;
   layout.width = static_cast<int>(geometry.columns());
   layout.height = static_cast<int>(geometry.rows());
+  layout.cautions = cautions;
   return layout;
 }
 
@@ -39,7 +41,8 @@ PairedRadiographs::PairedRadiographs(const archive::CaseReader& recording,
                                      const crypto::AgeIdentities& identities, const Comparison& comparison,
                                      const Fluoroscopy& fluoroscopy, const sim::PlanFrames& frames,
                                      PlanRadiographs& radiographs, RadiographForm form, double share,
-                                     std::int64_t from_ns, std::int64_t to_ns)
+                                     std::int64_t from_ns, std::int64_t to_ns,
+                                     const std::vector<std::string>& cautions)
     : comparison_(comparison),
       fluoroscopy_(fluoroscopy),
       frames_(frames),
@@ -48,7 +51,7 @@ PairedRadiographs::PairedRadiographs(const archive::CaseReader& recording,
       share_(share),
       width_(static_cast<int>(fluoroscopy.geometry.columns())),
       height_(static_cast<int>(fluoroscopy.geometry.rows())),
-      composer_(layout_of(form, fluoroscopy.geometry)),
+      composer_(layout_of(form, fluoroscopy.geometry, cautions)),
       recorded_(recording, identities, fluoroscopy.stream, from_ns, to_ns, width_, height_) {}
 
 sim::Picture PairedRadiographs::at(std::int64_t case_ns) {

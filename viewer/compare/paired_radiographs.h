@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
@@ -22,11 +24,12 @@ enum class RadiographForm { kBeside, kWipe, kOpacity, kDifference, kCheckerboard
 class PairedRadiographs {
  public:
   /// What is given must outlive the object. The comparison must have a time map. `share`: opacity of the
-  /// plan's radiograph, or where the line is, 0 to 1.
+  /// plan's radiograph, or where the line is, 0 to 1. `cautions`: CompositionForm's.
   PairedRadiographs(const archive::CaseReader& recording, const crypto::AgeIdentities& identities,
                     const Comparison& comparison, const Fluoroscopy& fluoroscopy,
                     const sim::PlanFrames& frames, PlanRadiographs& radiographs, RadiographForm form,
-                    double share, std::int64_t from_ns, std::int64_t to_ns);
+                    double share, std::int64_t from_ns, std::int64_t to_ns,
+                    const std::vector<std::string>& cautions = {});
 
   [[nodiscard]] int width() const { return composer_.width(); }
   [[nodiscard]] int height() const { return composer_.height(); }

@@ -68,10 +68,32 @@ Provenance provenance_of(const nlohmann::json& document) {
   made.plan_files = files_of(plan.at("files"));
   if (!of_case.at("names_plan").is_null()) made.case_names_plan = of_case.at("names_plan").get<bool>();
   made.outputs = files_of(document.at("outputs"));
+  // Documents of earlier versions have neither.
+  if (const auto ct = document.find("ct"); ct != document.end() && ct->is_object()) {
+    made.ct.emplace();
+    ct->at("of_plan").get_to(made.ct->of_plan);
+    if (const auto series = ct->find("series"); series != ct->end()) series->get_to(made.ct->series);
+    made.ct->files = files_of(ct->at("files"));
+  }
+  if (const auto same = document.find("one_patient"); same != document.end() && !same->is_null())
+    made.of_one_patient = same->get<bool>();
   return made;
 }
 
 }  // namespace
+
+std::vector<std::string> cautions_of(const Provenance& made) {
+  std::vector<std::string> cautions;
+  if (made.case_names_plan == false)
+    cautions.emplace_back("The case was recorded by another plan than the one shown");
+  if (made.of_one_patient == false)
+    cautions.emplace_back("The CT states another patient's number than the case");
+  if (made.ct && !made.ct->of_plan) {
+    const std::string name = made.ct->files.empty() ? "" : made.ct->files.front().name;
+    cautions.push_back("The CT shown is not part of the plan: " + name.substr(0, name.find('/')));
+  }
+  return cautions;
+}
 
 CaseState state_of(const std::filesystem::path& case_folder) {
   const crypto::MerkleFrontier tree = tree_of(case_folder, UINT64_MAX);

@@ -34,6 +34,13 @@ CaseState state_of(const std::filesystem::path& case_folder);
 std::optional<crypto::Sha256Digest> root_of_first(const std::filesystem::path& case_folder,
                                                   std::uint64_t size);
 
+/// The CT that a comparison shows, or would.
+struct ComparedCt {
+  bool of_plan = true;
+  std::string series;            // that was asked for, or how its UID ends; "" for none
+  std::vector<NamedFile> files;  // where it is none of the plan's, which are listed with the plan
+};
+
 /// What a comparison stands on, and who made it.
 struct Provenance {
   std::string made_by;  // a person's name, as the machine or the person states it
@@ -45,8 +52,16 @@ struct Provenance {
   bool plan_sealed = false;          // by a seal that lies beside it
   std::vector<NamedFile> plan_files;
   std::optional<bool> case_names_plan;  // whether the case was recorded by this plan; nothing: by none
-  std::vector<NamedFile> outputs;       // the film or page beside the document
+  std::optional<ComparedCt> ct;         // nothing: neither the plan nor the request names one
+  /// Whether CT and case state the same patient's number; nothing where one is not known. The numbers are
+  /// told to whoever compares alone: films and documents go to others.
+  std::optional<bool> of_one_patient;
+  std::vector<NamedFile> outputs;  // the film or page beside the document
 };
+
+/// What everybody who sees plan and recording beside each other must be told of them, a sentence each without
+/// its full stop; none where there is nothing to say.
+std::vector<std::string> cautions_of(const Provenance& made);
 
 inline constexpr const char* kComparisonFormat = "kiroku-comparison/1";
 

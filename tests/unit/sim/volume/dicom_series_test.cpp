@@ -258,6 +258,86 @@ TEST_F(DicomSeriesTest, RefusesPicturesThatDiffer) {
               HasSubstr("direction in the patient"));
 }
 
+TEST_F(DicomSeriesTest, RefusesWhatIsNotMeasuredInHounsfieldUnits) {
+  const auto with = [&](const std::string& tag, const std::string& value) {
+    write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0,
+                [&](DicomSlice& slice) { slice.elements[tag] = value; });
+    return refusal();
+  };
+  EXPECT_THAT(with("(0008,0060)", "PT"), HasSubstr("is no CT (Modality PT)"));
+  EXPECT_THAT(with("(0008,0060)", "MR"), HasSubstr("its numbers are no Hounsfield units"));
+  EXPECT_THAT(with("(0028,1054)", "Z_EFF"), HasSubstr("holds no Hounsfield units (RescaleType Z_EFF)"));
+  EXPECT_THAT(with("(0028,1054)", "EDW"), HasSubstr("RescaleType EDW"));
+  EXPECT_EQ(with("(0028,1054)", "HU"), "");
+  EXPECT_EQ(with("(0008,0060)", ""), "");
+  EXPECT_EQ(with("(0028,1054)", "US"), "");
+  EXPECT_THAT(read().findings, ElementsAre(HasSubstr("RescaleType is US")));
+}
+
+// As of a breath held and let go: every second slice is of another body.
+TEST_F(DicomSeriesTest, RefusesAcquisitionsThatLieAmongEachOther) {
+  const auto with = [&](const std::string& tag, const std::function<int(int)>& value) {
+    int number = 0;
+    write_stack({0, 1, 2, 3}, Eigen::Matrix3d::Identity(), 0,
+                [&](DicomSlice& slice) { slice.elements[tag] = std::to_string(value(number++)); });
+    return refusal();
+  };
+  EXPECT_THAT(with("(0020,0012)", [](int at) { return 1 + at % 2; }),
+              HasSubstr("pictures of 2 acquisitions lie among each other (AcquisitionNumber)"));
+  EXPECT_THAT(with("(0020,0100)", [](int at) { return 1 + at % 2; }),
+              HasSubstr("TemporalPositionIdentifier"));
+  // One behind the other, or each slice by itself, is how scanners step through a patient.
+  EXPECT_EQ(with("(0020,0012)", [](int at) { return 1 + at / 2; }), "");
+  EXPECT_EQ(with("(0020,0012)", [](int at) { return 1 + at; }), "");
+}
+
+// Every second file did not come: the gaps are even, and twice as wide as the scanner says.
+TEST_F(DicomSeriesTest, SlicesThatLieWiderApartThanTheirHeadersSayAreRefusedOrTakenWithAFinding) {
+  write_stack({0, 5, 10, 15}, Eigen::Matrix3d::Identity(), 0, [](DicomSlice& slice) {
+    slice.elements["(0018,0088)"] = "2.5";
+    slice.elements["(0018,0050)"] = "2.5";
+  });
+  EXPECT_THAT(refusal(), HasSubstr("its slices lie 5 mm apart, and their headers say 2.5 mm "
+                                   "(SpacingBetweenSlices): slices between them may be missing"));
+  const DicomVolume taken = read(true);
+  EXPECT_EQ(taken.volume.grid.size[2], 4U);
+  EXPECT_THAT(taken.findings,
+              ElementsAre(HasSubstr("thick and lie 5 mm apart"), HasSubstr("may be missing")));
+}
+
+TEST_F(DicomSeriesTest, SaysThatPicturesAreMissingAtTheEnd) {
+  int number = 0;
+  write_stack({0, 1, 2}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+    slice.elements["(0020,1002)"] = "40";
+    slice.elements["(0020,0013)"] = std::to_string(++number);
+  });
+  EXPECT_THAT(read().findings, ElementsAre(HasSubstr("has 40 pictures (ImagesInAcquisition), of which 3 are "
+                                                     "here")));
+  number = 0;
+  write_stack({0, 1, 2}, Eigen::Matrix3d::Identity(), 0, [&](DicomSlice& slice) {
+    number += 2;
+    slice.elements["(0020,0013)"] = std::to_string(number);
+  });
+  EXPECT_THAT(read().findings,
+              ElementsAre(HasSubstr("numbered from 2 to 6 (InstanceNumber), and 3 are here")));
+}
+
+TEST_F(DicomSeriesTest, AHoleThatIsResampledOverIsToldAndALargeOneRefused) {
+  write_stack({0, 2, 4, 8, 10});
+  EXPECT_THAT(read(true).findings,
+              ElementsAre(HasSubstr("4 mm were not measured: what is there was made up")));
+  write_stack({0, 2, 4, 14, 16});
+  EXPECT_THAT(refusal(true), HasSubstr("too much is missing to be resampled over"));
+}
+
+TEST_F(DicomSeriesTest, SaysThatPicturesWereCompressedWithLoss) {
+  write_stack({0, 1}, Eigen::Matrix3d::Identity(), 0, [](DicomSlice& slice) {
+    slice.elements["(0028,2110)"] = "01";
+    slice.elements["(0028,2112)"] = "40";
+  });
+  EXPECT_THAT(read().findings, ElementsAre(HasSubstr("compressed with loss, 1 to 40")));
+}
+
 // Two patients under one SeriesInstanceUID were one volume.
 TEST_F(DicomSeriesTest, RefusesPicturesOfTwoPatientsUnderOneSeries) {
   const auto with = [&](const std::string& tag, const std::string& one, const std::string& other) {

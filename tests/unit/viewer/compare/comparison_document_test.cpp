@@ -109,6 +109,46 @@ TEST(ComparisonDocument, ItsPageSaysFirstThatTheRecordingWasNotVerified) {
   EXPECT_THAT(page, HasSubstr("<code>kiroku verify 20260805T091502Z-3f9c21ab</code>"));
 }
 
+TEST(ComparisonDocument, SaysWhichCtItShowsAndWhoseItIs) {
+  Provenance made = provenance();
+  made.ct = ComparedCt{false, "77", {{"volume", "other/<ct>.dcm", 9, crypto::sha256(bytes_of("ct"))}}};
+  made.of_one_patient = false;
+  const std::string text = comparison_json(sample(), {}, made);
+  const nlohmann::json document = nlohmann::json::parse(text);
+  EXPECT_EQ(document["ct"]["of_plan"], false);
+  EXPECT_EQ(document["ct"]["series"], "77");
+  EXPECT_EQ(document["one_patient"], false);
+  const Provenance back = read_provenance(text, "out.json");
+  ASSERT_TRUE(back.ct.has_value());
+  EXPECT_FALSE(back.ct->of_plan);
+  EXPECT_EQ(back.ct->files[0].sha256, made.ct->files[0].sha256);
+  EXPECT_EQ(back.of_one_patient, false);
+  EXPECT_THAT(cautions_of(back), testing::ElementsAre(HasSubstr("another plan"), HasSubstr("another patient"),
+                                                      HasSubstr("not part of the plan: other")));
+  const std::string page = comparison_html(sample(), {}, made, {});
+  EXPECT_LT(page.find("The CT shown is not part of the plan"), page.find("planned steps were found"));
+  EXPECT_THAT(page, HasSubstr("CT, <b>not the plan's</b>"));
+  EXPECT_THAT(page, HasSubstr("other/&lt;ct&gt;.dcm"));
+  // A document of an earlier version says nothing of it.
+  nlohmann::ordered_json earlier = nlohmann::ordered_json::parse(text);
+  earlier.erase("ct");
+  earlier.erase("one_patient");
+  EXPECT_FALSE(read_provenance(earlier.dump(), "out.json").ct.has_value());
+}
+
+TEST(ComparisonDocument, ItsPageSaysWhereNoPressureWasMeasured) {
+  Comparison comparison = sample();
+  EXPECT_THAT(comparison_html(comparison, {}, provenance(), {}), Not(HasSubstr("Not measured")));
+  comparison.record.vitals.clear();
+  comparison.figures = figures_of(comparison.steps, comparison.matching, comparison.record);
+  const std::string page = comparison_html(comparison, {}, provenance(), {});
+  EXPECT_THAT(page, HasSubstr("<b>Not measured:</b> no systolic or mean arterial pressure was recorded while "
+                              "any step was done"));
+  EXPECT_THAT(page, Not(HasSubstr("None while a step was done")));
+  const nlohmann::json document = nlohmann::json::parse(comparison_json(comparison, {}, provenance()));
+  EXPECT_EQ(document["steps"][0]["pressure_measured"], false);
+}
+
 TEST(ComparisonDocument, KnowsACaseByTheFirstEntriesOfItsLedger) {
   const test::TemporaryFolder folder;
   const test::Reader reader = test::make_reader();

@@ -74,5 +74,26 @@ TEST_F(CompositionTest, WritesAroundThePictures) {
   EXPECT_NE(with.rgb, without.rgb);
 }
 
+TEST_F(CompositionTest, CautionsStandAboveEveryPictureInLinesThatFit) {
+  form_.arrangement = Arrangement::kOverlay;
+  const int without = Composer(form_).height();
+  form_.cautions = {"The CT"};
+  const int line = Composer(form_).height() - without;
+  EXPECT_GT(line, 0);
+  form_.cautions = {"The case was recorded by another plan than the one shown"};
+  EXPECT_GE(Composer(form_).height(), without + 3 * line) << "64 pixels have no room for it in one line";
+  Composer composer(form_);
+  const sim::Picture picture = composer.compose(plan_, recording_, {});
+  EXPECT_EQ(picture.height % 2, 0);
+  int bright = 0;
+  for (int y = 0; y < line; ++y) {
+    for (int x = 0; x < kWidth; ++x) bright += picture.pixel(x, y)[0] > 200 ? 1 : 0;
+  }
+  EXPECT_GT(bright, 10);
+  // Pictures are below all of it.
+  const int above = Composer(form_).height() - without + line;
+  EXPECT_EQ(picture.pixel(5, above + kHeight - 5)[0], 100);
+}
+
 }  // namespace
 }  // namespace kiroku::compare

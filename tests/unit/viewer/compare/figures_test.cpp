@@ -88,6 +88,35 @@ TEST(Figures, TellPressuresThatPassTheirLimitsAndAlarms) {
   EXPECT_TRUE(pressure_events(record, 26 * kSecond, 30 * kSecond).empty());
 }
 
+// "None" of a pressure that nobody measured, or of one that was low all the while, is believed.
+TEST(Figures, SayWhetherAPressureWasMeasuredAndWhatWasBeyondALimitAlready) {
+  CaseRecord record;
+  EXPECT_FALSE(figures_of(kStepsOfFigures, two_steps(), record)[1].measured.judged);
+  record.vitals[{kSystolic, ""}] = series([](int second) { return second < 90 ? 120.0 : 55; });
+  const StepFigures low = figures_of(kStepsOfFigures, two_steps(), record)[1];
+  EXPECT_TRUE(low.measured.judged);
+  ASSERT_EQ(low.pressure.size(), 1U);
+  EXPECT_EQ(low.pressure[0].text, "systolic pressure 55.0 mmHg, already below 90");
+  EXPECT_EQ(low.pressure[0].time_ns, 100 * kSecond);
+  record.vitals[{kSystolic, ""}].unit = "furlong";
+  const StepFigures unread = figures_of(kStepsOfFigures, two_steps(), record)[1];
+  EXPECT_FALSE(unread.measured.judged);
+  EXPECT_THAT(unread.measured.unread_units, ElementsAre("furlong"));
+  EXPECT_TRUE(unread.pressure.empty());
+}
+
+TEST(Figures, TakeKilopascalHoweverItIsWritten) {
+  EXPECT_NEAR(mmhg_of(16, "kPa").value(), 120, 0.1);
+  EXPECT_NEAR(mmhg_of(16, "kpa").value(), 120, 0.1);
+  EXPECT_EQ(mmhg_of(16, "mm[Hg]"), 16);
+  EXPECT_EQ(mmhg_of(16, "mmHg"), 16);
+  EXPECT_FALSE(mmhg_of(16, "").has_value());
+  CaseRecord record;
+  record.vitals[{kSystolic, ""}] = series([](int) { return 16.0; });
+  record.vitals[{kSystolic, ""}].unit = "kpa";
+  EXPECT_TRUE(figures_of(kStepsOfFigures, two_steps(), record)[1].pressure.empty()) << "16 kPa are 120 mmHg";
+}
+
 TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
   const test::TemporaryFolder folder;
   const test::Reader reader = test::make_reader();

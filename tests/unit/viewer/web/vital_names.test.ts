@@ -28,6 +28,7 @@ describe('Names of vital signs', () => {
     language.value = 'ja';
     expect(pressureText('mean pressure 61.8 mmHg, below 65')).toBe('平均血圧 61.8 mmHg（65 未満）');
     expect(pressureText('systolic pressure 170 mmHg, above 160')).toBe('収縮期血圧 170 mmHg（160 超）');
+    expect(pressureText('systolic pressure 55.0 mmHg, already below 90')).toBe('収縮期血圧 55.0 mmHg（90 未満、開始時から）');
     expect(pressureText('** ABP LOW')).toBe('** ABP LOW');
   });
 });

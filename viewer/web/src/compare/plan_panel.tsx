@@ -196,6 +196,16 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
       <p class="muted plan-made">{t('plan.made', { by: row.made_by, moment: formatMoment(row.made_at) })}</p>
       <Proof group="sealed" title={t(`sealed.${row.sealed_before.verdict}`)} judged={row.sealed_before} open={row.sealed_before.verdict !== 'holds'} />
       <Proof group="whole" title={t(`whole.${row.whole.verdict}`)} judged={row.whole} open={row.whole.verdict !== 'holds'} />
+      {document.one_patient === false && (
+        <p class="pad" role="alert">
+          {t('plan.anotherPatient')}
+        </p>
+      )}
+      {document.ct?.of_plan === false && (
+        <p class="pad" role="alert">
+          {t('plan.anotherCt', { name: document.ct.files[0]?.name ?? '' })}
+        </p>
+      )}
       {organ && <OrganSummary plan={plan} {...organ} model={model} playback={playback} />}
       {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
       {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && (

@@ -67,8 +67,8 @@ const kPressures: Readonly<Record<string, string>> = { systolic: '収縮期血�
 
 /** A pressure that passed a limit, which the comparison says in English; alarms are in their monitor's own words. */
 export function pressureText(text: string): string {
-  const limit = /^(systolic|diastolic|mean) pressure ([\d.]+) mmHg, (below|above) ([\d.]+)$/.exec(text);
+  const limit = /^(systolic|diastolic|mean) pressure ([\d.]+) mmHg, (already )?(below|above) ([\d.]+)$/.exec(text);
   if (language.value !== 'ja' || !limit) return text;
-  const [, which, value, side, bound] = limit;
-  return `${kPressures[which as string]} ${value} mmHg（${bound} ${side === 'below' ? '未満' : '超'}）`;
+  const [, which, value, already, side, bound] = limit;
+  return `${kPressures[which as string]} ${value} mmHg（${bound} ${side === 'below' ? '未満' : '超'}${already ? '、開始時から' : ''}）`;
 }
