@@ -30,6 +30,13 @@ Table facts_table();
 void add_fact(Table& table, std::string name, std::string value, Face face = Face::kText);
 /// Whether the device's key is among the given ones, in words.
 std::string device_trust_words(const ReportInput& input);
+/// When the case was closed, by the device's clock, and by how much that was set in between. There must be an
+/// end.
+std::string closed_words(const ReportInput& input);
+/// Of a later version of the format: nothing of it was checked, and what its lines say is not known.
+bool is_newer(const archive::VerificationReport& verification);
+/// Whether its evidence record proves since when it existed, by clocks outside.
+bool is_proved_by_record(const archive::VerificationReport& verification);
 /// By which keys of the device its checkpoints were checked.
 std::string signature_words(const ReportInput& input);
 /// A case's identifier begins with a time, which whoever made the case chose: says so where it is more than

@@ -51,6 +51,8 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
                ? yes
                : words("check.notes-too", {yes, count(answered.notes, "one.note", "many.note")});
   }
+  // Whoever signed it, and what its lines say, was not looked at.
+  if (is_newer(found_)) return words("verdict.newer.answer");
   // The gravest finding of the question says why.
   const Finding* gravest = nullptr;
   std::size_t all = 0;
@@ -77,7 +79,7 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     return words(found_.in_log ? TextKey("check.log.unsigned") : TextKey("check.log.not-compared"));
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
-               ? words("time.none")
+               ? words(is_proved_by_record(found_) ? TextKey("time.none.record") : TextKey("time.none"))
                : words("check.excerpt.unread");
   }
   return words("check.see-findings", {meaning_of(in_.language, gravest->code),

@@ -7,6 +7,14 @@ namespace kiroku::report {
 Document ReportMaker::make() {
   add(verdict_statement(in_));
   add_answers();
+  if (is_newer(found_)) {
+    // What its lines say is not known: only what they are, and how to ask a newer program.
+    add_findings();
+    add_hashes();
+    add_repeating();
+    add_about();
+    return std::move(document_);
+  }
   add_case();
   add(PageBreak{});
   add_chain();
