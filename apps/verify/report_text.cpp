@@ -438,12 +438,27 @@ std::string compared_words(const VerificationReport& report, const std::string& 
 
 }  // namespace
 
+namespace {
+
+/// Whose key it is, and whether it was asked about. Of a later format nobody read who made it.
+std::string device_words(const VerificationReport& report, bool device_trusted) {
+  if (report.device.empty()) return "not known: what names it was not read";
+  const bool none_given = std::ranges::any_of(report.findings, [](const archive::Finding& each) {
+    return !each.of_log && each.code == "no-trusted-device";
+  });
+  return report.device + (device_trusted ? " (trusted)"
+                          : none_given   ? " (no trusted key was given)"
+                                         : " (not among the trusted keys)");
+}
+
+}  // namespace
+
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted,
                         const std::string& log) {
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
-  out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)") +
+  out += line("device", device_words(report, device_trusted) +
                             (report.signed_entries == 0 && !report.device.empty()
                                  ? "; the ledger names it, and nobody signed it"
                                  : ""));
