@@ -80,8 +80,8 @@ class Command {
                        const std::string& description);
   /// At least one.
   void arguments(const std::string& name, std::vector<std::string>& into, const std::string& description);
-  /// Of an option ("--stills") or argument that was stated: what it names is written to, so that it may not lie
-  /// in a case or another place of a home's (output_place.h). Of --output that is so already.
+  /// Of an option ("--stills") or argument that was stated: what it names is written to, so that it may not
+  /// lie in a case or another place of a home's (output_place.h). Of --output that is so already.
   void writes(const std::string& name, Writes what = Writes::kOutput);
   /// A paragraph of help between options and examples.
   void explain(const std::string& paragraph);

@@ -36,9 +36,8 @@ bool is_file_of_home(const std::string& name) {
   const std::string_view sqlite = ".sqlite";
   // SQLite has files of its own beside a database: NAME.sqlite-wal.
   const std::size_t database = name.find(sqlite);
-  const bool is_database =
-      name.starts_with("catalogue.") || name.starts_with("stamping.") || name.starts_with("users.") ||
-      name.starts_with("shipping-");
+  const bool is_database = name.starts_with("catalogue.") || name.starts_with("stamping.") ||
+                           name.starts_with("users.") || name.starts_with("shipping-");
   return std::ranges::find(kFilesOfHome, std::string_view(name)) != kFilesOfHome.end() ||
          (is_database && database != std::string::npos);
 }

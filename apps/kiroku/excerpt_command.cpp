@@ -76,9 +76,9 @@ int run(const Request& request) {
   } else {
     std::cout << printable(request.output) << ": " << result.segments << " segments, "
               << format_bytes(result.bytes) << ", ledger entries " << result.first_entry << " to "
-              << result.last_entry << "\nIt is " << archive::case_time_text(stretch.start_ns, begins_ns) << " to "
-              << archive::case_time_text(stretch.end_ns, begins_ns) << " of the case: " << from_utc << " to "
-              << to_utc << " by the recorder's clock.\n"
+              << result.last_entry << "\nIt is " << archive::case_time_text(stretch.start_ns, begins_ns)
+              << " to " << archive::case_time_text(stretch.end_ns, begins_ns) << " of the case: " << from_utc
+              << " to " << to_utc << " by the recorder's clock.\n"
               << clock_set_words(clock, begins_ns);
   }
   return kDone;
@@ -114,7 +114,8 @@ void add_excerpt_command(Command& program) {
       "purpose that was not withdrawn ('kiroku consent'); the purpose is entered in the log first. [consent] "
       "of kiroku.toml may demand a purpose of every excerpt.");
   command.explain(
-      "UTC is what the recorder's clock showed. Where that clock was set in the course of the case, the steps "
+      "UTC is what the recorder's clock showed. Where that clock was set in the course of the case, the "
+      "steps "
       "that the ledger states are reckoned with. A time that it never showed, or showed twice, is refused: "
       "then write the time from the start of the case.");
   command.example("kiroku excerpt CASE --from 00:10:00 --to 00:12:30 -o for-the-court",

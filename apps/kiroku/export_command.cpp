@@ -123,7 +123,8 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
                                       " segment(s) found by recovery are in it and not counted")
       << "\nIts time 0 is " << archive::case_time_text(result.zero_ns, begins_ns) << " of the case.\n"
       << missing_words(gap_words(gaps, begins_ns), gap_words(sound_gaps, begins_ns))
-      << clock_set_words(recording.wall_clock(), begins_ns) << "Its segments have the hashes that the ledger states; whether the case holds was not verified: "
+      << clock_set_words(recording.wall_clock(), begins_ns)
+      << "Its segments have the hashes that the ledger states; whether the case holds was not verified: "
          "'kiroku verify' does that.\n";
   if (result.left_out > 0) {
     std::cout
@@ -243,8 +244,10 @@ void add_export_command(Command& program) {
       "stretch. A stream that begins later begins later in its file, and gaps stay. A .csv has the case's "
       "time and, in its last column, the time since 0.");
   command.explain(
-      "What the recorder stated that it could not record of the stretch is named in the answer, in --json and "
-      "in the manifest. A UTC time is what the recorder's clock showed, the steps by which it was set reckoned "
+      "What the recorder stated that it could not record of the stretch is named in the answer, in --json "
+      "and "
+      "in the manifest. A UTC time is what the recorder's clock showed, the steps by which it was set "
+      "reckoned "
       "with.");
   command.explain(
       "--all verifies the case first; of one that was tampered with the exit status is 1, though it is "

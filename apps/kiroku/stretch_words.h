@@ -12,8 +12,8 @@
 
 namespace kiroku::apps {
 
-/// That the recorder's clock was set in the course of the case, when and by how much: a sentence with its line
-/// feed; "" where it was not.
+/// That the recorder's clock was set in the course of the case, when and by how much: a sentence with its
+/// line feed; "" where it was not.
 std::string clock_set_words(const archive::WallClock& clock, std::int64_t begins_ns);
 nlohmann::ordered_json clock_set_json(const archive::WallClock& clock);
 

@@ -458,10 +458,10 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   std::string out = printable(case_name) + "\n" + verdict_words(report.verdict) + "\n\n";
   out += line("case", report.case_id);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
-  out += line("device", device_words(report, device_trusted) +
-                            (report.signed_entries == 0 && !report.device.empty()
-                                 ? "; the ledger names it, and nobody signed it"
-                                 : ""));
+  out += line("device",
+              device_words(report, device_trusted) + (report.signed_entries == 0 && !report.device.empty()
+                                                          ? "; the ledger names it, and nobody signed it"
+                                                          : ""));
   if (report.signatures != archive::SignaturesChecked::kNone) {
     out += line("signed by", signature_words(report.signatures));
   }

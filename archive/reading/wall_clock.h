@@ -1,5 +1,5 @@
-// The machine's wall clock beside the case clock, as the ledger states both: the opening's time, and each time
-// that the wall clock was set since (docs/reference/format.md, "Clocks"). Immutable; thread-safe.
+// The machine's wall clock beside the case clock, as the ledger states both: the opening's time, and each
+// time that the wall clock was set since (docs/reference/format.md, "Clocks"). Immutable; thread-safe.
 #pragma once
 
 #include <cstdint>

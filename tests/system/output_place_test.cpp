@@ -89,8 +89,8 @@ TEST_F(OutputPlace, OfNoCommandIsWithinACase) {
       // As an option of this command, not a word of an example of another.
       const bool has_it = page.text.find("\n  " + option + " ") != std::string::npos ||
                           page.text.find(", " + option + " ") != std::string::npos;
-      const bool reads_only = option == "--database" && std::ranges::find(kReadDatabase, page.command) !=
-                                                            kReadDatabase.end();
+      const bool reads_only =
+          option == "--database" && std::ranges::find(kReadDatabase, page.command) != kReadDatabase.end();
       if (!has_it || reads_only) continue;
       SCOPED_TRACE(testing::PrintToString(page.command) + " " + option);
       EXPECT_REFUSED(kiroku(call(page, option, (case_ / "new").string())), "the folder of a recorded case");
@@ -133,9 +133,8 @@ TEST_F(OutputPlace, IsSeenThroughLinks) {
   fs::create_symlink(case_ / "ledger.jsonl", path("x.jsonl"));
   EXPECT_REFUSED(kiroku({"report", case_.string(), "-o", path("case/report.html")}), case_.string());
   EXPECT_REFUSED(kiroku({"report", case_.string(), "-o", path("case") + "/../case/report.html"}), "archive");
-  EXPECT_REFUSED(
-      kiroku({"export", case_.string(), "--stream", "vitals", "--force", "-o", path("x.jsonl")}),
-      case_.string());
+  EXPECT_REFUSED(kiroku({"export", case_.string(), "--stream", "vitals", "--force", "-o", path("x.jsonl")}),
+                 case_.string());
   // An archive that is on another disk.
   fs::rename(home() / "archive", path("disk"));
   fs::create_directory_symlink(path("disk"), home() / "archive");

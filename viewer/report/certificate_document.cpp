@@ -101,9 +101,9 @@ class CertificateMaker {
 
   /// What an evidence record adds to that.
   [[nodiscard]] std::string renewed_evidence() const {
-    return is_proved_by_record(found_) ? " An evidence record (RFC 4998) carries proof of its existence on. " +
-                                             evidence_sentence(in_)
-                                       : "";
+    return is_proved_by_record(found_)
+               ? " An evidence record (RFC 4998) carries proof of its existence on. " + evidence_sentence(in_)
+               : "";
   }
 
   /// Who vouches for the times of this record: what is signed under penalty of perjury claims no other.
@@ -261,7 +261,8 @@ class CertificateMaker {
         std::ranges::find(answers, Check::kStreams, &CheckAnswer::check)->answer == Answer::kInPart;
     if (is_sparse)
       item(
-          "That all of its streams were recorded throughout. One is shorter than the record, or holds far less "
+          "That all of its streams were recorded throughout. One is shorter than the record, or holds far "
+          "less "
           "in places than elsewhere; the verification report says which, and where.");
     if (in_.facts.clock_set)
       item(

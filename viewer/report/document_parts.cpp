@@ -289,8 +289,7 @@ std::string device_trust_words(const ReportInput& input) {
   if (input.verification.device.empty()) return say(input.language, "device.trusted.unread");
   // A log of another device that was given beside the case says nothing of the case's own.
   const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
-    return !finding.of_log &&
-           (finding.code == "device-not-trusted" || finding.code == "no-trusted-device");
+    return !finding.of_log && (finding.code == "device-not-trusted" || finding.code == "no-trusted-device");
   });
   if (input.verification.signed_entries == 0) return say(input.language, "check.unsigned");
   return doubted ? say(input.language, "device.trusted.no") : say(input.language, "device.trusted.yes");

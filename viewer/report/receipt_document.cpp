@@ -71,9 +71,7 @@ Document make_receipt(const ReportInput& input) {
   add_fact(table, words("case.id"), identifier_words(input, document.identifier));
   if (facts.opened_at)
     add_fact(table, words("case.opened"), words("case.by-device", {utc_time(facts.opened_at->utc)}));
-  add_fact(
-      table, words("case.closed"),
-      facts.closed_at ? closed_words(input) : words("case.not-closed"));
+  add_fact(table, words("case.closed"), facts.closed_at ? closed_words(input) : words("case.not-closed"));
   add_fact(table, words("receipt.root"), crypto::to_base64(note.root, crypto::Base64Padding::kPadded),
            Face::kMono);
   add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);

@@ -29,7 +29,7 @@ void ReportMaker::add_device() {
 void ReportMaker::add_hashes() {
   heading("heading.hashes");
   const CaseFacts& facts = in_.facts;
-    Table table = facts_table();
+  Table table = facts_table();
   const auto hash = [&](std::string name, const crypto::Sha256Digest& digest) {
     add_fact(table, std::move(name), crypto::to_hex(digest), Face::kMono);
   };

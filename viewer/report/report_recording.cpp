@@ -71,8 +71,7 @@ void ReportMaker::add_case() {
   add_fact(table, words("case.opened"),
            facts.opened_at ? by_device(facts.opened_at->utc) : words("case.unknown"));
   if (!facts.excerpt) {
-    add_fact(table, words("case.closed"),
-             facts.closed_at ? closed_words(in_) : words("case.not-closed"));
+    add_fact(table, words("case.closed"), facts.closed_at ? closed_words(in_) : words("case.not-closed"));
   }
   const std::int64_t begins_ns = facts.opening ? facts.opening->begins_ns : 0;
   if (!facts.excerpt) add_fact(table, words("case.duration"), case_time(facts.last_ns - begins_ns, false));

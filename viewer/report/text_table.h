@@ -380,8 +380,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.id.other-time", "{0}, which names a time that is not that of its opening",
      "{0}（番号の示す時刻は、開始の時刻ではない）"},
     {"case.by-device", "{0}, by the device's clock", "{0}（装置の時計による）"},
-    {"case.by-device.set",
-     "{0}, by the device's clock, which was set since the opening, by {1} in all",
+    {"case.by-device.set", "{0}, by the device's clock, which was set since the opening, by {1} in all",
      "{0}（装置の時計による。開始後に合計 {1} 合わせられている）"},
     {"case.duration", "Length", "長さ"},
     {"case.reason", "Ended by", "終了理由"},
@@ -658,7 +657,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "Times are those of the case clock, which is 0 where the recording begins and is never set. Frames "
      "counts "
      "pictures of a video, and lines of vital signs and events.",
-     "時刻は症例時計（記録の始まりを0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
+     "時刻は症例時計（記録の始まりを0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では"
+     "画像数"
      "、"
      "バイタルサインとイベントでは行数です。"},
     {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case may have more.",
@@ -863,7 +863,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/how-to/verify-with-stock-tools.md "
      "に1ページの手順書としてあります。"
      "Kiroku を用いる場合（本書と同じ検査）："},
-    {"repeat.newer", "With a version of Kiroku that knows this format:", "この形式に対応する版の Kiroku で："},
+    {"repeat.newer",
+     "With a version of Kiroku that knows this format:", "この形式に対応する版の Kiroku で："},
     {"repeat.excerpt",
      "The whole check of an excerpt, with its Merkle proofs, is a script of its own in Kiroku's "
      "documentation: "

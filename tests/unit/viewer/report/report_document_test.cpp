@@ -684,8 +684,8 @@ TEST_F(ReportDocument, OfAnExcerptTellsOfGapsInItsStretchAlone) {
 
 // Some are signed later: when a stream is erased.
 TEST_F(ReportDocument, DoesNotSayWhenCheckpointsWereSigned) {
-  EXPECT_THAT(report(archive_.options()),
-              AllOf(HasSubstr("signed by or3; the last that holds covers"), Not(HasSubstr("while it recorded"))));
+  EXPECT_THAT(report(archive_.options()), AllOf(HasSubstr("signed by or3; the last that holds covers"),
+                                                Not(HasSubstr("while it recorded"))));
 }
 
 TEST_F(ReportDocument, InJapaneseSaysTheSame) {

@@ -202,7 +202,8 @@ TEST_F(ReportDocument, CertificateOfARekeyedExcerptSaysWhatHasTheEntrysHash) {
                     HasSubstr("The new header of each yields the same key as the original one.")));
 }
 
-// The lines around its stretch are not all of the case's: nobody computed the root from those that are here alone.
+// The lines around its stretch are not all of the case's: nobody computed the root from those that are here
+// alone.
 TEST_F(ReportDocument, CertificateOfAnExcerptSaysWhatItsRootWasComputedFrom) {
   EXPECT_THAT(test::text_of(make_certificate(input())),
               AllOf(HasSubstr("It computed the root of the entries, and"), HasSubstr("\nLedger entries | ")));
