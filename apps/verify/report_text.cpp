@@ -72,6 +72,8 @@ std::string time_words(const VerificationReport& report) {
     case TimeProof::kNone:
       break;
   }
+  const bool by_record = report.evidence && report.evidence->holds && report.evidence->outside;
+  if (by_record) return "by no time-stamp of its own; its evidence record proves since when it existed";
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
   return has(report, "ledger-changed") || has(report, "excerpt-no-later-token")

@@ -74,6 +74,18 @@ TEST(ReportText, SaysBesideTheTimeWhatItIsNotWorth) {
               HasSubstr("             from opening to closing the recorder's clock"));
 }
 
+TEST(ReportText, OfARenewedCaseDoesNotSayThatNothingProvesItsTime) {
+  archive::VerificationReport report = stamped_late();
+  report.time = archive::TimeProof::kNone;
+  EXPECT_THAT(told(report), HasSubstr("not proved: no time-stamp that could be checked"));
+  archive::EvidenceReport& evidence = report.evidence.emplace();
+  evidence.holds = evidence.outside = true;
+  evidence.time_stamps = 1;
+  evidence.since = evidence.newest = parse_utc("2027-01-01T00:00:00Z");
+  EXPECT_THAT(told(report), testing::AllOf(HasSubstr("its evidence record proves since when it existed"),
+                                           Not(HasSubstr("not proved"))));
+}
+
 TEST(ReportText, SaysOfTheDeviceWhatWasAsked) {
   archive::VerificationReport report = stamped_late();
   report.device = "or3+0b4cfd37+key";
