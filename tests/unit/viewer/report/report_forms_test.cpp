@@ -298,6 +298,18 @@ TEST_F(ReportDocument, OfARenewedCaseDoesNotSayThatNothingProvesWhenItExisted) {
   EXPECT_THAT(test::text_of(make_certificate(in)), HasSubstr("An evidence record (RFC 4998) carries"));
 }
 
+TEST_F(ReportDocument, AReceiptOfARenewedCaseWhoseClockWasSetHasOnePage) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    ReportInput in = of_renewed(input(archive_.options(), language));
+    in.verification.verdict = archive::Verdict::kIntactWithGaps;
+    in.facts.clock_set = true;
+    in.facts.clock_set_ns = -3'600'000'000'000;
+    write("receipt.pdf", write_pdf(make_receipt(in)));
+    EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+  }
+}
+
 TEST_F(ReportDocument, AReceiptSendsNobodyToAListThatItDoesNotHave) {
   ReportInput in = input();
   in.verification.verdict = archive::Verdict::kIntactWithGaps;
