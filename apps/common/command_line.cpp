@@ -172,6 +172,8 @@ OptionStatement& Command::state_option(const std::string& names, const std::stri
   statement.names = split_names(names);
   statement.value = value;
   statement.description = description;
+  if (std::ranges::find(statement.names, "--output") != statement.names.end())
+    statement.writes = Writes::kOutput;
   // --help stays last on the page.
   const auto at = options_.empty() ? options_.end() : options_.end() - 1;
   return *options_.insert(at, statement);
@@ -261,6 +263,25 @@ void Command::arguments(const std::string& name, std::vector<std::string>& into,
   statement.repeatable = true;
 }
 
+void Command::writes(const std::string& name, Writes what) {
+  for (auto* const statements : {&options_, &arguments_}) {
+    for (OptionStatement& statement : *statements) {
+      if (std::ranges::find(statement.names, name) != statement.names.end()) statement.writes = what;
+    }
+  }
+}
+
+void Command::require_output_places() const {
+  for (const auto* const statements : {&options_, &arguments_}) {
+    for (const OptionStatement& statement : *statements) {
+      if (statement.writes == Writes::kNothing) continue;
+      const std::string& name = statement.names.back();
+      for (const std::string& named : app_.get_option(name)->results())
+        require_output_place(named, name, statement.writes);
+    }
+  }
+}
+
 void Command::explain(const std::string& paragraph) { paragraphs_.push_back(paragraph); }
 
 void Command::example(const std::string& command_line, const std::string& effect) {
@@ -314,6 +335,7 @@ int Program::run_parsed(int argc, const char* const* argv) {
         throw UsageError(name + " is required; see '" + command->full_name() + " --help'");
       }
     }
+    command->require_output_places();
     return command->action_();
   }
   if (command == root_.get()) {

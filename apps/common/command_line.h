@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include "apps/common/output_place.h"
+
 namespace CLI {  // NOLINT(readability-identifier-naming): the library's
 class App;
 class Option;
@@ -39,6 +41,7 @@ struct OptionStatement {
   std::vector<std::string> choices;
   bool repeatable = false;
   bool required = false;
+  Writes writes = Writes::kNothing;  // each --output is one
   [[nodiscard]] bool is_flag() const { return value.empty(); }
 };
 
@@ -77,6 +80,9 @@ class Command {
                        const std::string& description);
   /// At least one.
   void arguments(const std::string& name, std::vector<std::string>& into, const std::string& description);
+  /// Of an option ("--stills") or argument that was stated: what it names is written to, so that it may not
+  /// lie in a case or another place of a home's (output_place.h). Of --output that is so already.
+  void writes(const std::string& name, Writes what = Writes::kOutput);
   /// A paragraph of help between options and examples.
   void explain(const std::string& paragraph);
   void example(const std::string& command_line, const std::string& effect);
@@ -100,6 +106,8 @@ class Command {
   OptionStatement& state_option(const std::string& names, const std::string& value,
                                 const std::string& description);
   OptionStatement& state_argument(const std::string& name, const std::string& description);
+  /// Before anything is done: it may take hours until something is written.
+  void require_output_places() const;
 
   CLI::App& app_;
   std::string full_name_, name_, purpose_;

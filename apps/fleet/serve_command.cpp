@@ -72,6 +72,7 @@ void add_fleet_serve_command(Command& program) {
   command.option("--scratch", "DIR", request->scratch,
                  "where ledgers lie while cases are looked at, and a whole case while it is verified",
                  "the folder for temporary files");
+  command.writes("--scratch");
   command.option("--reports", "ADDRESS", request->reports, "where appliances report, such as 0.0.0.0:8444",
                  "[reports] of the configuration");
   add_fleet_configuration_option(command, request->configuration);

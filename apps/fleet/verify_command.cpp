@@ -213,6 +213,7 @@ void add_fleet_verify_command(Command& program) {
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
   command.option("--scratch", "DIR", request->scratch, "where there is room for a whole case",
                  "the folder for temporary files");
+  command.writes("--scratch");
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);
   command.example("kiroku-fleet verify", "what is due, once");

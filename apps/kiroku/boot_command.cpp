@@ -267,6 +267,7 @@ void add_boot_command(Command& program) {
       group.add_command("new-key", "makes an approval key, on another computer than a recorder");
   const auto made = std::make_shared<Request>();
   making.argument("FILE", made->file, "where it goes: PKCS#8, P-256, mode 0600");
+  making.writes("FILE");
   making.flag("--no-passphrase", made->no_passphrase, "it lies open in its file");
   making.explain("The passphrase is asked on the terminal or taken from KIROKU_PASSPHRASE.");
   making.example("kiroku boot new-key /media/stick/approval.pem",

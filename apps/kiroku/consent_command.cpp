@@ -457,6 +457,7 @@ void add_consent_command(Command& program) {
   showing.option("-i,--identity", "FILE", shown->identities,
                  "a recipient's identity, which opens who consented; in a --demo home its own");
   showing.option("--write-form", "FILE", shown->write_form, "writes the form that is kept, opened");
+  showing.writes("--write-form");
   showing.option("--entry", "ENTRY", shown->entry, "whose form, where several are kept");
   add_home_option(showing, shown->home);
   showing.flag("--json", shown->json, "prints one JSON object instead");

@@ -438,6 +438,7 @@ void add_devices_command(Command& program) {
   const auto request = std::make_shared<Request>();
   command.option("--camera", "DEVICE", request->cameras, "looks at this camera alone");
   command.option("--stills", "FOLDER", request->stills, "writes a picture of each camera into it, as PNG");
+  command.writes("--stills");
   command.flag("--force", request->force, "replaces stills that are there");
   command.option("--monitors", "ADDRESS", request->monitors,
                  "waits at mllp://ADDRESS:PORT for monitors and tells who sends");

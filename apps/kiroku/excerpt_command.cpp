@@ -9,6 +9,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/standing_consents.h"
+#include "apps/kiroku/stretch_words.h"
 #include "apps/kiroku/user_name.h"
 #include "archive/reading/case_reader.h"
 #include "archive/reading/excerpt.h"
@@ -55,9 +56,19 @@ int run(const Request& request) {
                     rekey ? "excerpt for a new reader" : "took an excerpt, sealed as it is");
   const archive::ExcerptResult result = archive::make_excerpt(recording.folder(), options, request.output);
   if (rekey && !is_entered) log_access(home, recording.folder(), "excerpt for a new reader");
+  // By both clocks: where the machine's was set, they tell different stretches apart.
+  const std::int64_t begins_ns = recording.opening().begins_ns;
+  const archive::WallClock& clock = recording.wall_clock();
+  const std::string from_utc = format_utc(clock.at(stretch.start_ns));
+  const std::string to_utc = format_utc(clock.at(stretch.end_ns));
   if (request.json) {
     print_json({{"case", recording.opening().case_id},
                 {"excerpt", request.output},
+                {"from_ns", stretch.start_ns},
+                {"to_ns", stretch.end_ns},
+                {"from_utc", from_utc},
+                {"to_utc", to_utc},
+                {"clock_set", clock_set_json(clock)},
                 {"segments", result.segments},
                 {"bytes", result.bytes},
                 {"first_entry", result.first_entry},
@@ -65,7 +76,10 @@ int run(const Request& request) {
   } else {
     std::cout << printable(request.output) << ": " << result.segments << " segments, "
               << format_bytes(result.bytes) << ", ledger entries " << result.first_entry << " to "
-              << result.last_entry << "\n";
+              << result.last_entry << "\nIt is " << archive::case_time_text(stretch.start_ns, begins_ns)
+              << " to " << archive::case_time_text(stretch.end_ns, begins_ns) << " of the case: " << from_utc
+              << " to " << to_utc << " by the recorder's clock.\n"
+              << clock_set_words(clock, begins_ns);
   }
   return kDone;
 }
@@ -99,6 +113,11 @@ void add_excerpt_command(Command& program) {
       "With --purpose nothing is written unless the appliance log states a consent of this case to that "
       "purpose that was not withdrawn ('kiroku consent'); the purpose is entered in the log first. [consent] "
       "of kiroku.toml may demand a purpose of every excerpt.");
+  command.explain(
+      "UTC is what the recorder's clock showed. Where that clock was set in the course of the case, the "
+      "steps "
+      "that the ledger states are reckoned with. A time that it never showed, or showed twice, is refused: "
+      "then write the time from the start of the case.");
   command.example("kiroku excerpt CASE --from 00:10:00 --to 00:12:30 -o for-the-court",
                   "two and a half minutes, with their proof");
   command.example(

@@ -10,6 +10,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/standing_consents.h"
+#include "apps/kiroku/stretch_words.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/user_name.h"
 #include "apps/kiroku/verify_extras.h"
@@ -46,6 +47,32 @@ class Watch {
   Progress progress_{"exporting"};
 };
 
+/// What the recorder stated that it could not record of the stretch.
+std::string missing_words(const std::string& gaps, const std::string& sound_gaps) {
+  std::string out;
+  if (!gaps.empty()) out += "Not in it, since it was not recorded: " + gaps + ".\n";
+  if (!sound_gaps.empty()) out += "Of its sound was not recorded: " + sound_gaps + ".\n";
+  return out;
+}
+
+/// The same of each stream, and what was erased of it since.
+std::string missing_words(const archive::CaseReader& recording, const archive::Span& stretch,
+                          const ordered_json& manifest) {
+  const std::int64_t begins_ns = recording.opening().begins_ns;
+  std::string out;
+  for (const ordered_json& stream : manifest["streams"]) {
+    const std::string name = stream["name"];
+    const std::string of = printable(name);
+    const std::string gaps = gap_words(gaps_within(recording.gaps(name), stretch), begins_ns);
+    const std::string sound = gap_words(gaps_within(recording.sound_gaps(name), stretch), begins_ns);
+    if (!gaps.empty()) out += "Of " + of + " was not recorded: " + gaps + ".\n";
+    if (!sound.empty()) out += "Of the sound of " + of + " was not recorded: " + sound + ".\n";
+    if (!stream["erased"].empty())
+      out += "Of " + of + " was erased since: " + std::to_string(stream["erased"].size()) + " segment(s).\n";
+  }
+  return out;
+}
+
 int export_one(const Request& request, const std::optional<Home>& home, const archive::CaseReader& recording,
                const archive::Span& stretch) {
   media::ExportOptions options;
@@ -67,6 +94,8 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
   }
   if (!is_entered) log_access(home, recording.folder(), "exported " + options.stream);
   const std::int64_t begins_ns = recording.opening().begins_ns;
+  const auto gaps = gaps_within(recording.gaps(options.stream), stretch);
+  const auto sound_gaps = gaps_within(recording.sound_gaps(options.stream), stretch);
   if (request.json) {
     ordered_json told{{"case", recording.opening().case_id}, {"stream", options.stream}};
     if (request.purpose) told["purpose"] = *request.purpose;
@@ -79,6 +108,8 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
                  {"zero_ns", result.zero_ns},
                  {"start_ns", result.start_ns},
                  {"end_ns", result.end_ns},
+                 {"gaps", gaps_json(gaps)},
+                 {"sound_gaps", gaps_json(sound_gaps)},
                  {"verified", false}});
     print_json(told);
     return kDone;
@@ -91,6 +122,8 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
                                 : "; " + std::to_string(result.uncounted) +
                                       " segment(s) found by recovery are in it and not counted")
       << "\nIts time 0 is " << archive::case_time_text(result.zero_ns, begins_ns) << " of the case.\n"
+      << missing_words(gap_words(gaps, begins_ns), gap_words(sound_gaps, begins_ns))
+      << clock_set_words(recording.wall_clock(), begins_ns)
       << "Its segments have the hashes that the ledger states; whether the case holds was not verified: "
          "'kiroku verify' does that.\n";
   if (result.left_out > 0) {
@@ -160,7 +193,9 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
             << recording.opening().streams.size() << " streams, " << format_bytes(result.bytes)
             << "; time 0 of all is " << archive::case_time_text(zero_ns, recording.opening().begins_ns)
             << " of the case, whose verdict is " << verdict << ". " << media::kExportManifest
-            << " says where each begins.\n";
+            << " says where each begins.\n"
+            << missing_words(recording, stretch, result.manifest)
+            << clock_set_words(recording.wall_clock(), recording.opening().begins_ns);
   return status;
 }
 
@@ -208,6 +243,12 @@ void add_export_command(Command& program) {
       "begins that reaches into the stretch; it is the same for every stream that is exported from the same "
       "stretch. A stream that begins later begins later in its file, and gaps stay. A .csv has the case's "
       "time and, in its last column, the time since 0.");
+  command.explain(
+      "What the recorder stated that it could not record of the stretch is named in the answer, in --json "
+      "and "
+      "in the manifest. A UTC time is what the recorder's clock showed, the steps by which it was set "
+      "reckoned "
+      "with.");
   command.explain(
       "--all verifies the case first; of one that was tampered with the exit status is 1, though it is "
       "exported. manifest.json says what was found, where each file begins on the "

@@ -125,6 +125,7 @@ void add_fetch_command(Command& program) {
       "be somebody's who has the appliance's keys");
   command.flag("--list", request->list, "only names the cases that the store has of the appliance");
   command.option("-o,--output", "DIR", request->output, "the folder that gets a folder for each case");
+  command.writes("--output", Writes::kCases);
   command.option("--appliance", "NAME", request->appliance, "whose cases", "[store] of kiroku.toml");
   add_judging_options(command, request->judging, *extras);
   add_home_option(command, *asked_home);

@@ -606,6 +606,7 @@ void add_init_command(Command& program) {
   Command& command = program.add_command("init", "makes a home: keys, recipients, authority, archive");
   const auto request = std::make_shared<Request>();
   add_home_option(command, request->home);
+  command.writes("--home");
   command.flag("--demo", request->demo,
                "makes an identity without passphrase inside the home, to try things out; never for patients");
   command.option("-r,--recipient", "KEY", request->recipients,
@@ -614,6 +615,7 @@ void add_init_command(Command& program) {
   command.option(
       "--new-identity", "FILE", request->new_identities,
       "makes a new identity in FILE, sealed with a passphrase that is asked for, and its recipient");
+  command.writes("--new-identity");
   command.flag("--no-passphrase", request->no_passphrase,
                "new identities lie open in their files (mode 0600)");
   command.option("--device-name", "NAME", request->device_name, "how this recorder signs",

@@ -202,6 +202,7 @@ void add_log_publish_command(Command& log) {
       log.add_command("publish", "writes the log's tree as files that any web server can give out");
   const auto request = std::make_shared<PublishRequest>();
   command.argument("FOLDER", request->folder, "where to; it goes on from what was published there before");
+  command.writes("FOLDER");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
@@ -222,6 +223,7 @@ void add_log_follow_command(Command& log) {
   command.argument("SOURCE", request->source,
                    "where it is published: an address of http or https, or a folder");
   command.argument("COPY", request->copy, "folder for the copy; made where it is not there");
+  command.writes("COPY");
   command.option("--device", "FILE", request->devices,
                  "must be given: the recorder's key, a device.pub or the key itself");
   command.flag("--json", request->json, "prints one JSON object instead");

@@ -245,6 +245,7 @@ void add_witness_command(Command& program) {
 
   Command& initial = group.add_command("init", "makes a witness: a folder with a key and an empty memory");
   const auto made = with_folder(initial);
+  initial.writes("DIR");
   initial.required_option("--name", "NAME", made->name,
                           "what it is called in cosignatures: hospital.example/witness");
   initial.choice("--algorithm", {kMlDsa44, kEd25519}, made->algorithm,

@@ -29,6 +29,7 @@ void add_compare_command(Command& program) {
                  "steps are found by the marks of the recording");
   command.option("--write-by-hand", "FILE", request->write_by_hand,
                  "writes the steps that were found, to be edited and given with --by-hand");
+  command.writes("--write-by-hand");
   command.flag("--steps", request->steps,
                "tells the planned steps and what of them was marked, instead of comparing");
   command.option("--stream", "STREAM", request->stream, "which recorded pictures",

@@ -264,6 +264,7 @@ void add_train_curriculum_commands(Command& train) {
     command.argument("NAME", request->name, "a name that nobody there has");
     command.required_option("--database", "FILE", request->database,
                             "where results are kept; made if absent");
+    command.writes("--database");
     command.option("--group", "NAME", request->group, "of a study");
     command.option("--user", "USER", request->user,
                    "of 'kiroku user', who trains so on the page; for a trainee who is there, from now on");

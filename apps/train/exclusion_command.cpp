@@ -407,6 +407,7 @@ void add_train_exclusion_command(Command& train) {
   command.option("--size", "WxH", request->size, "of the pictures");
   command.option("--trainee", "NAME", request->trainee, "whose attempt it is ('kiroku train trainee')");
   command.option("--database", "FILE", request->database, "keeps the attempt there");
+  command.writes("--database");
   command.option("--session", "N", request->session, "of the trainee's curriculum",
                  "the one that a person goes on with; 1");
   command.option("--practice", "T", request->practice,

@@ -566,6 +566,7 @@ void add_train_haptic_rate_command(Command& train) {
   command.option("--seed", "N", request->seed, "of all chance in it");
   command.option("--database", "FILE", request->database, "keeps the results there, beside what it has",
                  "DIR/results.sqlite");
+  command.writes("--database");
   command.flag("-f,--force", request->force,
                "replaces what an earlier run left in DIR, its hand motions included");
   command.flag("--json", request->json, "prints one JSON object instead");

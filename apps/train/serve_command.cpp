@@ -119,6 +119,7 @@ void add_train_serve_command(Command& train) {
   const auto request = std::make_shared<Request>();
   command.option("--database", "FILE", request->database, "trainees and results",
                  "training.sqlite in the home");
+  command.writes("--database");
   command.option("--vertices", "N", request->vertices, "of the objects' meshes");
   command.option(
       "--organ", "FILE", request->organs,

@@ -72,6 +72,8 @@ std::string time_words(const VerificationReport& report) {
     case TimeProof::kNone:
       break;
   }
+  const bool by_record = report.evidence && report.evidence->holds && report.evidence->outside;
+  if (by_record) return "by no time-stamp of its own; its evidence record proves since when it existed";
   if (has(report, "algorithm-ended"))
     return "not proved: by the policy, an algorithm of its time-stamps counts no more";
   return has(report, "ledger-changed") || has(report, "excerpt-no-later-token")
@@ -471,6 +473,21 @@ std::string later_version_lines(const VerificationReport& report, bool device_tr
 
 }  // namespace
 
+namespace {
+
+/// Whose key it is, and whether it was asked about. Of a later format nobody read who made it.
+std::string device_words(const VerificationReport& report, bool device_trusted) {
+  if (report.device.empty()) return "not known: what names it was not read";
+  const bool none_given = std::ranges::any_of(report.findings, [](const archive::Finding& each) {
+    return !each.of_log && each.code == "no-trusted-device";
+  });
+  return report.device + (device_trusted ? " (trusted)"
+                          : none_given   ? " (no trusted key was given)"
+                                         : " (not among the trusted keys)");
+}
+
+}  // namespace
+
 std::string report_text(const VerificationReport& report, const std::string& case_name, bool device_trusted,
                         const std::string& log) {
   const bool is_later = has(report, "format-newer");
@@ -480,10 +497,10 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   out += line("case", report.case_id);
   if (is_later) return out + later_version_lines(report, device_trusted, log) + finding_lines(report);
   if (report.excerpt) out += excerpt_lines(*report.excerpt);
-  out += line("device", report.device + (device_trusted ? " (trusted)" : " (not among the trusted keys)") +
-                            (report.signed_entries == 0 && !report.device.empty()
-                                 ? "; the ledger names it, and nobody signed it"
-                                 : ""));
+  out += line("device",
+              device_words(report, device_trusted) + (report.signed_entries == 0 && !report.device.empty()
+                                                          ? "; the ledger names it, and nobody signed it"
+                                                          : ""));
   if (report.signatures != archive::SignaturesChecked::kNone) {
     out += line("signed by", signature_words(report.signatures));
   }

@@ -66,6 +66,7 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
   reader.folder_ = folder;
   bool first = true;
   crypto::MerkleFrontier tree;
+  std::vector<WallClock::Step> steps;
   read_entries(folder, [&](CaseEntry&& entry, std::string_view line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line)));
     if (first) {
@@ -88,6 +89,8 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
       reader.erased_.push_back(std::move(*erased));
     } else if (auto* token = std::get_if<TokenEntry>(&entry.body)) {
       reader.tokens_.push_back({entry.seq, entry.at.mono_ns, std::move(*token)});
+    } else if (const auto* clock = std::get_if<ClockEntry>(&entry.body)) {
+      steps.push_back({entry.at.mono_ns, clock->step_ns});
     }
     reader.entry_times_.push_back(entry.at.mono_ns);
   });
@@ -95,6 +98,7 @@ CaseReader CaseReader::open(const std::filesystem::path& folder) {
     throw Error("cannot read " + (folder / kLedgerFile).string() + ": it holds no whole entry");
   }
   reader.lines_root_ = tree.root();
+  reader.wall_clock_ = WallClock(reader.opened_at_, std::move(steps));
   return reader;
 }
 
@@ -165,15 +169,36 @@ std::int64_t CaseReader::parse_time(const std::string& text, const std::string& 
     throw UsageError(what + " is '" + text + "', which is no time: write " + std::string(kTimeForms) +
                      " from the start of the case, or UTC such as " + format_utc(opened_at_.utc));
   }
-  // A time of another century is as good as one of 146 years away: nanoseconds count no further.
-  constexpr std::int64_t kFarthestUs = (std::int64_t{1} << 62) / 1'000;
-  const std::int64_t since_open_us = std::clamp((*utc - opened_at_.utc).count(), -kFarthestUs, kFarthestUs);
-  const std::int64_t time = opened_at_.mono_ns + since_open_us * 1'000;
-  if (time < opening_.begins_ns) {
-    throw UsageError(what + " is " + text + ", before the case begins; it was opened at " +
-                     format_utc(opened_at_.utc));
+  return time_of_utc(*utc, what + " is " + text);
+}
+
+std::int64_t CaseReader::time_of_utc(UtcTime utc, const std::string& named) const {
+  std::vector<std::int64_t> times = wall_clock_.case_times(utc);
+  const auto in_case = [this](std::int64_t time_ns) { return case_time_text(time_ns, opening_.begins_ns); };
+  if (const WallClock::Step* const step = times.empty() ? wall_clock_.step_over(utc) : nullptr) {
+    const auto [before, behind] = wall_clock_.around(*step);
+    throw UsageError(named + ", which the recorder's clock never showed: it was set from " +
+                     format_utc(before) + " to " + format_utc(behind) + " at " + in_case(step->mono_ns) +
+                     " of the case; write the time from the start of the case, such as " +
+                     in_case(step->mono_ns));
   }
-  return time;
+  // What lies outside the case is meant by nobody where another time lies in it.
+  const std::int64_t ends_ns = opening_.begins_ns + duration_ns();
+  const auto lies_outside = [&](std::int64_t time_ns) {
+    return time_ns < opening_.begins_ns || time_ns > ends_ns;
+  };
+  const bool some_within = !std::ranges::all_of(times, lies_outside);
+  if (some_within) std::erase_if(times, lies_outside);
+  if (some_within && times.size() > 1) {
+    std::string all;
+    for (const std::int64_t time_ns : times) all += (all.empty() ? "" : " and ") + in_case(time_ns);
+    throw UsageError(named + ", which the recorder's clock showed several times, since it was set back: at " +
+                     all + " of the case; write which of them is meant, from the start of the case");
+  }
+  if (times.empty() || times.front() < opening_.begins_ns) {
+    throw UsageError(named + ", before the case begins; it was opened at " + format_utc(opened_at_.utc));
+  }
+  return times.front();
 }
 
 Span CaseReader::parse_stretch(const std::optional<std::string>& from,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "archive/format/ledger_entry.h"
+#include "archive/reading/wall_clock.h"
 #include "crypto/hash.h"
 
 namespace kiroku::archive {
@@ -22,6 +23,8 @@ class CaseReader {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const OpenEntry& opening() const { return opening_; }
   [[nodiscard]] const Moment& opened_at() const { return opened_at_; }
+  /// What the machine's wall clock showed in the case, as the ledger states it: its own word.
+  [[nodiscard]] const WallClock& wall_clock() const { return wall_clock_; }
   /// SHA-256 of the first line, as the appliance log states it of the case.
   [[nodiscard]] const crypto::Sha256Digest& opening_sha256() const { return opening_sha256_; }
   [[nodiscard]] std::optional<CloseEntry> closing() const { return closing_; }
@@ -55,7 +58,8 @@ class CaseReader {
   /// Every entry in order, read from the file again. A last line without LF is not an entry yet.
   void for_each(const std::function<void(const CaseEntry&)>& visit) const;
   /// Case-clock time of what a person wrote: from the start of the case (base/time_text.h), or UTC (RFC
-  /// 3339). Throws UsageError, in which `what` names it: "--at".
+  /// 3339) as the recorder's clock showed it (wall_clock()). Throws UsageError, in which `what` names it
+  /// ("--at"), also where that clock was set so that it never showed the time, or showed it several times.
   [[nodiscard]] std::int64_t parse_time(const std::string& text, const std::string& what = "the time") const;
   /// What lies between the values of --from and --to; absent ones are the start, and INT64_MAX for the end.
   /// Throws UsageError as parse_time() and require_stretch().
@@ -70,9 +74,12 @@ class CaseReader {
   void require_stretch(const Span& stretch, const StatedTime& from, const StatedTime& to) const;
 
  private:
+  [[nodiscard]] std::int64_t time_of_utc(UtcTime utc, const std::string& named) const;
+
   std::filesystem::path folder_;
   OpenEntry opening_;
   Moment opened_at_;
+  WallClock wall_clock_;
   crypto::Sha256Digest opening_sha256_{};
   std::optional<CloseEntry> closing_;
   std::vector<SegmentEntry> segments_;

@@ -145,9 +145,7 @@ class CaseExport {
   }
 
   [[nodiscard]] std::string utc_at(std::int64_t case_ns) const {
-    const archive::Moment& opened = recording_.opened_at();
-    return format_utc(opened.utc + std::chrono::duration_cast<UtcTime::duration>(
-                                       std::chrono::nanoseconds(case_ns - opened.mono_ns)));
+    return format_utc(recording_.wall_clock().at(case_ns));
   }
 
   [[nodiscard]] std::vector<archive::SegmentEntry> left_of(const archive::StreamInfo& stream) const {

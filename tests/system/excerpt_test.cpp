@@ -26,11 +26,22 @@ TEST_F(Excerpt, VerifiesByItself) {
   const auto made = kiroku_json(json);
   EXPECT_EQ(made["segments"], 5);  // two of pictures, three shorter ones of vital signs
   EXPECT_EQ(made["case"], case_);
+  EXPECT_EQ(made["from_ns"], 2'000'000'000);
+  EXPECT_EQ(made["to_ns"], 4'000'000'000);
+  EXPECT_THAT(made["from_utc"].get<std::string>(), testing::EndsWith("Z"));
+  EXPECT_TRUE(made["clock_set"].empty());
   const ProcessResult judged = kiroku({"verify", path("part")});
   EXPECT_EQ(judged.status, 4) << judged.out << judged.err;
   EXPECT_THAT(judged.out, HasSubstr("INTACT EXCERPT: a part of a case, not the case"));
   EXPECT_THAT(judged.out, Not(HasSubstr("everything is as it was recorded")));
   EXPECT_EQ(kiroku({"verify", "--excerpt", path("part")}).status, 0);
+}
+
+TEST_F(Excerpt, SaysByBothClocksWhichStretchItIs) {
+  const ProcessResult made = kiroku(cut("part"));
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_THAT(made.out, testing::ContainsRegex("It is 00:00:02 to 00:00:04 of the case: [0-9TZ:.-]+ to "
+                                               "[0-9TZ:.-]+ by the recorder's clock"));
 }
 
 TEST_F(Excerpt, ANameCommandsNoTerminal) {

@@ -119,6 +119,21 @@ TEST_F(Exporting, TakesEverythingIntoAFolderThatSaysWhatItIs) {
   EXPECT_FALSE(std::getline(index, line));
 }
 
+TEST_F(Exporting, NamesWhatIsMissingOfIt) {
+  const ProcessResult room = take({"--stream", "room", "-o", "room.mkv"});
+  ASSERT_EQ(room.status, 0) << room.err;
+  EXPECT_THAT(room.out, HasSubstr("Not in it, since it was not recorded: 3 stated gaps, "));
+  EXPECT_THAT(room.out, HasSubstr("at 00:00:04 for 1.0 s ("));
+  EXPECT_EQ(kiroku_json({"export", case_, "-i", path("identity.txt"), "--stream", "room", "--json", "-o",
+                         "again.mkv"})["gaps"]
+                .size(),
+            3U);
+  const ProcessResult all = take({"--all", "-o", "all"});
+  EXPECT_THAT(all.out, HasSubstr("Of room was not recorded: 3 stated gaps, "));
+  EXPECT_THAT(take({"--stream", "endoscope", "-o", "endoscope.mkv"}).out,
+              testing::Not(HasSubstr("was not recorded")));
+}
+
 TEST_F(Exporting, OfACaseThatWasTamperedWithDoesNotLeaveAsIfItHeld) {
   const std::filesystem::path last = std::filesystem::path(case_) / "segments/endoscope/00000007.ts.age";
   ASSERT_TRUE(std::filesystem::exists(last));

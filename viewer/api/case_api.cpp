@@ -183,10 +183,14 @@ Response describe_case(const std::string& name, const archive::CaseReader& recor
                        {"start_ns", recorded ? ordered_json(span->second.start_ns) : ordered_json(nullptr)},
                        {"end_ns", recorded ? ordered_json(span->second.end_ns) : ordered_json(nullptr)}});
   }
+  ordered_json clock_steps = ordered_json::array();
+  for (const archive::WallClock::Step& step : recording.wall_clock().steps())
+    clock_steps.push_back({{"time_ns", step.mono_ns}, {"step_ns", step.step_ns}});
   return Response::json(
       {{"id", name},
        {"opened", format_utc(recording.opened_at().utc)},
        {"opened_ns", recording.opened_at().mono_ns},  // what was recorded ahead lies before
+       {"clock_steps", std::move(clock_steps)},
        {"state", recording.closing() ? "closed" : "open"},
        {"duration_ns", recording.duration_ns()},
        {"begins_ns", opening.begins_ns},

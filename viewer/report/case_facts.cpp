@@ -52,7 +52,14 @@ struct Taking {
     facts->closed_at = at;
     facts->close_reason = close.reason;
   }
-  void operator()(const archive::ClockEntry& /*clock*/) const {}
+  void operator()(const archive::ClockEntry& clock) const {
+    if (clock.step_ns == 0 || facts->closed_at) return;
+    facts->clock_set = true;
+    // Whoever writes a ledger can state what no clock counts.
+    constexpr std::int64_t kMost = INT64_MAX / 2;
+    facts->clock_set_ns =
+        std::clamp(std::clamp(clock.step_ns, -kMost, kMost) + facts->clock_set_ns, -kMost, kMost);
+  }
   void operator()(const archive::RecoveredEntry& /*recovered*/) const {}
   void operator()(const archive::ErasedEntry& /*erased*/) const {}
 };

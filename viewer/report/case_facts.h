@@ -44,6 +44,9 @@ struct CaseFacts {
   std::optional<archive::OpenEntry> opening;
   std::optional<archive::Moment> opened_at, closed_at;
   std::string close_reason;
+  // By how much the machine's wall clock was set between them, all steps together; whether it was at all.
+  std::int64_t clock_set_ns = 0;
+  bool clock_set = false;
   std::vector<archive::GapEntry> gaps;
   std::vector<StatedToken> tokens;
   std::uint64_t missed_tokens = 0, marks = 0, segments = 0, segment_bytes = 0;

@@ -70,7 +70,13 @@ class CertificateMaker {
     Table table = facts_table();
     add_fact(table, found_.excerpt ? "Excerpt of case" : "Case", identifier_words(in_, document_.identifier));
     if (facts.opened_at) add_fact(table, "Opened, by the recorder's clock", utc_time(facts.opened_at->utc));
-    if (facts.closed_at) add_fact(table, "Closed, by the recorder's clock", utc_time(facts.closed_at->utc));
+    if (facts.closed_at) {
+      const std::string closed = utc_time(facts.closed_at->utc);
+      add_fact(table, "Closed, by the recorder's clock",
+               facts.clock_set ? closed + "; that clock was set since the opening, by " +
+                                     signed_seconds(facts.clock_set_ns) + " in all"
+                               : closed);
+    }
     if (found_.excerpt) {
       const std::int64_t begins = found_.excerpt->begins_ns;
       add_fact(
@@ -79,7 +85,8 @@ class CertificateMaker {
     }
     add_fact(table, "Streams", streams());
     add_fact(table, "Device key", plain_text(found_.device), Face::kMono);
-    add_fact(table, "Ledger entries", grouped(facts.entries));
+    add_fact(table, found_.excerpt ? "Ledger entries in the excerpt" : "Ledger entries",
+             grouped(facts.entries));
     add_fact(table, "SHA-256 of " + facts.ledger.name, crypto::to_hex(facts.ledger.sha256), Face::kMono);
     if (facts.root) add_fact(table, "Merkle root (RFC 6962)", crypto::to_hex(*facts.root), Face::kMono);
     add(std::move(table));
@@ -90,6 +97,13 @@ class CertificateMaker {
     for (const archive::StreamReport& stream : found_.streams)
       out += (out.empty() ? "" : ", ") + plain_text(stream.info.name, kMostBytesOfName);
     return out.empty() ? "none" : out;
+  }
+
+  /// What an evidence record adds to that.
+  [[nodiscard]] std::string renewed_evidence() const {
+    return is_proved_by_record(found_)
+               ? " An evidence record (RFC 4998) carries proof of its existence on. " + evidence_sentence(in_)
+               : "";
   }
 
   /// Who vouches for the times of this record: what is signed under penalty of perjury claims no other.
@@ -104,13 +118,18 @@ class CertificateMaker {
                " of the ledger. Of what follows the recorder alone says when it was written.";
       case archive::TimeProof::kSelfIssued:
         return "A time-stamping authority that is part of the recorder signed, by the recorder's own clock, "
-               "when it was shown these roots. No time stamp of an authority outside the recorder could be "
-               "relied on.";
+               "when it was shown these roots. " +
+               std::string(is_proved_by_record(found_)
+                               ? "No other time stamp of the record's own could be relied on."
+                               : "No time stamp of an authority outside the recorder could be relied on.");
       case archive::TimeProof::kNone:
         break;
     }
-    return "No time stamp of an authority could be relied on: the recorder alone says when the record was "
-           "written.";
+    return is_proved_by_record(found_)
+               ? "No time stamp of the record's own could be relied on: the recorder alone says when it was "
+                 "written."
+               : "No time stamp of an authority could be relied on: the recorder alone says when the record "
+                 "was written.";
   }
 
   void add_system() {
@@ -122,7 +141,7 @@ class CertificateMaker {
         "ledger. It "
         "signs the root of all entries with a key of its own. What the recorder could not record it enters "
         "as a gap. " +
-        time_stamping());
+        time_stamping() + renewed_evidence());
     small("Stated by the person who signs:");
     Table table = facts_table();
     blank(table, "How I know that the recorder worked as set up");
@@ -137,8 +156,9 @@ class CertificateMaker {
          " verified the copy to which this certificate "
          "belongs. " +
          hashed_files() +
-         " It computed the "
-         "root of the entries, and checked the device's " +
+         (found_.excerpt ? " It computed the root of the case's entries from those of the excerpt and the "
+                           "hashes that stand for the others, and checked the device's "
+                         : " It computed the root of the entries, and checked the device's ") +
          signatures() + " over that root. The copy has " + grouped(found_.bytes) + " bytes in all.");
     add(verdict_statement(in_, Brackets::kInTheReport));
     small("Stated by the person who signs:");
@@ -230,12 +250,24 @@ class CertificateMaker {
     if (found_.time == archive::TimeProof::kSelfIssued || found_.time == archive::TimeProof::kNone)
       item("That an outside clock confirms any of the times above: see the result in part 4.");
     for (const archive::TimeRemark remark : archive::time_remarks(found_)) item(what_no_clock_says(remark));
-    if (found_.verdict == Verdict::kIntactWithGaps || (found_.excerpt && found_.excerpt->with_gaps))
-      item(
-          "That everything was recorded. The record itself states what is missing; the verification report "
-          "lists "
-          "it.");
     const std::vector<CheckAnswer> answers = answer_checks(found_, in_.given, in_.facts.excerpt);
+    const bool states_gaps =
+        found_.verdict == Verdict::kIntactWithGaps || (found_.excerpt && found_.excerpt->with_gaps);
+    if (states_gaps)
+      item(
+          "That everything was recorded, or is there still. The record itself states what is missing; the "
+          "verification report lists it.");
+    const bool is_sparse =
+        std::ranges::find(answers, Check::kStreams, &CheckAnswer::check)->answer == Answer::kInPart;
+    if (is_sparse)
+      item(
+          "That all of its streams were recorded throughout. One is shorter than the record, or holds far "
+          "less "
+          "in places than elsewhere; the verification report says which, and where.");
+    if (in_.facts.clock_set)
+      item(
+          "That the times above by the recorder's clock tell how long anything lasted. That clock was set "
+          "while the record was made.");
     if (std::ranges::find(answers, Check::kLog, &CheckAnswer::check)->answer != Answer::kYes)
       item(
           "That nobody who holds the recorder's key removed the end of the record or signed another one in "

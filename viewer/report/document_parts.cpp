@@ -16,12 +16,15 @@ using archive::Severity;
 using archive::TimeProof;
 using archive::Verdict;
 
-std::string verdict_sentence(Language language, Verdict verdict) {
-  switch (verdict) {
+std::string verdict_sentence(const ReportInput& input, Brackets brackets) {
+  const Language language = input.language;
+  if (is_of_later_version(input.verification)) return say(language, "verdict.newer.sentence");
+  switch (input.verification.verdict) {
     case Verdict::kIntact:
       return say(language, "verdict.intact.sentence");
     case Verdict::kIntactWithGaps:
-      return say(language, "verdict.gaps.sentence");
+      return say(language, brackets == Brackets::kBelow ? TextKey("verdict.gaps.sentence")
+                                                        : TextKey("verdict.gaps.sentence.elsewhere"));
     case Verdict::kIntactExcerpt:
       return say(language, "verdict.excerpt.sentence");
     case Verdict::kUnproven:
@@ -124,6 +127,7 @@ std::string proof_sentence(const ReportInput& input, Brackets brackets) {
       return std::ranges::find(input.verification.findings, code, &archive::Finding::code) !=
              input.verification.findings.end();
     };
+    if (is_proved_by_record(input.verification)) return say(input.language, "time.none.record");
     if (found(kAlgorithmEnded)) return say(input.language, "time.ended");
     return found("ledger-changed") || found("excerpt-no-later-token")
                ? say(input.language, "time.other-entries")
@@ -210,19 +214,18 @@ std::string witness_sentence(const ReportInput& input) {
 }
 
 bool is_of_later_version(const archive::VerificationReport& verification) {
-  return std::ranges::find(verification.findings, "format-newer", &archive::Finding::code) !=
-         verification.findings.end();
+  return std::ranges::any_of(verification.findings, [](const archive::Finding& finding) {
+    return !finding.of_log && finding.code == "format-newer";
+  });
 }
 
 Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   const Verdict verdict = input.verification.verdict;
   Statement statement{tone_of(verdict), verdict_words(input.language, verdict),
-                      verdict_sentence(input.language, verdict), gravest_meanings(input)};
-  if (verdict == Verdict::kTampered) return statement;
-  if (is_of_later_version(input.verification)) {
-    statement.sentence = say(input.language, "verdict.newer.sentence");
-    return statement;
-  }
+                      verdict_sentence(input, brackets), gravest_meanings(input)};
+  if (verdict == Verdict::kTampered || is_of_later_version(input.verification)) return statement;
+  if (input.verification.excerpt && input.verification.excerpt->with_gaps)
+    statement.remarks.push_back(say(input.language, "verdict.excerpt.gaps"));
   statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
@@ -291,12 +294,24 @@ std::string signature_words(const ReportInput& input) {
 
 std::string device_trust_words(const ReportInput& input) {
   if (input.given.devices.empty()) return say(input.language, "device.trusted.none");
+  if (input.verification.device.empty()) return say(input.language, "device.trusted.unread");
+  // A log of another device that was given beside the case says nothing of the case's own.
   const bool doubted = std::ranges::any_of(input.verification.findings, [](const archive::Finding& finding) {
     return !finding.of_log && (finding.code == "device-not-trusted" || finding.code == "no-trusted-device");
   });
   if (input.verification.signed_entries == 0) return say(input.language, "check.unsigned");
-  return doubted || input.verification.device.empty() ? say(input.language, "device.trusted.no")
-                                                      : say(input.language, "device.trusted.yes");
+  return doubted ? say(input.language, "device.trusted.no") : say(input.language, "device.trusted.yes");
+}
+
+std::string closed_words(const ReportInput& input) {
+  const std::string closed = utc_time(input.facts.closed_at->utc);
+  return input.facts.clock_set
+             ? say(input.language, "case.by-device.set", {closed, signed_seconds(input.facts.clock_set_ns)})
+             : say(input.language, "case.by-device", {closed});
+}
+
+bool is_proved_by_record(const archive::VerificationReport& verification) {
+  return verification.evidence && verification.evidence->holds && verification.evidence->outside;
 }
 
 }  // namespace kiroku::report

@@ -21,10 +21,9 @@ std::string time_sentence(const ReportInput& input, Brackets brackets = Brackets
 std::string evidence_sentence(const ReportInput& input);
 /// Whether what the log says of the case's end is witnessed; "" where no policy of witnesses was given.
 std::string witness_sentence(const ReportInput& input);
-/// Verdict, what it means, and what is to be known with it.
 /// Whether the record is of a later version of the format: nothing is known of what its entries say.
 bool is_of_later_version(const archive::VerificationReport& verification);
-
+/// Verdict, what it means, and what is to be known with it.
 Statement verdict_statement(const ReportInput& input, Brackets brackets = Brackets::kBelow);
 /// The document's frame: languages, titles, metadata, no blocks.
 Document empty_document(const ReportInput& input, std::string title);
@@ -33,6 +32,11 @@ Table facts_table();
 void add_fact(Table& table, std::string name, std::string value, Face face = Face::kText);
 /// Whether the device's key is among the given ones, in words.
 std::string device_trust_words(const ReportInput& input);
+/// When the case was closed, by the device's clock, and by how much that was set in between. There must be an
+/// end.
+std::string closed_words(const ReportInput& input);
+/// Whether its evidence record proves since when it existed, by clocks outside.
+bool is_proved_by_record(const archive::VerificationReport& verification);
 /// By which keys of the device its checkpoints were checked.
 std::string signature_words(const ReportInput& input);
 /// A case's identifier begins with a time, which whoever made the case chose: says so where it is more than

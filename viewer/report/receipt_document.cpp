@@ -57,7 +57,7 @@ Document make_receipt(const ReportInput& input) {
   const auto add = [&](Block block) { document.blocks.push_back(std::move(block)); };
 
   // One page: what else is to be known stands in the report.
-  Statement statement = verdict_statement(input);
+  Statement statement = verdict_statement(input, Brackets::kUnsaid);
   statement.remarks.clear();
   const std::size_t limits =
       statement.tone == Tone::kGood ? archive::time_remarks(input.verification).size() : 0;
@@ -76,9 +76,7 @@ Document make_receipt(const ReportInput& input) {
   add_fact(table, words("case.id"), identifier_words(input, document.identifier));
   if (facts.opened_at)
     add_fact(table, words("case.opened"), words("case.by-device", {utc_time(facts.opened_at->utc)}));
-  add_fact(
-      table, words("case.closed"),
-      facts.closed_at ? words("case.by-device", {utc_time(facts.closed_at->utc)}) : words("case.not-closed"));
+  add_fact(table, words("case.closed"), facts.closed_at ? closed_words(input) : words("case.not-closed"));
   add_fact(table, words("receipt.root"), crypto::to_base64(note.root, crypto::Base64Padding::kPadded),
            Face::kMono);
   add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);

@@ -78,7 +78,7 @@ std::string ReportMaker::explanation(const CheckAnswer& answered) const {
     return words(found_.in_log ? TextKey("check.log.unsigned") : TextKey("check.log.not-compared"));
   if (gravest == nullptr) {
     return answered.check == Check::kTime && found_.excerpt.has_value() == in_.facts.excerpt
-               ? words("time.none")
+               ? words(is_proved_by_record(found_) ? TextKey("time.none.record") : TextKey("time.none"))
                : words("check.excerpt.unread");
   }
   return words("check.see-findings", {meaning_of(in_.language, gravest->code),

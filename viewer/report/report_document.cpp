@@ -6,10 +6,13 @@ namespace kiroku::report {
 
 Document ReportMaker::make() {
   add(verdict_statement(in_));
+  // What its lines say is not known: only what they are, and how to ask a newer program.
   if (is_of_later_version(found_)) {
     add_answers();
     add_chain();
     add_findings();
+    add_hashes();
+    add_repeating();
     add_about();
     add_words();
     return std::move(document_);

@@ -34,6 +34,7 @@ void ReportMaker::add_hashes() {
     add_fact(table, std::move(name), crypto::to_hex(digest), Face::kMono);
   };
   hash(words("hash.ledger", {facts.ledger.name}), facts.ledger.sha256);
+  if (is_of_later_version(found_)) return add(std::move(table));
   add_fact(table, words(facts.excerpt ? TextKey("hash.entries.excerpt") : TextKey("hash.entries")),
            grouped(facts.entries));
   if (facts.root) hash(words("hash.root"), *facts.root);
@@ -99,6 +100,10 @@ void ReportMaker::add_repeating() {
                                                    : " --proof CASE.tlog-proof") +
                         (in_.given.witnesses.empty() ? "" : " --witnesses WITNESSES.txt") +
                         (in_.given.identities.empty() ? "" : " -i IDENTITY.txt")}};
+  if (is_of_later_version(found_)) {
+    paragraph(words("repeat.newer"));
+    return add(verify);
+  }
   if (facts.excerpt) {
     paragraph(words("repeat.excerpt"));
     return add(verify);

@@ -71,8 +71,7 @@ void ReportMaker::add_case() {
   add_fact(table, words("case.opened"),
            facts.opened_at ? by_device(facts.opened_at->utc) : words("case.unknown"));
   if (!facts.excerpt) {
-    add_fact(table, words("case.closed"),
-             facts.closed_at ? by_device(facts.closed_at->utc) : words("case.not-closed"));
+    add_fact(table, words("case.closed"), facts.closed_at ? closed_words(in_) : words("case.not-closed"));
   }
   const std::int64_t begins_ns = facts.opening ? facts.opening->begins_ns : 0;
   if (!facts.excerpt) add_fact(table, words("case.duration"), case_time(facts.last_ns - begins_ns, false));
@@ -175,7 +174,8 @@ void ReportMaker::add_gaps() {
   std::vector<archive::GapEntry> gaps;
   std::ranges::copy_if(in_.facts.gaps, std::back_inserter(gaps),
                        [this](const archive::GapEntry& gap) { return concerns(gap); });
-  if (gaps.empty()) return paragraph(words("gap.none"));
+  if (gaps.empty())
+    return paragraph(words(in_.facts.excerpt ? TextKey("gap.none.excerpt") : TextKey("gap.none")));
   constexpr std::size_t kMost = 60;
   Table table{{{words("stream.name"), 1.4},
                {words("gap.from"), 1.3, Alignment::kRight},

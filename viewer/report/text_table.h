@@ -34,6 +34,14 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "この記録にあるものは、記録されたときのままです。一部は記録されなかったか、後に消去されていますが、その"
      "旨は署"
      "名された記録自体に記されており、本書に一覧を示します。"},
+    {"verdict.gaps.sentence.elsewhere",
+     "What is in this record is as it was recorded. Some of what happened is not in it, or is not there any "
+     "more; the signed record itself says so, and the verification report lists it.",
+     "この記録にあるものは、記録されたときのままです。一部は記録されなかったか、後に消去されていますが、その"
+     "旨は署名された記録自体に記されており、検証報告書に一覧を示します。"},
+    {"verdict.excerpt.gaps",
+     "Some of its stretch of time is not in it, or is not there any more: the lines of the excerpt say so.",
+     "この時間の一部は記録されなかったか、後に消去されています（抜粋の行に記載）。"},
     {"verdict.excerpt", "INTACT EXCERPT", "抜粋として改変なし"},
     {"verdict.excerpt.sentence",
      "This is a part of a recording, not the recording. What it holds is as it was recorded. What it leaves "
@@ -112,6 +120,9 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "時刻は記録装置に内蔵された時刻認証局のみによるもので、外部の時計による裏付けはありません。"},
     {"time.none", "No time stamp could be checked: when it existed is not proved.",
      "検査できたタイムスタンプがなく、存在した時刻は証明されていません。"},
+    {"time.none.record",
+     "None of its own time stamps could be relied on: since when it existed, its evidence record alone says.",
+     "症例自体のタイムスタンプには依拠できず、いつから存在したかは証拠記録のみが示します。"},
     {"time.other-entries",
      "No time stamp that could be checked is over the entries that are here: when these existed is not "
      "proved.",
@@ -370,6 +381,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.id.other-time", "{0}, which names a time that is not that of its opening",
      "{0}（番号の示す時刻は、開始の時刻ではない）"},
     {"case.by-device", "{0}, by the device's clock", "{0}（装置の時計による）"},
+    {"case.by-device.set", "{0}, by the device's clock, which was set since the opening, by {1} in all",
+     "{0}（装置の時計による。開始後に合計 {1} 合わせられている）"},
     {"case.duration", "Length", "長さ"},
     {"case.reason", "Ended by", "終了理由"},
     {"case.device", "Device", "装置"},
@@ -453,8 +466,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "{0}（1行1件、通し番号付き）。全体で一つのマークル根（RFC 6962）を持ちます。"},
     {"chain.ledger.bond", "size and root are signed in", "件数と根に署名"},
     {"chain.checkpoints", "Checkpoints", "チェックポイント"},
-    {"chain.checkpoints.text", "{0}, signed by {1} while it recorded; the last that holds covers {2}.",
-     "{0}。記録中に {1} が署名。成り立つ最後のものは{2}を覆います。"},
+    {"chain.checkpoints.text", "{0}, signed by {1}; the last that holds covers {2}.",
+     "{0}。{1} が署名。成り立つ最後のものは{2}を覆います。"},
     {"chain.checkpoints.none", "There is no checkpoint that the device signed of these entries.",
      "この項目に対して装置が署名したチェックポイントはありません。"},
     {"chain.checkpoints.bond", "hash of the signed note is stamped by", "署名文書のハッシュ値に押印"},
@@ -642,10 +655,11 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"stream.none", "none", "なし"},
     {"stream.nothing", "nothing recorded", "記録なし"},
     {"stream.lead",
-     "Times are those of the case clock, which begins at 0 when the case is opened and is never set. Frames "
+     "Times are those of the case clock, which is 0 where the recording begins and is never set. Frames "
      "counts "
      "pictures of a video, and lines of vital signs and events.",
-     "時刻は症例時計（開始時を0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では画像数"
+     "時刻は症例時計（記録の始まりを0とし、途中で合わせることのない時計）によります。「フレーム」は、映像では"
+     "画像数"
      "、"
      "バイタルサインとイベントでは行数です。"},
     {"stream.lead.excerpt", "Segments and frames are those that this excerpt holds. The case may have more.",
@@ -666,6 +680,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"gap.cause", "Cause, as the recorder stated it", "原因（記録装置の記載）"},
     {"gap.sound", "{0}, sound", "{0}の音声"},
     {"gap.none", "The record states no gap.", "欠落の記載はありません。"},
+    {"gap.none.excerpt", "The lines of this excerpt state no gap of its streams in its stretch of time.",
+     "この抜粋の行に、その時間内の系統の欠落の記載はありません。"},
     {"gap.further", "{0} further gaps are not printed here; 'kiroku verify --json' lists all.",
      "ほか {0} 件は省略しました（kiroku verify --json で一覧できます）。"},
     {"cause.signal-lost", "no signal came", "信号なし"},
@@ -760,7 +776,7 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"device.name", "Name", "名称"},
     {"device.key", "Verifier key", "検証鍵"},
     {"device.id", "Key identifier", "鍵識別子"},
-    {"device.trusted", "Trusted", "信頼"},
+    {"device.trusted", "Key trusted", "鍵の信頼"},
     {"device.signatures", "Signatures checked", "検証した署名"},
     {"device.signatures.hardware", "Ed25519 and the key in the device's hardware (ECDSA P-256)",
      "Ed25519 と装置のハードウェア内の鍵（ECDSA P-256）"},
@@ -773,6 +789,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "あり（検査に与えられた鍵に含まれる）"},
     {"device.trusted.no", "no: not among the keys that were given for this check",
      "なし（検査に与えられた鍵に含まれない）"},
+    {"device.trusted.unread", "not judged: what names the device was not read",
+     "判定せず（装置を名指す部分が読み取られていない）"},
     {"device.trusted.none", "not judged: no key was given for this check",
      "判定せず（鍵が与えられていない）"},
     {"device.lead",
@@ -846,6 +864,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "マークル木と署名を含む検査の全体は、Kiroku の文書 docs/how-to/verify-with-stock-tools.md "
      "に1ページの手順書としてあります。"
      "Kiroku を用いる場合（本書と同じ検査）："},
+    {"repeat.newer",
+     "With a version of Kiroku that knows this format:", "この形式に対応する版の Kiroku で："},
     {"repeat.excerpt",
      "The whole check of an excerpt, with its Merkle proofs, is a script of its own in Kiroku's "
      "documentation: "

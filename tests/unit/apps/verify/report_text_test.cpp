@@ -74,5 +74,31 @@ TEST(ReportText, SaysBesideTheTimeWhatItIsNotWorth) {
               HasSubstr("             from opening to closing the recorder's clock"));
 }
 
+TEST(ReportText, OfARenewedCaseDoesNotSayThatNothingProvesItsTime) {
+  archive::VerificationReport report = stamped_late();
+  report.time = archive::TimeProof::kNone;
+  EXPECT_THAT(told(report), HasSubstr("not proved: no time-stamp that could be checked"));
+  archive::EvidenceReport& evidence = report.evidence.emplace();
+  evidence.holds = evidence.outside = true;
+  evidence.time_stamps = 1;
+  evidence.since = evidence.newest = parse_utc("2027-01-01T00:00:00Z");
+  EXPECT_THAT(told(report), testing::AllOf(HasSubstr("its evidence record proves since when it existed"),
+                                           Not(HasSubstr("not proved"))));
+}
+
+TEST(ReportText, SaysOfTheDeviceWhatWasAsked) {
+  archive::VerificationReport report = stamped_late();
+  report.device = "or3+0b4cfd37+key";
+  report.signed_entries = 1;
+  const auto said = [&](bool trusted) { return report_text(report, "case", trusted, no_log_words()); };
+  EXPECT_THAT(said(true), HasSubstr("or3+0b4cfd37+key (trusted)\n"));
+  EXPECT_THAT(said(false), HasSubstr("or3+0b4cfd37+key (not among the trusted keys)\n"));
+  report.findings.push_back({"no-trusted-device", archive::Severity::kUnproven, {}, {}, {}, "why"});
+  EXPECT_THAT(said(false), HasSubstr("or3+0b4cfd37+key (no trusted key was given)\n"));
+  report.device.clear();
+  EXPECT_THAT(said(false),
+              testing::AllOf(HasSubstr("  device     not known"), Not(HasSubstr("trusted keys"))));
+}
+
 }  // namespace
 }  // namespace kiroku::apps

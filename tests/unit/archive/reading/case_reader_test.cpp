@@ -81,6 +81,58 @@ TEST_F(CaseReading, ReadsTimesFromTheStartAndInUtc) {
   }
 }
 
+/// Six seconds of pictures; set by this much at 3 s.
+CaseReader case_with_clock_set(test::SampleArchive& archive, std::int64_t step_ns) {
+  archive.clear();
+  archive.now_ns = 0;
+  test::SampleCase sample(archive);
+  archive.now_ns = 3 * kSecond;
+  sample.writer().append({sample.segment(0, 0, {0, 3 * kSecond})}, archive.now());
+  sample.writer().append({ClockEntry{true, 0, 0, step_ns}}, archive.now());
+  archive.now_ns = 6 * kSecond;
+  sample.writer().append({sample.segment(0, 1, {3 * kSecond, 6 * kSecond})}, archive.now());
+  sample.close();
+  return CaseReader::open(sample.folder());
+}
+
+std::string utc_after(int seconds) {
+  return format_utc(test::SampleArchive::opened_at() + std::chrono::seconds(seconds));
+}
+
+std::string refusal_of(const CaseReader& reader, const std::string& time) {
+  try {
+    return "read as " + std::to_string(reader.parse_time(time, "--from"));
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+}
+
+TEST_F(CaseReading, ReadsUtcAsAClockShowedItThatWasSetForward) {
+  const CaseReader reader = case_with_clock_set(archive_, 3600 * kSecond);
+  EXPECT_EQ(reader.parse_time(utc_after(2)), 2 * kSecond);
+  EXPECT_EQ(reader.parse_time(utc_after(3604)), 4 * kSecond);
+  EXPECT_EQ(reader.parse_time(utc_after(3603)), 3 * kSecond);
+  EXPECT_EQ(refusal_of(reader, utc_after(4)),
+            "--from is " + utc_after(4) + ", which the recorder's clock never showed: it was set from " +
+                utc_after(3) + " to " + utc_after(3603) +
+                " at 00:00:03 of the case; write the time from the start of the case, such as 00:00:03");
+  EXPECT_EQ(reader.wall_clock().at(4 * kSecond), *parse_utc(utc_after(3604)));
+}
+
+TEST_F(CaseReading, RefusesUtcThatAClockShowedTwice) {
+  const CaseReader reader = case_with_clock_set(archive_, -2 * kSecond);
+  EXPECT_EQ(refusal_of(reader, utc_after(2)),
+            "--from is " + utc_after(2) +
+                ", which the recorder's clock showed several times, since it was set back: at 00:00:02 and "
+                "00:00:04 of the case; write which of them is meant, from the start of the case");
+  EXPECT_EQ(reader.parse_time(utc_after(0)), 0);
+  EXPECT_EQ(reader.parse_time(utc_after(4)), 6 * kSecond);
+  // By an hour back: the second time lies before the case, or behind it.
+  const CaseReader hour = case_with_clock_set(archive_, -3600 * kSecond);
+  EXPECT_EQ(hour.parse_time(utc_after(2)), 2 * kSecond);
+  EXPECT_EQ(hour.parse_time(utc_after(-3600 + 4)), 4 * kSecond);
+}
+
 TEST_F(CaseReading, ReadsEveryFormOfATimeAndTellsThemWhereItIsNone) {
   const CaseReader reader = CaseReader::open(folder_);
   for (const char* text : {"5s", "0:05", "00:00:05", "5", "5000ms"}) {

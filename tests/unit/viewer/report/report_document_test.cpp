@@ -668,6 +668,42 @@ TEST_F(ReportDocument, StatesGapsWithTheirCause) {
   EXPECT_THAT(text, HasSubstr("| ✓ Yes, with stated gaps | Time in which nothing could be recorded."));
 }
 
+// What its lines say was not looked at.
+TEST_F(ReportDocument, OfALaterFormatSaysNothingOfWhatItDidNotCheck) {
+  ReportInput in = input();
+  in.verification = archive::VerificationReport{};
+  archive::Finding found;
+  found.code = "format-newer";
+  found.severity = archive::Severity::kUnproven;
+  in.verification.findings.push_back(found);
+  in.verification.verdict = archive::Verdict::kUnproven;
+  const std::string text = test::text_of(make_report(in));
+  EXPECT_THAT(text, AllOf(HasSubstr("its files, was not checked"), HasSubstr("which were not checked"),
+                          HasSubstr(in.facts.ledger.name)));
+  for (const char* const unknown :
+       {"Nobody signed the ledger", "contradicts itself", "states no gap", "none holds under the roots",
+        "| Marks", "0 ledger entries", "sha256sum -c"})
+    EXPECT_THAT(text, Not(HasSubstr(unknown)));
+}
+
+TEST_F(ReportDocument, OfAnExcerptTellsOfGapsInItsStretchAlone) {
+  EXPECT_THAT(report(archive_.options()), HasSubstr("The record states no gap."));
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  EXPECT_THAT(report(archive_.options()),
+              AllOf(HasSubstr("state no gap of its streams in its stretch of time"),
+                    Not(HasSubstr("The record states no gap."))));
+  ReportInput in = input();
+  in.verification.excerpt->with_gaps = true;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("Some of its stretch of time is not in it"));
+}
+
+// Some are signed later: when a stream is erased.
+TEST_F(ReportDocument, DoesNotSayWhenCheckpointsWereSigned) {
+  EXPECT_THAT(report(archive_.options()), AllOf(HasSubstr("signed by or3; the last that holds covers"),
+                                                Not(HasSubstr("while it recorded"))));
+}
+
 TEST_F(ReportDocument, InJapaneseSaysTheSame) {
   const std::string text = test::text_of(make_report(input(archive_.options(), Language::kJapanese)));
   EXPECT_THAT(text, HasSubstr("✓ 改変なし\n"));

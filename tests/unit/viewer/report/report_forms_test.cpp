@@ -202,6 +202,124 @@ TEST_F(ReportDocument, CertificateOfARekeyedExcerptSaysWhatHasTheEntrysHash) {
                     HasSubstr("The new header of each yields the same key as the original one.")));
 }
 
+// The lines around its stretch are not all of the case's: nobody computed the root from those that are here
+// alone.
+TEST_F(ReportDocument, CertificateOfAnExcerptSaysWhatItsRootWasComputedFrom) {
+  EXPECT_THAT(test::text_of(make_certificate(input())),
+              AllOf(HasSubstr("It computed the root of the entries, and"), HasSubstr("\nLedger entries | ")));
+  archive::make_excerpt(folder_, second_segment(), temporary_ / "excerpt");
+  folder_ = temporary_ / "excerpt";
+  EXPECT_THAT(test::text_of(make_certificate(input())),
+              AllOf(HasSubstr("from those of the excerpt and the hashes that stand for the others"),
+                    HasSubstr("Ledger entries in the excerpt | "), Not(HasSubstr("\nLedger entries | "))));
+}
+
+TEST_F(ReportDocument, CertificateOfAShortStreamSaysThatNotAllWasRecorded) {
+  ReportInput in = input();
+  const char* const shorter = "That all of its streams were recorded throughout";
+  EXPECT_THAT(test::text_of(make_certificate(in)), Not(HasSubstr(shorter)));
+  archive::Finding found;
+  found.code = "stream-shorter";
+  found.severity = archive::Severity::kNote;
+  in.verification.findings.push_back(found);
+  EXPECT_THAT(test::text_of(make_certificate(in)), HasSubstr(shorter));
+}
+
+archive::Finding doubt(const std::string& code, bool of_log) {
+  archive::Finding found;
+  found.code = code;
+  found.severity = archive::Severity::kUnproven;
+  found.of_log = of_log;
+  return found;
+}
+
+TEST_F(ReportDocument, SaysOfTheCasesOwnDeviceWhetherItsKeyIsTrusted) {
+  const auto said = [](const ReportInput& in) {
+    const std::string text = test::text_of(make_receipt(in));
+    const std::string label = "Key trusted | ";
+    const std::size_t at = text.find(label);
+    return at == std::string::npos ? text
+                                   : text.substr(at + label.size(), text.find('\n', at) - at - label.size());
+  };
+  const std::string yes = "yes: among the keys that were given for this check";
+  EXPECT_EQ(said(input()), yes);
+  ReportInput other_log = input();
+  other_log.verification.findings.push_back(doubt("device-not-trusted", true));
+  EXPECT_EQ(said(other_log), yes) << "it is the log's device that is not trusted";
+  ReportInput other_device = input();
+  other_device.verification.findings.push_back(doubt("device-not-trusted", false));
+  EXPECT_EQ(said(other_device), "no: not among the keys that were given for this check");
+  ReportInput roots_alone = input();
+  roots_alone.given.devices.clear();
+  roots_alone.verification.findings.push_back(doubt("no-trusted-device", false));
+  EXPECT_EQ(said(roots_alone), "not judged: no key was given for this check");
+  // Of authorities' roots it says nothing.
+  archive::VerifyOptions no_roots = archive_.options();
+  no_roots.trust = nullptr;
+  EXPECT_EQ(said(input(no_roots)), yes);
+}
+
+TEST_F(ReportDocument, OfAClockThatWasSetSaysByHowMuchTheTimesAreApart) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  sample.writer().append({archive::ClockEntry{true, 0, 0, 10'000'000'000}}, archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  const ReportInput in = input();
+  ASSERT_EQ(in.verification.verdict, archive::Verdict::kIntact);
+  const char* const set = "by the device's clock, which was set since the opening, by +10.000 s in all";
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(set));
+  EXPECT_THAT(test::text_of(make_receipt(in)), HasSubstr(set));
+  EXPECT_THAT(test::text_of(make_certificate(in)),
+              AllOf(HasSubstr("that clock was set since the opening, by +10.000 s in all"),
+                    HasSubstr("That the times above by the recorder's clock tell how long")));
+}
+
+/// Its own time-stamps count no more; the record that was begun in time does.
+ReportInput of_renewed(ReportInput in) {
+  in.verification.time = archive::TimeProof::kNone;
+  archive::EvidenceReport& evidence = in.verification.evidence.emplace();
+  evidence.holds = evidence.outside = true;
+  evidence.time_stamps = 1;
+  evidence.entries = evidence.later_entries = in.verification.entries;
+  evidence.since = evidence.newest = parse_utc("2027-01-01T00:00:00Z");
+  return in;
+}
+
+TEST_F(ReportDocument, OfARenewedCaseDoesNotSayThatNothingProvesWhenItExisted) {
+  const ReportInput in = of_renewed(input());
+  for (const Document& document : {make_report(in), make_receipt(in), make_certificate(in)}) {
+    const std::string text = test::text_of(document);
+    EXPECT_THAT(text, Not(HasSubstr("when it existed is not proved")));
+    EXPECT_THAT(text, Not(HasSubstr("No time stamp of an authority")));
+    EXPECT_THAT(text, HasSubstr("ledger entries are proved since 2027-01-01 00:00:00 UTC by one time stamp"));
+  }
+  EXPECT_THAT(test::text_of(make_certificate(in)), HasSubstr("An evidence record (RFC 4998) carries"));
+}
+
+TEST_F(ReportDocument, AReceiptOfARenewedCaseWhoseClockWasSetHasOnePage) {
+  if (!has_tools()) GTEST_SKIP() << "poppler-utils or zbar-tools is not installed";
+  for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+    ReportInput in = of_renewed(input(archive_.options(), language));
+    in.verification.verdict = archive::Verdict::kIntactWithGaps;
+    in.facts.clock_set = true;
+    in.facts.clock_set_ns = -3'600'000'000'000;
+    write("receipt.pdf", write_pdf(make_receipt(in)));
+    EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+  }
+}
+
+TEST_F(ReportDocument, AReceiptSendsNobodyToAListThatItDoesNotHave) {
+  ReportInput in = input();
+  in.verification.verdict = archive::Verdict::kIntactWithGaps;
+  for (const Document& document : {make_receipt(in), make_certificate(in)}) {
+    EXPECT_THAT(test::text_of(document),
+                AllOf(HasSubstr("the verification report lists it"), Not(HasSubstr("this report lists"))));
+  }
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("this report lists it"));
+}
+
 TEST_F(ReportDocument, CertificateIsRefusedWhereNobodyCouldSignIt) {
   using archive::Verdict;
   for (const Verdict verdict : {Verdict::kUnproven, Verdict::kIncomplete, Verdict::kTampered}) {

@@ -69,6 +69,11 @@ describe('The chain of proof', () => {
     }
   });
 
+  it('says of a later format that nothing was checked, not that nobody signed', () => {
+    const newer = report([finding('format-newer', 'unproven')], { time: 'none', signed_entries: 0 });
+    expect(wordsOfChain(newer)).toEqual(['chain.newer', 'chain.choose']);
+  });
+
   it('says beside the time what it is not worth', () => {
     const told = (...codes: string[]) => wordsOfTime(report(codes.map((code) => finding(code, 'note'))));
     expect(told('frames-dropped')).toEqual(['timeWhat.external']);

@@ -18,6 +18,7 @@ describe('The wall clock of a case', () => {
       id: '20260805T091502Z-3f9c21ab',
       opened: '2026-08-05T09:15:02.000000Z',
       opened_ns: 400e9, // three minutes of it are older
+      clock_steps: [],
       begins_ns: 220e9,
       state: 'closed',
       duration_ns: 600e9,
@@ -27,6 +28,9 @@ describe('The wall clock of a case', () => {
     };
     expect(wallClock(info, info.opened_ns).toISOString()).toBe('2026-08-05T09:15:02.000Z');
     expect(wallClock(info, info.begins_ns).toISOString()).toBe('2026-08-05T09:12:02.000Z');
+    const set = { ...info, clock_steps: [{ time_ns: 410e9, step_ns: 3600e9 }] };
+    expect(wallClock(set, 409e9).toISOString()).toBe('2026-08-05T09:15:11.000Z');
+    expect(wallClock(set, 410e9).toISOString()).toBe('2026-08-05T10:15:12.000Z');
   });
 
   it('names its zone, since an hour comes twice when clocks go back', () => {

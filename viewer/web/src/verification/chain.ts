@@ -158,12 +158,14 @@ export const wordsOfTime = (report: VerificationReport): MessageKey[] => [
   ...kTimeRemarks.filter((code) => isFound(report, code)).map((code) => `timeRemark.${code}` as const),
 ];
 
+/** What such a record's entries say was not read: neither that somebody signed it, nor that nobody did. */
+const isOfLaterFormat = (report: VerificationReport): boolean => report.findings.some((one) => one.code === 'format-newer' && !isOfLog(one));
+
 /** What the chain is made of, in sentences: who signed it, and whose clock stands behind its time. */
-export const wordsOfChain = (report: VerificationReport): MessageKey[] => [
-  report.signed_entries === 0 ? 'chain.unsigned' : 'chain.what',
-  `chainTime.${report.time}`,
-  'chain.choose',
-];
+export const wordsOfChain = (report: VerificationReport): MessageKey[] =>
+  isOfLaterFormat(report)
+    ? ['chain.newer', 'chain.choose']
+    : [report.signed_entries === 0 ? 'chain.unsigned' : 'chain.what', `chainTime.${report.time}`, 'chain.choose'];
 
 const kOrder: readonly Severity[] = ['tampered', 'incomplete', 'unproven', 'gap', 'note'];
 

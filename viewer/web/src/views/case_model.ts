@@ -62,5 +62,8 @@ export interface Moment {
   detail: string;
 }
 
-/** The machine's wall clock at `time_ns`, by the case's opening. */
-export const wallClock = (info: CaseInfo, time_ns: number): Date => new Date(Date.parse(info.opened) + (time_ns - info.opened_ns) / 1e6);
+/** What the machine's wall clock showed at `time_ns`: by the case's opening, and each time that it was set since. */
+export function wallClock(info: CaseInfo, time_ns: number): Date {
+  const set_ns = info.clock_steps.filter((step) => step.time_ns <= time_ns).reduce((sum, step) => sum + step.step_ns, 0);
+  return new Date(Date.parse(info.opened) + (time_ns - info.opened_ns + set_ns) / 1e6);
+}
