@@ -304,13 +304,18 @@ VerificationReport compare_excerpt(const CaseFolder& folder, const VerifyOptions
 
 }  // namespace
 
-std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder,
+std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder, const ReadableFile& ledger,
                                                        const VerifyOptions& options) {
-  const std::vector<ListedFile> listing = folder.list();  // before the ledger is read, which may grow
+  LineReader first(ledger);
+  LedgerLine line;
+  if (!first.next(line) || line.torn || line.too_long || !newer_line(line.text, OpenEntry::kFormat)) {
+    return std::nullopt;
+  }
+  // A recorder may go on meanwhile: the folder is listed before the lines are read.
+  const std::vector<ListedFile> listing = folder.list();
   const FileOpening opening = folder.open_file(kLedgerFile);
   if (!opening.file) return std::nullopt;
   LineReader reader(*opening.file);
-  LedgerLine line;
   if (!reader.next(line) || line.torn || line.too_long) return std::nullopt;
   const std::optional<NewerLine> newer = newer_line(line.text, OpenEntry::kFormat);
   const std::vector<std::uint64_t> sizes = newer ? note_sizes(listing) : std::vector<std::uint64_t>{};

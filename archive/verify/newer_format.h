@@ -17,7 +17,7 @@ namespace kiroku::archive {
 /// that are here: a line that was changed into that is none of a later version. Where devices are known, one
 /// of them must have signed that checkpoint, for a case of its own. Throws kiroku::IoError, and kiroku::Error
 /// where the log given is none.
-std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder,
+std::optional<VerificationReport> report_on_newer_case(const CaseFolder& folder, const ReadableFile& ledger,
                                                        const VerifyOptions& options);
 /// Likewise on an excerpt, by `document`, which is the text of its excerpt.json and which nobody signs; or by
 /// its first line, if its proof shows that to be the case's. Its checkpoints alone are compared, where

@@ -533,7 +533,7 @@ std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& fol
                 ledger.explanation);
   }
   if (ledger.file) {
-    if (auto newer = report_on_newer_case(opened, options)) {
+    if (auto newer = report_on_newer_case(opened, *ledger.file, options)) {
       return {std::move(*newer), false};
     }
   }
