@@ -11,6 +11,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class Recovering : public ProgramTest {
  protected:
@@ -173,11 +174,9 @@ TEST_F(Recovering, ErasesWhatIsDueOnceAReplicaHoldsIt) {
 TEST_F(Recovering, OfTwoRulesForOneStreamTheLongerOneHolds) {
   const std::filesystem::path folder = record();
   const std::string configuration = read_text(home() / "kiroku.toml");
-  const auto purpose =
-      nlohmann::json::parse(
-          read_text(folder / "ledger.jsonl")
-              .substr(0, read_text(folder / "ledger.jsonl").find('\n')))["streams"][0]["purpose"]
-          .get<std::string>();
+  const std::string ledger = read_text(folder / "ledger.jsonl");
+  const auto opening = nlohmann::json::parse(ledger.substr(0, ledger.find('\n')));
+  const std::string purpose = opening["streams"][0]["purpose"];
   const std::string longer =
       "[[retention]]\nstream = \"endoscope\"\nafter = \"3650d\"\npolicy = \"by law\"\n";
   const std::string shorter =
@@ -201,7 +200,7 @@ TEST_F(Recovering, OfTwoRulesForOneStreamTheLongerOneHolds) {
 }
 
 TEST_F(Recovering, ErasingOneFormOfPicturesNamesTheOtherThatIsLeft) {
-  const std::filesystem::path folder = record({"--also", "lossless"});
+  const std::filesystem::path folder = record({"--also", "endoscope=lossless"});
   const auto erase = [&](const std::string& stream) {
     return kiroku({"erase", folder.filename().string(), "--stream", stream, "--policy", "p", "--only-copy"})
         .out;
