@@ -237,10 +237,10 @@ TEST_F(CompareProgram, AComparisonWithAnotherPlanThanTheCasesIsToldWhereItIsMade
   EXPECT_THAT(made("another.json", {"-o", "a.html"}).out, HasSubstr("CAUTION"));
   EXPECT_THAT(read_text(folder() / "a.html"), HasSubstr(said));
   // The film has a line more above its pictures.
-  EXPECT_EQ(made("another.json", {"-o", "a.mp4", "--speed", "8"}).status, 0);
+  EXPECT_EQ(made("another.json", {"-o", "film.mp4", "--speed", "8"}).status, 0);
   const ProcessResult own = made("plan.seal.json", {"-o", "own.mp4", "--speed", "8"});
   EXPECT_THAT(own.out, Not(HasSubstr("CAUTION")));
-  EXPECT_GT(height_of_film("a.mp4"), height_of_film("own.mp4"));
+  EXPECT_GT(height_of_film("film.mp4"), height_of_film("own.mp4"));
 }
 
 TEST_F(CompareProgram, AnotherCtThanThePlansIsRefusedAndOneOfNoPlanIsTold) {
