@@ -164,6 +164,27 @@ TEST(FrameQueue, StatesFewHolesOfACameraWhoseNetworkLosesEachSecondPicture) {
   EXPECT_EQ(told.taken + told.dropped, 2 * 16'000U - 1);
 }
 
+// A film waits for room, and its times may break before every picture: each break would be a line of the
+// ledger.
+TEST(FrameQueue, StatesFewHolesOfAFilmWhoseTimesBreakAgainAndAgain) {
+  FrameQueue queue(1000 * kPictureBytes);
+  std::size_t gaps = 0;
+  std::uint64_t taken = 0, dropped = 0;
+  constexpr std::uint64_t kPictures = 4000;
+  for (std::uint64_t i = 0; i < kPictures; ++i) {
+    TimedFrame frame = frame_at(static_cast<std::int64_t>(i) * kSecond / 500, i == 0 ? 0 : 1);
+    frame.lost_on_the_way = true;
+    if (!queue.push(std::move(frame), true)) continue;
+    const QueuedFrame item = popped(queue);
+    ++taken;
+    dropped += item.dropped_before;
+    gaps += item.dropped_before > 0 ? 1 : 0;
+  }
+  if (const auto rest = queue.unstated_drops()) dropped += rest->dropped_before;
+  EXPECT_LE(gaps, 2 * LossPace::kMostGaps) << "in 8 s";
+  EXPECT_EQ(taken + dropped, 2 * kPictures - 1) << "each picture is recorded, or counted as dropped";
+}
+
 TEST(FrameQueue, LeavesOutNothingThatCameOfACameraWhoseNetworkLosesEachSecondPicture) {
   FrameQueue queue(1000 * kPictureBytes);
   const Told told = send(queue, 60 * kSecond, 30, 1000, 1);  // of 60 a second
