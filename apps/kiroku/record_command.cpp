@@ -288,9 +288,11 @@ int run(const Request& request) {
         const Running now(session);
         if (stops > 0) session.stop();
         RecordingDisplay display;
-        return session.run([&](const recorder::SessionStatus& status) {
+        recorder::SessionResult recorded = session.run([&](const recorder::SessionStatus& status) {
           if (stops == 0) display.show(status);
         });
+        display.tell(recorded.last);
+        return recorded;
       });
   if (request.json) {
     print_json(result_json(result));

@@ -14,12 +14,15 @@ RecordingDisplay::~RecordingDisplay() {
   if (drawn_) std::cerr << "\r\033[K" << std::flush;
 }
 
+void RecordingDisplay::tell(const recorder::SessionStatus& status) {
+  if (status.last_problem == last_problem_ || status.last_problem.empty()) return;
+  if (drawn_) std::cerr << "\r\033[K";
+  print_error("kiroku", "at " + format_duration(status.now_ns) + ": " + status.last_problem);
+  last_problem_ = status.last_problem;
+}
+
 void RecordingDisplay::show(const recorder::SessionStatus& status) {
-  if (status.last_problem != last_problem_ && !status.last_problem.empty()) {
-    if (drawn_) std::cerr << "\r\033[K";
-    print_error("kiroku", "at " + format_duration(status.now_ns) + ": " + status.last_problem);
-    last_problem_ = status.last_problem;
-  }
+  tell(status);
   if (!live_line_) return;
   std::string line = status_line(status);
   const std::size_t width = terminal_width();

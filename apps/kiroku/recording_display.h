@@ -14,6 +14,8 @@ class RecordingDisplay {
   RecordingDisplay(const RecordingDisplay&) = delete;
   RecordingDisplay& operator=(const RecordingDisplay&) = delete;
   void show(const recorder::SessionStatus& status);
+  /// What a person should see of it and was not shown yet: also what was found at the very end.
+  void tell(const recorder::SessionStatus& status);
 
  private:
   bool live_line_, drawn_ = false;
