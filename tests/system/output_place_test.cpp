@@ -113,7 +113,7 @@ TEST_F(OutputPlace, IsNoLedgerAndNoFileOfAHomeEvenByForce) {
   };
   const auto before = files_below(home());
   const std::string ledger = read_text(case_ / "ledger.jsonl"), log = read_text(log_ / "ledger.jsonl");
-  EXPECT_REFUSED(refused_at(case_ / "ledger.jsonl"), "reads as tampered");
+  EXPECT_REFUSED(refused_at(case_ / "ledger.jsonl"), "read as tampered");
   EXPECT_REFUSED(refused_at(case_ / "segments/vitals/00000000.jsonl"), case_.string());
   EXPECT_REFUSED(refused_at(case_ / "no/such/folder/x.jsonl"), case_.string());
   EXPECT_REFUSED(refused_at(log_ / "ledger.jsonl"), log_.string());
