@@ -659,7 +659,12 @@ struct ApplianceLog::State {
 
   /// Of a line that is too long, and of what stands behind it, while lines are read.
   bool put_long_line_aside(std::uint64_t seq, std::uint64_t offset) {
-    return newest_own_size() <= seq && keep_aside(seq, offset);
+    if (newest_own_size() > seq) return false;
+    if (!keep_aside(seq, offset)) {
+      // Nothing could be written behind it, and it is no entry.
+      remark("that line is longer than any entry, so it was cut off all the same");
+    }
+    return true;
   }
 
   [[nodiscard]] fs::path aside_folder() const { return folder.parent_path() / kLogAsideFolder; }
