@@ -85,7 +85,8 @@ TEST_F(Excerpt, AnExitStatusOfItsOwnGivesWayToWorse) {
 
 TEST_F(Excerpt, InAnArchiveIsNoCase) {
   const std::filesystem::path archive = home() / "archive";
-  ASSERT_EQ(kiroku(cut((archive / "20260101T000000Z-00000000").string())).status, 0);
+  ASSERT_EQ(kiroku(cut(path("20260101T000000Z-00000000"))).status, 0);
+  std::filesystem::rename(path("20260101T000000Z-00000000"), archive / "20260101T000000Z-00000000");
   const auto cases = kiroku_json({"cases", "--json"})["cases"];
   ASSERT_EQ(cases.size(), 1U);
   EXPECT_EQ(cases[0]["case"], case_);

@@ -46,7 +46,7 @@ class OutputPlace : public ProgramTest {
     for (std::string line; std::getline(lines, line);) {
       if (line.starts_with("Usage: kiroku")) page.usage = line.substr(std::string("Usage: kiroku").size());
       if (!line.starts_with("  ")) below = line == "Commands:";
-      const bool is_command = below && line.size() > 2 && line[2] != ' ';
+      const bool is_command = below && line.starts_with("  ") && line.size() > 2 && line[2] != ' ';
       if (!is_command) continue;
       Arguments child = command;
       child.push_back(words_of(line).front());
