@@ -510,6 +510,10 @@ void LogWalk::judge_stranger() {
 }
 
 void LogWalk::claim(CodeName code, std::uint64_t number, std::string text) {
+  // Of a million that nobody signed the first ones say enough.
+  constexpr std::size_t kMost = 256;
+  const auto is_of_code = [&](const Claim& each) { return each.code.index() == code.index(); };
+  if (claims_.size() >= kMost && std::ranges::any_of(claims_, is_of_code)) return;
   claims_.push_back({code, number, std::move(text)});
 }
 

@@ -560,58 +560,84 @@ struct ApplianceLog::State {
     if (size == looked_at) return;
     // The home's own checkpoint may show it, too.
     bool damaged = is_damage_open() || !lacks.empty();
-    std::vector<UnsignedLine> behind;
+    std::optional<UnsignedLines> behind;
     try {
       if (const std::optional<OwnCheckpoint> own = own_checkpoint(size)) {
         damaged = damaged || own->checkpoint.root != ledger->root();
-        if (own->checkpoint.root == ledger->root()) signed_until = covered_until = size;
+        if (own->checkpoint.root == ledger->root()) is_signed_until(size, ledger->root());
       }
       if (signed_until < size) {
-        signed_until = std::max(signed_until, newest_fitting(signed_until, device_of_log()));
+        const std::uint64_t newer = newest_fitting(signed_until, device_of_log());
+        if (newer > signed_until) {
+          signed_until = newer;
+          signed_root.reset();
+        }
         covered_until = std::max(covered_until, signed_until);
         covered_until = std::max(covered_until, newest_fitting(covered_until, by_ed25519()));
         if (!why_other_keys().empty()) return;
-        behind = unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage);
+        behind = lines_behind();
+        if (were_changed(*behind)) {
+          damaged = true;
+          behind = lines_behind();
+        }
       }
     } catch (const Error&) {
       // It keeps nobody from recording; what cannot be read is left to whoever verifies.
     }
-    if (behind.size() + signed_until == size) settle(behind, damaged);
+    if (behind && behind->end == ledger->size()) settle(*behind, damaged);
     looked_at = ledger->size();
   }
 
-  void settle(std::vector<UnsignedLine>& behind, bool damaged) {
-    using Kind = UnsignedLine::Kind;
-    const auto foreign = std::ranges::find(behind, Kind::kForeign, &UnsignedLine::kind);
+  [[nodiscard]] UnsignedLines lines_behind() const {
+    return unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage,
+                          [&](const CaseOpenedEntry& opened) { return is_case_here(opened); });
+  }
+
+  void is_signed_until(std::uint64_t size, const std::optional<crypto::Sha256Digest>& root) {
+    signed_until = covered_until = size;
+    signed_root = root;
+  }
+
+  /// Somebody may change lines while the log is open, and add one: what would be cut off and signed then were
+  /// the changed lines. They are read anew, and the next entry says that they are others.
+  bool were_changed(const UnsignedLines& behind) {
+    if (!signed_root) signed_root = behind.root_before;
+    if (!signed_root || behind.root_before == signed_root) return false;
+    damage = LogDamageEntry{signed_until, *signed_root, behind.root_before};
+    damage_stated = std::ranges::any_of(
+        stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
+    signed_root = behind.root_before;
+    ledger->read_again();
+    remark("lines of the appliance log in " + folder.string() +
+           " were changed while it was open: the first " + std::to_string(signed_until) +
+           " are not those that this device signed. All stays as it is, and the log says so from now on: "
+           "'kiroku log --verify' tells which checkpoint no longer fits");
+    return true;
+  }
+
+  void settle(const UnsignedLines& behind, bool damaged) {
     bool left = false;
-    if (foreign != behind.end()) {
+    std::uint64_t demanding = behind.demanding, end = behind.end;
+    if (behind.foreign) {
       // Whose log it is nobody knows then: another device's, or its checkpoints were taken away.
       const bool is_anothers = signed_until == 0;
-      const bool opens_here = std::any_of(foreign, behind.end(), [&](const UnsignedLine& each) {
-        return each.opened && is_case_here(*each.opened);
-      });
-      if (!damaged && !is_anothers && !opens_here &&
-          put_aside(signed_until + static_cast<std::uint64_t>(foreign - behind.begin()), foreign->offset)) {
-        behind.erase(foreign, behind.end());
+      if (!damaged && !is_anothers && !behind.opens_here &&
+          put_aside(behind.foreign->number, behind.foreign->offset)) {
+        end = behind.foreign->number;
       } else {
         left = true;
+        demanding += behind.demanding_behind;
       }
     }
-    const auto counts = [](const UnsignedLine& each) { return each.kind != Kind::kAttends; };
-    const auto unsigned_lines_left = std::ranges::count_if(behind, counts);
-    if (!damaged && !left && unsigned_lines_left == 1) {
-      const auto line = std::ranges::find_if(behind, counts);
-      if (line->kind == Kind::kStatement) {
-        take_back_from(signed_until + static_cast<std::uint64_t>(line - behind.begin()), *line,
-                       static_cast<std::uint64_t>(behind.end() - line));
-      }
+    if (!damaged && !left && demanding == 1) {
+      if (behind.first->kind == UnsignedLine::Kind::kStatement)
+        take_back_from(*behind.first, end - behind.first->number);
       return;
     }
-    if (left || (!damaged && unsigned_lines_left > 1)) {
-      const std::uint64_t last = signed_until + behind.size() - 1;
-      unstated.push_back(found_deed(signed_until, last));
+    if (left || (!damaged && demanding > 1)) {
+      unstated.push_back(found_deed(signed_until, end - 1));
       remark(
-          "the entries from " + std::to_string(signed_until) + " to " + std::to_string(last) +
+          "the entries from " + std::to_string(signed_until) + " to " + std::to_string(end - 1) +
           " of the appliance log in " + folder.string() +
           " have no checkpoint of this device: somebody added them, or took checkpoints away. They are left "
           "where they are, and the log says so from now on");
@@ -620,16 +646,16 @@ struct ApplianceLog::State {
 
   /// A crash leaves one line without its checkpoint. Of a disk without room for the copy it is taken back all
   /// the same, if it is the last.
-  void take_back_from(std::uint64_t seq, const UnsignedLine& line, std::uint64_t lines) {
+  void take_back_from(const UnsignedLine& line, std::uint64_t lines) {
     try {
-      set_aside(files, ledger->file(), seq, line.offset, aside_folder());
+      set_aside(files, ledger->file(), line.number, line.offset, aside_folder());
     } catch (const IoError&) {
       if (lines > 1) {
-        unstated.push_back(found_deed(seq, seq + lines - 1));
+        unstated.push_back(found_deed(line.number, line.number + lines - 1));
         return;
       }
     }
-    ledger->take_back(seq, true);
+    ledger->take_back(line.number, true);
   }
 
   /// Lines from number `seq` on, at byte `offset`; false where they cannot be kept elsewhere.
@@ -714,7 +740,9 @@ struct ApplianceLog::State {
     constexpr std::size_t kMostRemarks = 16;
     if (remarks.size() == kMostRemarks) return;
     remarks.push_back(sentence);
-    if (tell) tell(sentence);
+    if (!tell) return;
+    tell(sentence);
+    handed_out = remarks.size();
   }
 
   /// Until the log states the device's ML-DSA key, the device signed by Ed25519 alone.
@@ -775,7 +803,7 @@ struct ApplianceLog::State {
           damage_stated = std::ranges::any_of(
               stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
         } else {
-          signed_until = covered_until = newest->checkpoint.size;
+          is_signed_until(newest->checkpoint.size, root);
         }
         newest_note_text = std::move(newest->note);
       }
@@ -784,7 +812,7 @@ struct ApplianceLog::State {
         const auto kept_root = is_newest ? root : root_of_first(expected->size);
         lacks = what_lacks(*expected, kept_root);
         // As if its note lay here still.
-        if (lacks.empty()) signed_until = covered_until = std::max(signed_until, expected->size);
+        if (lacks.empty() && expected->size > signed_until) is_signed_until(expected->size, kept_root);
       }
     } catch (const Error& error) {
       if (expected) lacks = std::string("it could not be compared: ") + error.what();
@@ -814,7 +842,7 @@ struct ApplianceLog::State {
         }
         if (const std::optional<OwnCheckpoint> there = own_checkpoint(text.size)) {
           if (there->checkpoint != text) return false;
-          signed_until = covered_until = text.size;
+          is_signed_until(text.size, text.root);
           return true;
         }
       } catch (const Error&) {
@@ -823,7 +851,7 @@ struct ApplianceLog::State {
     }
     crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
     reserve.write_durably(file, bytes_of(written.note));
-    signed_until = covered_until = text.size;
+    is_signed_until(text.size, text.root);
     if (keep_note) {
       keep_note(written.note);
     }
@@ -893,13 +921,15 @@ struct ApplianceLog::State {
   std::deque<std::string> unstated;  // what the log is to say next of lines that nobody signed
   bool was_put_aside = false;        // and is not stated yet
   std::vector<std::string> remarks;  // as of remarks()
+  std::size_t handed_out = 0;        // so many of them were told, or asked for
   std::function<void(const std::string& remark)> tell;   // may be null
   std::function<void(std::string_view note)> keep_note;  // may be null
   std::unordered_map<std::string, CaseState> cases;
   Signing newest_signing = Signing::kNone;  // of the newest line
   /// So many lines a checkpoint of this device's covers that fits them, as far as known.
   std::uint64_t signed_until = 0;
-  std::uint64_t covered_until = 0;  // the same by Ed25519, whatever its other keys signed
+  std::optional<crypto::Sha256Digest> signed_root;  // of these lines, once it is known
+  std::uint64_t covered_until = 0;                  // the same by Ed25519, whatever its other keys signed
   /// So many lines were looked at, or written here. Should a note of them vanish now, nothing is cut off.
   std::uint64_t looked_at = 0;
   std::unique_ptr<Ledger> ledger;
@@ -943,12 +973,15 @@ std::string ApplianceLog::lacks() const {
 
 std::vector<std::string> ApplianceLog::remarks() const {
   const std::lock_guard guard(state_->mutex);
+  state_->handed_out = state_->remarks.size();
   return state_->remarks;
 }
 
 void ApplianceLog::tell_of_remarks(std::function<void(const std::string& remark)> tell) {
   const std::lock_guard guard(state_->mutex);
   state_->tell = std::move(tell);
+  for (; state_->tell && state_->handed_out < state_->remarks.size(); ++state_->handed_out)
+    state_->tell(state_->remarks[state_->handed_out]);
 }
 
 void ApplianceLog::boot(const std::string& boot_id) {

@@ -61,7 +61,8 @@ class ApplianceLog {
   [[nodiscard]] std::string lacks() const;
   /// What was found so far of lines that this device did not sign, one sentence each.
   [[nodiscard]] std::vector<std::string> remarks() const;
-  /// Has `tell` called with each of them from now on. It must neither throw, nor wait, nor call the log.
+  /// Has `tell` called with each of them from now on, and at once with those that remarks() did not return
+  /// yet. It must neither throw, nor wait, nor call the log.
   void tell_of_remarks(std::function<void(const std::string& remark)> tell);
 
   // Each of these appends one entry durably; all but boot() and config_changed(), which the next one covers,

@@ -172,6 +172,21 @@ void Ledger::take_back(std::uint64_t size, bool another) {
   torn_bytes_ += another ? before - bytes_ : 0;
 }
 
+void Ledger::read_again() {
+  const Turn turn(*this);
+  refuse_if_failed();
+  tree_ = {};
+  bytes_ = 0;
+  last_line_.clear();
+  mine_.reset();
+  try {
+    read_new_lines();
+  } catch (const Error& error) {
+    failure_ = error.what();
+    throw;
+  }
+}
+
 void Ledger::accept(std::string_view line) {
   const std::uint64_t seq = tree_.size();
   tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));

@@ -72,6 +72,9 @@ class Ledger {
   /// the first line on, for those that stay. For lines that nobody counts on; torn_bytes() tells of them if
   /// `another` process left them. Throws kiroku::IoError.
   void take_back(std::uint64_t size, bool another);
+  /// kShared: reads the whole file anew, and calls the visitor for all of it: lines that stood there are
+  /// others now. Throws kiroku::Error.
+  void read_again();
   /// Gives back the blocks allocated ahead; for a ledger that ends.
   void trim();
 

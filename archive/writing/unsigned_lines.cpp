@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <set>
 #include <span>
-#include <utility>
+#include <vector>
 
 #include "archive/format/boot_quote.h"
 #include "archive/format/case_layout.h"
@@ -63,8 +64,12 @@ class Judge {
     last_ = line;
   }
 
-  UnsignedLine judge(std::string_view line, bool too_long, const crypto::MerkleFrontier& before) {
-    UnsignedLine judged;
+  struct Judgement {
+    Kind kind = Kind::kForeign;
+    std::optional<CaseOpenedEntry> opened;  // of a case that no line before it opens
+  };
+  Judgement judge(std::string_view line, bool too_long, const crypto::MerkleFrontier& before) {
+    Judgement judged;
     const LogEntryParse parsed = too_long ? LogEntryParse{} : parse_log_entry(line);
     if (!parsed.entry) return judged;
     const LogEntry& entry = *parsed.entry;
@@ -140,22 +145,35 @@ class Judge {
 
 }  // namespace
 
-std::vector<UnsignedLine> unsigned_lines(const FileReading& files, const fs::path& file, std::uint64_t from,
-                                         const LogKeys& own, const std::optional<LogDamageEntry>& damage) {
+UnsignedLines unsigned_lines(const FileReading& files, const fs::path& file, std::uint64_t from,
+                             const LogKeys& own, const std::optional<LogDamageEntry>& damage,
+                             const std::function<bool(const CaseOpenedEntry&)>& is_here) {
   const ReadableFile input = files.open_to_read(file);
-  std::vector<UnsignedLine> lines;
+  UnsignedLines lines;
   Judge judge(own, damage);
   crypto::MerkleFrontier tree;
   LineReader reader(input);
+  if (from == 0) lines.root_before = tree.root();
   for (LedgerLine line; reader.next(line) && !line.torn;) {
     if (tree.size() < from) {
       judge.pass(line.text);
     } else {
-      lines.push_back(judge.judge(line.text, line.too_long, tree));
-      lines.back().offset = line.offset;
+      const Judge::Judgement judged = judge.judge(line.text, line.too_long, tree);
+      const UnsignedLine here{judged.kind, tree.size(), line.offset};
+      if (!lines.foreign && judged.kind == Kind::kForeign) lines.foreign = here;
+      const bool demands = judged.kind != Kind::kAttends;
+      if (lines.foreign) {
+        lines.demanding_behind += demands ? 1 : 0;
+        lines.opens_here = lines.opens_here || (judged.opened && is_here(*judged.opened));
+      } else if (demands) {
+        if (!lines.first) lines.first = here;
+        ++lines.demanding;
+      }
     }
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
+    if (tree.size() == from) lines.root_before = tree.root();
   }
+  lines.end = tree.size();
   return lines;
 }
 

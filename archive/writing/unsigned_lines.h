@@ -9,12 +9,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
-#include <set>
 #include <string>
-#include <vector>
 
 #include "archive/format/log_entry.h"
+#include "crypto/hash.h"
 
 namespace kiroku::archive {
 
@@ -34,15 +34,27 @@ struct UnsignedLine {
     kForeign     // no writer of this device leaves it
   };
   Kind kind = Kind::kForeign;
-  std::uint64_t offset = 0;               // of its first byte
-  std::optional<CaseOpenedEntry> opened;  // of a case that no line before it opens
+  std::uint64_t number = 0;
+  std::uint64_t offset = 0;  // of its first byte
+};
+
+/// Of constant size, however many lines stand there.
+struct UnsignedLines {
+  std::optional<crypto::Sha256Digest> root_before;  // of the lines before them; nothing where there are fewer
+  std::uint64_t end = 0;                            // the number behind the last line
+  std::uint64_t demanding = 0;          // lines before the first foreign one that a checkpoint must follow
+  std::optional<UnsignedLine> first;    // of these
+  std::optional<UnsignedLine> foreign;  // the first one
+  std::uint64_t demanding_behind = 0;   // of it and the lines behind it those that do not attend
+  bool opens_here = false;              // whether one of these opens a case that `is_here` knows
 };
 
 /// The lines from number `from` on, and their kinds: of keys the own ones alone, of damage only `damage`.
-/// Throws kiroku::Error where the file cannot be read.
-std::vector<UnsignedLine> unsigned_lines(const FileReading& files, const std::filesystem::path& file,
-                                         std::uint64_t from, const LogKeys& own,
-                                         const std::optional<LogDamageEntry>& damage);
+/// `is_here` is asked of a case that no line before opens. Throws kiroku::Error where the file cannot be
+/// read.
+UnsignedLines unsigned_lines(const FileReading& files, const std::filesystem::path& file, std::uint64_t from,
+                             const LogKeys& own, const std::optional<LogDamageEntry>& damage,
+                             const std::function<bool(const CaseOpenedEntry&)>& is_here);
 
 /// Writes what stands in `file` from byte `offset` on durably into a file of its own below `folder`, which is
 /// made unless it is there. The file's name is the number of the first line and the SHA-256 of what is in it.

@@ -291,6 +291,38 @@ TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItWereChangedAndKeepsNobodyFromReco
   EXPECT_THAT(codes(), AnyOf(HasSubstr("log-damage-stated"), HasSubstr("checkpoint-root-differs")));
 }
 
+// Else the changed lines would be signed with what says that the added one was put aside.
+TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItAreChangedWhileTheLogIsOpen) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  log->access("*", "locked", "sato");
+  std::string text = text_of_file(ledger());
+  text.replace(text.find("unlocked"), 8, "unlockeD");
+  std::ofstream(ledger(), std::ios::binary) << text;
+  add_text(forged());
+  text = text_of_file(ledger());
+  log->access("*", "unlocked", "mori");
+  log->access("*", "locked", "mori");
+  EXPECT_THAT(log->remarks(), Contains(HasSubstr("were changed while it was open")));
+  EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+  EXPECT_THAT(types(), Contains("damage-found"));
+  EXPECT_THAT(aside(), IsEmpty());
+  EXPECT_THAT(codes(), AnyOf(HasSubstr("log-damage-stated"), HasSubstr("checkpoint-root-differs")));
+  EXPECT_EQ(open()->damage(), "") << "it is stated";
+}
+
+TEST_F(ForeignLines, AreToldOnceToWhoeverListensLater) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  add_text("nonsense\n");
+  log->access("*", "locked", "sato");
+  std::vector<std::string> told;
+  log->tell_of_remarks([&](const std::string& remark) { told.push_back(remark); });
+  log->tell_of_remarks({});
+  log->tell_of_remarks([&](const std::string& remark) { told.push_back(remark); });
+  EXPECT_THAT(told, ElementsAre(HasSubstr("this device did not write")));
+}
+
 TEST_P(EachThatIsLeft, OnADiskWithoutRoomIsLeftAndNamedAndKeepsNobodyFromRecording) {
   open()->access("*", "unlocked", "sato");
   add_text(forged());
