@@ -403,7 +403,8 @@ class FfmpegSource : public Source {
   /// Turned as it says that it is shown: every player and export of the record shows it so.
   media::Frame as_shown(media::Frame frame) {
     PictureTreatment treatment;
-    treatment.turn = turn_of(*frame, turn_of_stream_);
+    turn_ = turn_of(*frame, turn_of_stream_, turn_);
+    treatment.turn = *turn_;
     treatment.is_turned = can_turn(*frame, treatment.turn);
     treatment.fields = field_order_of(*frame);
     treatment_ = treatment;
@@ -533,6 +534,7 @@ class FfmpegSource : public Source {
   std::string transport_;  // of RTSP
   std::string remark_;
   Turn turn_of_stream_ = Turn::kNone;
+  std::optional<Turn> turn_;  // of the newest picture
   PictureTreatment treatment_, treatment_at_opening_;
   media::Frame first_frame_;
   std::int64_t last_time_ns_ = -1;

@@ -127,11 +127,12 @@ Turn turn_of(const std::int32_t* matrix) {
   return Turn::kOther;
 }
 
-Turn turn_of(const AVFrame& frame, Turn of_stream) {
+Turn turn_of(const AVFrame& frame, Turn of_stream, std::optional<Turn> before) {
   const AVFrameSideData* const said = av_frame_get_side_data(&frame, AV_FRAME_DATA_DISPLAYMATRIX);
   constexpr std::size_t kNumbers = 9;
   std::int32_t matrix[kNumbers];
-  if (said == nullptr || said->size < sizeof matrix) return of_stream;
+  if (said == nullptr || said->size < sizeof matrix)
+    return media::is_key_frame(frame) ? of_stream : before.value_or(of_stream);
   std::memcpy(matrix, said->data, sizeof matrix);
   return turn_of(matrix);
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "media/libav_handles.h"
@@ -24,8 +25,10 @@ inline constexpr Turn kLastTurn = Turn::kOther;
 
 /// Of the nine numbers of a display matrix (ISO 14496-12, 8.5.2; H.264 has one as its display orientation).
 Turn turn_of(const std::int32_t* matrix);
-/// What the frame itself says, else `of_stream`.
-Turn turn_of(const AVFrame& frame, Turn of_stream);
+/// What the frame itself says. A coded stream says it for the pictures that follow, too, until one that
+/// begins anew, and libavcodec hands it out with the first alone: else `before`, which is the one of the
+/// picture before, and of a key frame `of_stream`.
+Turn turn_of(const AVFrame& frame, Turn of_stream, std::optional<Turn> before = {});
 
 /// Whether turned() loses nothing: not of samples that stand for pixels side by side in one direction alone,
 /// and of interlaced pictures only left and right change places without mixing their fields.

@@ -176,6 +176,39 @@ TEST(PictureTurn, IsReadAsLibavutilWritesIt) {
   EXPECT_EQ(turn_of(matrix.data()), Turn::kOther);
 }
 
+// As libavcodec gives pictures of H.264 whose display orientation stands before the first one of each group.
+TEST(PictureTurn, ThatAPictureSaysHoldsUntilTheNextOneThatBeginsAnew) {
+  const auto picture = [](bool begins, bool says) {
+    media::Frame frame = media::make_frame();
+#ifdef AV_FRAME_FLAG_KEY
+    frame->flags = begins ? frame->flags | AV_FRAME_FLAG_KEY : frame->flags & ~AV_FRAME_FLAG_KEY;
+#else
+    frame->key_frame = begins ? 1 : 0;
+#endif
+    if (says) {
+      AVFrameSideData* const said =
+          av_frame_new_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX, 9 * sizeof(std::int32_t));
+      auto* const matrix = reinterpret_cast<std::int32_t*>(said->data);
+      av_display_rotation_set(matrix, 0);
+      av_display_matrix_flip(matrix, 1, 0);
+    }
+    return frame;
+  };
+  std::optional<Turn> before;
+  const auto next = [&](bool begins, bool says) {
+    before = turn_of(*picture(begins, says), Turn::kNone, before);
+    return *before;
+  };
+  EXPECT_EQ(next(true, true), Turn::kMirrored);
+  EXPECT_EQ(next(false, false), Turn::kMirrored);
+  EXPECT_EQ(next(false, false), Turn::kMirrored);
+  EXPECT_EQ(next(true, true), Turn::kMirrored);
+  EXPECT_EQ(next(true, false), Turn::kNone) << "it says nothing any more";
+  EXPECT_EQ(next(false, false), Turn::kNone);
+  EXPECT_EQ(next(false, true), Turn::kMirrored);
+  EXPECT_EQ(turn_of(*picture(false, false), Turn::kHalf), Turn::kHalf) << "of the container";
+}
+
 TEST(PictureTurn, MovesEverySampleToItsPlaceAndChangesNone) {
   const media::Frame frame = numbered(8, 4);
   const auto at = [](int plane, int x, int y) { return 100 * plane + 16 * y + x; };
