@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string_view>
 #include <vector>
 
 #include "apps/sim/sealed_files.h"
 #include "base/error.h"
+#include "recorder/vitals/patient_number.h"
 #include "sim/plan/plan_files.h"
 #include "sim/volume/dicom_series.h"
 #include "sim/volume/image_file.h"
@@ -33,6 +35,8 @@ std::string without_blanks(const std::string& text) {
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
 }
 
+constexpr std::string_view kBetweenNumbers = ", ";
+
 /// Of a folder of DICOM files, or of one series in it; several numbers one behind the other.
 std::string number_of_ct(const fs::path& ct, const std::string& series) {
   std::error_code unknown;
@@ -47,7 +51,7 @@ std::string number_of_ct(const fs::path& ct, const std::string& series) {
     }
   }
   std::string all;
-  for (const std::string& number : numbers) all += (all.empty() ? "" : ", ") + number;
+  for (const std::string& number : numbers) all += (all.empty() ? "" : std::string(kBetweenNumbers)) + number;
   return all;
 }
 
@@ -74,7 +78,14 @@ std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request,
 
 std::optional<bool> PatientNumbers::are_same() const {
   if (ct.empty() || of_case.empty()) return {};
-  return ct == of_case;
+  bool alike = false, other = false;
+  for (std::size_t begin = 0; begin <= ct.size();) {
+    const std::size_t end = std::min(ct.find(kBetweenNumbers, begin), ct.size());
+    (recorder::read_alike(ct.substr(begin, end - begin), of_case) ? alike : other) = true;
+    begin = end + kBetweenNumbers.size();
+  }
+  // Of a folder with CTs of several patients nobody said which one is meant.
+  return alike && other ? std::nullopt : std::optional(alike);
 }
 
 PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHand& at_hand,

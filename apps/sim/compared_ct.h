@@ -21,7 +21,8 @@ std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request,
 /// DICOM, nothing is sealed in the case or the identities do not open it.
 struct PatientNumbers {
   std::string ct, of_case;
-  /// Nothing where one of them is not known.
+  /// But for case and leading zeros. Nothing where one of them is not known, or the CT states several of
+  /// which one is the case's.
   [[nodiscard]] std::optional<bool> are_same() const;
 };
 PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHand& at_hand,

@@ -500,7 +500,7 @@ struct Room::State {
       // The case after it has a patient of its own, whom the recorder may still look for.
       if (is_of_now(running)) {
         case_subject.given_while_running();
-        keep_late_subject(running, subject);
+        keep_late_subject(running, subject, {});
       }
     }
     tell_of_late_rule(running, subject);
@@ -514,7 +514,7 @@ struct Room::State {
       found = case_subject.late(time.now());
       if (!found) return;
       running.late_subject(*found, case_subject.numbers());
-      keep_late_subject(running, *found);
+      keep_late_subject(running, *found, case_subject.numbers());
     }
     tell_of_late_rule(running, *found);
     if (listener.note) listener.note("procedure data came while the case ran");
@@ -522,7 +522,8 @@ struct Room::State {
 
   /// With late_mutex held: whom the case is about from now on, for a case that goes on with its operation in
   /// this process or in the recorder's next one.
-  void keep_late_subject(const Session& running, const Bytes& subject) {
+  void keep_late_subject(const Session& running, const Bytes& subject,
+                         const std::vector<PatientNumber>& further) {
     Bytes sealed = crypto::seal_bytes(subject, plan.session.event_recipients);
     if (plan.running && plan.session.key != nullptr) {
       not_noted = sign_newest_subject(running.case_id(), sealed, *plan.session.key);
@@ -533,6 +534,7 @@ struct Room::State {
     status.subject = SubjectState::kLate;
     newest_subject = std::move(sealed);
     newest_numbers = numbers_of_subject(subject);
+    add_numbers(newest_numbers, further);
   }
 
   [[nodiscard]] bool is_of_now(const Session& running) const {

@@ -49,6 +49,23 @@ bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<Patie
   return shared;
 }
 
+bool read_alike(std::string_view a, std::string_view b) {
+  return !without_zeros(a).empty() && same_but_for_case(without_zeros(a), without_zeros(b));
+}
+
+bool read_alike(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
+  bool alike = false;
+  for (const PatientNumber& one : a) {
+    const bool is_there = std::ranges::any_of(
+        b, [&](const PatientNumber& each) { return read_alike(one.number, each.number); });
+    const bool is_another =
+        std::ranges::any_of(b, [&](const PatientNumber& each) { return is_of_one_kind(one, each); });
+    if (!is_there && is_another) return false;
+    alike = alike || is_there;
+  }
+  return alike;
+}
+
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more) {
   for (const PatientNumber& each : more) {
     const bool is_there = std::ranges::any_of(numbers, [&](const PatientNumber& other) {

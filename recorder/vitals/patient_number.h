@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace kiroku::recorder {
@@ -26,6 +27,12 @@ bool may_be_one(const PatientNumber& a, const PatientNumber& b);
 /// that one issuer gave do. Accounts count only where one of them has nothing else: mother and child may
 /// share one.
 bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
+/// Whether one of the numbers reads the same, whoever is said to have given it and whatever kind it is said
+/// to be, and none says that they are two patients. For a question where a wrong "no" is believed less each
+/// time.
+bool read_alike(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
+/// Whether they read the same but for case and leading zeros.
+bool read_alike(std::string_view a, std::string_view b);
 /// Those of `more` that are not there.
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more);
 

@@ -22,7 +22,7 @@ bool name_two_patients(const std::vector<PatientNumber>& one, const std::vector<
     });
   };
   const bool comparable = (has(one, false) && has(other, false)) || (has(one, true) && has(other, true));
-  return comparable && !share_a_number(one, other);
+  return comparable && !share_a_number(one, other) && !read_alike(one, other);
 }
 
 void PatientWatch::heard(const std::vector<PatientNumber>& numbers, std::int64_t time_ns) {

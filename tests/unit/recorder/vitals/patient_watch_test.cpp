@@ -14,7 +14,10 @@ PatientNumber visit(const std::string& text) { return {text, "H", "", "VN", true
 TEST(PatientWatch, TwoPatientsAreToldApartByNumbersOfOneKind) {
   EXPECT_TRUE(name_two_patients({number("A1")}, {number("B2")}));
   EXPECT_TRUE(name_two_patients({number("A1")}, {number("B2", "", "")}));
-  EXPECT_TRUE(name_two_patients({number("A1")}, {number("A1", "MONITORS")})) << "another issuer's";
+  EXPECT_FALSE(name_two_patients({number("A1")}, {number("A1", "MONITORS", "PI")}))
+      << "a gateway's own label";
+  EXPECT_FALSE(name_two_patients({number("A1"), visit("V5")}, {number("V5", "", "")})) << "of a visit";
+  EXPECT_TRUE(name_two_patients({number("A1"), visit("V5")}, {number("B2"), number("V5", "", "")}));
   EXPECT_FALSE(name_two_patients({number("4711")}, {number("004711", "", "")}));
   EXPECT_FALSE(name_two_patients({number("A1"), number("7", "H", "PI")}, {number("7", "H", "PI")}));
   EXPECT_FALSE(name_two_patients({number("A1")}, {visit("V5")})) << "nothing says so";
