@@ -51,7 +51,6 @@ void PreRoll::discard(const StandbySegment& segment) {
 std::int64_t PreRoll::decide(std::int64_t now_ns, std::int64_t not_before_ns) {
   const std::lock_guard guard(mutex_);
   std::int64_t begins_ns = now_ns;
-  left_out_ = {};
   for (auto fact = facts_.begin(); fact != facts_.end();) {
     const auto* segment = std::get_if<StandbySegment>(&*fact);
     if (segment != nullptr && segment->entry.span.start_ns < not_before_ns) {

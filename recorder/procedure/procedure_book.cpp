@@ -401,9 +401,11 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     std::map<std::string, Arrival> since;
     for (const std::string& place : message.places) {
       const auto before = kept.since.find(place);
-      if (arrives || before == kept.since.end()) note_change(place, received);
-      const bool stays = !arrives && before != kept.since.end() &&
-                         somebody_else_came(message.patient, place, before->second);
+      const bool was_there = before != kept.since.end();
+      const bool other_came = was_there && somebody_else_came(message.patient, place, before->second);
+      // Whoever is announced once more where they are (A02 behind A10, a message sent again) changed nothing.
+      if (!was_there || (arrives && other_came)) note_change(place, received);
+      const bool stays = !arrives && other_came;
       since.emplace(place, stays ? before->second : received);
       comes = comes || !stays;
     }
@@ -412,7 +414,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     }
     kept.since = std::move(since);
   } else {
-    if (arrives) note_change("", received);
+    if (arrives && !kept.moved) note_change("", received);
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
   }

@@ -248,6 +248,8 @@ TEST(ProcedureBook, KnowsWhenARoomChangedLast) {
   book.take(moved("2", "OR1"), kMorning + 40min);
   EXPECT_EQ(changed(book), "07:40");
   EXPECT_EQ(changed(ProcedureBook::imported(book.exported())), "07:40") << "after an upgrade";
+  book.take(moved("2", "OR1"), kMorning + 45min);
+  EXPECT_EQ(changed(book), "07:40") << "announced once more where they are";
   book.take(moved("2", "PACU"), kMorning + 50min);
   EXPECT_EQ(changed(book), "07:50");
   // Whom nobody placed here, as after a start that forgot everything.
