@@ -81,7 +81,8 @@ const sim::Volume& PlanCt::get() {
           "the plan names no CT that could be shown: name one with --volume, or ask for figures alone "
           "(-o OUT.json)");
     }
-    sim::VolumeFile file = sim::read_volume(ct, {request_.series.value_or(""), false});
+    // The plan was made on it as it lies: what is uneven or may be missing is told.
+    sim::VolumeFile file = sim::read_volume(ct, {request_.series.value_or(""), true});
     told_.clear();
     // Programs read standard error by the line.
     if (request_.progress != "json") {

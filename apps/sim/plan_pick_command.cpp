@@ -33,7 +33,7 @@ int run(const Request& request) {
   ComparisonTold told(true);
   told.begin("reading the CT");
   const auto volume = std::make_shared<const sim::ShadedVolume>(
-      sim::shade(sim::read_volume(plan.volume, {}).volume, sim::extent_of(plan.body.mesh), {}));
+      sim::shade(sim::read_volume(plan.volume, {"", true}).volume, sim::extent_of(plan.body.mesh), {}));
   told.begin("carrying out the plan");
   const double all_s = std::max(1e-9, duration_s(plan));
   const sim::PlanFrames frames(plan, [&](double time_s) { told.update(time_s / all_s); });

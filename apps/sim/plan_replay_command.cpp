@@ -113,7 +113,8 @@ sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
   sim::VolumeFile file = [&] {
     StepLine line;
     line.show("reading the CT");
-    return sim::read_volume(path, {request.series.value_or(""), false});
+    // The plan was made on it as it lies: what is uneven or may be missing is told.
+    return sim::read_volume(path, {request.series.value_or(""), true});
   }();
   if (is_of_another_file(request, plan))
     print_error("kiroku", "warning: the CT shown is " + path.string() + ", which is not the plan's");
