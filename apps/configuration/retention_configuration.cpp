@@ -11,18 +11,34 @@
 namespace kiroku::apps {
 namespace {
 
-RetentionRule read_rule(const toml::table& table, const std::string& file) {
+bool may_be_months(const std::string& text) {
+  return text.ends_with('m') && text.find_first_not_of("0123456789.") == text.size() - 1 && text.size() > 1;
+}
+
+std::string why_unclear(const std::string& text, const std::string& what) {
+  return what + " is '" + text + "', which may be months or minutes: write " + text +
+         "in for minutes, and days for months, such as 180d";
+}
+
+/// "6m", which may be months or minutes, leaves `after` at nothing and says so in `unclear`: what only erases
+/// keeps nobody from recording.
+RetentionRule read_rule(const toml::table& table, const std::string& file, std::string& unclear) {
   RetentionRule rule{};
   TableReader reader(table, "[[retention]]", file);
   reader.text("stream", [&](const std::string& text) { rule.stream = text; });
   reader.text("purpose", [&](const std::string& text) { rule.purpose = text; });
-  reader.text("after", [&](const std::string& text) { rule.after = parse_age_to_erase(text, "'after'"); });
+  reader.text("after", [&](const std::string& text) {
+    if (may_be_months(text))
+      unclear = why_unclear(text, "'after'");
+    else
+      rule.after = parse_age(text, "'after'");
+  });
   reader.text("policy", [&](const std::string& text) { rule.policy = text; });
   reader.refuse_unknown_keys();
   if (rule.stream.empty() == rule.purpose.empty()) {
     reader.refuse(table.source(), "a [[retention]] needs either a 'stream' or a 'purpose'");
   }
-  if (rule.after.count() == 0)
+  if (rule.after.count() == 0 && unclear.empty())
     reader.refuse(table.source(), "a [[retention]] needs 'after', such as \"30d\"");
   if (const std::optional<std::string> character = first_unprintable(rule.policy)) {
     reader.refuse(table.source(),
@@ -43,18 +59,28 @@ bool RetentionRule::concerns(const archive::StreamInfo& info) const {
 
 void read_retention_rules(TableReader& top, RetentionConfiguration& into) {
   for_each_table(top, "retention", [&](const toml::table& table) {
-    RetentionRule rule = read_rule(table, top.file());
+    const auto note = [&](const std::string& sentence) {
+      into.unclear.push_back("line " + std::to_string(table.source().begin.line) +
+                             ", [[retention]]: " + sentence);
+    };
+    std::string unclear;
+    RetentionRule rule = read_rule(table, top.file(), unclear);
+    if (!unclear.empty()) return note(unclear);
     const bool twice = std::ranges::any_of(into.rules, [&](const RetentionRule& other) {
       return other.stream == rule.stream && other.purpose == rule.purpose;
     });
     if (twice) {
-      top.refuse(table.source(),
-                 std::string("there are two [[retention]] for the ") +
-                     (rule.stream.empty() ? "purpose '" + rule.purpose : "stream '" + rule.stream) +
-                     "': leave the one that holds");
+      note("it is the second one for the " +
+           (rule.stream.empty() ? "purpose '" + rule.purpose : "stream '" + rule.stream) +
+           "': leave the one that holds");
     }
     into.rules.push_back(std::move(rule));
   });
+}
+
+void require_clear(const RetentionConfiguration& retention, const std::string& file) {
+  if (!retention.unclear.empty())
+    throw UsageError(file + ": " + retention.unclear.front() + ". Nothing is erased by rules until then");
 }
 
 const RetentionRule* rule_for(const std::vector<RetentionRule>& rules, const archive::StreamInfo& stream) {
@@ -92,13 +118,7 @@ std::chrono::nanoseconds parse_age(const std::string& text, const std::string& w
 }
 
 std::chrono::nanoseconds parse_age_to_erase(const std::string& text, const std::string& what) {
-  const bool may_be_months =
-      text.ends_with('m') && text.find_first_not_of("0123456789.") == text.size() - 1 && text.size() > 1;
-  if (may_be_months) {
-    const std::string number = text.substr(0, text.size() - 1);
-    throw UsageError(what + " is '" + text + "', which may be months or minutes: write " + number +
-                     "min for minutes, and days for months, such as 180d");
-  }
+  if (may_be_months(text)) throw UsageError(why_unclear(text, what));
   return parse_age(text, what);
 }
 

@@ -23,15 +23,18 @@ struct RetentionRule {
 
 struct RetentionConfiguration {
   std::vector<RetentionRule> rules;
+  std::vector<std::string> unclear;             // rules that may mean something else, one sentence each
   std::vector<std::filesystem::path> replicas;  // archives with copies of this one's cases
 };
 
 /// Of the rules that are for a stream the one that keeps it longest: it alone decides. Null where none is.
 const RetentionRule* rule_for(const std::vector<RetentionRule>& rules, const archive::StreamInfo& stream);
 
-/// [[retention]], out of the whole file. Throws kiroku::UsageError with line and column, also for two rules
-/// of one stream, or of one purpose.
+/// [[retention]], out of the whole file. Throws kiroku::UsageError with line and column. Two rules of one
+/// stream or of one purpose, and an age of "6m", are `unclear`.
 void read_retention_rules(TableReader& top, RetentionConfiguration& into);
+/// Throws kiroku::UsageError where a rule is unclear; for whoever erases by them.
+void require_clear(const RetentionConfiguration& retention, const std::string& file);
 /// `replicas` of [storage].
 void read_replicas(TableReader& storage, RetentionConfiguration& into);
 

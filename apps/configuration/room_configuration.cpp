@@ -503,7 +503,10 @@ std::vector<std::string> overlapping_retention(const Configuration& configuratio
 }  // namespace
 
 std::vector<std::string> doubtful_retention(const Configuration& configuration) {
-  std::vector<std::string> doubts = idle_retention(configuration);
+  std::vector<std::string> doubts;
+  for (const std::string& sentence : configuration.retention.unclear)
+    doubts.push_back(sentence + "; until then nothing is erased by rules");
+  for (std::string& sentence : idle_retention(configuration)) doubts.push_back(std::move(sentence));
   for (const RetentionRule& rule : configuration.retention.rules) {
     if (rule.after >= std::chrono::hours(24)) continue;
     doubts.push_back("[[retention]] of " + named(rule) + " erases what was recorded " +

@@ -408,6 +408,7 @@ int run(const Request& request) {
   }
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
+  if (request.due) require_clear(configuration.retention, home.configuration_file().string());
   Refusals refusals;
   const Ages ages(home);
   std::vector<Candidate> candidates = request.due

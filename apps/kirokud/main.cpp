@@ -187,7 +187,7 @@ int run(const Request& request) {
   const Configuration& configuration = setup.recorder;
   require_consent_of_home(home, file, setup.consent);
   RecipientChoice(home, configuration, {}).require_all_files();
-  const std::vector<std::string> doubts = doubts_of(configuration);
+  std::vector<std::string> doubts = doubts_of(configuration);
   if (request.check) {
     for (const RoomConfiguration& room : configuration.rooms) {
       RecipientChoice recipients(home, configuration, {});
@@ -225,6 +225,7 @@ int run(const Request& request) {
     options.problems.push_back(sentence);
     spdlog::error("{}", printable(sentence));
   };
+  doubts.insert(doubts.end(), configuration.retention.unclear.begin(), configuration.retention.unclear.end());
   for (const std::string& sentence : doubts) {
     options.remarks.push_back(file.string() + ": " + sentence);
     spdlog::warn("{}", printable(options.remarks.back()));

@@ -422,11 +422,18 @@ TEST(Configuration, ALengthOfTimeWithoutAUnitIsRefused) {
 
 // Six months were meant.
 TEST(Configuration, WhatErasesSaysWhetherItIsMinutesOrMonths) {
-  const auto with = [](const std::string& after) {
-    return refusal("[[retention]]\nstream = \"a\"\nafter = \"" + after + "\"\npolicy = \"p\"\n");
+  const auto text = [](const std::string& after) {
+    return "[[retention]]\nstream = \"a\"\nafter = \"" + after + "\"\npolicy = \"p\"\n";
   };
-  EXPECT_THAT(with("6m"), HasSubstr("k.toml:3:9: 'after' is '6m', which may be months or minutes: write 6min "
-                                    "for minutes, and days for months, such as 180d"));
+  const auto with = [&](const std::string& after) { return refusal(text(after)); };
+  // It only erases: an upgrade that finds it so records on.
+  const Configuration unclear = parse_configuration(text("6m"), "k.toml");
+  EXPECT_THAT(unclear.retention.rules, testing::IsEmpty());
+  EXPECT_THAT(doubtful_retention(unclear),
+              testing::ElementsAre(
+                  "line 1, [[retention]]: 'after' is '6m', which may be months or minutes: write 6min for "
+                  "minutes, and days for months, such as 180d; until then nothing is erased by rules"));
+  EXPECT_THROW(require_clear(unclear.retention, "k.toml"), UsageError);
   EXPECT_EQ(with("6min"), "accepted");
   EXPECT_EQ(with("1h30m"), "accepted");
   EXPECT_EQ(with("180d"), "accepted");
@@ -444,9 +451,15 @@ TEST(Configuration, OfSeveralRetentionRulesTheLongerHolds) {
   const std::string room =
       "[[room]]\nname = \"or-1\"\n[[room.stream]]\nname = \"endoscope\"\npurpose = \"record\"\n"
       "source = \"synthetic:pattern\"\nprofile = \"uncompressed\"\nalso = \"mpeg2\"\n";
-  EXPECT_THAT(refusal(stream + stream),
-              HasSubstr("k.toml:5:1: there are two [[retention]] for the stream 'endoscope'"));
-  EXPECT_THAT(refusal(purpose + purpose), HasSubstr("there are two [[retention]] for the purpose 'record'"));
+  const auto unclear = [](const std::string& text) {
+    return parse_configuration(text, "k.toml").retention.unclear;
+  };
+  EXPECT_THAT(unclear(stream + stream),
+              testing::ElementsAre("line 5, [[retention]]: it is the second one for the stream 'endoscope': "
+                                   "leave the one that holds"));
+  EXPECT_THAT(unclear(purpose + purpose),
+              testing::ElementsAre(HasSubstr("the second one for the purpose 'record'")));
+  EXPECT_THAT(unclear(stream + purpose), testing::IsEmpty());
   for (const std::string& text : {stream + purpose + room, purpose + stream + room}) {
     const Configuration configuration = parse_configuration(text, "k.toml");
     archive::StreamInfo info;
