@@ -284,6 +284,8 @@ int run(const Request& request) {
       spdlog::error("{}", printable(sentence));
       daemon.add_remark(sentence);
     });
+    // Late stamps are entered until the block's end, when the daemon is gone.
+    const std::shared_ptr<void> quiet(nullptr, [&shared](void*) { shared.log->tell_of_remarks({}); });
     std::unique_ptr<KeptViewer> viewer =
         serve_viewer(home, configuration, setup.viewer, shared, looking_on, daemon);
     ::sd_notify(0, "READY=1");
@@ -312,7 +314,6 @@ int run(const Request& request) {
     spdlog::info("ending: {}", reason);
     // Before whoever looks on: a request that hangs must not keep a case from its end.
     daemon.close();
-    shared.log->tell_of_remarks({});
     for (const auto& [listen, inbox] : inboxes) inbox->end();
     if (!ends_in_time(std::move(viewer))) {
       late.reset();

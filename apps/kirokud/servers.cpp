@@ -44,6 +44,7 @@ std::unique_ptr<viewer::Viewer> open_viewer(const Home& home, const Configuratio
       .sessions = {},
       .page = find_page(),
       .tell = [](const std::string& sentence) { spdlog::warn("viewer: {}", printable(sentence)); }};
+  options.home.log = shared.log.get();
   options.home.live = live::live_pictures(looking_on.channels);
   options.home.vitals = [&looking_on](const std::string& room, std::int64_t after_ns) {
     return looking_on.monitors.now(room, after_ns);

@@ -46,8 +46,12 @@ ViewerContext::ViewerContext(ViewerHome home, SessionLimits session_limits, Tell
           *home_.clock),
       users_(UserStore::open(home_.users_file, home_.password_hasher)),
       devices_(KnownDevices::open(home_.users_file.parent_path() / "devices.sqlite")),
-      log_(archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder, *home_.device_key,
-                                       home_.device.name())) {
+      own_log_(home_.log == nullptr
+                   ? archive::ApplianceLog::open(archive::real_file_system(), home_.log_folder,
+                                                 *home_.device_key, home_.device.name())
+                   : nullptr),
+      log_(own_log_ ? own_log_.get() : home_.log) {
+  if (!own_log_) return;
   if (const std::string damage = log_->damage(); !damage.empty()) tell(damage);
   for (const std::string& remark : log_->remarks()) tell(remark);
   log_->tell_of_remarks([tell](const std::string& remark) { tell(remark); });

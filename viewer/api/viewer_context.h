@@ -46,6 +46,9 @@ struct ViewerHome {
   /// Where programs that plan, show a breathing lung and train answer (viewer/server/inner_door.h).
   std::filesystem::path planning_socket = {}, breathing_socket = {}, training_socket = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
+  /// The one that this process writes already, and whose remarks it tells; null: the viewer opens one. What
+  /// one object signed another one takes back where somebody removed the checkpoint.
+  archive::ApplianceLog* log = nullptr;
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;
   /// What opens recordings for whoever may watch, from signing in on; null: everybody brings their own.
@@ -142,7 +145,8 @@ class ViewerContext {
   Invitations invitations_;
   std::unique_ptr<UserStore> users_;
   std::unique_ptr<KnownDevices> devices_;
-  std::unique_ptr<archive::ApplianceLog> log_;
+  std::unique_ptr<archive::ApplianceLog> own_log_;  // null where the home has one
+  archive::ApplianceLog* log_;
   DeedPace pace_;
 };
 
