@@ -103,31 +103,28 @@ bool is_of_another_file(const Request& request, const sim::Plan& plan) {
          (plan.volume.empty() || !std::filesystem::equivalent(*request.volume, plan.volume, unknown));
 }
 
-sim::Volume read_ct(const Request& request, const sim::Plan& plan) {
+sim::VolumeFile read_ct(const Request& request, const sim::Plan& plan) {
   const std::filesystem::path path = request.volume ? std::filesystem::path(*request.volume) : plan.volume;
   if (path.empty()) {
     throw UsageError(
         "the plan " + request.plan +
         " names no CT that could be shown: give its \"volume\" a file or folder, or name one with --volume");
   }
-  sim::VolumeFile file = [&] {
-    StepLine line;
-    line.show("reading the CT");
-    // The plan was made on it as it lies: what is uneven or may be missing is told.
-    return sim::read_volume(path, {request.series.value_or(""), true});
-  }();
-  if (is_of_another_file(request, plan))
-    print_error("kiroku", "warning: the CT shown is " + path.string() + ", which is not the plan's");
-  for (const std::string& finding : file.findings) print_error("kiroku", "warning: the CT: " + finding);
-  return std::move(file.volume);
+  StepLine line;
+  line.show("reading the CT");
+  // The plan was made on it as it lies: what is uneven or may be missing is told.
+  return sim::read_volume(path, {request.series.value_or(""), true});
 }
 
 int run(const Request& request) {
   const auto plan = read_plan_and_tell(request.plan, request.json);
   if (!plan) return kRefused;
-  const sim::Volume volume = read_ct(request, *plan);
-  warn_of_nodes_outside(plan->body.mesh, volume.grid);
-  Replay replay(request, *plan, volume);
+  const sim::VolumeFile ct = read_ct(request, *plan);
+  warn_of_nodes_outside(plan->body.mesh, ct.volume.grid);
+  Replay replay(request, *plan, ct.volume);
+  if (is_of_another_file(request, *plan))
+    print_error("kiroku", "warning: the CT shown is " + *request.volume + ", which is not the plan's");
+  for (const std::string& finding : ct.findings) print_error("kiroku", "warning: the CT: " + finding);
   sim::PlanRun plan_run(*plan);
   Progress progress("replaying the plan");
   const double all_s = duration_s(*plan);

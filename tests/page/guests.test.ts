@@ -189,18 +189,20 @@ story('An invitation', (step) => {
     await page.goto(`${appliance.url}#/cases/${id}?t=${middle_s}`);
     const arrow = page.locator('.pane[data-stream=endoscope] .pointer');
     await arrow.getByText('Dr. Sato (guest)').waitFor();
-    const box = await page.locator('.pane[data-stream=endoscope] .pointer-layer').boundingBox();
-    const at = await arrow.locator('svg').boundingBox();
-    // The pointer may be there before the video has a size.
+    // The pointer may be there before the video has a size, by which both are laid out.
     const videoShape = () => page.locator('.pane[data-stream=endoscope] video').evaluate((video: HTMLVideoElement) => video.videoWidth / video.videoHeight);
     await expect.poll(videoShape, { timeout: 30_000 }).toBeGreaterThan(0);
     const shown = await videoShape();
-    if (!box || !at) throw new Error('no arrow');
-    // The picture lies in the middle of its pane.
-    const width = Math.min(box.width, box.height * shown);
-    const height = width / shown;
-    expect((at.x - box.x - (box.width - width) / 2) / width).toBeCloseTo(0.6, 1);
-    expect((at.y - box.y - (box.height - height) / 2) / height).toBeCloseTo(0.4, 1);
+    const place = async () => {
+      const box = await page.locator('.pane[data-stream=endoscope] .pointer-layer').boundingBox();
+      const at = await arrow.locator('svg').boundingBox();
+      if (!box || !at) throw new Error('no arrow');
+      // The picture lies in the middle of its pane.
+      const width = Math.min(box.width, box.height * shown);
+      const height = width / shown;
+      return [(at.x - box.x - (box.width - width) / 2) / width, (at.y - box.y - (box.height - height) / 2) / height];
+    };
+    await expect.poll(place).toEqual([expect.closeTo(0.6, 1), expect.closeTo(0.4, 1)]);
     await page.locator('.lane-names').getByText('Pointing').waitFor();
     expect(await seriousBarriers(page)).toEqual([]);
     await settled(page);

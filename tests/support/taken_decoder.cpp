@@ -90,6 +90,7 @@ class TakenSource {
                {"live", manner_ != "future"},
                {"input", "64x64"},
                {"coding", {"ffv1", 1}},
+               {"treatment", {0, 0, 0}},
                {"remark", ""}};
     if (manner_ == "slow") facts["rate"] = {1, INT32_MAX};
     if (manner_ == "fast") facts["rate"] = {INT32_MAX, 1};

@@ -68,9 +68,11 @@ Document make_receipt(const ReportInput& input) {
     statement.remarks.push_back(time_sentence(input, Brackets::kUnsaid));
   }
   add(std::move(statement));
-  // What the times are not worth goes before what every receipt says.
-  constexpr std::size_t kMostLimitsBesideTheLead = 1;
-  if (limits <= kMostLimitsBesideTheLead) add(Paragraph{words("receipt.lead")});
+  // What the times are not worth, and what is to be known of this case, goes before what every receipt says.
+  constexpr std::size_t kMostBesideTheLead = 1;
+  const bool is_renewed = !evidence_sentence(input).empty();
+  const std::size_t beside = limits + (is_renewed ? 1 : 0) + (facts.clock_set ? 1 : 0);
+  if (beside <= kMostBesideTheLead) add(Paragraph{words("receipt.lead")});
 
   Table table = facts_table();
   add_fact(table, words("case.id"), identifier_words(input, document.identifier));

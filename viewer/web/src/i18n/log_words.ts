@@ -31,7 +31,10 @@ export const kDeeds: readonly SentencePair[] = [
   ['verified with an identity', '識別鍵を用いて検証'],
   ['made a certificate of training for {name}', '{name} の訓練証明を作成'],
   ['found no signature of this device over entries {from} to {to}', 'この装置の署名がない項目 {from}～{to} を確認'],
-  ['set aside what stood from entry {entry} on, which this device did not sign, sha256 {hash}', '項目 {entry} 以降の、この装置が署名していない内容を別に保管（sha256 {hash}）'],
+  [
+    'set aside what stood from entry {entry} on, which this device did not sign, sha256 {hash}',
+    '項目 {entry} 以降の、この装置が署名していない内容を別に保管（sha256 {hash}）',
+  ],
   ['unlocked recordings with an identity', '識別鍵で記録を解錠'],
   ["unlocked recordings with the server's identity", 'サーバの識別鍵で記録を解錠'],
   ['adds user {name} as {role}', '利用者 {name} を{role}として追加'],
