@@ -11,6 +11,7 @@ namespace kiroku::test {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -216,7 +217,10 @@ TEST_F(ConsentTest, WithdrawnByALineThatNobodySignedErasesNothing) {
   EXPECT_EQ(state("give", {"treatment-record"}).status, 0);
   const std::size_t before = segments();
   forge_withdrawal();
-  EXPECT_REFUSED(export_for("treatment-record", "f.jsonl"), "nobody signed that entry in time");
+  const ProcessResult refused = export_for("treatment-record", "f.jsonl");
+  EXPECT_NE(refused.status, 0);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("have no checkpoint of this device"),
+                                 HasSubstr("nobody signed that entry in time")));
   const ProcessResult nothing = kiroku({"erase", "--due"});
   EXPECT_EQ(nothing.status, 0) << nothing.err;
   EXPECT_THAT(nothing.out, HasSubstr("Nothing is due to be erased."));
