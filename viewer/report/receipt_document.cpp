@@ -81,7 +81,8 @@ Document make_receipt(const ReportInput& input) {
   add_fact(table, words("case.closed"), facts.closed_at ? closed_words(input) : words("case.not-closed"));
   add_fact(table, words("receipt.root"), crypto::to_base64(note.root, crypto::Base64Padding::kPadded),
            Face::kMono);
-  add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);
+  if (beside <= kMostBesideTheLead)
+    add_fact(table, words("receipt.root-hex"), crypto::to_hex(note.root), Face::kMono);
   add_fact(table, words("receipt.size"), grouped(note.size));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     add_fact(table, words("receipt.evidence"), std::move(evidence));
