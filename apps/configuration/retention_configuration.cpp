@@ -57,11 +57,15 @@ bool RetentionRule::concerns(const archive::StreamInfo& info) const {
   return stream.empty() ? info.purpose == purpose : info.name == stream;
 }
 
+std::string RetentionRule::of() const {
+  return stream.empty() ? "the purpose '" + purpose + "'" : "the stream '" + stream + "'";
+}
+
 void read_retention_rules(TableReader& top, RetentionConfiguration& into) {
   for_each_table(top, "retention", [&](const toml::table& table) {
     const auto note = [&](const std::string& sentence) {
       into.unclear.push_back("line " + std::to_string(table.source().begin.line) +
-                             ", [[retention]]: " + sentence);
+                             ", [[retention]]: " + sentence + "; until then nothing is erased by rules");
     };
     std::string unclear;
     RetentionRule rule = read_rule(table, top.file(), unclear);
@@ -69,18 +73,13 @@ void read_retention_rules(TableReader& top, RetentionConfiguration& into) {
     const bool twice = std::ranges::any_of(into.rules, [&](const RetentionRule& other) {
       return other.stream == rule.stream && other.purpose == rule.purpose;
     });
-    if (twice) {
-      note("it is the second one for the " +
-           (rule.stream.empty() ? "purpose '" + rule.purpose : "stream '" + rule.stream) +
-           "': leave the one that holds");
-    }
+    if (twice) note("it is the second one for " + rule.of() + ": leave the one that holds");
     into.rules.push_back(std::move(rule));
   });
 }
 
 void require_clear(const RetentionConfiguration& retention, const std::string& file) {
-  if (!retention.unclear.empty())
-    throw UsageError(file + ": " + retention.unclear.front() + ". Nothing is erased by rules until then");
+  if (!retention.unclear.empty()) throw UsageError(file + ": " + retention.unclear.front());
 }
 
 const RetentionRule* rule_for(const std::vector<RetentionRule>& rules, const archive::StreamInfo& stream) {

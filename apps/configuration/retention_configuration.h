@@ -19,6 +19,8 @@ struct RetentionRule {
   std::chrono::nanoseconds after;  // since the case was opened
   std::string policy;              // stands in the case and in the appliance log
   [[nodiscard]] bool concerns(const archive::StreamInfo& info) const;
+  /// "the stream 'room'", "the purpose 'quality review'".
+  [[nodiscard]] std::string of() const;
 };
 
 struct RetentionConfiguration {

@@ -473,10 +473,6 @@ std::vector<std::string> idle_retention(const Configuration& configuration) {
 
 namespace {
 
-std::string named(const RetentionRule& rule) {
-  return rule.stream.empty() ? "the purpose '" + rule.purpose + "'" : "the stream '" + rule.stream + "'";
-}
-
 /// Streams of rooms for which there are two rules.
 std::vector<std::string> overlapping_retention(const Configuration& configuration) {
   std::vector<std::string> told;
@@ -490,8 +486,8 @@ std::vector<std::string> overlapping_retention(const Configuration& configuratio
         for (const RetentionRule& rule : configuration.retention.rules) {
           if (&rule == holds || !rule.concerns(info)) continue;
           told.push_back("[[retention]] has two rules for the stream '" + name + "' of room '" + room.name +
-                         "': that of " + named(*holds) + ", which keeps it longer (" +
-                         age_in_words(holds->after) + "), holds; that of " + named(rule) + " (" +
+                         "': that of " + holds->of() + ", which keeps it longer (" +
+                         age_in_words(holds->after) + "), holds; that of " + rule.of() + " (" +
                          age_in_words(rule.after) + ") erases nothing of it");
         }
       }
@@ -503,13 +499,11 @@ std::vector<std::string> overlapping_retention(const Configuration& configuratio
 }  // namespace
 
 std::vector<std::string> doubtful_retention(const Configuration& configuration) {
-  std::vector<std::string> doubts;
-  for (const std::string& sentence : configuration.retention.unclear)
-    doubts.push_back(sentence + "; until then nothing is erased by rules");
+  std::vector<std::string> doubts = configuration.retention.unclear;
   for (std::string& sentence : idle_retention(configuration)) doubts.push_back(std::move(sentence));
   for (const RetentionRule& rule : configuration.retention.rules) {
     if (rule.after >= std::chrono::hours(24)) continue;
-    doubts.push_back("[[retention]] of " + named(rule) + " erases what was recorded " +
+    doubts.push_back("[[retention]] of " + rule.of() + " erases what was recorded " +
                      age_in_words(rule.after) + " after the case was opened, which is less than a day");
   }
   for (std::string& sentence : overlapping_retention(configuration)) doubts.push_back(std::move(sentence));

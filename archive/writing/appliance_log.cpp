@@ -547,9 +547,8 @@ struct ApplianceLog::State {
   /// somebody else's.
   ///
   /// - Lines that no writer of this device leaves are put aside with all behind them.
-  /// - One that lacks the checkpoint which was to follow it is taken back: a writer tells whoever asked only
-  /// of
-  ///   what is signed, so nobody counts on that line.
+  /// - One that lacks the checkpoint which was to follow it is taken back. A writer tells whoever asked of
+  ///   nothing but what is signed, so nobody counts on that line.
   /// - What the device stands on stays, and so do several that lack theirs: somebody took those away. The
   ///   next entry says so.
   ///
@@ -602,7 +601,12 @@ struct ApplianceLog::State {
   /// the changed lines. They are read anew, and the next entry says that they are others.
   bool were_changed(const UnsignedLines& behind) {
     if (!signed_root) signed_root = behind.root_before;
-    if (!signed_root || behind.root_before == signed_root) return false;
+    if (!signed_root || behind.root_before == signed_root) {
+      // Another program found it, and stated and signed it: what is signed here must go on from that.
+      if (behind.end != ledger->size() || behind.root == ledger->root()) return false;
+      ledger->read_again();
+      return true;
+    }
     damage = LogDamageEntry{signed_until, *signed_root, behind.root_before};
     damage_stated = std::ranges::any_of(
         stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });

@@ -126,9 +126,7 @@ void Ledger::repair() {
   }
   written_->sync();
   unsure_.clear();
-  tree_ = {};
-  bytes_ = 0;
-  last_line_.clear();
+  forget_lines();
   covered_ = covered_when_opened_;
   try {
     read_new_lines();
@@ -162,9 +160,7 @@ void Ledger::take_back(std::uint64_t size, bool another) {
   const Turn turn(*this);
   refuse_if_failed();
   const std::uint64_t before = bytes_;
-  tree_ = {};
-  bytes_ = 0;
-  last_line_.clear();
+  forget_lines();
   if (mine_ && mine_->size > size) {
     mine_.reset();
   }
@@ -172,12 +168,16 @@ void Ledger::take_back(std::uint64_t size, bool another) {
   torn_bytes_ += another ? before - bytes_ : 0;
 }
 
-void Ledger::read_again() {
-  const Turn turn(*this);
-  refuse_if_failed();
+void Ledger::forget_lines() {
   tree_ = {};
   bytes_ = 0;
   last_line_.clear();
+}
+
+void Ledger::read_again() {
+  const Turn turn(*this);
+  refuse_if_failed();
+  forget_lines();
   mine_.reset();
   try {
     read_new_lines();
@@ -222,9 +222,7 @@ bool Ledger::still_stands(const ReadableFile& input) const {
 
 void Ledger::read_anew() {
   known_ = mine_;
-  tree_ = {};
-  bytes_ = 0;
-  last_line_.clear();
+  forget_lines();
   try {
     read_new_lines();
     if (known_ && tree_.size() < known_->size) {

@@ -115,6 +115,7 @@ class Ledger {
   /// Whether the line that was read last is still where it was. Another process cuts off a line of its own
   /// that it could not flush, and this one may have read it before.
   [[nodiscard]] bool still_stands(const ReadableFile& input) const;
+  void forget_lines();
   void read_anew();
   /// Those beyond `most` are cut off.
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);

@@ -174,6 +174,7 @@ UnsignedLines unsigned_lines(const FileReading& files, const fs::path& file, std
     if (tree.size() == from) lines.root_before = tree.root();
   }
   lines.end = tree.size();
+  lines.root = tree.root();
   return lines;
 }
 

@@ -42,6 +42,7 @@ struct UnsignedLine {
 struct UnsignedLines {
   std::optional<crypto::Sha256Digest> root_before;  // of the lines before them; nothing where there are fewer
   std::uint64_t end = 0;                            // the number behind the last line
+  crypto::Sha256Digest root{};                      // of all lines
   std::uint64_t demanding = 0;          // lines before the first foreign one that a checkpoint must follow
   std::optional<UnsignedLine> first;    // of these
   std::optional<UnsignedLine> foreign;  // the first one

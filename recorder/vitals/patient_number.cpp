@@ -19,6 +19,24 @@ bool is_of_one_kind(const PatientNumber& a, const PatientNumber& b) {
          !a.is_of_account && !b.is_of_account;
 }
 
+/// Whether `is_same` holds of a number of each, and none of `a` that the other lacks is of a kind of which a
+/// patient has one.
+template <typename IsSame>
+bool is_one_patient(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b,
+                    const IsSame& is_same) {
+  bool shared = false;
+  for (const PatientNumber& one : a) {
+    bool is_there = false, is_another = false;
+    for (const PatientNumber& other : b) {
+      is_there = is_there || is_same(one, other);
+      is_another = is_another || is_of_one_kind(one, other);
+    }
+    if (!is_there && is_another) return false;
+    shared = shared || is_there;
+  }
+  return shared;
+}
+
 }  // namespace
 
 bool may_be_one(const PatientNumber& a, const PatientNumber& b) {
@@ -32,38 +50,22 @@ bool may_be_one(const PatientNumber& a, const PatientNumber& b) {
   return a.type.empty() || b.type.empty() || a.type == b.type;
 }
 
-bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
-  const auto is_persons = [](const PatientNumber& each) { return !each.is_of_account; };
-  const bool by_persons = std::ranges::any_of(a, is_persons) && std::ranges::any_of(b, is_persons);
-  bool shared = false;
-  for (const PatientNumber& one : a) {
-    if (by_persons && one.is_of_account) continue;
-    bool is_there = false, is_another = false;
-    for (const PatientNumber& other : b) {
-      is_there = is_there || may_be_one(one, other);
-      is_another = is_another || is_of_one_kind(one, other);
-    }
-    if (!is_there && is_another) return false;
-    shared = shared || is_there;
-  }
-  return shared;
-}
-
 bool read_alike(std::string_view a, std::string_view b) {
   return !without_zeros(a).empty() && same_but_for_case(without_zeros(a), without_zeros(b));
 }
 
+bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
+  const auto is_persons = [](const PatientNumber& each) { return !each.is_of_account; };
+  const bool by_persons = std::ranges::any_of(a, is_persons) && std::ranges::any_of(b, is_persons);
+  return is_one_patient(a, b, [&](const PatientNumber& one, const PatientNumber& other) {
+    return (!by_persons || !one.is_of_account) && may_be_one(one, other);
+  });
+}
+
 bool read_alike(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
-  bool alike = false;
-  for (const PatientNumber& one : a) {
-    const bool is_there = std::ranges::any_of(
-        b, [&](const PatientNumber& each) { return read_alike(one.number, each.number); });
-    const bool is_another =
-        std::ranges::any_of(b, [&](const PatientNumber& each) { return is_of_one_kind(one, each); });
-    if (!is_there && is_another) return false;
-    alike = alike || is_there;
-  }
-  return alike;
+  return is_one_patient(a, b, [](const PatientNumber& one, const PatientNumber& other) {
+    return read_alike(one.number, other.number);
+  });
 }
 
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more) {

@@ -172,6 +172,7 @@ class LogRead:
         named = None   # the device's key as the newest entry says it
         claims = []            # code, line and words of what counts once a checkpoint covers the line
         fitting = {}           # lines that a checkpoint covers, by the device that signed it
+        signer = None          # the device of now, where its key can be read
         self.covered_by = {}   # of each device that signed the log: lines covered by its ML-DSA key, and by its hardware
         notes = trust.against if alone else outside_notes(trust, True)
         outside, holds = _held(notes, trust), {}   # entries of the holds that stand, by case
@@ -193,13 +194,15 @@ class LogRead:
                 if kind not in FOLLOWED_BY_NONE:
                     since_note += kind not in ("recovered", "damage-found")
                     to_be_followed.append(number)
-                if kind in ("boot", "device-key-changed") and (device is None or str(device) != entry["device"]):
+                if kind in ("boot", "device-key-changed"):
+                    signer = None if device is None or str(device) != entry["device"] else str(device)
+                if kind in ("boot", "device-key-changed") and signer is None:
                     try:
                         later = note.parse_key(entry["device"])
                         self._keep_covered(device)
                         if later != device:
                             folder.covered_by_ml_dsa = folder.covered_by_hardware = 0
-                        device = later
+                        device, signer = later, str(later)
                         origin = f"kiroku/{device.name}/log"
                         origins.append(origin)
                         self._judge_named(device)
@@ -217,7 +220,7 @@ class LogRead:
                 if kind == "device-hardware-added":
                     self._judge_hardware_key(entry["hardware"], device, lambda code, text, at=number: claims.append((code, at, text)))
                 if kind == "damage-found":
-                    refuted = device is not None and fitting.get(str(device), -1) >= entry["size"]
+                    refuted = signer is not None and fitting.get(signer, -1) >= entry["size"]
                     claims.append(("log-damage-refuted" if refuted else "log-damage-stated", number, f"line {number}"))
                 boots.take(number, entry, self.ledger.root(number) if "quote" in entry and number <= self.ledger.known else None)
                 told, erased, closed = self._take(number, entry, kind, first_named)
@@ -226,8 +229,8 @@ class LogRead:
                 folder.judge_note(size, self.ledger.root(size), device, origin, size <= self.ledger.known)
                 if folder.covered == size:
                     claims = self._tell(claims, size, report)
-                    if device is not None:
-                        fitting[str(device)] = size
+                    if signer is not None:
+                        fitting[signer] = size
                     if since_note > MOST_WITHOUT_THEIR_OWN:
                         report("log-signed-late", f"line {number}")
                     since_note = 0

@@ -456,7 +456,7 @@ TEST(Configuration, OfSeveralRetentionRulesTheLongerHolds) {
   };
   EXPECT_THAT(unclear(stream + stream),
               testing::ElementsAre("line 5, [[retention]]: it is the second one for the stream 'endoscope': "
-                                   "leave the one that holds"));
+                                   "leave the one that holds; until then nothing is erased by rules"));
   EXPECT_THAT(unclear(purpose + purpose),
               testing::ElementsAre(HasSubstr("the second one for the purpose 'record'")));
   EXPECT_THAT(unclear(stream + purpose), testing::IsEmpty());

@@ -311,6 +311,21 @@ TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItAreChangedWhileTheLogIsOpen) {
   EXPECT_EQ(open()->damage(), "") << "it is stated";
 }
 
+// What this object signs then goes on from the lines that the other one signed.
+TEST_F(ForeignLines, ThatAnotherProgramFoundChangedAreReadAnewByThisOne) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  log->access("*", "locked", "sato");
+  std::string text = text_of_file(ledger());
+  text.replace(text.find("unlocked"), 8, "unlockeD");
+  std::ofstream(ledger(), std::ios::binary) << text;
+  open()->access("*", "unlocked", "mori");
+  log->access("*", "locked", "mori");
+  EXPECT_EQ(open()->damage(), "") << "the newest checkpoint fits";
+  EXPECT_EQ(std::ranges::count(types(), "damage-found"), 1);
+  EXPECT_THAT(codes(), HasSubstr("log-damage-stated"));
+}
+
 TEST_F(ForeignLines, AreToldOnceToWhoeverListensLater) {
   const auto log = open();
   log->access("*", "unlocked", "sato");
