@@ -128,11 +128,14 @@ void OutsideNotes::reached(std::uint64_t size, const RootTest& fits, bool tree_k
 }
 
 bool OutsideNotes::holds_at(std::uint64_t size, const std::string& origin) const {
-  const auto [first, last] =
-      std::ranges::equal_range(notes_, size, {}, [](const Judged& note) { return note.checkpoint.size; });
-  return std::any_of(first, last, [&](const Judged& note) {
-    return note.answer == Answer::kHolds && !note.alone && note.checkpoint.origin == origin;
-  });
+  const auto first =
+      std::ranges::lower_bound(notes_, size, {}, [](const Judged& note) { return note.checkpoint.size; });
+  for (auto note = first; note != notes_.end() && note->checkpoint.size == size; ++note) {
+    if (note->answer == Answer::kHolds && !note->alone && note->checkpoint.origin == origin) {
+      return true;
+    }
+  }
+  return false;
 }
 
 std::vector<OutsideNotes::Held> OutsideNotes::held_notes() const {
