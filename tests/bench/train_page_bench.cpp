@@ -50,7 +50,9 @@ void measure(trainer::ObjectKind kind, std::size_t vertices, double seconds) {
     trainer::LiveAttempt attempt(
         [&] { return body; }, options, trainer::kMostExclusionFingers,
         {[](const trainer::ExclusionBody&) {},
-         [&](const trainer::LiveView& view) { bytes += viewer::moment_message(view, true).size(); },
+         [&](const trainer::LiveView& view) {
+           bytes += viewer::moment_message(view, true, viewer::jpeg_of_moment(view)).size();
+         },
          [&](const trainer::LiveOutcome& ended) {
            outcome = ended;
            over = true;
