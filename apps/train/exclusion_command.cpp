@@ -377,8 +377,8 @@ void add_train_exclusion_command(Command& train) {
                           "a file of hand motion, udp:PORT or udp:ADDRESS:PORT, plugin:PATH[:ARGUMENT], or "
                           "'simulated'");
   command.required_option("-o,--output", "DIR", request->output, "where to");
-  command.choice("--object", {"a", "b"}, request->object,
-                 "like a liver, or like a lung with its bronchus and artery", "a");
+  command.choice("--object", {"a", "b", "c"}, request->object,
+                 "like a liver, like a lung with its bronchus and artery, or a great vein and an aorta", "a");
   command.option("--fingers", "N", request->fingers,
                  "of a device or a simulated trainee, or instruments, 1 to 5");
   command.option("--vertices", "N", request->vertices, "of the object's mesh");
@@ -426,6 +426,8 @@ void add_train_exclusion_command(Command& train) {
       "hand's motion, which --hand and --ghost take. The exit status is 1 where the line was not seen.");
   command.example("kiroku train exclusion --object a --hand simulated -o lift",
                   "a simulated trainee lifts object A");
+  command.example("kiroku train exclusion --object c --hand simulated --stress -o vessels",
+                  "the same of a great vein and an aorta");
   command.example("kiroku train exclusion --object b --hand udp:7001 --fingers 5 --stress -o own",
                   "a person at a device, stress shown");
   command.example("kiroku train exclusion --hand lift/hand.txt -o again", "the same motion again");

@@ -17,8 +17,11 @@ using sim::Vector3;
 
 constexpr std::uint8_t kLineMark = 1;
 constexpr sim::Rgb kLineColour{70, 220, 120};
-/// Of a fingertip that is to lift objects A and B: as far in as their border is wide.
-constexpr double kUnderBorderMetres = -0.046;
+/// Of a fingertip that is to lift objects A and B: as far in as their border is wide. Of C: below the middle
+/// of the vein.
+constexpr double kUnderBorderMetres = -0.046, kUnderVeinMetres = -0.0115;
+/// Where the line lies: behind the border of A and B; of C so that the vein hides it.
+constexpr double kLineBehindBorderMetres = -0.02, kLineBehindVeinMetres = 0.012;
 constexpr double kHalfViewRad = 14 * std::numbers::pi / 180;
 constexpr std::array<std::array<double, kMostExclusionFingers>, kMostExclusionFingers> kSideBySide{
     {{0}, {-0.03, 0.03}, {-0.04, 0, 0.04}, {-0.05, -0.02, 0.02, 0.05}, {-0.06, -0.03, 0, 0.03, 0.06}}};
@@ -76,10 +79,13 @@ ExclusionTask exclusion_task(ObjectKind kind) {
   ExclusionTask task;
   task.eye_m = {0, -0.4, 0.25};
   task.looks_at_m = {0, -0.02, -0.005};
+  const bool is_sheet = kind != ObjectKind::kVessels;
   const double below_m = half_thickness_m(kind) + 0.01;
-  task.line_from_m = {-0.022, -0.02, -below_m};
-  task.line_to_m = {0.022, -0.02, -below_m};
-  task.under_border_m = {0, kUnderBorderMetres, -half_thickness_m(kind) - kFingertipMetres};
+  const double behind_m = is_sheet ? kLineBehindBorderMetres : kLineBehindVeinMetres;
+  task.line_from_m = {-0.022, behind_m, -below_m};
+  task.line_to_m = {0.022, behind_m, -below_m};
+  task.under_border_m = {0, is_sheet ? kUnderBorderMetres : kUnderVeinMetres,
+                         -half_thickness_m(kind) - kFingertipMetres};
   return task;
 }
 

@@ -46,8 +46,8 @@ struct ExclusionTask {
   [[nodiscard]] Eigen::Quaterniond lifting_hand() const;
 };
 
-/// Of objects A and B: the eye of who stands at the object's side of -y and looks over its border, the line
-/// below the object behind that border: hidden until the border is lifted by some millimetres.
+/// Of objects A, B and C: the eye of who stands at the object's side of -y and looks over its border, the
+/// line below the object behind that border: hidden until the border is lifted by some millimetres.
 ExclusionTask exclusion_task(ObjectKind kind);
 
 /// Trocars of so many instruments that lift the border from below: in a wall between trainee and organ, 12 cm

@@ -24,11 +24,11 @@ std::string name_in(const JsonField& document, const std::filesystem::path& file
   constexpr std::size_t kLongest = 40;
   const std::optional<JsonField> given = document.optional_member("name");
   const std::string name = given ? given->text() : file.stem().string();
-  const bool sound =
-      !name.empty() && name.size() <= kLongest && name != "a" && name != "b" && !first_unprintable(name);
+  const bool sound = !name.empty() && name.size() <= kLongest && name != "a" && name != "b" && name != "c" &&
+                     !first_unprintable(name);
   if (!sound) {
     const std::string what =
-        "is '" + name + "': an organ's name is 1 to 40 bytes without control characters, and neither a nor b";
+        "is '" + name + "': an organ's name is 1 to 40 bytes without control characters, and not a, b or c";
     given ? given->fail(what) : document.fail("has no name, and the file's " + what);
   }
   return name;

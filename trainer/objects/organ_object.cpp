@@ -13,8 +13,9 @@ using sim::Vector3;
 
 constexpr double kHalfLengthMetres = 0.1, kHalfWidthMetres = 0.06, kFixedShareOfOrgan = 0.075,
                  kVoxelMetres = 0.002;
-constexpr double kLiverHalfThicknessMetres = 0.015, kLungHalfThicknessMetres = 0.022;
-constexpr sim::Rgb kLiverColour{150, 62, 52}, kLungColour{214, 150, 148};
+constexpr double kLiverHalfThicknessMetres = 0.015, kLungHalfThicknessMetres = 0.022,
+                 kVesselRadiusMetres = 0.0115;
+constexpr sim::Rgb kLiverColour{150, 62, 52}, kLungColour{214, 150, 148}, kVesselColour{168, 58, 70};
 constexpr double kGrooveMetres = 0.033, kGrooveDepthMetres = 0.008, kGrooveWidthMetres = 0.006;
 
 /// Of the sheet's rounded section: 0 in the middle, 1 on its border.
@@ -48,18 +49,71 @@ std::uint16_t lung(const Vector3& p) {
   return 1;
 }
 
+std::uint16_t vessels(const Vector3& p) {
+  for (const bool is_aorta : {false, true}) {
+    const double from_axis = p.y() - (is_aorta ? kVesselRadiusMetres : -kVesselRadiusMetres);
+    if (std::hypot(from_axis, p.z()) < kVesselRadiusMetres) return is_aorta ? 2 : 1;
+  }
+  // What joins them fills the gap where they touch.
+  return std::abs(p.y()) < kVesselRadiusMetres / 2 && std::abs(p.z()) < kVesselRadiusMetres / 2 ? 3 : 0;
+}
+
+/// What is where: 0 for nothing, else a region.
+std::uint16_t region_at(ObjectKind kind, const Vector3& p) {
+  switch (kind) {
+    case ObjectKind::kLiver:
+      return liver(p);
+    case ObjectKind::kLung:
+      return lung(p);
+    case ObjectKind::kVessels:
+      break;
+  }
+  return vessels(p);
+}
+
+sim::Materials materials_of(ObjectKind kind) {
+  const auto of = [](double first_pa, double second_pa, double third_pa) {
+    return sim::Materials{
+        {1, {first_pa, 0.4, 1000}}, {2, {second_pa, 0.4, 1000}}, {3, {third_pa, 0.4, 1000}}};
+  };
+  switch (kind) {
+    case ObjectKind::kLiver:
+      return of(0.3e6, 0.3e6, 0.3e6);
+    case ObjectKind::kLung:
+      return of(0.1e6, 1e6, 1e6);
+    case ObjectKind::kVessels:
+      break;
+  }
+  return of(0.1e6, 0.3e6, 0.05e6);
+}
+
+sim::Rgb colour_of(ObjectKind kind) {
+  return kind == ObjectKind::kLiver ? kLiverColour : kind == ObjectKind::kLung ? kLungColour : kVesselColour;
+}
+
 }  // namespace
 
 ObjectKind object_kind(const std::string& name) {
   if (name == "a") return ObjectKind::kLiver;
   if (name == "b") return ObjectKind::kLung;
-  throw UsageError("'" + name + "' is no object: it must be a (like a liver) or b (like a lung)");
+  if (name == "c") return ObjectKind::kVessels;
+  throw UsageError(
+      "'" + name +
+      "' is no object: it must be a (like a liver), b (like a lung) or c (great vein and aorta)");
 }
 
-std::string name_of(ObjectKind kind) { return kind == ObjectKind::kLiver ? "a" : "b"; }
+std::string name_of(ObjectKind kind) {
+  return kind == ObjectKind::kLiver ? "a" : kind == ObjectKind::kLung ? "b" : "c";
+}
 
 double half_thickness_m(ObjectKind kind) {
-  return kind == ObjectKind::kLiver ? kLiverHalfThicknessMetres : kLungHalfThicknessMetres;
+  return kind == ObjectKind::kLiver  ? kLiverHalfThicknessMetres
+         : kind == ObjectKind::kLung ? kLungHalfThicknessMetres
+                                     : kVesselRadiusMetres;
+}
+
+double half_width_m(ObjectKind kind) {
+  return kind == ObjectKind::kVessels ? 2 * kVesselRadiusMetres : kHalfWidthMetres;
 }
 
 OrganObject make_object(ObjectKind kind, std::size_t vertices,
@@ -68,13 +122,12 @@ OrganObject make_object(ObjectKind kind, std::size_t vertices,
     throw UsageError("an object has " + std::to_string(kLeastObjectNodes) + " to " +
                      std::to_string(kMostObjectNodes) + " vertices, not " + std::to_string(vertices));
   }
-  const bool is_liver = kind == ObjectKind::kLiver;
   OrganObject object;
   object.name = name_of(kind);
-  object.tissue = is_liver ? kLiverColour : kLungColour;
+  object.tissue = colour_of(kind);
   sim::LabelMap labels;
   // A layer of air around y and z; along x the object ends with the voxels, in flat faces.
-  const Vector3 half_m(kHalfLengthMetres, kHalfWidthMetres + 2 * kVoxelMetres,
+  const Vector3 half_m(kHalfLengthMetres, half_width_m(kind) + 2 * kVoxelMetres,
                        half_thickness_m(kind) + 2 * kVoxelMetres);
   for (std::size_t axis = 0; axis < 3; ++axis)
     labels.grid.size[axis] =
@@ -86,17 +139,12 @@ OrganObject make_object(ObjectKind kind, std::size_t vertices,
     for (std::size_t j = 0; j < labels.grid.size[1]; ++j) {
       for (std::size_t i = 0; i < labels.grid.size[0]; ++i) {
         const Vector3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
-        const Vector3 at_m = labels.grid.patient_m(index);
-        labels.labels.push_back(is_liver ? liver(at_m) : lung(at_m));
+        labels.labels.push_back(region_at(kind, labels.grid.patient_m(index)));
       }
     }
   }
   object.mesh = sim::make_organ_mesh(labels, {vertices, 1}, step).mesh;
-  if (is_liver) {
-    for (const std::int32_t region : {1, 2, 3}) object.materials[region] = {0.3e6, 0.4, 1000};
-  } else {
-    object.materials = {{1, {0.1e6, 0.4, 1000}}, {2, {1e6, 0.4, 1000}}, {3, {1e6, 0.4, 1000}}};
-  }
+  object.materials = materials_of(kind);
   object.constraints = sim::Constraints(object.mesh.nodes.size());
   const double free_m = kHalfLengthMetres * (1 - 2 * kFixedShareOfOrgan);
   for (std::size_t node = 0; node < object.mesh.nodes.size(); ++node) {

@@ -9,6 +9,11 @@
 #include "viewer/people/session.h"
 
 namespace kiroku::viewer {
+namespace {
+
+const std::vector<std::string> kMadeObjects{"a", "b", "c"};
+
+}  // namespace
 
 TrainingUser training_user(const Request& request) {
   const Role role = request.session->role();
@@ -31,12 +36,11 @@ TrainingRoom::TrainingRoom(TrainingOptions options)
                .own_names_person = true,
                .own_status = 409},
               *options_.clock) {
-  made_["a"];
-  made_["b"];
+  for (const std::string& name : kMadeObjects) made_[name];
 }
 
 std::vector<std::string> TrainingRoom::objects() const {
-  std::vector<std::string> names{"a", "b"};
+  std::vector<std::string> names = kMadeObjects;
   for (const auto& organ : options_.organs) names.push_back(organ->object().name);
   return names;
 }

@@ -69,7 +69,7 @@ class TrainingRoom {
     return use(database_);
   }
 
-  /// "a", "b", and the patients' organs.
+  /// "a", "b", "c", and the patients' organs.
   [[nodiscard]] std::vector<std::string> objects() const;
   /// Refusal 400 for a name that is none of objects().
   void require_object(const std::string& name) const;
@@ -123,7 +123,7 @@ class TrainingRoom {
   TrainingOptions options_;
   std::mutex database_mutex_;
   trainer::TrainingDatabase database_;
-  std::map<std::string, Made> made_;  // "a" and "b"
+  std::map<std::string, Made> made_;  // "a", "b" and "c"
   DeedPace pace_;
   Turns places_;
   std::mutex sealable_mutex_;

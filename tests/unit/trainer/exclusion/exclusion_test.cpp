@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -8,6 +9,7 @@
 #include "tests/unit/trainer/made_object.h"
 #include "trainer/exclusion/exclusion_run.h"
 #include "trainer/exclusion/simulated_trainee.h"
+#include "trainer/exclusion/task_trial.h"
 
 namespace kiroku::trainer {
 namespace {
@@ -69,6 +71,15 @@ TEST(ExclusionTask, TheLineIsHiddenAtRestAndSeenWhenTheBorderIsLifted) {
   VisibilityMeter meter(renderer, body().task(), 640, 480);
   EXPECT_EQ(meter.visible_share({}), 0);
   EXPECT_EQ(geometric_visible_share(body().object().mesh, {}, body().task()), 0);
+}
+
+TEST(ExclusionTask, VesselsHideTheLineAndASimulatedTraineePushesThemAside) {
+  OrganObject object = made_object(ObjectKind::kVessels, 2000);
+  const ExclusionTask task = exclusion_task(ObjectKind::kVessels);
+  const ExclusionBody vessels(std::move(object), task);
+  EXPECT_EQ(geometric_visible_share(vessels.object().mesh, {}, task), 0);
+  for (const std::size_t fingers : {1U, 3U, 5U})
+    EXPECT_EQ(doubt_about(vessels, std::array{fingers}), "") << fingers;
 }
 
 TEST(ExclusionTask, WhatThePictureShowsOfTheLineIsWhatGeometrySays) {

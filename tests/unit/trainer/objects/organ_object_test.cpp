@@ -101,7 +101,31 @@ TEST(OrganObject, HasItsRegionsAndElasticitiesAtAnyResolution) {
   }
   EXPECT_THROW((void)make_object(ObjectKind::kLiver, 10), UsageError);
   EXPECT_EQ(object_kind("b"), ObjectKind::kLung);
-  EXPECT_THROW((void)object_kind("c"), UsageError);
+  EXPECT_EQ(object_kind("c"), ObjectKind::kVessels);
+  EXPECT_THROW((void)object_kind("d"), UsageError);
+}
+
+TEST(OrganObject, CIsAGreatVeinAndAnAortaBesideIt) {
+  for (const unsigned vertices : {900U, 1800U}) {
+    const OrganObject c = make_object(ObjectKind::kVessels, vertices);
+    EXPECT_EQ(c.name, "c");
+    EXPECT_NEAR(static_cast<double>(c.mesh.nodes.size()), static_cast<double>(vertices), 0.15 * vertices);
+    EXPECT_EQ(sim::regions_of(c.mesh), (std::vector<std::int32_t>{1, 2, 3}));
+    const sim::Extent extent = sim::extent_of(c.mesh);
+    EXPECT_NEAR(extent.greatest.x(), 0.1, 3e-3);
+    EXPECT_NEAR(extent.greatest.y(), half_width_m(ObjectKind::kVessels), 2e-3);
+    EXPECT_NEAR(-extent.least.y(), half_width_m(ObjectKind::kVessels), 2e-3);
+    EXPECT_NEAR(extent.greatest.z(), half_thickness_m(ObjectKind::kVessels), 2e-3);
+    EXPECT_LT(c.materials.at(1).young_modulus_pa, c.materials.at(2).young_modulus_pa);
+    // The vein lies towards the trainee. Both are round: nothing is in the corners of what holds them.
+    for (std::size_t t = 0; t < c.mesh.tetrahedra.size(); ++t) {
+      Vector3 middle = Vector3::Zero();
+      for (const std::uint32_t node : c.mesh.tetrahedra[t]) middle += c.mesh.nodes[node] / 4;
+      if (c.mesh.regions[t] == 1) EXPECT_LT(middle.y(), 0);
+      if (c.mesh.regions[t] == 2) EXPECT_GT(middle.y(), 0);
+      EXPECT_LT(std::hypot(std::abs(middle.y()) - 0.0115, middle.z()), 0.0135) << middle.transpose();
+    }
+  }
 }
 
 TEST(OrganObject, AHasGroovesBetweenItsLobes) {

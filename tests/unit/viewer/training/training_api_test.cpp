@@ -380,7 +380,7 @@ class TrainingWithAnOrgan : public TrainingApi {
 };
 
 TEST_F(TrainingWithAnOrgan, ListsItBesideTheOthersAndKeepsItsAttempts) {
-  EXPECT_EQ(answer("GET", "training")["objects"], json({"a", "b", "left lobe"}));
+  EXPECT_EQ(answer("GET", "training")["objects"], json({"a", "b", "c", "left lobe"}));
   EXPECT_EQ(answer("GET", "training")["doubted"], json::array({"left lobe"}));
   const auto client = connect();
   client->send_text(begin("Aoki", false, 3, "left lobe"));

@@ -2,7 +2,7 @@
 import { get, post } from '@/api/client';
 import { splitPicture } from '@/media/picture_message';
 
-/** 'a', 'b', or what a patient's organ is called. */
+/** 'a', 'b', 'c', or what a patient's organ is called. */
 export type ObjectName = string;
 export type Ending = 'done' | 'time-over' | 'given-up' | 'broken-off';
 /** In trocars, as many as fingers; '': fingertips. */
