@@ -26,7 +26,7 @@ own order. An entry is one thing that the paper says:
   picture    a picture of docs/
   verdict    better, equal, worse, not comparable, not done yet. Computed where "value" and "ours" are numbers: only
              "not comparable" may stand there
-  why        in 25 words at most; for "not done yet": what is missing
+  why        in 25 words at most; for "not done yet": what is missing, while "has" and "command" are what it takes here
 
 Numbers of Kiroku's are never typed: neither "has" nor "why" has one. Exit status: 0 the page holds, 1 it does not.
 """
@@ -175,7 +175,7 @@ def cells(entry):
             wrong(f"'{key}' has a number: take it from docs/results by its id")
     if (verdict in ("worse", "not comparable", "not done yet") or entry.get("verdict") == "better") and not entry.get("why"):
         wrong(f"'{verdict}' needs its why")
-    if verdict != "not done yet" and not (has and commands):
+    if not (has and commands):
         wrong("what Kiroku has, and the command or the test that shows it, are missing")
     return [entry["place"], says, "; ".join(has), verdict or "", entry.get("why", ""), "; ".join(commands)]
 
