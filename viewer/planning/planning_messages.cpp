@@ -23,7 +23,8 @@ using nlohmann::ordered_json;
 constexpr int kQuality = 85;
 constexpr std::size_t kMostPlaces = 1000;
 constexpr double kOutside = 0.5;  // of the picture, where pointers may have left it to
-constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostDepthM = 0.3, kMostHoldS = 60, kMostPa = 1e9;
+constexpr double kMostPushM = 0.2, kMostTurnDeg = 36000, kMostLeanDeg = 180, kMostDepthM = 0.3,
+                 kMostHoldS = 60, kMostPa = 1e9;
 
 constexpr std::array<std::pair<const char*, PointerUse>, 4> kUses{{{"grasp", PointerUse::kGrasp},
                                                                    {"pinch", PointerUse::kPinch},
@@ -53,10 +54,16 @@ PointDeed pointers_of(const json& object) {
   for (const json& pointer : pointers) {
     const std::uint64_t id = message_count(pointer, "id");
     if (id > std::numeric_limits<std::uint32_t>::max()) throw Refusal(400, "'id' is too large");
-    const PlanPointer one{
-        static_cast<std::uint32_t>(id), place(pointer, "x"), place(pointer, "y"),
-        message_number(pointer, "push_m", -kMostPushM, kMostPushM),
-        pointer.contains("turn_deg") ? message_number(pointer, "turn_deg", -kMostTurnDeg, kMostTurnDeg) : 0};
+    const auto angle = [&](const char* key, double most_deg) {
+      return pointer.contains(key) ? message_number(pointer, key, -most_deg, most_deg) : 0;
+    };
+    const PlanPointer one{static_cast<std::uint32_t>(id),
+                          place(pointer, "x"),
+                          place(pointer, "y"),
+                          message_number(pointer, "push_m", -kMostPushM, kMostPushM),
+                          angle("turn_deg", kMostTurnDeg),
+                          angle("lean_x_deg", kMostLeanDeg),
+                          angle("lean_y_deg", kMostLeanDeg)};
     if (std::ranges::find(deed.pointers, one.id, &PlanPointer::id) != deed.pointers.end())
       throw Refusal(400, "an 'id' stands twice");
     deed.pointers.push_back(one);

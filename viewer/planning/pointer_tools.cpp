@@ -282,8 +282,12 @@ Vector3 PointerTools::goal_m(const Held& held) const {
 }
 
 Eigen::Quaterniond PointerTools::turn_of(const Held& held) const {
-  const Vector3 sight = -camera_.to_view.row(2).transpose();
-  return Eigen::Quaterniond(Eigen::AngleAxisd(held.at.turn_deg * std::numbers::pi / 180, sight));
+  constexpr double kRadians = std::numbers::pi / 180;
+  const Vector3 right = camera_.to_view.row(0), up = camera_.to_view.row(1), sight = -camera_.to_view.row(2);
+  const Vector3 lean = kRadians * (held.at.lean_x_deg * up + held.at.lean_y_deg * right);
+  const Vector3 about = lean.norm() > 0 ? Vector3(lean.normalized()) : up;
+  return Eigen::Quaterniond(Eigen::AngleAxisd(held.at.turn_deg * kRadians, sight) *
+                            Eigen::AngleAxisd(lean.norm(), about));
 }
 
 bool PointerTools::advance() {

@@ -3,8 +3,8 @@
 // A pointer that comes down on forceps, a grasper or a clip that hold takes these, elsewhere on the organ it
 // grasps with free forceps, pinches with the jaws of a free grasper, clips with a clip that was not used yet,
 // or puts a free finger there. While it is down
-// its tool follows it in the plane of the picture, as deep as it is pushed, and turns about the line of sight
-// as it is turned. Fingers leave when their pointer goes up; the others stay.
+// its tool follows it in the plane of the picture, as deep as it is pushed, turns about the line of sight as
+// it is turned, and leans as it leans. Fingers leave when their pointer goes up; the others stay.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +25,9 @@ struct PlanPointer {
   double x = 0, y = 0;   // in the picture, from 0 at its left upper corner to 1
   double push_m = 0;     // away from the eye
   double turn_deg = 0;   // clockwise, as the picture shows it
+  /// How far the tool's end towards the eye leans to the right and downwards in the picture, as a pen is
+  /// tilted.
+  double lean_x_deg = 0, lean_y_deg = 0;
 };
 
 /// Not thread-safe.
@@ -79,7 +82,7 @@ class PointerTools {
   std::size_t grasp(const sim::Vector3& place_m);
   std::size_t pinch(const sim::Vector3& place_m, sim::ToolKind kind);
   [[nodiscard]] sim::Vector3 goal_m(const Held& held) const;
-  /// What turns a tool as its pointer is turned.
+  /// What turns a tool as its pointer is turned and leans.
   [[nodiscard]] Eigen::Quaterniond turn_of(const Held& held) const;
   void end_motion();
 

@@ -160,6 +160,46 @@ TEST_F(PlanningTableTest, JawsAreTurnedAboutTheLineOfSightAndTheTissueWithThem) 
   expect_saved_plan_ends_here(*planned, "turned");
 }
 
+TEST_F(PlanningTableTest, JawsLeanAsAPenIsTiltedAndTheTissueWithThem) {
+  const auto planned = table();
+  planned->apply(ViewDeed{20, 15, 1.2, 0, 0});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
+  std::size_t held = 0;
+  while (!planned->session().frame().poses[held]) ++held;
+  const auto pose = [&] { return *planned->session().frame().poses[held]; };
+  const sim::Pose before = pose();
+  const auto seen = [&](const sim::Vector3& beside_m) {
+    return Eigen::Vector2d(planned->on_picture(before.position_m + beside_m));
+  };
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0, 0, 30, 0}}});
+  settle(*planned);
+  const Eigen::AngleAxisd to_the_right(pose().orientation * before.orientation.conjugate());
+  EXPECT_NEAR(to_the_right.angle() * 180 / std::numbers::pi, 30, 0.1);
+  EXPECT_LT((pose().position_m - before.position_m).norm(), 1e-4);
+  // About what is upright in the picture: the end towards the eye goes to the right, the tip to the left.
+  const sim::Vector3 up = 0.01 * to_the_right.axis();
+  EXPECT_NEAR(seen(up).x(), seen(sim::Vector3::Zero()).x(), 0.02);
+  EXPECT_LT(seen(up).y(), seen(sim::Vector3::Zero()).y() - 0.01);
+  EXPECT_GT(planned->session().frame().displacement_m.lpNorm<Eigen::Infinity>(), 1e-4);
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0, 0, 0, 30}}});
+  settle(*planned);
+  const Eigen::AngleAxisd downwards(pose().orientation * before.orientation.conjugate());
+  EXPECT_NEAR(downwards.angle() * 180 / std::numbers::pi, 30, 0.1);
+  const sim::Vector3 right = 0.01 * downwards.axis();
+  EXPECT_NEAR(seen(right).y(), seen(sim::Vector3::Zero()).y(), 0.02);
+  EXPECT_GT(seen(right).x(), seen(sim::Vector3::Zero()).x() + 0.01);
+  // Upright again, it lies as before; the next pen leans them on from where they are.
+  planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
+  settle(*planned);
+  EXPECT_LT(before.orientation.angularDistance(pose().orientation), 3e-3);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  planned->apply(PointDeed{PointerUse::kGrasp, {{2, 0.62, 0.5, 0, 0, 40, 0}}});
+  settle(*planned);
+  EXPECT_LT(before.orientation.angularDistance(pose().orientation), 3e-3);
+  planned->apply(PointDeed{PointerUse::kGrasp, {}});
+  expect_saved_plan_ends_here(*planned, "leant");
+}
+
 TEST_F(PlanningTableTest, BothJawsMeetTheTissueOrNoneIsHeld) {
   // Of a coarse mesh few nodes of the surface come before the jaws, and inner ones as often.
   const test::PlannedBlock coarse({4, 2, 2});

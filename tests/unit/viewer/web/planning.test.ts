@@ -5,6 +5,8 @@ import { kFirstView, OrbitDrag, panned, turned, viewByKey, zoomed, zoomedByWheel
 import { DrawnLine, type Place, PlanPointers } from '@/planning/plan_pointers';
 import { TableController } from '@/planning/table_controller';
 
+const kUpright = { twist_deg: 0, pressure: 0, tilt_x_deg: 0, tilt_y_deg: 0 };
+
 describe('A view', () => {
   it('turns with a drag, round and round, and up to the poles', () => {
     expect(turned(kFirstView, 0.25, 0.1)).toEqual({ ...kFirstView, azimuth_deg: -45, elevation_deg: 18 });
@@ -52,7 +54,7 @@ describe('Pointers on the organ', () => {
     pointers.press(12, 0.9, 0.9);
     expect(pointers.pointers.map(({ id }) => id)).toEqual([1, 2, 4, 5, 6]);
     expect(pointers.move(12, 3, -3)).toBe(true);
-    expect(pointers.pointers[4]).toEqual({ id: 6, x: 1.5, y: -0.5, push_m: 0.01, turn_deg: 0 });
+    expect(pointers.pointers[4]).toEqual({ id: 6, x: 1.5, y: -0.5, push_m: 0.01, turn_deg: 0, lean_x_deg: 0, lean_y_deg: 0 });
     expect(pointers.releaseAll()).toBe(true);
     expect(pointers.releaseAll()).toBe(false);
   });
@@ -68,16 +70,16 @@ describe('Pointers on the organ', () => {
   });
   it('turn by wheel and Shift, by keys, and with a pen over its border of 360 degrees', () => {
     const pointers = new PlanPointers();
-    pointers.press(1, 0.5, 0.5, { twist_deg: 350, pressure: 0.5 });
+    pointers.press(1, 0.5, 0.5, { ...kUpright, twist_deg: 350, pressure: 0.5 });
     pointers.wheel(100, true);
     expect(pointers.pointers[0]).toMatchObject({ push_m: 0, turn_deg: 5 });
     pointers.key(',', false);
     pointers.key(',', false);
     pointers.key('.', false);
     expect(pointers.pointers[0]?.turn_deg).toBe(0);
-    pointers.move(1, 0.5, 0.5, { twist_deg: 10, pressure: 0.5 });
+    pointers.move(1, 0.5, 0.5, { ...kUpright, twist_deg: 10, pressure: 0.5 });
     expect(pointers.pointers[0]?.turn_deg).toBe(20);
-    pointers.move(1, 0.5, 0.5, { twist_deg: 340, pressure: 0.5 });
+    pointers.move(1, 0.5, 0.5, { ...kUpright, twist_deg: 340, pressure: 0.5 });
     expect(pointers.pointers[0]?.turn_deg).toBe(-10);
     pointers.wheel(10_000_000, true);
     expect(pointers.pointers[0]?.turn_deg).toBe(36_000);
@@ -85,12 +87,25 @@ describe('Pointers on the organ', () => {
   it('of a pen push as hard as it presses, where pens push', () => {
     const pointers = new PlanPointers();
     pointers.depth_m = 0.01;
-    pointers.press(1, 0.5, 0.5, { twist_deg: 0, pressure: 0.5 });
+    pointers.press(1, 0.5, 0.5, { ...kUpright, twist_deg: 0, pressure: 0.5 });
     expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.01);
     pointers.pensPush = true;
     expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.02);
-    pointers.move(1, 0.5, 0.5, { twist_deg: 0, pressure: 1 });
+    pointers.move(1, 0.5, 0.5, { ...kUpright, twist_deg: 0, pressure: 1 });
     expect(pointers.pointers[0]?.push_m).toBeCloseTo(0.03);
+  });
+  it('lean as a pen is tilted from where it came down, which is never held quite still', () => {
+    const pointers = new PlanPointers();
+    pointers.press(1, 0.5, 0.5, { ...kUpright, tilt_x_deg: 20, tilt_y_deg: -10 });
+    expect(pointers.pointers[0]).toMatchObject({ lean_x_deg: 0, lean_y_deg: 0 });
+    pointers.move(1, 0.6, 0.5, { ...kUpright, tilt_x_deg: 24, tilt_y_deg: -14 });
+    expect(pointers.pointers[0]).toMatchObject({ lean_x_deg: 0, turn_deg: 0 });
+    expect(pointers.pointers[0]?.lean_y_deg).toBeCloseTo(0);
+    pointers.move(1, 0.6, 0.5, { ...kUpright, tilt_x_deg: 55, tilt_y_deg: -40 });
+    expect(pointers.pointers[0]).toMatchObject({ lean_x_deg: 30, lean_y_deg: -25 });
+    pointers.release(1);
+    pointers.press(1, 0.6, 0.5, { ...kUpright, tilt_x_deg: 55, tilt_y_deg: -40 });
+    expect(pointers.pointers[0]).toMatchObject({ lean_x_deg: 0, lean_y_deg: 0 });
   });
   it('are moved by keys', () => {
     const pointers = new PlanPointers();

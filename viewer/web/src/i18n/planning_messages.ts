@@ -44,7 +44,7 @@ export const planningEn = {
   'planning.picture': 'The organ. Choose a tool with O, G, J, L, C or P; drag, or use arrows, space, Page Up and Page Down.',
   'planning.how.orbit': 'Drag to turn, with Shift to move; the wheel or two fingers zoom. Keys: arrows, with Shift to move, + and −, Home.',
   'planning.how.grasp':
-    'Press on the organ to grasp it, drag to pull; the wheel pushes away, with Shift it turns the jaws, as twisting a pen does. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push, comma and full stop turn.',
+    'Press on the organ to grasp it, drag to pull; the wheel pushes away, with Shift it turns the jaws, as twisting a pen does; they lean as it is tilted. Press on forceps to take them again. Keys: arrows aim, space grasps and lets the hand go, Page Up and Down push, comma and full stop turn.',
   'planning.how.pinch':
     'Look at an edge of the organ so that it points to you, and press on it: two jaws close on both sides and hold it by friction; drag to pull, and pulled too hard it slips. Press on them to take them again; the wheel and keys work as for Grasp. Minus closes the jaws further, plus opens them.',
   'planning.how.clip':
@@ -130,7 +130,7 @@ export const planningJa: Record<keyof typeof planningEn, string> = {
   'planning.picture': '臓器。O、G、J、L、C、P で道具を選び、ドラッグするか、矢印、スペース、Page Up、Page Down を使います。',
   'planning.how.orbit': 'ドラッグで回転、Shift で移動、ホイールまたは二本指で拡大縮小。キー: 矢印、Shift で移動、+ と −、Home。',
   'planning.how.grasp':
-    '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ、Shift とホイール（またはペンのひねり）で鉗子を回します。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き、コンマとピリオドで回転。',
+    '臓器の上で押すと把持し、ドラッグで引きます。ホイールで奥へ、Shift とホイール（またはペンのひねり）で鉗子を回します。ペンを傾けると鉗子も傾きます。鉗子の上で押すと持ち直します。キー: 矢印で狙い、スペースで把持と手放し、Page Up と Down で押し引き、コンマとピリオドで回転。',
   'planning.how.pinch':
     '臓器の縁が手前を向くように見て、その上で押すと、二枚のジョーが閉じて摩擦で挟みます。ドラッグで引き、強く引きすぎると滑ります。ジョーの上で押すと持ち直します。ホイールとキーは把持と同じです。マイナスで閉じ、プラスで開きます。',
   'planning.how.clip':

@@ -9,6 +9,9 @@ export interface PlanPointer extends Place {
   id: number;
   push_m: number;
   turn_deg: number;
+  /** How far the end of the tool towards the eye leans to the right and downwards. */
+  lean_x_deg: number;
+  lean_y_deg: number;
 }
 
 export const kMostPointers = 5;
@@ -20,6 +23,7 @@ const kPushOfPen_m = 0.02;
 const kTurnOfWheel_deg = 0.05;
 const kTurnStep_deg = 5;
 const kMostTurn_deg = 36_000;
+const kStillOfPen_deg = 5;
 const kStep = 0.01;
 const kMiddle: Place = { x: 0.5, y: 0.5 };
 
@@ -27,20 +31,28 @@ const near = (value: number) => Math.min(1.5, Math.max(-0.5, value));
 const turnable = (turn_deg: number) => Math.min(kMostTurn_deg, Math.max(-kMostTurn_deg, turn_deg));
 /** From one twist of a pen, 0 to 359 degrees, to another, the shorter way. */
 const twisted = (from_deg: number, to_deg: number) => ((to_deg - from_deg + 540) % 360) - 180;
+/** How far a pen is tilted from where it came down. It is never held quite still: what is little counts nothing. */
+const leant = (from_deg: number, to_deg: number) => {
+  const by_deg = to_deg - from_deg;
+  return Math.sign(by_deg) * Math.max(0, Math.abs(by_deg) - kStillOfPen_deg);
+};
 const limited = (push_m: number) => Math.min(kMostPush_m, Math.max(-kMostPush_m, push_m));
 
-/** What a pen tells beside its place: its twist from 0 to 359 degrees, and how hard it presses, from 0 to 1. */
+/** What a pen tells beside its place: its twist from 0 to 359 degrees, how hard it presses, from 0 to 1, and how far it is tilted to the right and towards the person. */
 export interface Pen {
   twist_deg: number;
   pressure: number;
+  tilt_x_deg: number;
+  tilt_y_deg: number;
 }
-const kNoPen: Pen = { twist_deg: 0, pressure: 0 };
+const kNoPen: Pen = { twist_deg: 0, pressure: 0, tilt_x_deg: 0, tilt_y_deg: 0 };
 
 interface Down extends Place {
   id: number;
   extra_m: number;
   turn_deg: number;
   pen: Pen;
+  cameDown: Pen;
 }
 
 /** `depth_m`: how deep each pointer pushes from the beginning; `pensPush`: a pen pushes as hard as it presses, too. */
@@ -52,12 +64,14 @@ export class PlanPointers {
   private last = 0;
 
   get pointers(): PlanPointer[] {
-    return [...this.down.values()].map(({ id, x, y, extra_m, turn_deg, pen }) => ({
+    return [...this.down.values()].map(({ id, x, y, extra_m, turn_deg, pen, cameDown }) => ({
       id,
       x,
       y,
       push_m: limited(this.depth_m + extra_m + (this.pensPush ? pen.pressure * kPushOfPen_m : 0)),
       turn_deg,
+      lean_x_deg: leant(cameDown.tilt_x_deg, pen.tilt_x_deg),
+      lean_y_deg: leant(cameDown.tilt_y_deg, pen.tilt_y_deg),
     }));
   }
   get keysAreDown(): boolean {
@@ -70,7 +84,7 @@ export class PlanPointers {
   /** False where five are down already. */
   press(id: number | 'keys', x: number, y: number, pen = kNoPen): boolean {
     if (this.down.size === kMostPointers || this.down.has(id)) return false;
-    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0, turn_deg: 0, pen });
+    this.down.set(id, { id: ++this.last, x: near(x), y: near(y), extra_m: 0, turn_deg: 0, pen, cameDown: pen });
     return true;
   }
   move(id: number, x: number, y: number, pen = kNoPen): boolean {

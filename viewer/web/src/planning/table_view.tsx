@@ -99,7 +99,7 @@ export function TableView({ open, leave }: { open: { plan: string; anew: boolean
     ...placeOn(field.current as HTMLDivElement, event),
     at_ms: event.timeStamp,
     pan: event.shiftKey,
-    ...(event.pointerType === 'pen' ? { pen: { twist_deg: event.twist, pressure: event.pressure } } : {}),
+    ...(event.pointerType === 'pen' ? { pen: { twist_deg: event.twist, pressure: event.pressure, tilt_x_deg: event.tiltX, tilt_y_deg: event.tiltY } } : {}),
   });
   useField(field, { wheel: (event) => table.wheel(event.deltaY || event.deltaX, event.shiftKey, event.timeStamp), hidden: () => table.letGo() }, table);
   useEffect(() => {
