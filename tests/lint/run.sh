@@ -48,6 +48,7 @@ tests/lint/long_tests.py || found=1
 tests/lint/pages.py || found=1
 docs/results/make_tables.py --check || found=1
 docs/papers/make_page.py --check || found=1
+tests/papers/regenerate.py --check || found=1
 docs/reference/make_configuration.py --check || found=1
 docs/reference/make_example.py --check || found=1
 
