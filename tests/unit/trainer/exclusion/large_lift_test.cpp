@@ -16,7 +16,10 @@ namespace kiroku::trainer {
 namespace {
 
 constexpr std::size_t kFingers = 3;
-constexpr std::array<int, 4> kHeightsMillimetres{2, 5, 10, 20};
+constexpr std::array kHeightsMillimetres{5, 10, 20};
+/// How far the linear force and stress of each height may be off; docs/results/simulation-validation.md has
+/// how far they are.
+constexpr std::array kMostOfForce{0.03, 0.13, 0.27}, kMostOfStress{0.04, 0.1, 0.15};
 
 struct FarLift {
   double wrist_n = 0;
@@ -90,8 +93,8 @@ TEST(LargeLift, LinearForcesAndStressAreOffByWhatIsStated) {
       RecordProperty("volume_percent_" + which, std::to_string(100 * (linear.volume_m3 / rest_m3 - 1)));
       RecordProperty("turning_volume_percent_" + which,
                      std::to_string(100 * (turning[i].volume_m3 / rest_m3 - 1)));
-      std::printf("%s: %.2f N and %.2f N, %.2f kPa and %.2f kPa\n", which.c_str(), linear.wrist_n,
-                  turning[i].wrist_n, linear.high_von_mises_pa / 1e3, turning[i].high_von_mises_pa / 1e3);
+      EXPECT_LT(std::abs(of_force), kMostOfForce[i]) << which;
+      EXPECT_LT(std::abs(of_stress), kMostOfStress[i]) << which;
     }
   }
 }
