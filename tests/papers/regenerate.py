@@ -70,6 +70,19 @@ def rows_of(papers):
                 yield f"{paper['key']} {entry['place']}", commands, named(entry.get("test", ""))
 
 
+def names_of(program):
+    """The tests of a program as the sources have them, without the words that instances put around a name."""
+    listed = subprocess.run([program, "--gtest_list_tests"], capture_output=True, text=True, timeout=120).stdout
+    suite, names = "", set()
+    for line in listed.splitlines():
+        line = line.split("#")[0].rstrip()
+        if line.startswith("  "):
+            names.add(suite + line.strip().split("/")[0])
+        else:
+            suite = line.split("/")[-1] if re.search(r"/[A-Za-z_]\w*\.$", line) else line.split("/")[0].rstrip(".") + "."
+    return names
+
+
 class Regeneration:
     def __init__(self, options, runs, papers):
         self.build = options.build.resolve()
@@ -127,15 +140,7 @@ class Regeneration:
         for program in sorted((self.build / "tests").rglob("*_test")):
             if not (program.is_file() and os.access(program, os.X_OK)):
                 continue
-            listed = subprocess.run([program, "--gtest_list_tests"], capture_output=True, text=True, timeout=120).stdout
-            suite, names = "", set()
-            for line in listed.splitlines():
-                line = line.split("#")[0].rstrip()
-                if line.startswith("  "):
-                    # Instances of a suite and of a test have their own words around the name that the sources have.
-                    names.add((suite + line.strip()).split("/", 1)[-1].split("/")[0] if "/" in suite else suite + line.split("/")[0].strip())
-                else:
-                    suite = line
+            names = names_of(program)
             for test in self.tests:
                 pattern = re.compile(".*".join(map(re.escape, re.split(r"[…*]", test))))
                 if any(pattern.fullmatch(name) for name in names):
@@ -226,8 +231,6 @@ class Regeneration:
             line = spec.get("as", command)
             if spec.get("benchmark"):
                 line += " --benchmark_out=benchmark.json --benchmark_out_format=json"
-            if spec.get("home"):
-                line = f"kiroku init --demo >/dev/null && {line}"
             text = self.in_folder(folder, line, spec["minutes"])
             self.out["commands"][command] = "failed" if text is None else "ran"
             if text is None:
