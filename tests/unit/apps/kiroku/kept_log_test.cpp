@@ -23,7 +23,7 @@ class KeptLog : public testing::Test {
     fs::create_directory(home_.archive());
   }
   /// As a process of the home does.
-  std::unique_ptr<archive::ApplianceLog> open() { return std::move(open_kept_log(home_, key_).log); }
+  std::unique_ptr<archive::ApplianceLog> open() { return open_kept_log(home_, key_).log; }
   [[nodiscard]] std::vector<std::string> types() const {
     std::vector<std::string> types;
     for (const archive::LogLine& line : archive::read_log(home_.log_folder())) types.push_back(line.type);
