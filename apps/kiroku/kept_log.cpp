@@ -17,7 +17,9 @@
 #include "apps/common/file.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/witness_judgement.h"
+#include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/limits.h"
 #include "archive/storage/file_system.h"
 #include "base/descriptor.h"
 #include "base/error.h"
@@ -160,11 +162,18 @@ class NoteKeeper {
   NewestDone kept_{[this](const std::string& note) { keep(note); }};  // last: uses the rest
 };
 
+Descriptor open_for_others(const fs::path& file) {
+  return Descriptor(::open(file.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644));
+}
+
 /// As it stands, and without a flush: other processes see it at once, and what a power cut takes of it the
 /// note in the archive tells.
 void write_for_others(const fs::path& file, const std::string& text) {
-  const Descriptor opened(
-      ::open(file.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644));
+  Descriptor opened = open_for_others(file);
+  if (!opened && errno == EACCES && ::unlink(file.c_str()) == 0) {
+    // Root ran a command.
+    opened = open_for_others(file);
+  }
   if (!opened) return;
   std::string_view rest = text;
   while (!rest.empty()) {

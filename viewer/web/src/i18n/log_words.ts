@@ -37,7 +37,7 @@ export const kDeeds: readonly SentencePair[] = [
   ],
   [
     'found beside the log what was set aside from entry {entry} on, of which no entry told, sha256 {hash}',
-    'ログの隣に、項目 {entry} 以降から別に保管され、どの項目にも記載のないファイルを確認（sha256 {hash}）',
+    '項目 {entry} 以降を別に保管したファイルで、どの項目にも記載のないものを確認（sha256 {hash}）',
   ],
   ['unlocked recordings with an identity', '識別鍵で記録を解錠'],
   ["unlocked recordings with the server's identity", 'サーバの識別鍵で記録を解錠'],
