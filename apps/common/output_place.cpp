@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 /// among them: whoever runs the home puts roots into it.
 constexpr auto kFilesOfHome = std::to_array<std::string_view>(
     {"kiroku.toml", "recipients.txt", "device.key", "device.pub", "device-ml-dsa.key", "device-hardware.json",
-     "device.identity", "identity.txt", "own-authority.pem", "newest-log.note", "store-credentials",
-     "reporting.json", "viewer.key", "viewer.pem"});
+     "device.identity", "identity.txt", "own-authority.pem", "newest-log.note", "last-signed.note",
+     "store-credentials", "reporting.json", "viewer.key", "viewer.pem"});
 constexpr std::string_view kArchiveOfHome = "archive", kAuthorityOfHome = "authority";
 
 bool is_there(const fs::path& path) {

@@ -497,7 +497,7 @@ int add_keys(const Request& request) {
   }
   if (const auto wanted = hardware_of(request); wanted && !fs::exists(home.hardware_file(), ignored)) {
     const crypto::SigningKey key = home.signing_key(passphrase);
-    if (archive::ApplianceLog::open(files, home.log_folder(), key, name)->stated_keys().hardware) {
+    if (open_kept_log(home, key).log->stated_keys().hardware) {
       throw UsageError("the log of this home states a key in hardware, and " + home.hardware_file().string() +
                        " is not there: put it back from the backup; another key needs a new home "
                        "(docs/how-to/keep-a-key-in-hardware.md)");

@@ -1,17 +1,27 @@
 #include "apps/kiroku/kept_log.h"
 
+#include <cerrno>
+#include <chrono>
 #include <condition_variable>
+#include <cstdint>
+#include <fcntl.h>
 #include <filesystem>
+#include <functional>
 #include <mutex>
+#include <string_view>
 #include <thread>
+#include <unistd.h>
 #include <utility>
 
 #include "apps/common/command_line.h"
 #include "apps/common/file.h"
 #include "apps/verify/outside_note.h"
 #include "apps/verify/witness_judgement.h"
+#include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/limits.h"
 #include "archive/storage/file_system.h"
+#include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 
@@ -67,13 +77,14 @@ std::string words_of(const Home& home, const std::exception& why) {
          ". Nothing is erased. Where 'kiroku log --verify' finds the log whole, remove that file";
 }
 
-/// Keeps the newest of the checkpoints that it is given, on a thread of its own: a home whose disk is slow
-/// holds up no room's entry. The last one is kept before it is destroyed.
-class NoteKeeper {
+/// Does something with the newest text that it is given, on a thread of its own. The last one is done before
+/// it is destroyed.
+class NewestDone {
  public:
-  explicit NoteKeeper(const Home& home)
-      : home_(Home::open(home.folder().string())), thread_([this] { work(); }) {}
-  ~NoteKeeper() {
+  /// `what` must not throw.
+  explicit NewestDone(std::function<void(const std::string& text)> what)
+      : do_(std::move(what)), thread_([this] { work(); }) {}
+  ~NewestDone() {
     {
       const std::lock_guard guard(mutex_);
       ended_ = true;
@@ -81,30 +92,53 @@ class NoteKeeper {
     changed_.notify_all();
     thread_.join();
   }
-  NoteKeeper(const NoteKeeper&) = delete;
-  NoteKeeper& operator=(const NoteKeeper&) = delete;
+  NewestDone(const NewestDone&) = delete;
+  NewestDone& operator=(const NewestDone&) = delete;
 
-  void give(std::string_view note) {
-    {
-      const std::lock_guard guard(mutex_);
-      given_ = std::string(note);
-    }
+  /// Waits so long at most until it is done; not at all while what was given before is not done yet.
+  void give(std::string_view text, std::chrono::milliseconds patience = {}) {
+    std::unique_lock lock(mutex_);
+    const bool is_behind = done_ < count_;
+    text_ = std::string(text);
+    const std::uint64_t number = ++count_;
     changed_.notify_all();
+    if (is_behind || patience.count() == 0) return;
+    changed_.wait_for(lock, patience, [&] { return done_ >= number; });
   }
 
  private:
   void work() {
     std::unique_lock lock(mutex_);
     for (;;) {
-      changed_.wait(lock, [this] { return given_ || ended_; });
-      if (!given_) return;
-      const std::string note = *std::exchange(given_, std::nullopt);
+      changed_.wait(lock, [this] { return text_ || ended_; });
+      if (!text_) return;
+      const std::string text = *std::exchange(text_, std::nullopt);
+      const std::uint64_t number = count_;
       lock.unlock();
-      keep(note);
+      do_(text);
       lock.lock();
+      done_ = number;
+      changed_.notify_all();
     }
   }
 
+  const std::function<void(const std::string& text)> do_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<std::string> text_;
+  std::uint64_t count_ = 0, done_ = 0;  // of those given
+  bool ended_ = false;
+  std::thread thread_;  // last: uses the rest
+};
+
+/// Keeps the newest of the checkpoints that it is given: a home whose disk is slow holds up no room's entry.
+class NoteKeeper {
+ public:
+  explicit NoteKeeper(const Home& home) : home_(Home::open(home.folder().string())) {}
+
+  void give(std::string_view note) { kept_.give(note); }
+
+ private:
   void keep(const std::string& note) {
     try {
       const fs::path file = home_.newest_log_note();
@@ -124,13 +158,53 @@ class NoteKeeper {
   }
 
   const Home home_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::optional<std::string> given_;
-  bool ended_ = false;
-  bool is_told_ = false;  // the thread's alone
-  std::thread thread_;    // last: uses the rest
+  bool is_told_ = false;                                              // the thread's alone
+  NewestDone kept_{[this](const std::string& note) { keep(note); }};  // last: uses the rest
 };
+
+Descriptor open_for_others(const fs::path& file) {
+  return Descriptor(::open(file.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644));
+}
+
+/// As it stands, and without a flush: other processes see it at once, and what a power cut takes of it the
+/// note in the archive tells.
+void write_for_others(const fs::path& file, const std::string& text) {
+  Descriptor opened = open_for_others(file);
+  if (!opened && errno == EACCES && ::unlink(file.c_str()) == 0) {
+    // Root ran a command.
+    opened = open_for_others(file);
+  }
+  if (!opened) return;
+  std::string_view rest = text;
+  while (!rest.empty()) {
+    const ssize_t count =
+        ::pwrite(opened.number(), rest.data(), rest.size(), static_cast<off_t>(text.size() - rest.size()));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) return;
+    rest.remove_prefix(static_cast<std::size_t>(count));
+  }
+  while (::ftruncate(opened.number(), static_cast<off_t>(text.size())) != 0 && errno == EINTR) {
+  }
+}
+
+/// What the processes of this home signed last. Where it cannot be written or read nothing is remembered: it
+/// keeps nobody from recording.
+archive::LogMemory memory_of(const Home& home) {
+  constexpr std::chrono::milliseconds kMoment{250};
+  const fs::path file = home.folder() / "last-signed.note";
+  const auto written =
+      std::make_shared<NewestDone>([file](const std::string& note) { write_for_others(file, note); });
+  return {.newest = [file]() -> std::optional<std::string> {
+            try {
+              const archive::FileReading& files = archive::real_reading();
+              if (!files.exists(file)) return std::nullopt;
+              return archive::read_small(files.open_to_read(file), archive::kMaximumNoteBytes);
+            } catch (const Error&) {
+              return std::nullopt;
+            }
+          },
+          .keep = [written](std::string_view note) { written->give(note, kMoment); }};
+}
 
 }  // namespace
 
@@ -171,7 +245,7 @@ OpenedLog open_kept_log(const Home& home, const crypto::SigningKey& key) {
   std::error_code unknown;
   const bool is_new = !fs::exists(home.log_folder() / archive::kLedgerFile, unknown);
   opened.log = archive::ApplianceLog::open(archive::real_file_system(), home.log_folder(), key,
-                                           home.device().name(), kept);
+                                           home.device().name(), kept, memory_of(home));
   if (const std::string lacks = opened.log->lacks(); kept && !lacks.empty())
     opened.why_another = words_of(home, *kept, is_new ? "there is none" : lacks);
   if (opened.why_another.empty()) {

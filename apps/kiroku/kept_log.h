@@ -25,6 +25,8 @@ void require_same_log(const Home& home);
 /// why_another_log() says so.
 std::optional<archive::OutsideNote> home_newest_note(const Home& home);
 
+/// What follows is for whoever writes to the log: each of the home's processes does it so, and none cuts off
+/// what another one signed, whoever takes checkpoints out of the archive.
 struct OpenedLog {
   std::unique_ptr<archive::ApplianceLog> log;
   std::string why_another;  // as why_another_log() says of it

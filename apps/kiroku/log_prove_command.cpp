@@ -42,6 +42,12 @@ int run(const Request& request) {
   OutputFile file{fs::path(request.output)};
   file.write(bytes_of(made.proof.to_text()));
   file.commit(OutputFile::Durability::kEventually);
+  if (!made.signed_then) {
+    print_error("kiroku",
+                "warning: " + home.device().name() + " did not sign entry " + std::to_string(made.entry) +
+                    " of the appliance log before another followed: somebody who could write to the "
+                    "log's disk may have added it. 'kiroku verify' compares the case with the log");
+  }
   if (request.json) {
     print_json({{"case", made.case_id},
                 {"file", request.output},

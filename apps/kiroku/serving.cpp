@@ -10,6 +10,7 @@
 
 #include "apps/common/json_output.h"
 #include "apps/kiroku/commands.h"
+#include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/viewer_setup.h"
 #include "base/descriptor_limit.h"
@@ -104,6 +105,13 @@ void serve_until_stopped(const ServingRequest& request, const Home& home, Served
   const bool is_demonstration = has_address && std::filesystem::exists(home.identity_file(), ignored) &&
                                 viewer::is_loopback(request.listen);
   end_when_told();
+  // As each process of this home writes it: what a recorder beside this one signed is never cut off.
+  const OpenedLog log = open_kept_log(home, device_key);
+  for (const std::string& each : {log.why_another, log.log->damage()}) {
+    if (!each.empty()) options.tell(each);
+  }
+  log.log->tell_of_remarks(options.tell);
+  options.home.log = log.log.get();
   viewer::Viewer server(std::move(options));
   print_start(request, served, server, is_demonstration ? server.sign_in_url("demo") : "", fingerprint);
   wait_until_told();

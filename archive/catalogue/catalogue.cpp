@@ -7,6 +7,7 @@
 
 #include "archive/catalogue/sqlite_case_table.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/log_aside.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 
@@ -51,7 +52,7 @@ std::map<std::string, fs::path> case_folders(const fs::path& archive) {
   for (; !error && entries != fs::directory_iterator(); entries.increment(error)) {
     const std::string name = entries->path().filename().string();
     std::error_code ignored;
-    if (name != "log" && name != kEvidenceFolder && name != kLogAsideFolder && !name.starts_with('.') &&
+    if (name != "log" && name != kEvidenceFolder && !is_log_aside_name(name) && !name.starts_with('.') &&
         entries->is_directory(ignored) && !is_excerpt(entries->path())) {
       folders[name] = entries->path();
     }

@@ -47,29 +47,52 @@ struct EndInLog {
   std::uint64_t entry = 0;
   std::string line;
   CaseClosedEntry closed;
+  bool signed_then = false;  // by the device, before another entry followed
+};
+
+/// Whether a log that names this device is the one of `device`, be it under an earlier key.
+bool has_its_name(const std::string& named, const crypto::VerifierKey& device) {
+  try {
+    return crypto::VerifierKey::parse(named).name() == device.name();
+  } catch (const UsageError&) {
+    return false;
+  }
+}
+
+struct LogOfCase {
+  std::optional<EndInLog> end;
+  bool knows_it_of_another = false;  // in lines that stood there while the log named another device
 };
 
 /// The lines of the log into `tree`, and what they say of the case's end at last: the last line that the
-/// device signed before another followed, or, where it signed none so, the last one. Anybody who can write to
-/// the log's disk can have added the others.
-std::optional<EndInLog> read_log_of(const fs::path& log_folder, const std::string& case_id,
-                                    const crypto::VerifierKey& device, crypto::MerkleTree& tree) {
-  std::optional<EndInLog> end;
-  bool is_end_signed = false;
+/// device signed before another followed, or, where it signed none so, the last one that stood there while
+/// the log was the device's, by its name. Anybody who can write to the log's disk can have added the others.
+LogOfCase read_log_of(const fs::path& log_folder, const std::string& case_id,
+                      const crypto::VerifierKey& device, crypto::MerkleTree& tree) {
+  LogOfCase read;
+  bool is_its = true;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     const LogEntryParse parse = parse_log_entry(line.json);
     if (!parse.entry) {
       return;
     }
+    if (const auto* boot = std::get_if<BootEntry>(&parse.entry->body)) {
+      is_its = has_its_name(boot->device, device);
+    } else if (const auto* changed = std::get_if<DeviceKeyChangedEntry>(&parse.entry->body)) {
+      is_its = has_its_name(changed->device, device);
+    }
     if (const auto* closed = std::get_if<CaseClosedEntry>(&parse.entry->body);
         closed != nullptr && closed->case_id == case_id) {
-      const bool is_signed_then = is_signed_entry(log_folder, device, line.seq, tree.root(tree.size()));
-      if (is_signed_then || !is_end_signed) end = {line.seq, line.json, *closed};
-      is_end_signed = is_end_signed || is_signed_then;
+      const bool signed_then = is_signed_entry(log_folder, device, line.seq, tree.root(tree.size()));
+      const bool was_signed = read.end && read.end->signed_then;
+      if (signed_then || (is_its && !was_signed)) {
+        read.end = EndInLog{line.seq, line.json, *closed, signed_then};
+      }
+      read.knows_it_of_another = read.knows_it_of_another || !is_its;
     }
   });
-  return end;
+  return read;
 }
 
 /// The checkpoint of a note that holds in this log and covers the entry.
@@ -108,7 +131,13 @@ MadeLogProof prove_case_in_log(const fs::path& folder, const fs::path& log_folde
                                const std::function<fs::path(const std::string& case_id)>& find_case) {
   const Subject subject = subject_of(folder);
   crypto::MerkleTree log;
-  const std::optional<EndInLog> end = read_log_of(log_folder, subject.case_id, device, log);
+  const LogOfCase read = read_log_of(log_folder, subject.case_id, device, log);
+  const std::optional<EndInLog>& end = read.end;
+  if (!end && read.knows_it_of_another) {
+    throw Error("the appliance log in " + log_folder.string() + " tells of an end of case " +
+                printable(subject.case_id) + " while it names another device than " + device.name() +
+                ", and nowhere else: that proves nothing of what " + device.name() + " entered");
+  }
   if (!end) {
     throw UsageError("the appliance log in " + log_folder.string() + " knows no end of case " +
                      printable(subject.case_id) +
@@ -149,6 +178,7 @@ MadeLogProof prove_case_in_log(const fs::path& folder, const fs::path& log_folde
   made.case_id = subject.case_id;
   made.checkpoint = chosen->first.name;
   made.log = chosen->second;
+  made.signed_then = end->signed_then;
   return made;
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "archive/format/case_folder.h"
@@ -12,7 +11,6 @@
 #include "archive/format/limits.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/case_reader.h"
-#include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -118,14 +116,16 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     return;
   }
   // Before the lines are read: another process may add lines and checkpoints, and open cases, meanwhile.
-  const std::uint64_t newest = newest_note(log_folder);
+  // Files that the device did not sign say nothing: whoever can write to the disk puts them there, above
+  // lines that were put aside as well.
+  const std::uint64_t newest = newest_signed_size(log_folder, device);
   const std::vector<StatedByCase> by_cases = stated_by_cases(archive_of(log_folder), device);
   auto next_by_case = by_cases.begin();
   std::optional<std::string> contradicted_by;
   crypto::MerkleFrontier tree;
   std::optional<crypto::Sha256Digest> root_at_newest, root_at_seen;
   bool only_starts = true;
-  std::vector<std::pair<std::uint64_t, LogDamageEntry>> damages;
+  std::vector<DamageClaim> damages;
   for_each_log_line(log_folder, [&](const LogLine& line) {
     tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
     if (tree.size() == newest) {
@@ -138,8 +138,10 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
       if (next_by_case->root != tree.root() && !contradicted_by) contradicted_by = next_by_case->case_id;
     }
     only_starts = only_starts && (line.type == "boot" || line.type == "config-changed");
-    if (line.type == "damage-found") {
-      damages.emplace_back(line.seq, std::get<LogDamageEntry>(parse_log_entry(line.json).entry.value().body));
+    // What nobody signed says nothing.
+    if (line.type == "damage-found" && line.seq < newest) {
+      const LogEntry entry = parse_log_entry(line.json).entry.value();
+      damages.push_back({line.seq, std::get<LogDamageEntry>(entry.body).size});
     }
     if (std::ranges::find(question.types, line.type) == question.types.end()) {
       return;
@@ -150,14 +152,11 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
     question.visit(
         {entry, line.seq, [&] { return is_signed_entry(log_folder, device, line.seq, tree.root()); }});
   });
-  // Later checkpoints are over what was changed, too. What nobody signed says nothing, and where something
-  // was changed the newest checkpoint does not fit then.
-  const auto damage = std::ranges::find_if(damages, [&](const auto& each) {
-    return each.first < newest && !is_refuted(log_folder, device, each.second, each.first);
-  });
-  if (damage != damages.end()) {
+  // Later checkpoints are over what was changed, too. Where something was changed behind them the newest
+  // checkpoint does not fit.
+  if (const std::optional<DamageClaim> damage = first_that_stands(log_folder, device, damages)) {
     throw_unknown(question, log_folder,
-                  "says in its entry " + std::to_string(damage->first) +
+                  "says in its entry " + std::to_string(damage->entry) +
                       " that lines before it were changed after they were signed");
   }
   if (newest > tree.size()) {
@@ -172,7 +171,7 @@ void read_stated(const fs::path& log_folder, const crypto::VerifierKey& device,
                       " was opened: its end was removed, or it was rewritten");
   }
   if (newest == 0 && !only_starts) {
-    throw_unknown(question, log_folder, "has no checkpoint");
+    throw_unknown(question, log_folder, "has no checkpoint that is signed by " + device.name());
   }
   if (seen && seen->size > 0 && root_at_seen != seen->root) {
     throw_unknown(question, log_folder,

@@ -47,6 +47,19 @@ std::optional<LogProofExtra> LogProofExtra::parse(ByteView bytes) {
   return extra;
 }
 
+namespace {
+
+/// The checkpoint over an entry alone and those before it was signed while it was the newest. A later one is
+/// over whatever stood there: a recorder of before signed over lines of others, too.
+std::string words_of_signing(const crypto::Checkpoint& checkpoint, std::uint64_t entry) {
+  return checkpoint.size == entry + 1
+             ? ". The device signed that entry before another followed"
+             : ". Only the log shows whether the device signed that entry before another followed, and "
+               "under whose name it stood";
+}
+
+}  // namespace
+
 LogProof::LogProof(const VerifyOptions& options, FindingList& findings) : findings_(&findings) {
   if (options.log_proof) {
     judge(*options.log_proof, options.devices);
@@ -133,7 +146,8 @@ void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
                  name_ + " holds: entry " + std::to_string(proof_->index) +
                      " of the appliance log says that the case ended with " +
                      counted(entry_->size, "entry", "entries") + ", " + of_what +
-                     ". The device signed the log's first " + counted(checkpoint_->size, "entry", "entries"));
+                     ". The device signed the log's first " + counted(checkpoint_->size, "entry", "entries") +
+                     words_of_signing(*checkpoint_, proof_->index));
 }
 
 void LogProof::finish(const OfCase& of, std::uint64_t entries, bool read) {
@@ -147,11 +161,13 @@ void LogProof::finish(const OfCase& of, std::uint64_t entries, bool read) {
     findings_->add("log-proof-differs", {std::string(kLedgerFile), entry_->size - 1},
                    "the first " + counted(entry_->size, "entry", "entries") +
                        " are not those with which, by " + name_ +
-                       ", the case ended: the device signed another history of it");
+                       ", the case ended: the device signed another history of it" +
+                       words_of_signing(*checkpoint_, proof_->index));
   } else if (read && entries < entry_->size) {
     findings_->add("log-proof-differs", {std::string(kLedgerFile), entries},
                    "by " + name_ + " the case ended with " + counted(entry_->size, "entry", "entries") +
-                       ", and there are " + std::to_string(entries) + ": the end of the ledger was removed");
+                       ", and there are " + std::to_string(entries) + ": the end of the ledger was removed" +
+                       words_of_signing(*checkpoint_, proof_->index));
   } else {
     refuse("what is here does not show the root of " + counted(entry_->size, "entry", "entries"));
   }
@@ -177,7 +193,8 @@ void LogProof::finish_part(const OfCase& of, std::uint64_t size,
   if (size == end && *root != entry_->root) {
     findings_->add("log-proof-differs", {},
                    "the excerpt is not of the case that, by " + name_ + ", ended with " +
-                       counted(end, "entry", "entries") + ": the device signed two histories of it");
+                       counted(end, "entry", "entries") + ": the device signed two histories of it" +
+                       words_of_signing(*checkpoint_, proof_->index));
     return;
   }
   refuse(consistency_.empty()

@@ -5,7 +5,9 @@
 #include <chrono>
 #include <deque>
 #include <fstream>
+#include <iterator>
 #include <limits>
+#include <map>
 #include <mutex>
 #include <unordered_map>
 #include <utility>
@@ -63,6 +65,17 @@ std::optional<crypto::Checkpoint> text_of_note(std::string_view note) {
   return end == std::string_view::npos ? std::nullopt : crypto::Checkpoint::parse(note.substr(0, end + 1));
 }
 
+/// What a note states, if the device signed it for its log.
+std::optional<OwnCheckpoint> as_own(std::string note, const crypto::VerifierKey& device) {
+  const crypto::OpenedNote opened = crypto::open_note(note, {device});
+  std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
+  if (!checkpoint || checkpoint->origin != log_origin(device.name()) ||
+      !crypto::is_signed_for_log(opened, device, checkpoint->size)) {
+    return std::nullopt;
+  }
+  return OwnCheckpoint{std::move(*checkpoint), std::move(note)};
+}
+
 /// The checkpoint of that size, if it is one that the device signed; with `root` only if it is over that.
 /// Anybody who can write to the disk makes others. Throws kiroku::IoError.
 std::optional<OwnCheckpoint> checkpoint_of(const fs::path& folder, const crypto::VerifierKey& device,
@@ -79,15 +92,8 @@ std::optional<OwnCheckpoint> checkpoint_of(const fs::path& folder, const crypto:
     const std::optional<crypto::Checkpoint> said = text_of_note(*note);
     if (!said || said->root != *root) return std::nullopt;
   }
-  const crypto::OpenedNote opened = crypto::open_note(*note, {device});
-  if (!crypto::is_signed_for_log(opened, device, size)) {
-    return std::nullopt;
-  }
-  std::optional<crypto::Checkpoint> checkpoint = crypto::Checkpoint::parse(opened.text);
-  if (!checkpoint || checkpoint->origin != log_origin(device.name()) || checkpoint->size != size) {
-    return std::nullopt;
-  }
-  return OwnCheckpoint{std::move(*checkpoint), std::move(*note)};
+  std::optional<OwnCheckpoint> own = as_own(std::move(*note), device);
+  return own && own->checkpoint.size == size ? std::move(own) : std::nullopt;
 }
 
 /// The roots over so many of the first lines, whatever they say, for `sizes` in ascending order; fewer where
@@ -134,13 +140,47 @@ std::string found_deed(std::uint64_t from, std::uint64_t to) {
   return std::string(kFoundBegins) + std::to_string(from) + " to " + std::to_string(to);
 }
 
+constexpr std::string_view kSha256Ends = ", sha256 ";
+
 std::string set_aside_deed(std::uint64_t from, const std::string& sha256) {
-  return "set aside what stood from entry " + std::to_string(from) +
-         " on, which this device did not sign, sha256 " + sha256;
+  return "set aside what stood from entry " + std::to_string(from) + " on, which this device did not sign" +
+         std::string(kSha256Ends) + sha256;
 }
+
+std::string left_aside_deed(std::uint64_t from, const std::string& sha256) {
+  return "found beside the log what was set aside from entry " + std::to_string(from) +
+         " on, of which no entry told" + std::string(kSha256Ends) + sha256;
+}
+
+/// Who enters that.
+constexpr std::string_view kItself = "kiroku";
 
 struct Entries {
   std::uint64_t from = 0, to = 0;  // both are of them
+};
+
+/// Numbers, by stretches that lie apart.
+class NumberSet {
+ public:
+  /// Of a `from` behind `to` there are none.
+  void add(std::uint64_t from, std::uint64_t to) {
+    if (from > to) return;
+    auto each = stretches_.upper_bound(from);
+    if (each != stretches_.begin() && std::prev(each)->second >= from) --each;
+    while (each != stretches_.end() && each->first <= to) {
+      from = std::min(from, each->first);
+      to = std::max(to, each->second);
+      each = stretches_.erase(each);
+    }
+    stretches_.emplace(from, to);
+  }
+  [[nodiscard]] bool contains(std::uint64_t number) const {
+    const auto behind = stretches_.upper_bound(number);
+    return behind != stretches_.begin() && std::prev(behind)->second >= number;
+  }
+
+ private:
+  std::map<std::uint64_t, std::uint64_t> stretches_;  // from, to
 };
 
 /// What a deed says of which entries; nothing for any other.
@@ -182,6 +222,7 @@ struct ApplianceLog::State {
       newest_device.clear();
       forget_keys();
       found.clear();
+      disowned_set.reset();
       stated_damages.clear();
     }
     constexpr std::string_view kType = R"("type":")";
@@ -253,15 +294,25 @@ struct ApplianceLog::State {
   /// Whether the device stands for what an entry states: a checkpoint of its own covers it, and the device
   /// did not say later that it found the entry unsigned. Somebody may say so, too, in a line that it found.
   [[nodiscard]] bool stands_for(std::uint64_t entry) const {
-    std::vector<Entries> disowned;
-    const auto is_disowned = [&](std::uint64_t number) {
-      return std::ranges::any_of(
-          disowned, [&](const Entries& each) { return each.from <= number && number <= each.to; });
-    };
-    for (auto each = found.rbegin(); each != found.rend() && each->entry > entry; ++each) {
-      if (each->entry < covered_until && !is_disowned(each->entry)) disowned.push_back(each->entries);
+    return entry < covered_until && !disowned().contains(entry);
+  }
+
+  /// The entries over which the device says in later ones that it found no signature. Of thousands of such
+  /// lines each is looked at once, whenever a checkpoint covers more of them.
+  [[nodiscard]] const NumberSet& disowned() const {
+    const auto end =
+        std::ranges::partition_point(found, [&](const Found& each) { return each.entry < covered_until; });
+    const auto covered = static_cast<std::size_t>(end - found.begin());
+    if (disowned_set && disowned_by == covered) return *disowned_set;
+    disowned_set.emplace();
+    disowned_by = covered;
+    // From the newest on: what a later one disowns says nothing.
+    for (std::size_t at = covered; at-- > 0;) {
+      const Found& each = found[at];
+      if (each.entry > 0 && !disowned_set->contains(each.entry))
+        disowned_set->add(each.entries.from, std::min(each.entries.to, each.entry - 1));
     }
-    return entry < covered_until && !is_disowned(entry);
+    return *disowned_set;
   }
 
   /// The first line that states the own key, be it unsigned yet.
@@ -272,11 +323,10 @@ struct ApplianceLog::State {
 
   /// The newest line that states another key, if the device stands for it.
   [[nodiscard]] const StatedKey* other_of(const std::vector<StatedKey>& keys, const std::string& own) const {
-    const StatedKey* newest = nullptr;
-    for (const StatedKey& each : keys) {
-      if (each.key != own && stands_for(each.entry)) newest = &each;
-    }
-    return newest;
+    const auto newest = std::find_if(keys.rbegin(), keys.rend(), [&](const StatedKey& each) {
+      return each.key != own && stands_for(each.entry);
+    });
+    return newest == keys.rend() ? nullptr : &*newest;
   }
 
   [[nodiscard]] const StatedKey* stated_ml_dsa() const {
@@ -360,15 +410,65 @@ struct ApplianceLog::State {
   /// finds no room stays to be stated.
   void state_unsigned_locked() {
     while (!unstated.empty()) {
-      append_lines_locked(AccessEntry{"*", unstated.front(), "kiroku", {}});
+      append_lines_locked(AccessEntry{"*", unstated.front().deed, std::string(kItself), {}});
+      bool is_signed = false;
       try {
-        checkpoint_locked();
+        is_signed = checkpoint_locked();
       } catch (const IoError&) {
         take_back_unsigned_line();
         throw;
       }
+      if (is_signed && unstated.front().kept) told_of(*unstated.front().kept);
       unstated.pop_front();
     }
+  }
+
+  void told_of(const SetAside& kept) {
+    try {
+      name_as_told(files, kept);
+    } catch (const IoError&) {  // NOLINT(bugprone-empty-catch): the next start finds the entry and the file
+    }
+  }
+
+  /// With the turn, of a log that was just opened. Where a program ends between cutting lines off and
+  /// entering that, a file beside the log is all that tells of them. Whoever can write to the archive makes
+  /// such files, too: the entry says no more than that one lies there, and few are told of at a time.
+  void take_up_untold_locked() {
+    constexpr std::size_t kMost = 16;
+    try {
+      std::vector<UntoldAside> untold = untold_asides(files, folder.parent_path(), kMost);
+      std::erase_if(untold, [&](const UntoldAside& each) {
+        return std::ranges::any_of(unstated, [&](const Unstated& coming) {
+          return coming.kept && coming.kept->file == each.kept.file;
+        });
+      });
+      if (untold.empty()) return;
+      for (const UntoldAside& each : without_told(std::move(untold))) {
+        unstated.push_back({left_aside_deed(each.line, each.kept.sha256), each.kept});
+        remark("no entry of the appliance log told of " + each.kept.file.string() +
+               ": what stands there was set aside from entry " + std::to_string(each.line) +
+               " on by a program that ended before it could enter that, or somebody put the file there. The "
+               "log tells of it from now on: keep the file");
+      }
+      state_unsigned_locked();
+    } catch (const Error&) {  // NOLINT(bugprone-empty-catch): it keeps nobody from recording
+    }
+  }
+
+  /// Without those of which an entry tells, whose program ended before it gave them their name.
+  std::vector<UntoldAside> without_told(std::vector<UntoldAside> untold) {
+    for_each_readable_log_line(folder, [&](const LogLine& line) {
+      if (line.type != "access" || line.json.find(kSha256Ends) == std::string::npos) return;
+      const LogEntryParse parsed = parse_log_entry(line.json);
+      const auto* access = parsed.entry ? std::get_if<AccessEntry>(&parsed.entry->body) : nullptr;
+      if (access == nullptr || access->who != kItself) return;
+      std::erase_if(untold, [&](const UntoldAside& each) {
+        const bool is_told = access->what.ends_with(std::string(kSha256Ends) + each.kept.sha256);
+        if (is_told) told_of(each.kept);
+        return is_told;
+      });
+    });
+    return untold;
   }
 
   void append_lines_locked(const std::optional<LogEntryBody>& body) {
@@ -565,6 +665,7 @@ struct ApplianceLog::State {
         damaged = damaged || own->checkpoint.root != ledger->root();
         if (own->checkpoint.root == ledger->root()) is_signed_until(size, ledger->root());
       }
+      if (signed_until < size) take_remembered();
       if (signed_until < size) {
         const std::uint64_t newer = newest_fitting(signed_until, device_of_log());
         if (newer > signed_until) {
@@ -585,6 +686,30 @@ struct ApplianceLog::State {
     }
     if (behind && behind->end == ledger->size()) settle(*behind, damaged);
     looked_at = ledger->size();
+  }
+
+  /// With the turn: what another process of this home signed is the device's, though its checkpoint is not
+  /// there any more. It is put back: without it the lines count for less.
+  void take_remembered() {
+    const std::optional<std::string> note = memory.newest ? memory.newest() : std::nullopt;
+    const std::optional<OwnCheckpoint> known = note ? as_own(*note, device_of_log()) : std::nullopt;
+    if (!known || known->checkpoint.size <= signed_until ||
+        root_of_first(known->checkpoint.size) != known->checkpoint.root) {
+      return;
+    }
+    const std::uint64_t size = known->checkpoint.size;
+    is_signed_until(size, known->checkpoint.root);
+    std::string and_then = "It was put back";
+    try {
+      const fs::path file = folder / note_path(size);
+      if (own_checkpoint(size)) return;
+      reserve.write_durably(file, bytes_of(known->note));
+    } catch (const Error& error) {
+      and_then = std::string("It cannot be put back: ") + error.what();
+    }
+    remark("the checkpoint over the first " + std::to_string(size) + " entries of the appliance log in " +
+           folder.string() +
+           " was not there any more, though this device signed it: somebody took it away. " + and_then);
   }
 
   [[nodiscard]] UnsignedLines lines_behind() const {
@@ -639,7 +764,7 @@ struct ApplianceLog::State {
       return;
     }
     if (left || (!damaged && demanding > 1)) {
-      unstated.push_back(found_deed(signed_until, end - 1));
+      unstated.push_back({found_deed(signed_until, end - 1), {}});
       remark(
           "the entries from " + std::to_string(signed_until) + " to " + std::to_string(end - 1) +
           " of the appliance log in " + folder.string() +
@@ -652,10 +777,10 @@ struct ApplianceLog::State {
   /// the same, if it is the last.
   void take_back_from(const UnsignedLine& line, std::uint64_t lines) {
     try {
-      set_aside(files, ledger->file(), line.number, line.offset, aside_folder());
+      set_aside_with_room(line.number, line.offset, Telling::kNone);
     } catch (const IoError&) {
       if (lines > 1) {
-        unstated.push_back(found_deed(line.number, line.number + lines - 1));
+        unstated.push_back({found_deed(line.number, line.number + lines - 1), {}});
         return;
       }
     }
@@ -671,8 +796,8 @@ struct ApplianceLog::State {
 
   bool keep_aside(std::uint64_t seq, std::uint64_t offset) {
     try {
-      const SetAside kept = set_aside(files, folder / kLedgerFile, seq, offset, aside_folder());
-      unstated.push_back(set_aside_deed(seq, kept.sha256));
+      const SetAside kept = set_aside_with_room(seq, offset, Telling::kFollows);
+      unstated.push_back({set_aside_deed(seq, kept.sha256), kept});
       was_put_aside = true;
       remark(
           "lines stood in the appliance log from entry " + std::to_string(seq) +
@@ -697,9 +822,24 @@ struct ApplianceLog::State {
     return true;
   }
 
-  [[nodiscard]] fs::path aside_folder() const { return folder.parent_path() / kLogAsideFolder; }
+  /// Whoever fills the disk does not keep what they added in the log: the reserve has room for a copy of it,
+  /// unless it is long.
+  SetAside set_aside_with_room(std::uint64_t seq, std::uint64_t offset, Telling telling) {
+    constexpr std::uint64_t kShort = 1U << 18U;
+    const fs::path file = folder / kLedgerFile;
+    SetAside kept;
+    const auto write = [&] { kept = set_aside(files, file, seq, offset, folder.parent_path(), telling); };
+    if (files.open_to_read(file).size() - offset <= kShort) {
+      reserve.support(write);
+    } else {
+      write();
+    }
+    return kept;
+  }
 
-  /// Whether the case that was opened so lies in the archive: its line is not put aside.
+  /// Whether the case that was opened so lies in the archive, is this device's, and began beside this log:
+  /// its line is not put aside. The device signed it: whoever can write to the archive makes a folder that
+  /// fits any line.
   [[nodiscard]] bool is_case_here(const CaseOpenedEntry& opened) const {
     try {
       const fs::path case_folder = folder.parent_path() / opened.case_id;
@@ -708,10 +848,35 @@ struct ApplianceLog::State {
       if (!opening.file) return false;
       LineReader reader(*opening.file);
       LedgerLine line;
-      return reader.next(line) && !line.torn && crypto::sha256(bytes_of(line.text)) == opened.sha256;
+      if (!reader.next(line) || line.torn || line.too_long ||
+          crypto::sha256(bytes_of(line.text)) != opened.sha256) {
+        return false;
+      }
+      const EntryParse first = parse_case_entry(line.text);
+      const auto* const open = first.entry ? std::get_if<OpenEntry>(&first.entry->body) : nullptr;
+      return open != nullptr && open->case_id == opened.case_id && open->device == own_keys.device &&
+             (open->appliance_log_size == 0 ||  // every log goes on from none
+              root_of_first(open->appliance_log_size) == open->appliance_log_root) &&
+             is_signed_case(case_folder, opened.case_id);
+    } catch (const IoError& error) {
+      return error.error_number() == EIO;  // a disk that fails shows nothing
     } catch (const Error&) {
-      return true;
+      return false;
     }
+  }
+
+  /// Whether the device signed a checkpoint over the case's lines.
+  [[nodiscard]] bool is_signed_case(const fs::path& case_folder, const std::string& case_id) const {
+    const std::vector<std::uint64_t> sizes = note_sizes_in(files, case_folder);
+    const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, case_folder / kLedgerFile, sizes);
+    const CaseFolder opened = CaseFolder::open(case_folder, files);
+    for (std::size_t at = roots.size(); at-- > 0;) {
+      const crypto::Checkpoint text{case_origin(device.name(), case_id), sizes[at], roots[at]};
+      const auto note = opened.read_if_there(note_path(sizes[at]), kMaximumNoteBytes);
+      if (!note || text_of_note(*note) != text) continue;
+      if (!crypto::open_note(*note, {by_ed25519()}).failure) return true;
+    }
+    return false;
   }
 
   /// Whether lines are others than those that were signed, and the log does not say so yet.
@@ -847,6 +1012,7 @@ struct ApplianceLog::State {
         if (const std::optional<OwnCheckpoint> there = own_checkpoint(text.size)) {
           if (there->checkpoint != text) return false;
           is_signed_until(text.size, text.root);
+          if (memory.keep) memory.keep(there->note);
           return true;
         }
       } catch (const Error&) {
@@ -856,6 +1022,9 @@ struct ApplianceLog::State {
     crypto::SignedNote written = crypto::sign_note_by_all(text.to_text(), device.name(), key);
     reserve.write_durably(file, bytes_of(written.note));
     is_signed_until(text.size, text.root);
+    if (memory.keep) {
+      memory.keep(written.note);
+    }
     if (keep_note) {
       keep_note(written.note);
     }
@@ -913,21 +1082,29 @@ struct ApplianceLog::State {
     std::uint64_t entry = 0;
     Entries entries;
   };
-  std::vector<Found> found;    // entries over which the device found no signature
-  bool keys_unsigned = false;  // lines that state own keys were written, and no checkpoint yet
-  std::string not_attested;    // why the TPM did not quote when its attestation key was to be stated
-  std::string silence;         // why the newest checkpoint lacks the line by hardware
+  std::vector<Found> found;  // entries over which the device found no signature
+  // As of disowned():
+  mutable std::optional<NumberSet> disowned_set;
+  mutable std::size_t disowned_by = 0;  // so many of `found`
+  bool keys_unsigned = false;           // lines that state own keys were written, and no checkpoint yet
+  std::string not_attested;             // why the TPM did not quote when its attestation key was to be stated
+  std::string silence;                  // why the newest checkpoint lacks the line by hardware
   bool silence_stated = false;
   std::optional<LogDamageEntry> damage;
   bool damage_stated = false;
-  std::string lacks;                 // as of lacks()
-  std::string newest_note_text;      // of the newest checkpoint by this device when the log was opened
-  std::deque<std::string> unstated;  // what the log is to say next of lines that nobody signed
+  std::string lacks;             // as of lacks()
+  std::string newest_note_text;  // of the newest checkpoint by this device when the log was opened
+  struct Unstated {
+    std::string deed;
+    std::optional<SetAside> kept;  // of which it tells
+  };
+  std::deque<Unstated> unstated;     // what the log is to say next of lines that nobody signed
   bool was_put_aside = false;        // and is not stated yet
   std::vector<std::string> remarks;  // as of remarks()
   std::size_t handed_out = 0;        // so many of them were told, or asked for
   std::function<void(const std::string& remark)> tell;   // may be null
   std::function<void(std::string_view note)> keep_note;  // may be null
+  LogMemory memory;
   std::unordered_map<std::string, CaseState> cases;
   Signing newest_signing = Signing::kNone;  // of the newest line
   /// So many lines a checkpoint of this device's covers that fits them, as far as known.
@@ -947,8 +1124,10 @@ const fs::path& ApplianceLog::folder() const { return state_->folder; }
 std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::path& folder,
                                                  const crypto::SigningKey& key,
                                                  const std::string& device_name,
-                                                 const std::optional<crypto::Checkpoint>& expected) {
+                                                 const std::optional<crypto::Checkpoint>& expected,
+                                                 LogMemory memory) {
   auto state = std::make_unique<State>(files, folder, key, device_name);
+  state->memory = std::move(memory);
   make_folder_unless_there(files, folder);
   make_folder_unless_there(files, folder / kCheckpointsFolder);
   state->ledger = Ledger::open(
@@ -962,6 +1141,7 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
   state->ledger->catch_up();
   state->compare_locked(expected);
   state->settle_locked();
+  state->take_up_untold_locked();
   return std::unique_ptr<ApplianceLog>(new ApplianceLog(std::move(state)));
 }
 
@@ -1221,11 +1401,42 @@ crypto::Sha256Digest root_of_log(const fs::path& folder, std::uint64_t size) {
   return tree.root();
 }
 
-bool is_refuted(const fs::path& folder, const crypto::VerifierKey& device, const LogDamageEntry& claim,
-                std::uint64_t seq) {
-  std::vector<std::uint64_t> sizes = note_sizes_in(real_reading(), folder);
-  std::erase_if(sizes, [&](std::uint64_t size) { return size < claim.size || size > seq; });
-  return !sizes.empty() && newest_that_fits(real_reading(), folder, device, sizes) > 0;
+std::uint64_t newest_signed_size(const fs::path& folder, const crypto::VerifierKey& device) {
+  const std::vector<std::uint64_t> sizes = note_sizes_in(real_reading(), folder);
+  for (auto size = sizes.rbegin(); size != sizes.rend(); ++size) {
+    if (checkpoint_of(folder, device, *size, real_reading())) return *size;
+  }
+  return 0;
+}
+
+std::optional<DamageClaim> first_that_stands(const fs::path& folder, const crypto::VerifierKey& device,
+                                             std::span<const DamageClaim> claims) {
+  if (claims.empty()) return std::nullopt;
+  const FileReading& files = real_reading();
+  std::vector<std::uint64_t> sizes = note_sizes_in(files, folder);
+  std::erase_if(sizes, [&](std::uint64_t size) { return size > claims.back().entry; });
+  const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, folder / kLedgerFile, sizes);
+  // Of those before the next claim the ones that may fit still: each note is opened once, and what does not
+  // fit is never asked again. Whoever makes thousands of claims and notes makes nobody look at each pair.
+  struct Candidate {
+    std::size_t at = 0;
+    bool fits = false;
+  };
+  std::vector<Candidate> before;
+  std::size_t next = 0;
+  for (const DamageClaim& claim : claims) {
+    for (; next < roots.size() && sizes[next] <= claim.entry; ++next) before.push_back({next, false});
+    bool refuted = false;
+    while (!refuted && !before.empty() && sizes[before.back().at] >= claim.size) {
+      Candidate& newest = before.back();
+      newest.fits = newest.fits ||
+                    checkpoint_of(folder, device, sizes[newest.at], files, &roots[newest.at]).has_value();
+      refuted = newest.fits;
+      if (!refuted) before.pop_back();
+    }
+    if (!refuted) return claim;
+  }
+  return std::nullopt;
 }
 
 std::vector<LogLine> read_log(const fs::path& folder) {

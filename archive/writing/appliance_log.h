@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,8 +19,17 @@
 namespace kiroku::archive {
 
 struct ConsentStatement;  // archive/format/log_entry.h
-struct LogDamageEntry;
 class FileSystem;
+
+/// What the processes of one home tell each other of its log, where nobody who can write to the archive
+/// writes. Each may be null. Both are called with the log's turn, and must neither throw nor call the log.
+struct LogMemory {
+  /// The note that `keep` was given last, in whichever process; nothing where none is known. It counts only
+  /// where the device signed it, and for lines that it fits.
+  std::function<std::optional<std::string>()> newest;
+  /// Is given each note that was signed. It waits a moment at most.
+  std::function<void(std::string_view note)> keep;
+};
 
 /// One line of the log for listing.
 struct LogLine {
@@ -40,15 +50,17 @@ class ApplianceLog {
   /// Opens or starts `<folder>/ledger.jsonl`; the folder is made if its parent is there. A torn last line
   /// (power cut) is cut off, and a `recovered` entry states how many bytes it had. Lines behind the newest
   /// checkpoint of this device that no writer of it leaves are put aside, into log-aside/ beside the folder:
-  /// an entry says so at once, and remarks(). So it is whenever something is appended. `files` and `key` must
-  /// outlive the log. Throws kiroku::Error, also where the log states, in a line that this device signed, an
-  /// ML-DSA key of the device that `key` does not have: what it signs would count for nothing. So do all that
-  /// append. A key in hardware that it states, and `key` does not have, is silence as that of hardware which
-  /// does not answer.
-  /// `expected` is a checkpoint of the device's log that was kept elsewhere: see lacks().
+  /// an entry says so at once, and remarks(). So it is whenever something is appended. What a checkpoint
+  /// covers that `memory` knows is never cut off: it is put back where somebody took it away. `files` and
+  /// `key` must outlive the log. Throws kiroku::Error, also where the log states, in a line that this device
+  /// signed, an ML-DSA key of the device that `key` does not have: what it signs would count for nothing. So
+  /// do all that append. A key in hardware that it states, and `key` does not have, is silence as that of
+  /// hardware which does not answer. `expected` is a checkpoint of the device's log that was kept elsewhere:
+  /// see lacks().
   static std::unique_ptr<ApplianceLog> open(FileSystem& files, const std::filesystem::path& folder,
                                             const crypto::SigningKey& key, const std::string& device_name,
-                                            const std::optional<crypto::Checkpoint>& expected = {});
+                                            const std::optional<crypto::Checkpoint>& expected = {},
+                                            LogMemory memory = {});
   ~ApplianceLog();
   [[nodiscard]] const std::filesystem::path& folder() const;
 
@@ -155,11 +167,21 @@ std::string for_each_readable_log_line(const std::filesystem::path& folder,
 /// where the checkpoint cannot be read.
 bool is_signed_entry(const std::filesystem::path& folder, const crypto::VerifierKey& device,
                      std::uint64_t seq, const crypto::Sha256Digest& root);
-/// Whether what a `damage-found`, entry `seq` of the log, says is not so: before it stood as many lines as it
-/// names, and a checkpoint that the device signed over them, or more of them, fits. Whoever can write to the
-/// disk could have made the entry up. Throws kiroku::IoError.
-bool is_refuted(const std::filesystem::path& folder, const crypto::VerifierKey& device,
-                const LogDamageEntry& claim, std::uint64_t seq);
+/// The most lines over which the device signed a checkpoint that lies there, whether they are there or not;
+/// 0: none. Files of others count for nothing: whoever can write to the disk makes them. Throws
+/// kiroku::IoError.
+std::uint64_t newest_signed_size(const std::filesystem::path& folder, const crypto::VerifierKey& device);
+/// What an entry `damage-found` of number `entry` says of how many lines.
+struct DamageClaim {
+  std::uint64_t entry = 0, size = 0;
+};
+/// The first of these that is not refuted. One is where before it stood as many lines as it names, and a
+/// checkpoint that the device signed over them, or more of them, fits: whoever can write to the disk could
+/// have made the entry up. `claims` ascend by entry. Reads the log once, and each note once at most. Throws
+/// kiroku::IoError.
+std::optional<DamageClaim> first_that_stands(const std::filesystem::path& folder,
+                                             const crypto::VerifierKey& device,
+                                             std::span<const DamageClaim> claims);
 /// The tree's root over the first `size` lines. kiroku::Error if there are fewer, or one cannot be read.
 crypto::Sha256Digest root_of_log(const std::filesystem::path& folder, std::uint64_t size);
 /// All of them.

@@ -1,9 +1,11 @@
 #include "archive/writing/unsigned_lines.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <set>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "archive/format/boot_quote.h"
@@ -11,11 +13,13 @@
 #include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/line_reader.h"
+#include "archive/format/log_aside.h"
 #include "archive/storage/file_system.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "crypto/merkle_tree.h"
+#include "crypto/secret.h"
 #include "crypto/tpm_quote.h"
 
 namespace kiroku::archive {
@@ -26,6 +30,7 @@ namespace fs = std::filesystem;
 using Kind = UnsignedLine::Kind;
 
 constexpr std::size_t kChunk = 1U << 18U;
+constexpr std::string_view kAsideSuffix = ".jsonl";
 
 bool is_quote_of(const StatedQuote& stated, const std::string& attestation, const QuotePlace& place) {
   std::string problem;
@@ -178,16 +183,22 @@ UnsignedLines unsigned_lines(const FileReading& files, const fs::path& file, std
   return lines;
 }
 
-SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
-                   const fs::path& folder) {
+namespace {
+
+fs::path with_suffix(fs::path file, std::string_view suffix) {
+  file += suffix;
+  return file;
+}
+
+SetAside set_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
+                      const fs::path& folder, Telling telling) {
   if (!files.exists(folder)) {
     files.make_folder(folder);
     files.sync_folder(folder.parent_path());
   }
   // Whoever can write there may have made a link to another place.
   if (!files.is_folder(folder)) throw IoError("write into the folder", folder, ENOTDIR);
-  fs::path part = folder / format_index(line);
-  part += kPartSuffix;
+  const fs::path part = with_suffix(folder / format_index(line), kPartSuffix);
   if (files.exists(part)) files.remove(part);
   SetAside kept;
   try {
@@ -205,8 +216,8 @@ SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, 
       written->sync_all();
     }
     kept.sha256 = crypto::to_hex(hash.finish());
-    kept.file = folder / (format_index(line) + "-" + kept.sha256 + ".jsonl");
-    files.rename(part, kept.file);
+    kept.file = folder / (format_index(line) + "-" + kept.sha256 + std::string(kAsideSuffix));
+    files.rename(part, telling == Telling::kFollows ? with_suffix(kept.file, kUntoldSuffix) : kept.file);
   } catch (const IoError&) {
     try {
       if (files.exists(part)) files.remove(part);
@@ -216,6 +227,57 @@ SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, 
   }
   files.sync_folder(folder);
   return kept;
+}
+
+/// What a name says, if it is one that is not told yet.
+std::optional<UntoldAside> untold_of_name(const fs::path& folder, std::string_view name) {
+  const std::string end = std::string(kAsideSuffix) + std::string(kUntoldSuffix);
+  const std::size_t dash = name.find('-');
+  if (dash == std::string_view::npos || !name.ends_with(end)) return std::nullopt;
+  const std::optional<std::uint64_t> line = parse_index(name.substr(0, dash));
+  const std::string_view hash = name.substr(0, name.size() - end.size()).substr(dash + 1);
+  constexpr std::size_t kDigits = 2 * std::tuple_size_v<crypto::Sha256Digest>;
+  if (!line || hash.size() != kDigits || hash.find_first_not_of("0123456789abcdef") != std::string_view::npos)
+    return std::nullopt;
+  return UntoldAside{*line, {folder / name.substr(0, name.size() - kUntoldSuffix.size()), std::string(hash)}};
+}
+
+}  // namespace
+
+SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
+                   const fs::path& archive, Telling telling) {
+  constexpr int kNumbered = 4;
+  const std::string name(kLogAsideFolder);
+  for (int number = 1; number <= kNumbered; ++number) {
+    try {
+      return set_aside_in(files, file, line, offset,
+                          archive / (number == 1 ? name : name + "-" + std::to_string(number)), telling);
+    } catch (const IoError& error) {
+      if (error.disk_full()) throw;  // no other folder has more room
+    }
+  }
+  // Whoever can write to the archive may have put something into the way of each.
+  std::array<std::byte, 8> random{};
+  crypto::fill_random(random);
+  return set_aside_in(files, file, line, offset, archive / (name + "-" + crypto::to_hex(random)), telling);
+}
+
+std::vector<UntoldAside> untold_asides(const FileReading& files, const fs::path& archive, std::size_t most) {
+  std::vector<UntoldAside> untold;
+  for (const std::string& folder_name : files.names_in(archive)) {
+    const fs::path folder = archive / folder_name;
+    if (!is_log_aside_name(folder_name) || !files.is_folder(folder)) continue;
+    for (const std::string& name : files.names_in(folder)) {
+      if (untold.size() == most) return untold;
+      if (std::optional<UntoldAside> each = untold_of_name(folder, name)) untold.push_back(std::move(*each));
+    }
+  }
+  return untold;
+}
+
+void name_as_told(FileSystem& files, const SetAside& kept) {
+  files.rename(with_suffix(kept.file, kUntoldSuffix), kept.file);
+  files.sync_folder(kept.file.parent_path());
 }
 
 }  // namespace kiroku::archive

@@ -12,6 +12,8 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "archive/format/log_entry.h"
 #include "crypto/hash.h"
@@ -57,14 +59,32 @@ UnsignedLines unsigned_lines(const FileReading& files, const std::filesystem::pa
                              const LogKeys& own, const std::optional<LogDamageEntry>& damage,
                              const std::function<bool(const CaseOpenedEntry&)>& is_here);
 
-/// Writes what stands in `file` from byte `offset` on durably into a file of its own below `folder`, which is
-/// made unless it is there. The file's name is the number of the first line and the SHA-256 of what is in it.
+/// What a file beside the log is called, behind its name, until an entry tells of it.
+inline constexpr std::string_view kUntoldSuffix = ".untold";
+
 struct SetAside {
-  std::filesystem::path file;
-  std::string sha256;  // in hexadecimal
+  std::filesystem::path file;  // as it is called without kUntoldSuffix
+  std::string sha256;          // in hexadecimal
 };
-/// Throws kiroku::IoError, and leaves nothing then.
+/// Whether an entry is to tell of the file.
+enum class Telling { kNone, kFollows };
+/// Writes what stands in `file` from byte `offset` on durably into a file of its own in log-aside/ of
+/// `archive`, which is made unless it is there. Where that is no folder, or nothing can be written into it,
+/// another one beside it is taken, at last one whose name nobody can know before. The file's name is the
+/// number of the first line and the SHA-256 of what is in it. Throws kiroku::IoError, and leaves nothing then
+/// but folders.
 SetAside set_aside(FileSystem& files, const std::filesystem::path& file, std::uint64_t line,
-                   std::uint64_t offset, const std::filesystem::path& folder);
+                   std::uint64_t offset, const std::filesystem::path& archive, Telling telling);
+
+/// A file of which, by its name, no entry tells yet. Whoever can write to the archive makes such names, too.
+struct UntoldAside {
+  std::uint64_t line = 0;
+  SetAside kept;
+};
+/// In log-aside/ of `archive` and those beside it; no more than `most`. Throws kiroku::IoError.
+std::vector<UntoldAside> untold_asides(const FileReading& files, const std::filesystem::path& archive,
+                                       std::size_t most);
+/// An entry tells of it from now on. Throws kiroku::IoError.
+void name_as_told(FileSystem& files, const SetAside& kept);
 
 }  // namespace kiroku::archive

@@ -669,6 +669,55 @@ TEST(AttackWithoutAKey, TheProofOfACasesEndIsOfTheLineThatItsDeviceSigned) {
   EXPECT_EQ(prove().entry, entry);
 }
 
+class ProofOfAnEnd : public ::testing::Test {
+ protected:
+  [[nodiscard]] archive::MadeLogProof prove(const std::vector<archive::OutsideNote>& kept = {}) const {
+    const crypto::SigningKey& key = SoundCases::get().archive.key();
+    return archive::prove_case_in_log(victim_.folder(), victim_.log(),
+                                      crypto::VerifierKey(SampleArchive::kDeviceName, key.public_key()), kept,
+                                      [&](const std::string&) { return victim_.folder(); });
+  }
+  /// What the verifier says of a proof that holds.
+  [[nodiscard]] std::string told_of(const archive::MadeLogProof& made) const {
+    archive::VerifyOptions options = SoundCases::get().archive.options();
+    options.log_proof = archive::OutsideNote{"case.tlog-proof", made.proof.to_text()};
+    for (const archive::Finding& finding : archive::verify_case(victim_.folder(), options).findings) {
+      if (finding.code == "log-proof-holds") return finding.text;
+    }
+    return "";
+  }
+
+  AttackedCase victim_;
+  std::string case_id_ = victim_.folder().filename();
+};
+
+TEST_F(ProofOfAnEnd, IsOfTheLineThatItsDeviceSigned) {
+  const archive::MadeLogProof before = prove();
+  EXPECT_TRUE(before.signed_then);
+  const std::string own = archive::note_path(before.entry + 1);
+  const std::vector<archive::OutsideNote> at_once{{own, read_file(victim_.log() / own)}};
+  EXPECT_THAT(told_of(prove(at_once)),
+              ::testing::HasSubstr("The device signed that entry before another followed"));
+  CarriedOnByAStranger(victim_.log(), end_of(case_id_, 3));
+  EXPECT_EQ(prove().entry, before.entry);
+  EXPECT_THAT(told_of(prove()), ::testing::HasSubstr("under whose name it stood"));
+  // Nor is it the stranger's where somebody took away what shows which one the device signed.
+  fs::remove(victim_.log() / own);
+  EXPECT_EQ(prove().entry, before.entry);
+  EXPECT_FALSE(prove().signed_then);
+}
+
+TEST_F(ProofOfAnEnd, OfAnEndThatStandsUnderAnotherNameAloneThereIsNone) {
+  std::vector<std::string> lines = log_lines(victim_.log());
+  std::erase_if(lines, [&](const std::string& line) {
+    return line.find("\"case-closed\"") != std::string::npos && line.find(case_id_) != std::string::npos;
+  });
+  set_log(victim_.log(), lines);
+  CarriedOnByAStranger(victim_.log(), end_of(case_id_, 3));
+  EXPECT_THAT([&] { prove(); },
+              ::testing::ThrowsMessage<Error>(::testing::HasSubstr("names another device")));
+}
+
 /// What log-silent says.
 std::string why_silent(const AttackedCase& victim, const archive::VerifyOptions& options) {
   std::string text;

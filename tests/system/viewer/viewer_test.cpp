@@ -64,6 +64,24 @@ class Viewer : public ServedHome {
   }
 };
 
+// Somebody who can write to the archive takes the checkpoint of a hold away, which a command signed.
+TEST_F(Viewer, CutsOffNothingThatAnotherProcessOfTheHomeSigned) {
+  const std::string link = started_["sign_in"];
+  const std::string token = link.substr(link.find("#sign-in=") + 9);
+  const std::string cookie = cookie_of(ask("POST", "/api/session", "", json{{"link", token}}.dump()));
+  ASSERT_EQ(ask("GET", case_path("/export?stream=endoscope&form=ts"), cookie).status, 200);
+  ASSERT_EQ(kiroku({"hold", case_id_, "--reason", "court order"}).status, 0);
+  std::filesystem::path note;
+  for (const auto& each : std::filesystem::directory_iterator(home() / "archive/log/checkpoints"))
+    note = std::max(note, each.path());
+  ASSERT_TRUE(std::filesystem::remove(note));
+  EXPECT_EQ(ask("GET", case_path("/export?stream=endoscope&form=ts"), cookie).status, 200);
+  EXPECT_THAT(accesses().back(), HasSubstr("exported endoscope"));
+  EXPECT_TRUE(std::filesystem::exists(note)) << "it is put back";
+  EXPECT_THAT(kiroku({"hold", "--list"}).out, HasSubstr("court order"));
+  EXPECT_EQ(kiroku({"log", "--verify"}).status, 0);
+}
+
 TEST_F(Viewer, ShowsVerifiesAndExportsACaseAndEntersEachAccessBeforeItLeaves) {
   const std::string link = started_["sign_in"];
   const std::string token = link.substr(link.find("#sign-in=") + 9);

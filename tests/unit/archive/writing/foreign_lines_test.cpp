@@ -10,12 +10,17 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/log_aside.h"
 #include "archive/format/log_entry.h"
+#include "archive/storage/space_reserve.h"
+#include "archive/upkeep/holds.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/case_writer.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
+#include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/temporary_folder.h"
 
@@ -86,12 +91,18 @@ class ForeignLines : public testing::Test {
   /// What lies beside the log.
   [[nodiscard]] std::vector<std::string> aside() const {
     std::vector<std::string> texts;
-    if (!fs::exists(root() / kLogAsideFolder)) return texts;
-    for (const auto& file : fs::directory_iterator(root() / kLogAsideFolder)) {
-      const std::string text = text_of_file(file.path());
-      EXPECT_THAT(file.path().filename().string(),
-                  testing::EndsWith("-" + crypto::to_hex(crypto::sha256(bytes_of(text))) + ".jsonl"));
-      texts.push_back(text);
+    for (const auto& folder : fs::directory_iterator(root())) {
+      if (!is_log_aside_name(folder.path().filename().string()) ||
+          !fs::is_directory(folder.symlink_status())) {
+        continue;
+      }
+      for (const auto& file : fs::directory_iterator(folder)) {
+        if (!file.is_regular_file()) continue;
+        const std::string text = text_of_file(file.path());
+        EXPECT_THAT(file.path().filename().string(),
+                    testing::EndsWith("-" + crypto::to_hex(crypto::sha256(bytes_of(text))) + ".jsonl"));
+        texts.push_back(text);
+      }
     }
     return texts;
   }
@@ -262,9 +273,14 @@ TEST_P(EachForgery, IsLostNowhereAndNeverSignedWhereverTheNextStartIsKilled) {
       }
       open()->access("*", "unlocked", "mori");
       EXPECT_THAT(codes(), AnyOf("intact", "intact part-file")) << "kill at call " << at;
-      const bool is_whole = std::ranges::any_of(aside(), [&](const std::string& kept) {
-        return kept.find("nonsense") != std::string::npos || kept == text;
-      });
+      bool is_whole = false;
+      for (const std::string& kept : aside()) {
+        if (kept.find("nonsense") == std::string::npos && kept != text) continue;
+        is_whole = true;
+        // Also where it was killed between cutting them off and entering that.
+        const std::string sha256 = crypto::to_hex(crypto::sha256(bytes_of(kept)));
+        EXPECT_THAT(deeds(), Contains(testing::EndsWith(", sha256 " + sha256))) << "kill at call " << at;
+      }
       EXPECT_TRUE(is_whole) << "kill at call " << at;
       ASSERT_FALSE(HasFailure());
     }
@@ -367,18 +383,18 @@ INSTANTIATE_TEST_SUITE_P(Of, EachThatIsLeft, testing::ValuesIn([] {
                          [](const auto& each) { return std::string(each.param.name); });
 
 TEST_F(ForeignLines, ALongLineOnADiskWithoutRoomIsCutOffAllTheSame) {
-  const auto log = open();
-  log->access("*", "unlocked", "sato");
+  FaultFileSystem files(root());
+  const auto running = open(files, key_);
+  running->access("*", "unlocked", "sato");
   for (const bool at_a_start : {false, true}) {
     add_text(std::string(kMaximumLineBytes + 300'000, 'x') + "\n");
-    FaultFileSystem files(root());
     files.fail("create log-aside", ENOSPC);
     const auto started = at_a_start ? open(files, key_) : nullptr;
-    if (!started) std::ofstream(root() / kLogAsideFolder) << "in the way";
-    (started ? *started : *log).access("*", "unlocked", "sato");
-    if (!started) fs::remove(root() / kLogAsideFolder);
+    ApplianceLog& log = started ? *started : *running;
+    log.access("*", "unlocked", "sato");
+    files.heal();
     EXPECT_EQ(codes(), "intact");
-    EXPECT_THAT((started ? *started : *log).remarks(), Contains(HasSubstr("cut off all the same")));
+    EXPECT_THAT(log.remarks(), Contains(HasSubstr("cut off all the same")));
   }
 }
 
@@ -416,16 +432,99 @@ INSTANTIATE_TEST_SUITE_P(
         LogEntryBody(PreRollDiscardedEntry{1, {}}), LogEntryBody(CaseHeldEntry{kCase, "court order", "anna"}),
         LogEntryBody(CaseReleasedEntry{kCase, 1, "over", "anna"})));
 
-TEST_F(ForeignLines, AreNotPutAsideOverALink) {
+/// What somebody puts where lines are put aside.
+struct InTheWay {
+  std::string_view name;
+  std::function<void(const fs::path& place)> put;
+};
+
+class EachThingInTheWay : public ForeignLines, public testing::WithParamInterface<InTheWay> {};
+
+TEST_P(EachThingInTheWay, KeepsNoForeignLineInTheLog) {
+  open()->access("*", "unlocked", "sato");
+  fs::create_directory(root() / "elsewhere");
+  std::size_t before = 0;
+  for (const auto& names :
+       {std::vector<std::string>{"log-aside"},
+        std::vector<std::string>{"log-aside", "log-aside-2", "log-aside-3", "log-aside-4", "log-aside-5"}}) {
+    for (const std::string& name : names) {
+      fs::remove_all(root() / name);
+      GetParam().put(root() / name);
+    }
+    add_text("nonsense\n");
+    const auto log = open();
+    EXPECT_THAT(log->remarks(), ElementsAre(HasSubstr("this device did not write")));
+    log->access("*", "unlocked", "sato");
+    EXPECT_EQ(codes(), "intact");
+    EXPECT_THAT(text_of_file(ledger()), Not(HasSubstr("nonsense")));
+    EXPECT_THAT(aside(), ElementsAre("nonsense\n"));
+    EXPECT_THAT(deeds(), SizeIs(++before));
+  }
+  EXPECT_TRUE(fs::is_empty(root() / "elsewhere")) << "nothing is written over a link";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Of, EachThingInTheWay,
+    testing::Values(InTheWay{"File", [](const fs::path& place) { std::ofstream(place) << "in the way"; }},
+                    InTheWay{"Link",
+                             [](const fs::path& place) {
+                               fs::create_directory_symlink(place.parent_path() / "elsewhere", place);
+                             }},
+                    InTheWay{"FolderInTheFilesPlace",
+                             [](const fs::path& place) {
+                               for (std::uint64_t line = 0; line < 32; ++line)
+                                 fs::create_directories(place / (format_index(line) + ".part") / "x");
+                             }}),
+    [](const auto& each) { return std::string(each.param.name); });
+
+// Whoever fills the disk, too, has no more of it: the recorder keeps room back.
+TEST_F(ForeignLines, OnAFullDiskArePutAsideIntoTheRoomThatIsKeptBack) {
+  open()->access("*", "unlocked", "sato");
+  SpaceReserve(real_file_system(), reserve_file(root())).fill();
+  const std::uintmax_t reserve = fs::file_size(reserve_file(root()));
+  for (const bool is_long : {false, true}) {
+    add_text(is_long ? std::string(300, 'x') + "\n" : "nonsense\n");
+    for (int lines = 0; is_long && lines < 1000; ++lines) add_text(std::string(300, 'x') + "\n");
+    FaultFileSystem files(root());
+    files.fail("create log-aside", ENOSPC, 0, 1);
+    const auto log = open(files, key_);
+    EXPECT_EQ(text_of_file(ledger()).find("xxx") != std::string::npos, is_long) << "a long one is left";
+    EXPECT_THAT(text_of_file(ledger()), Not(HasSubstr("nonsense")));
+    EXPECT_EQ(fs::file_size(reserve_file(root())), reserve - SpaceReserve::kStep);
+  }
+}
+
+// Somebody may make such files: the log does not say that lines stood there.
+TEST_F(ForeignLines, AFileThatNoEntryTellsOfIsToldOnceAndAsNoMoreThanThat) {
+  open()->access("*", "unlocked", "sato");
+  fs::create_directory(root() / kLogAsideFolder);
+  for (int i = 0; i < 40; ++i) {
+    const std::string text = std::to_string(i);
+    const std::string sha256 = crypto::to_hex(crypto::sha256(bytes_of(text)));
+    std::ofstream(root() / kLogAsideFolder / ("00000007-" + sha256 + ".jsonl.untold")) << text;
+  }
+  std::ofstream(root() / kLogAsideFolder / "00000007-abc.jsonl.untold") << "no such name";
+  std::ofstream(root() / kLogAsideFolder / "x.untold") << "no such name";
+  for (const std::size_t told : {16U, 32U, 40U, 40U}) {
+    open();
+    EXPECT_THAT(deeds(), SizeIs(told)) << "few at a time";
+    EXPECT_THAT(deeds(), testing::Each(testing::StartsWith(
+                             "found beside the log what was set aside from entry 7 on, of which no entry")));
+    EXPECT_EQ(codes(), "intact");
+  }
+}
+
+TEST_F(ForeignLines, AFileOfWhichAnEntryTellsGetsItsNameAlone) {
   open()->access("*", "unlocked", "sato");
   add_text("nonsense\n");
-  fs::create_directory(root() / "elsewhere");
-  fs::create_directory_symlink(root() / "elsewhere", root() / kLogAsideFolder);
-  const auto log = open();
-  EXPECT_THAT(log->remarks(), Contains(HasSubstr("cannot be put aside")));
-  log->access("*", "unlocked", "sato");
-  EXPECT_TRUE(fs::is_empty(root() / "elsewhere"));
-  EXPECT_THAT(text_of_file(ledger()), HasSubstr("nonsense"));
+  FaultFileSystem files(root());
+  files.fail("rename log-aside/00000002-" + crypto::to_hex(crypto::sha256(bytes_of("nonsense\n"))), EIO);
+  open(files, key_);
+  const std::vector<std::string> said = deeds();
+  EXPECT_THAT(said, ElementsAre(testing::StartsWith("set aside what stood from entry 2 on")));
+  EXPECT_THAT(open()->remarks(), IsEmpty());
+  EXPECT_EQ(deeds(), said);
+  EXPECT_THAT(aside(), ElementsAre("nonsense\n"));
 }
 
 TEST_F(ForeignLines, WhatComesWithTheNextEntryStays) {
@@ -506,6 +605,149 @@ TEST_F(ForeignLines, UnderAnotherKeyArePutAsideWithTheirCheckpoints) {
   EXPECT_THAT(aside(), ElementsAre(HasSubstr("stranger+")));
 }
 
+// Checkpoints of theirs, above what is left, hide nothing of what the device entered.
+TEST_F(ForeignLines, ThatWerePutAsideHideNoHoldByTheirCheckpoints) {
+  open()->case_held(kCase, "court order", "anna");
+  for (int i = 0; i < 3; ++i) {
+    add(DeviceKeyChangedEntry{crypto::VerifierKey("stranger", stranger_.public_key()).to_string()});
+    sign(i == 1 ? "theatre-1" : "stranger", stranger_);
+  }
+  std::ofstream(log_folder() / note_path(99)) << "nothing";
+  const auto log = open();
+  const Holds holds = read_holds(log_folder(), device_);
+  EXPECT_THAT(why_held(holds, kCase), HasSubstr("court order"));
+  // One of the device's own says that lines are gone.
+  for (int i = 0; i < 3; ++i) log->access("*", "unlocked", "sato");
+  const std::string text = text_of_file(ledger());
+  std::ofstream(ledger(), std::ios::binary) << text.substr(0, text.rfind('\n', text.size() - 2) + 1);
+  EXPECT_THAT([&] { read_holds(log_folder(), device_); },
+              testing::ThrowsMessage<Error>(HasSubstr("where one was signed over")));
+}
+
+/// What a home's processes share.
+struct SharedMemory {
+  std::optional<std::string> note;
+
+  LogMemory of_one() {
+    return {[this] { return note; }, [this](std::string_view text) { note = std::string(text); }};
+  }
+};
+
+class TwoProcesses : public ForeignLines {
+ protected:
+  std::unique_ptr<ApplianceLog> open_one() {
+    return ApplianceLog::open(real_file_system(), log_folder(), key_, "theatre-1", {}, shared_.of_one());
+  }
+  void take_newest_checkpoint_away() const { fs::remove(log_folder() / note_path(last().seq + 1)); }
+
+  SharedMemory shared_;
+};
+
+// The line would be lost, and the recorder would find that lines which it entered are gone.
+TEST_F(TwoProcesses, CutOffNothingThatTheOtherOneSigned) {
+  const auto recorder = open_one();
+  const auto viewer = open_one();
+  viewer->access("*", "unlocked", "sato");
+  for (const bool is_opened_now : {false, true}) {
+    for (const std::string& added : {std::string(), std::string("nonsense\n")}) {
+      const std::uint64_t hold = recorder->case_held(kCase, "court order", "anna");
+      const std::string text = text_of_file(ledger());
+      take_newest_checkpoint_away();
+      add_text(added);
+      const auto another = is_opened_now ? open_one() : nullptr;
+      (another ? *another : *viewer).access("*", "watched", "mori");
+      EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+      EXPECT_TRUE(fs::exists(log_folder() / note_path(hold + 1))) << "it is put back";
+      EXPECT_THAT((another ? *another : *viewer).remarks(), Contains(HasSubstr("somebody took it away")));
+      recorder->access("*", "unlocked", "sato");
+    }
+  }
+  EXPECT_EQ(codes(), "intact");
+}
+
+TEST_F(TwoProcesses, TakeBackWhatNeitherSigned) {
+  const auto recorder = open_one();
+  recorder->access("*", "unlocked", "sato");
+  const std::string before = text_of_file(ledger());
+  // Nor does what is remembered count where it is of other lines, or anybody's.
+  const auto remembered = [&](const std::string& name, const crypto::SigningKey& key) {
+    const crypto::Checkpoint text{log_origin("theatre-1"), last().seq + 1, root_of_all()};
+    return crypto::sign_note(text.to_text(), name, key);
+  };
+  for (int which = 0; which < 4; ++which) {
+    add(CaseHeldEntry{kCase, "made up", "nobody"});
+    if (which == 0) shared_.note = remembered("theatre-1", stranger_);
+    if (which == 1) shared_.note = "nonsense";
+    if (which == 2) shared_.note.reset();
+    if (which == 3) {
+      const crypto::Checkpoint other{log_origin("theatre-1"), last().seq + 1, some_hash()};
+      shared_.note = crypto::sign_note(other.to_text(), "theatre-1", key_);
+    }
+    open_one();
+    EXPECT_EQ(text_of_file(ledger()), before) << which;
+  }
+}
+
+// Somebody says so often which entries have no signature, or states keys, that looking at each pair would
+// take hours; and a recorder of before signed over all of it.
+TEST_F(ForeignLines, ThousandsThatWereSignedOverHoldUpNoEntry) {
+  constexpr std::uint64_t kLines = 20'000;
+  open()->case_held(kCase, "court order", "anna");
+  LogEntry entry = last();
+  std::string text;
+  for (std::uint64_t i = 0; i < kLines; ++i) {
+    const std::uint64_t number = ++entry.seq;
+    if (i % 4 == 0) {
+      entry.body = DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()};
+    } else if (i % 4 == 1) {
+      // Of the line before alone, or of none that is there.
+      entry.body = AccessEntry{"*",
+                               "found no signature of this device over entries " +
+                                   std::to_string(number - 1) + " to " + std::to_string(number - 1),
+                               "kiroku",
+                               {}};
+    } else {
+      entry.body = LogDamageEntry{2, some_hash(), some_hash()};
+    }
+    text += to_line(entry) + "\n";
+  }
+  add_text(text);
+  sign("theatre-1", key_);
+  const auto log = open();
+  for (int i = 0; i < 20; ++i) log->access("*", "unlocked", "sato");
+  EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
+  EXPECT_THAT(why_held(read_holds(log_folder(), device_), kCase), HasSubstr("court order"));
+}
+
+// As each by itself would be judged.
+TEST_F(ForeignLines, ClaimsOfDamageAreRefutedByWhatTheDeviceSignedBeforeThem) {
+  {
+    const auto log = open();
+    for (int i = 0; i < 8; ++i) log->access("*", "unlocked", "sato");
+  }
+  // Of the nine entries the first one has no checkpoint; these lose theirs, or have somebody's.
+  fs::remove(log_folder() / note_path(4));
+  fs::remove(log_folder() / note_path(7));
+  const crypto::Checkpoint other{log_origin("theatre-1"), 6, some_hash()};
+  std::ofstream(log_folder() / note_path(6)) << crypto::sign_note(other.to_text(), "theatre-1", key_);
+  const auto fits = [](std::uint64_t size) { return size > 1 && size != 4 && size != 6 && size != 7; };
+  std::vector<DamageClaim> refuted;
+  for (std::uint64_t entry = 1; entry <= 9; ++entry) {
+    for (std::uint64_t size = 1; size <= 9; ++size) {
+      bool is_refuted = false;
+      for (std::uint64_t signed_size = size; signed_size <= entry; ++signed_size)
+        is_refuted = is_refuted || fits(signed_size);
+      const DamageClaim claim{entry, size};
+      if (is_refuted) refuted.push_back(claim);
+      std::vector<DamageClaim> claims = refuted;
+      if (!is_refuted) claims.push_back(claim);
+      const auto stands = first_that_stands(log_folder(), device_, claims);
+      EXPECT_EQ(stands.has_value(), !is_refuted) << entry << " " << size;
+      EXPECT_EQ(stands ? stands->entry : entry, entry);
+    }
+  }
+}
+
 TEST_F(ForeignLines, ALogOfAnotherDeviceIsLeftAndSaysWhoseItIsFromNowOn) {
   {
     const auto others = ApplianceLog::open(real_file_system(), log_folder(), stranger_, "theatre-2");
@@ -524,17 +766,47 @@ TEST_F(ForeignLines, ALogOfAnotherDeviceIsLeftAndSaysWhoseItIsFromNowOn) {
   EXPECT_THAT(codes(), Not(HasSubstr("checkpoint-unknown-key")));
 }
 
-// A case that is here must not be lost to the log, whoever stands before its line.
-TEST_F(ForeignLines, BeforeTheOpeningOfACaseThatIsHereAreLeftAndNamed) {
-  open()->access("*", "unlocked", "sato");
-  add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
-  fs::create_directory(root() / kCase);
-  std::ofstream(root() / kCase / kLedgerFile) << "abc\n";
-  add(CaseOpenedEntry{kCase, some_hash()});
-  const std::string text = text_of_file(ledger());
+/// A case of this device, begun beside the log, whose checkpoint in the log somebody took away. Somebody's
+/// line stands before the one that opens it.
+class ForeignLinesBeforeACase : public ForeignLines {
+ protected:
+  void record(const crypto::SigningKey& key, ApplianceLog* log) {
+    test::CaseKit kit(root());
+    CaseWriter::Options options = kit.options();
+    options.key = &key;
+    options.log = log;
+    const auto writer = CaseWriter::create(real_file_system(), options, test::moment(0));
+    writer->checkpoint(test::moment(1));
+    case_id_ = writer->case_id();
+  }
+  /// Its line as it would follow.
+  void add_opening() const {
+    std::ifstream input(root() / case_id_ / kLedgerFile);
+    std::string line;
+    std::getline(input, line);
+    add(CaseOpenedEntry{case_id_, crypto::sha256(bytes_of(line))});
+  }
+
+  std::string case_id_;
+};
+
+// It must not be lost to the log, whoever stands before its line.
+TEST_F(ForeignLinesBeforeACase, ThatIsHereAreLeftAndNamed) {
   {
     const auto log = open();
-    EXPECT_EQ(log->case_state(kCase), ApplianceLog::CaseState::kOpened);
+    log->access("*", "unlocked", "sato");
+    record(key_, log.get());
+  }
+  std::string text = text_of_file(ledger());
+  std::ofstream(ledger(), std::ios::binary)
+      << text.substr(0, text.rfind('\n', text.find("\"case-opened\"")) + 1);
+  for (const std::uint64_t size : {3U, 4U}) fs::remove(log_folder() / note_path(size));
+  add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
+  add_opening();
+  text = text_of_file(ledger());
+  {
+    const auto log = open();
+    EXPECT_EQ(log->case_state(case_id_), ApplianceLog::CaseState::kOpened);
     log->access("*", "unlocked", "sato");
   }
   EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
@@ -542,6 +814,34 @@ TEST_F(ForeignLines, BeforeTheOpeningOfACaseThatIsHereAreLeftAndNamed) {
   const auto log = open();
   log->access("*", "unlocked", "sato");
   EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt) << "though a checkpoint covers that line now";
+}
+
+// Whoever can write to the archive makes a folder that fits any line; only the device makes a case of its.
+TEST_F(ForeignLinesBeforeACase, ThatSomebodyMadeToFitArePutAside) {
+  open()->access("*", "unlocked", "sato");
+  // Nobody's; another key's; the device's own, begun beside another log; one whose signature was changed.
+  for (int which = 0; which < 4; ++which) {
+    if (which == 0) {
+      case_id_ = kCase;
+      fs::create_directory(root() / kCase);
+      std::ofstream(root() / kCase / kLedgerFile) << "abc\n";
+    } else {
+      TemporaryFolder elsewhere(test::quick_parent());
+      const auto another =
+          which == 2 ? ApplianceLog::open(real_file_system(), elsewhere.path() / "log", key_, "theatre-1")
+                     : nullptr;
+      if (another) another->access("*", "unlocked", "sato");
+      record(which == 1 ? stranger_ : key_, another.get());
+      if (which == 3) std::ofstream(root() / case_id_ / note_path(1), std::ios::app) << "x";
+    }
+    add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
+    add_opening();
+    const auto log = open();
+    EXPECT_THAT(log->remarks(), ElementsAre(HasSubstr("this device did not write"))) << which;
+    log->access("*", "unlocked", "sato");
+    EXPECT_EQ(log->case_state(case_id_), ApplianceLog::CaseState::kUnknown) << which;
+    EXPECT_THAT(codes(), testing::StartsWith("intact")) << which;
+  }
 }
 
 TEST_F(ForeignLines, ACaseThatIsKnownAlreadyKeepsNone) {

@@ -35,6 +35,10 @@ export const kDeeds: readonly SentencePair[] = [
     'set aside what stood from entry {entry} on, which this device did not sign, sha256 {hash}',
     '項目 {entry} 以降の、この装置が署名していない内容を別に保管（sha256 {hash}）',
   ],
+  [
+    'found beside the log what was set aside from entry {entry} on, of which no entry told, sha256 {hash}',
+    '項目 {entry} 以降を別に保管したファイルで、どの項目にも記載のないものを確認（sha256 {hash}）',
+  ],
   ['unlocked recordings with an identity', '識別鍵で記録を解錠'],
   ["unlocked recordings with the server's identity", 'サーバの識別鍵で記録を解錠'],
   ['adds user {name} as {role}', '利用者 {name} を{role}として追加'],

@@ -1,0 +1,72 @@
+#include "apps/kiroku/kept_log.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "archive/format/case_layout.h"
+#include "tests/support/temporary_folder.h"
+
+namespace kiroku::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+
+class KeptLog : public testing::Test {
+ protected:
+  KeptLog() {
+    std::ofstream(home_.device_file()) << crypto::verifier_key_of("or-1", key_).to_string() << "\n";
+    fs::create_directory(home_.archive());
+  }
+  /// As a process of the home does.
+  std::unique_ptr<archive::ApplianceLog> open() { return open_kept_log(home_, key_).log; }
+  [[nodiscard]] std::vector<std::string> types() const {
+    std::vector<std::string> types;
+    for (const archive::LogLine& line : archive::read_log(home_.log_folder())) types.push_back(line.type);
+    return types;
+  }
+  void take_newest_checkpoint_away() const {
+    fs::remove(home_.log_folder() / archive::note_path(archive::read_log(home_.log_folder()).size()));
+  }
+
+  static constexpr const char* kCase = "20261126T091502Z-3f9c21ab";
+  test::TemporaryFolder folder_;
+  Home home_{folder_.path()};
+  crypto::SigningKey key_ = crypto::SigningKey::generate();
+};
+
+// A recorder, the viewer as a process of its own, and a command that enters a hold and ends.
+TEST_F(KeptLog, OfTwoProcessesNeitherCutsOffWhatTheOtherSigned) {
+  const auto recorder = open();
+  const auto viewer = open();
+  viewer->access("*", "unlocked", "anna");
+  recorder->case_opened(kCase, crypto::sha256({}));
+  take_newest_checkpoint_away();
+  viewer->access("*", "watched", "anna");
+  EXPECT_THAT(types(), testing::ElementsAre("boot", "access", "case-opened", "access"));
+  recorder->case_checkpoint(kCase, 5, crypto::sha256({}));
+  open()->case_held(kCase, "court order", "ben");
+  take_newest_checkpoint_away();
+  for (const auto* each : {&recorder, &viewer}) (*each)->access("*", "locked", "anna");
+  EXPECT_THAT(types(), Contains("case-held"));
+  EXPECT_EQ(archive::is_signed_entry(home_.log_folder(), home_.device(), 5,
+                                     archive::root_of_log(home_.log_folder(), 6)),
+            true)
+      << "its checkpoint is put back";
+  EXPECT_THAT(recorder->remarks(), Contains(HasSubstr("somebody took it away")));
+}
+
+TEST_F(KeptLog, WhereNothingCanBeRememberedEntriesAreMadeAllTheSame) {
+  fs::create_directory(folder_ / "last-signed.note");
+  const auto log = open();
+  log->access("*", "unlocked", "anna");
+  log->access("*", "locked", "anna");
+  EXPECT_THAT(types(), testing::ElementsAre("boot", "access", "access"));
+}
+
+}  // namespace
+}  // namespace kiroku::apps
