@@ -31,6 +31,13 @@ void EventsLane::ahead_left_out(const std::string& why) { add("ahead-left-out", 
 
 void EventsLane::patient_differs(const std::string& how) { add("patient-differs", "text", how); }
 
+void EventsLane::picture_turn(const std::string& stream, const std::string& how) {
+  nlohmann::ordered_json members;
+  members["stream"] = stream;
+  members["text"] = how;
+  add("picture-turn", members);
+}
+
 void EventsLane::profile(const nlohmann::ordered_json& decision) { add("profile", "profile", decision); }
 
 void EventsLane::late_subject(const Bytes& json) {
@@ -40,12 +47,18 @@ void EventsLane::late_subject(const Bytes& json) {
 }
 
 void EventsLane::add(const std::string& kind, const std::string& key, const nlohmann::ordered_json& value) {
+  nlohmann::ordered_json members;
+  members[key] = value;
+  add(kind, members);
+}
+
+void EventsLane::add(const std::string& kind, const nlohmann::ordered_json& members) {
   const archive::Moment now = context_.clock.moment();
   nlohmann::ordered_json event;
   event["time_ns"] = now.mono_ns;
   event["utc"] = format_utc(now.utc);
   event["kind"] = kind;
-  event[key] = value;
+  event.update(members);
   const std::string event_text = event.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   const crypto::Secret salt = crypto::Secret::random(32);
   Bytes committed = to_bytes(salt.bytes());

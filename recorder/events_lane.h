@@ -27,10 +27,15 @@ namespace kiroku::recorder {
 ///
 ///   {"time_ns":…,"utc":"…","kind":"profile","profile":{"streams":["endoscope"],"to":"lossless",…}}
 ///
-/// or, of a case that begins with less than was recorded ahead, and of monitors that name another patient,
+/// or, of a case that begins with less than was recorded ahead, and of monitors or a plan that name another
+/// patient,
 ///
 ///   {"time_ns":…,"utc":"…","kind":"ahead-left-out","text":"what was recorded ahead before … is not part …"}
 ///   {"time_ns":…,"utc":"…","kind":"patient-differs","text":"a monitor's messages name another patient …"}
+///
+/// or, of a source that says in its course that its pictures are shown otherwise than the first,
+///
+///   {"time_ns":…,"utc":"…","kind":"picture-turn","stream":"endoscope","text":"source 'film.mov', from …"}
 ///
 /// The ledger's commitment is SHA-256(salt bytes ‖ event bytes): whoever can open the stream can prove what
 /// was marked (`jq -j .event`), and nobody can guess it from the ledger.
@@ -47,6 +52,8 @@ class EventsLane {
   void subject_missing(const std::string& why);
   void ahead_left_out(const std::string& why);
   void patient_differs(const std::string& how);
+  /// `how` the pictures of `stream` are shown from now on.
+  void picture_turn(const std::string& stream, const std::string& how);
   /// `decision` is the object under "profile".
   void profile(const nlohmann::ordered_json& decision);
   /// Seals what happened, in one segment that follows the one before. Called by the session's thread, about
@@ -57,6 +64,7 @@ class EventsLane {
 
  private:
   void add(const std::string& kind, const std::string& key, const nlohmann::ordered_json& value);
+  void add(const std::string& kind, const nlohmann::ordered_json& members);
 
   LaneContext context_;
   LineSegments segments_;

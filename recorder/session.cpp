@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <future>
+#include <map>
 #include <mutex>
 #include <thread>
 
@@ -55,6 +56,7 @@ struct Session::State {
     writing.case_id = identity.case_id;
     writing.carries_on = identity.carries_on;
     writing.sealed_subject = identity.sealed_subject;
+    plan_patients = identity.plan_patients;
   }
   /// Makes the case, which begins at `from_ns` of its clock.
   void make_case(std::int64_t from_ns);
@@ -62,8 +64,14 @@ struct Session::State {
   void state_forgotten(const PreRoll::Amount& left_out);
   /// The case is about whoever its subject names, and these numbers.
   void expect_patient(const std::optional<Bytes>& subject, std::vector<PatientNumber> more);
-  /// Says so, in the case and to people, where monitors speak of another one.
+  /// Says so, in the case and to people, where its plan was made on another one's CT.
+  void tell_of_plan();
+  /// Likewise, where monitors speak of another one.
   void tell_of_others(std::int64_t now_ns, bool at_the_end = false);
+  /// Pictures of a stream are shown otherwise from now on than its first one. From any thread.
+  void state_turn(const std::string& stream, const std::string& sentence);
+  /// What became of them before there was a case.
+  void state_turns_ahead();
   /// There was none: what was recorded ahead is discarded, and stated.
   void discard();
   LedgerWriter::Ended finish_lanes();
@@ -145,6 +153,10 @@ struct Session::State {
   std::uint64_t forgotten = 0;             // segments of it that were still being written then
   const std::shared_ptr<PatientWatch> patients = std::make_shared<PatientWatch>();
   std::optional<std::int64_t> others_told_ns;
+  std::mutex turn_mutex;                           // guards the next
+  std::map<std::string, std::string> turns_ahead;  // by stream: the last one told before the case
+  std::vector<std::string> plan_patients;          // since before the case began
+  std::atomic<bool> has_plan_of_another = false;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::vector<VideoLane*> of_pictures;       // of these
   std::size_t video_lanes = 0;
@@ -271,8 +283,10 @@ Session::State::State(SessionOptions asked)
     if (stream.second_of.empty()) {
       lane = std::make_unique<VideoLane>(
           context, index, writing.streams[index],
-          SourceSupervisor::Terms{opened.address, stream.video.audio, stream.tap, stream.guard,
-                                  microphone_of(stream), stream.microphone_guard},
+          SourceSupervisor::Terms{
+              opened.address, stream.video.audio, stream.tap, stream.guard, microphone_of(stream),
+              stream.microphone_guard,
+              [this, name = stream.name](const std::string& sentence) { state_turn(name, sentence); }},
           std::move(opened.source), stream.video, budget, std::move(opened.microphone));
     } else {
       lane = std::make_unique<VideoLane>(context, index, writing.streams[index],
@@ -306,6 +320,7 @@ Session::State::State(SessionOptions asked)
     if (begun) pointing->begin(begins_ns);
   }
   if (begun) {
+    tell_of_plan();
     for (const ProfileDecision& decision : options.profile_decisions)
       events->profile(json_of(decision, options.video));
   }
@@ -366,7 +381,26 @@ void Session::State::state_forgotten(const PreRoll::Amount& left_out) {
 
 void Session::State::expect_patient(const std::optional<Bytes>& subject, std::vector<PatientNumber> more) {
   if (subject) add_numbers(more, numbers_of_subject(*subject));
+  has_plan_of_another = is_ct_of_another(plan_patients, more);
   patients->expect(std::move(more), begins_ns);
+}
+
+void Session::State::state_turn(const std::string& stream, const std::string& sentence) {
+  problems.report(sentence);
+  const std::lock_guard guard(turn_mutex);
+  turns_ahead[stream] = sentence;
+  if (begun) state_turns_ahead();
+}
+
+void Session::State::state_turns_ahead() {
+  for (const auto& [stream, sentence] : turns_ahead) events->picture_turn(stream, sentence);
+  turns_ahead.clear();
+}
+
+void Session::State::tell_of_plan() {
+  if (!has_plan_of_another) return;
+  events->patient_differs(kPlanOfAnother);
+  problems.report(kPlanOfAnother);
 }
 
 void Session::State::tell_of_others(std::int64_t now_ns, bool at_the_end) {
@@ -502,6 +536,11 @@ std::string Session::begin(std::optional<Bytes> subject, const std::optional<cry
     throw;
   }
   s.expect_patient(s.writing.subject, identity.patient_numbers);
+  s.tell_of_plan();
+  {
+    const std::lock_guard turns(s.turn_mutex);
+    s.state_turns_ahead();
+  }
   PreRoll::Amount left_out = s.pre_roll->left_out();
   left_out.segments += s.forgotten;
   if (left_out.segments > 0) s.state_forgotten(left_out);
@@ -579,6 +618,8 @@ void Session::stop(const std::string& reason) {
   state_->stopping = true;
 }
 
+bool Session::has_plan_of_another() const { return state_->has_plan_of_another; }
+
 SessionStatus Session::status() const { return state_->status(); }
 
 void Session::mark(const std::string& text) { state_->begun_events().mark(text); }
@@ -590,6 +631,7 @@ std::optional<std::int64_t> Session::point(media::PointedAt at) {
 void Session::late_subject(const Bytes& json, std::vector<PatientNumber> patient_numbers) {
   state_->begun_events().late_subject(json);
   state_->expect_patient(json, std::move(patient_numbers));
+  state_->tell_of_plan();
 }
 
 void Session::change_profile(const ProfileDecision& decision) {

@@ -69,7 +69,15 @@ struct CaseIdentity {
   std::optional<Bytes> sealed_subject;
   /// Of whom the case is about, beside those that a subject in the clear states: monitors may name them so.
   std::vector<PatientNumber> patient_numbers = {};
+  /// Patient IDs that the CT of the case's plan states (recorder/control/plan_patient.h); none: not known.
+  std::vector<std::string> plan_patients = {};
 };
+
+/// What is said, in the case and to people, where that CT is of somebody else than the case is about.
+inline constexpr const char* kPlanOfAnother =
+    "the CT of the sealed plan states another patient's number (Patient ID) than the case is about: see "
+    "whether it "
+    "is this patient's plan, and whether the case has the right patient";
 
 /// In which form pictures are archived, and who or what decided so: sealed as an event of the case.
 struct ProfileDecision {
@@ -182,6 +190,8 @@ class Session {
   void stop() noexcept;
   /// The same with another close reason. From any thread; the first reason stands.
   void stop(const std::string& reason);
+  /// Whether the case says that its plan is another patient's (kPlanOfAnother). From any thread.
+  [[nodiscard]] bool has_plan_of_another() const;
   /// What run() tells its `progress`. From any thread.
   [[nodiscard]] SessionStatus status() const;
   /// An operator's mark: sealed in the events stream, committed to in the ledger. From any thread. Throws

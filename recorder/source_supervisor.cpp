@@ -1,6 +1,7 @@
 #include "recorder/source_supervisor.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <utility>
 
@@ -21,6 +22,7 @@ SourceSupervisor::SourceSupervisor(const LaneContext& context, Terms terms, std:
   if (source_) {
     input_ = source_->input();
     unboxed_ = source_->is_unboxed();
+    stated_ = source_->treatment();
   }
   if (terms_.microphone) {
     microphone_ = std::make_unique<Microphone>(
@@ -149,6 +151,7 @@ void SourceSupervisor::read(Source& source) {
     live_ = true;
     frame->rate = rate;
     tell_of(frame->time_break);
+    tell_of_turn(*frame);
     if (terms_.tap) terms_.tap->offer(*frame);
     show(std::move(*frame));
   }
@@ -160,6 +163,19 @@ void SourceSupervisor::tell_of(TimeBreak time_break) {
       "source '" + terms_.address.stated + "': its times " +
       (time_break == TimeBreak::kBack ? "go back" : "go further ahead than is followed") +
       "; a gap is stated there, and how long it was is not known");
+}
+
+void SourceSupervisor::tell_of_turn(const TimedFrame& picture) {
+  if (are_shown_alike(picture.treatment, stated_)) return;
+  stated_ = picture.treatment;
+  if (!terms_.turned || turns_ == kMostTurns) return;
+  std::string how = turn_text(stated_);
+  if (how.empty()) how = "its pictures are recorded as they are coded, and it says nothing else any more";
+  if (++turns_ == kMostTurns) how += "; further changes are not told";
+  char seconds[32];
+  std::snprintf(seconds, sizeof seconds, "%.3f s", static_cast<double>(picture.time_ns) * 1e-9);
+  terms_.turned("source '" + terms_.address.stated + "', from " + seconds +
+                " of the case's clock on: " + how);
 }
 
 bool SourceSupervisor::reopen(bool may_have_ended) {

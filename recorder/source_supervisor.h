@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -30,7 +31,11 @@ class SourceSupervisor {
     /// takes nothing from the camera.
     std::optional<SourceAddress> microphone = {};
     std::shared_ptr<SourceGuard> microphone_guard = nullptr;  // null: there is no microphone
+    /// Told, from the thread that reads, of each picture from which on pictures are shown otherwise than was
+    /// said before, at first by the source that the supervisor was given; kMostTurns times. May be empty.
+    std::function<void(const std::string& sentence)> turned = {};
   };
+  static constexpr int kMostTurns = 100;
 
   /// `source` was opened from the address; or it is null, and is taken up when it can be opened: the queue is
   /// told that it is lost. A live one is opened anew when it is lost, after pauses that grow from one second
@@ -73,6 +78,7 @@ class SourceSupervisor {
   void read(Source& source);
   /// Once: a film may have thousands.
   void tell_of(TimeBreak time_break);
+  void tell_of_turn(const TimedFrame& picture);
   void show(TimedFrame picture);
   void lose();
   void hear(TimedFrame audio);
@@ -89,7 +95,10 @@ class SourceSupervisor {
   const Terms terms_;
   FrameQueue& queue_;
   std::vector<FrameQueue*> further_;
-  bool told_of_break_ = false;  // of the thread that reads
+  // Of the thread that reads:
+  bool told_of_break_ = false;
+  PictureTreatment stated_;
+  int turns_ = 0;
   std::atomic<bool> stopping_ = false, ended_ = false, reached_end_ = false, live_ = false, unboxed_ = false;
 
   mutable std::mutex mutex_;  // guards what follows

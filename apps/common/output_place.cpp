@@ -82,24 +82,35 @@ std::optional<Owner> owner_of(const fs::path& path, Writes what) {
   }
 }
 
-}  // namespace
-
-void require_output_place(const fs::path& named, const std::string& option, Writes what) {
-  if (what == Writes::kNothing || named.empty() || named == "-") return;
+/// "lies in the folder of …: what would come of it"; "" where the place is free.
+std::string why_not_there(const fs::path& named, Writes what) {
   std::error_code failed;
   fs::path as_named = fs::absolute(named, failed);
-  if (failed) return;  // such as a current folder that was removed: nothing can be written there either
+  if (failed) return "";  // such as a current folder that was removed: nothing can be written there either
   if (!as_named.has_filename()) as_named = as_named.parent_path();
   fs::path resolved = fs::weakly_canonical(as_named, failed);
   if (failed) resolved = as_named;
   // An archive may be a link to another disk: by its resolved name it is no home's any more.
   auto owner = owner_of(resolved, what);
   if (!owner) owner = owner_of(as_named, what);
-  if (!owner) return;
+  if (!owner) return "";
   const bool is_itself = owner->folder == resolved || owner->folder == as_named;
-  throw UsageError(option + " names " + named.string() + ", which " + (is_itself ? "is " : "lies in ") +
-                   owner->what + " (" + owner->folder.string() + "): " + owner->harm +
-                   ". Nothing was written; name a place outside of it");
+  return (is_itself ? "is " : "lies in ") + owner->what + " (" + owner->folder.string() +
+         "): " + owner->harm + ". Nothing was written";
+}
+
+}  // namespace
+
+void require_output_place(const fs::path& named, const std::string& option, Writes what) {
+  if (what == Writes::kNothing || named.empty() || named == "-") return;
+  if (const std::string why = why_not_there(named, what); !why.empty())
+    throw UsageError(option + " names " + named.string() + ", which " + why + "; name a place outside of it");
+}
+
+void require_place_beside(const fs::path& input, const fs::path& output) {
+  if (const std::string why = why_not_there(output, Writes::kOutput); !why.empty())
+    throw UsageError(output.filename().string() + " would be written beside " + input.string() +
+                     ", where it " + why + "; copy that elsewhere first");
 }
 
 }  // namespace kiroku::apps

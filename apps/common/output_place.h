@@ -18,5 +18,7 @@ enum class Writes {
 /// ledger or an excerpt's document, at any depth below it), in the archive of a home or among the keys of its
 /// authority, or is a file that a home consists of: links resolved. `option` is what names it: "--output".
 void require_output_place(const std::filesystem::path& named, const std::string& option, Writes what);
+/// The same of what a command writes beside `input`, which a person named, without being asked where to.
+void require_place_beside(const std::filesystem::path& input, const std::filesystem::path& output);
 
 }  // namespace kiroku::apps

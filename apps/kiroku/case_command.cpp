@@ -12,6 +12,7 @@
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "recorder/control/control_client.h"
+#include "recorder/control/plan_patient.h"
 
 namespace kiroku::apps {
 namespace {
@@ -58,8 +59,10 @@ int start(const Request& request) {
                        " is no JSON object: write {\"patient\": {...}, \"procedure\": \"...\"}");
     }
   }
-  if (request.plan)
+  if (request.plan) {
     question["plan"] = crypto::to_hex(require_sealed(Home::open(request.home), *request.plan));
+    question["plan_patients"] = recorder::patients_of_plan(*request.plan);
+  }
   return ask(request, question, "recording");
 }
 

@@ -21,6 +21,7 @@
 #include "apps/kiroku/recording_setup.h"
 #include "base/error.h"
 #include "base/foreign_json.h"
+#include "recorder/control/plan_patient.h"
 #include "recorder/procedure/worklist.h"
 #include "recorder/session.h"
 
@@ -206,7 +207,10 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
   if (request.subject) options.subject = load_subject(*request.subject);
   if (request.worklist) options.subject = listed_subject(worklist_of(configuration, *request.worklist));
   if (options.subject && !request.profile) choose_profile(options, configuration);
-  if (request.plan) options.plan = require_sealed(home, *request.plan);
+  if (request.plan) {
+    options.plan = require_sealed(home, *request.plan);
+    options.identity.plan_patients = recorder::patients_of_plan(*request.plan);
+  }
   options.segment_duration =
       request.segment ? parse_segment_duration(*request.segment, "--segment") : configuration.segment;
   options.stamp_interval = request.stamp_every ? parse_stamp_interval(*request.stamp_every, "--stamp-every")
@@ -288,6 +292,7 @@ int run(const Request& request) {
         const Running now(session);
         if (stops > 0) session.stop();
         RecordingDisplay display;
+        display.tell(session.status());
         recorder::SessionResult recorded = session.run([&](const recorder::SessionStatus& status) {
           if (stops == 0) display.show(status);
         });

@@ -28,12 +28,13 @@ void take_back(const std::string& name) {
   static_cast<void>(::sd_notify(0, ("FDSTOREREMOVE=1\nFDNAME=" + name).c_str()));
 }
 
-/// A descriptor's name may hold no colon. What stands behind the address only says who may send.
-std::string name_of(const std::string& listen, std::size_t file) {
-  const auto digest = crypto::sha256(bytes_of(listen.substr(0, listen.find('?'))));
+/// A descriptor's name may hold no colon.
+std::string name_of(const std::string& kind, const std::string& owner) {
   constexpr std::size_t kDigits = 32;
-  return "hl7-" + crypto::to_hex(digest).substr(0, kDigits) + "-" + std::to_string(file);
+  return kind + "-" + crypto::to_hex(crypto::sha256(bytes_of(owner))).substr(0, kDigits);
 }
+
+std::string numbered(const std::string& name, std::size_t file) { return name + "-" + std::to_string(file); }
 
 }  // namespace
 
@@ -50,10 +51,19 @@ DescriptorStore::DescriptorStore(std::function<void(const std::string& sentence)
 }
 
 recorder::InboxMemory DescriptorStore::memory_of(const std::string& listen) {
+  // What stands behind the address only says who may send.
+  return memory(name_of("hl7", listen.substr(0, listen.find('?'))), "what HL7 messages say");
+}
+
+recorder::InboxMemory DescriptorStore::memory_of_room(const std::string& room) {
+  return memory(name_of("room", room), "by which numbers monitors name the patient of room " + room);
+}
+
+recorder::InboxMemory DescriptorStore::memory(const std::string& name, const std::string& what) {
   std::array<Descriptor, recorder::KeptMemory::kFiles> earlier;
   std::array<bool, recorder::KeptMemory::kFiles> is_given{};
   for (std::size_t i = 0; i < earlier.size(); ++i) {
-    auto node = given_.extract(name_of(listen, i));
+    auto node = given_.extract(numbered(name, i));
     if (!node) continue;
     earlier.at(i) = std::move(node.mapped());
     is_given.at(i) = true;
@@ -61,22 +71,21 @@ recorder::InboxMemory DescriptorStore::memory_of(const std::string& listen) {
   try {
     const auto memory = std::make_shared<recorder::KeptMemory>(std::move(earlier));
     for (std::size_t i = 0; i < is_given.size(); ++i) {
-      if (!is_given.at(i)) give(name_of(listen, i), memory->descriptor(i));
+      if (!is_given.at(i)) give(numbered(name, i), memory->descriptor(i));
     }
     recorder::InboxMemory of_inbox;
     of_inbox.earlier = memory->take_earlier().value_or(Bytes());
-    of_inbox.keep = [memory, tell = tell_, is_told = false](ByteView state) mutable {
+    of_inbox.keep = [memory, what, tell = tell_, is_told = false](ByteView state) mutable {
       try {
         memory->keep(state);
         is_told = false;
       } catch (const std::exception& error) {
-        if (!std::exchange(is_told, true))
-          tell(std::string("what HL7 messages said would not outlive this process: ") + error.what());
+        if (!std::exchange(is_told, true)) tell(what + " would not outlive this process: " + error.what());
       }
     };
     return of_inbox;
   } catch (const std::exception& error) {
-    tell_(std::string("what HL7 messages say does not outlive this process: ") + error.what());
+    tell_(what + " does not outlive this process: " + error.what());
     return {};
   }
 }

@@ -23,13 +23,18 @@ class DescriptorStore {
   /// Of the inbox at this address. Also where there is no systemd, or it keeps nothing: then nothing comes of
   /// it.
   recorder::InboxMemory memory_of(const std::string& listen);
-  /// Lets go of what no inbox asked for since the start: its address left the configuration.
+  /// Likewise of what is known of the patient of a room's case.
+  recorder::InboxMemory memory_of_room(const std::string& room);
+  /// Lets go of what no inbox or room asked for since the start: its address left the configuration.
   void forget_rest();
 
   /// Asks systemd whether it keeps what it is given; waits for the answer a moment.
   [[nodiscard]] static bool is_there();
 
  private:
+  /// `what` it holds, for people.
+  recorder::InboxMemory memory(const std::string& name, const std::string& what);
+
   const std::function<void(const std::string& sentence)> tell_;
   std::map<std::string, Descriptor> given_;  // by name, until they are asked for
 };

@@ -267,6 +267,7 @@ int run(const Request& request) {
       pictures.push_back(stream.name);
     options.rooms.back().profile_rules = profile_rules_for(configuration, room.name, pictures);
     resumption.apply(options.rooms.back());
+    if (room.rules.resume_within) options.rooms.back().memory = store.memory_of_room(room.name);
   }
   store.forget_rest();
   HardwareWatch hardware(shared.key.hardware());

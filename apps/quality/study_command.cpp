@@ -171,6 +171,7 @@ void add_study_serve_command(Command& study) {
   Command& command = study.add_command("serve", "shows the films to readers in a browser of this computer");
   const auto request = std::make_shared<ServeRequest>();
   command.argument("FOLDER", request->folder, "what 'study make' made");
+  command.writes("FOLDER");
   command.option("--listen", "ADDRESS:PORT", request->listen,
                  "where to listen, on this computer alone; port 0 takes a free one");
   command.flag("--json", request->json, "prints one JSON object with the address, then serves");
@@ -200,6 +201,7 @@ void add_study_close_command(Command& study) {
   Command& command = study.add_command("close", "freezes the answers, before the key is opened");
   const auto request = std::make_shared<CloseRequest>();
   command.argument("FOLDER", request->folder, "what 'study make' made");
+  command.writes("FOLDER");
   command.flag("--incomplete", request->incomplete, "also where readers have not judged all films");
   command.option("--authority", "NAME", request->authorities, "asks only this authority of kiroku.toml");
   add_home_option(command, request->home);

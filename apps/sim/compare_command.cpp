@@ -91,8 +91,8 @@ void add_compare_command(Command& program) {
                  "(YAML, XML or JSON: camera_matrix, distortion_coefficients, image_width, image_height)");
   command.option(
       "--purpose", "P", request->purpose,
-      "of what -o writes, what for: teaching, research or another purpose of the site's; a consent "
-      "to it must stand");
+      "of what -o or --write-by-hand writes, what for: teaching, research or another purpose of the site's; "
+      "a consent to it must stand");
   command.option("--made-by", "NAME", request->made_by, "who compares", "the user of this machine");
   command.option("--asked-by", "NAME", request->asked_by,
                  "for whom a program compares; stands in the appliance log after the user of this machine");

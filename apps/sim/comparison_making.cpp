@@ -285,9 +285,10 @@ int make_comparison(const ComparisonRequest& request) {
   const std::string stream = compare::pictures_of(recording, request.stream);
   const ComparisonOutput form = request.output ? output_form(*request.output) : ComparisonOutput::kKept;
   // In the clear, with pictures, or with marks and vital signs; what is kept for the viewer is sealed.
-  const bool material_leaves = !request.steps && request.output.has_value();
+  const bool material_leaves = !request.steps && (request.output || request.write_by_hand);
   if (request.purpose && !material_leaves)
-    throw UsageError("--purpose is for what is written in the clear: -o OUT.mp4, OUT.html or OUT.json");
+    throw UsageError(
+        "--purpose is for what is written in the clear: -o OUT.mp4, OUT.html or OUT.json, --write-by-hand");
   if (request.output) require_free(request, document_of(*request.output));
   std::optional<Keeping> keeping;
   if (!request.output && !request.write_by_hand && !request.steps) {
@@ -301,8 +302,10 @@ int make_comparison(const ComparisonRequest& request) {
   require_alignment_sense(request, recording, by_hand);
   std::optional<compare::ComparedCt> compared = compared_ct(request, *at_hand);
   const crypto::AgeIdentities identities = identities_of(request, home);
-  const bool is_entered = material_leaves && enter_purpose(home, recording.folder(), request.purpose,
-                                                           "wrote a comparison with a plan");
+  const bool is_entered =
+      material_leaves &&
+      enter_purpose(home, recording.folder(), request.purpose,
+                    request.output ? "wrote a comparison with a plan" : "wrote the steps that were found");
   if (!is_entered) log_access(home, recording.folder(), "opened to compare it with a plan");
   ComparisonTold told(request.progress == "json");
   SimulatedPlan frames(at_hand->plan, told);

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "apps/common/output_place.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/sim/sealed_files.h"
 #include "base/error.h"
@@ -23,6 +24,7 @@ fs::path seal_file(const fs::path& plan) {
 
 void require_unsealed(const fs::path& plan) {
   const fs::path file = seal_file(plan);
+  require_place_beside(plan, file);
   if (!fs::exists(file)) return;
   throw UsageError(file.string() +
                    " is there already: kiroku plan verify tells whether it still holds; to seal a changed "

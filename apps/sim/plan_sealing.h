@@ -11,7 +11,8 @@
 
 namespace kiroku::apps {
 
-/// kiroku::UsageError where the plan has a seal beside it: it is never replaced.
+/// kiroku::UsageError where the plan has a seal beside it, which is never replaced, and where none may be
+/// written there: in a case (apps/common/output_place.h).
 void require_unsealed(const std::filesystem::path& plan);
 
 struct SealedPlan {

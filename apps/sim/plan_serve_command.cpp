@@ -79,6 +79,7 @@ void add_plan_serve_command(Command& plan) {
                  "the plans that may be opened: documents in it and in the folders directly below it; new "
                  "ones are saved beside them",
                  "plans in the home");
+  command.writes("--plans");
   command.option("--transfer", "NAME", request->transfer,
                  "how tissue looks: a name of 'kiroku sim transfer', or a file of your own (.json)", "liver");
   add_engine_options(command, request->gpu, request->engine);

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "recorder/clock/clock_watch.h"
+#include "recorder/control/plan_patient.h"
 #include "recorder/daemon/disk_hours.h"
 
 namespace kiroku::recorder {
@@ -128,6 +129,18 @@ std::optional<crypto::Sha256Digest> sealed_plan_of(const json& request) {
   return digest;
 }
 
+/// Whose CT that plan was made on, as whoever has its files says.
+std::vector<std::string> plan_patients_of(const json& request) {
+  const auto found = request.find("plan_patients");
+  if (found == request.end()) return {};
+  const auto is_number = [](const json& each) {
+    return each.is_string() && each.get_ref<const std::string&>().size() <= kLongestPlanPatient;
+  };
+  if (!found->is_array() || found->size() > kMostPlanPatients || !std::ranges::all_of(*found, is_number))
+    throw UsageError("\"plan_patients\" must be the numbers of patients, each a short text");
+  return found->get<std::vector<std::string>>();
+}
+
 /// What a case is about, as a request says it: the object itself, or which of the room's procedures was
 /// chosen.
 std::optional<Bytes> subject_of(const json& request, const Room& room) {
@@ -197,7 +210,10 @@ struct Daemon::State {
           if (options.listener.warn) options.listener.warn(prefix + sentence);
         };
         footswitches.emplace_back(its_room.name(), std::make_unique<Footswitch>(
-                                                       one, [&its_room, one] { act_on_press(its_room, one); },
+                                                       one,
+                                                       [this, &its_room, one](std::chrono::nanoseconds ago) {
+                                                         act_on_press(its_room, one, ago);
+                                                       },
                                                        tell, *options.time));
       }
     }
@@ -221,8 +237,14 @@ struct Daemon::State {
     for (std::thread& closer : closers) closer.join();
   }
 
-  static void act_on_press(Room& room, const FootswitchOptions& asked) {
+  /// It is for the case that ran when it was pressed, and for none that has begun since.
+  void act_on_press(Room& room, const FootswitchOptions& asked, std::chrono::nanoseconds ago) const {
     const RoomStatus now = room.status();
+    const bool has_case = now.state == RoomState::kRecording || now.state == RoomState::kClosing;
+    const std::string meant = has_case ? now.case_id : "";
+    if (has_case && options.time->now() - now.begun_at < ago) {
+      throw UsageError("it was pressed before case " + now.case_id + " of room " + room.name() + " began");
+    }
     const bool toggles = asked.action == PressAction::kStartStop;
     // Whoever presses at the moment when a rule begins a case wants one, and has one.
     if (toggles && now.state == RoomState::kStarting && !now.tries_again)
@@ -230,16 +252,18 @@ struct Daemon::State {
     // An operation that the recorder goes on with by itself is running as far as anybody at the table knows.
     const bool starts =
         asked.action == PressAction::kStart || (toggles && !is_busy(now.state) && !now.tries_again);
+    const bool is_of_a_case = asked.action == PressAction::kMark || asked.action == PressAction::kProfile;
+    // One that begins in this moment is not what was meant.
+    if (is_of_a_case && !has_case) throw UsageError("room " + room.name() + " is not recording");
     if (asked.action == PressAction::kMark) {
-      room.mark(asked.mark);
+      room.mark(asked.mark, meant);
     } else if (asked.action == PressAction::kProfile) {
-      room.change_profile({asked.streams, asked.profile, "footswitch", ""});
+      room.change_profile({asked.streams, asked.profile, "footswitch", ""}, meant);
     } else if (starts) {
       room.start("footswitch");
     } else {
-      // The case that runs now, and none that begins before that one was ended.
-      const bool has_case = now.state == RoomState::kRecording || now.state == RoomState::kClosing;
-      room.stop("footswitch", false, has_case ? now.case_id : "");
+      // And none that begins before that one was ended.
+      room.stop("footswitch", false, meant);
     }
   }
 
@@ -428,8 +452,11 @@ ordered_json Daemon::handle(const json& request) {
     if (request.contains("case"))
       throw UsageError("\"case\" names one that runs, and a start begins another: leave it out");
     std::optional<Bytes> subject = subject_of(request, room);
-    return {{"room", room.name()},
-            {"case", room.start("operator", std::move(subject), sealed_plan_of(request))}};
+    const std::optional<crypto::Sha256Digest> plan = sealed_plan_of(request);
+    ordered_json reply{{"room", room.name()},
+                       {"case", room.start("operator", std::move(subject), plan, plan_patients_of(request))}};
+    if (room.status().has_plan_of_another) reply["warning"] = kPlanOfAnother;
+    return reply;
   }
   if (what == "subject") {
     const std::optional<Bytes> subject = subject_of(request, room);

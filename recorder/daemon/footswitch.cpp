@@ -237,7 +237,8 @@ struct Footswitch::State {
     }
     const std::chrono::nanoseconds begun = event_time_now();
     try {
-      pressed();
+      pressed(pressed_at.count() == 0 ? pressed_at
+                                      : std::max(begun - pressed_at, std::chrono::nanoseconds(0)));
     } catch (const std::exception& error) {
       if (tell) tell(std::string("a press of the footswitch did nothing: ") + error.what());
     }

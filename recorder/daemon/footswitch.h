@@ -66,8 +66,9 @@ struct FootswitchStatus {
 class Footswitch {
  public:
   /// Called for each press from the footswitch's thread. A press that was made while another was acted on
-  /// does nothing, and is told; marks wait their turn. What it throws is told.
-  using Pressed = std::function<void()>;
+  /// does nothing, and is told; marks wait their turn. `ago`: how long before this call it was pressed; 0
+  /// where the device does not say. What it throws is told.
+  using Pressed = std::function<void(std::chrono::nanoseconds ago)>;
   /// Hears when the device is lost, cannot be opened, or is there again.
   using Tell = std::function<void(const std::string& sentence)>;
 

@@ -18,6 +18,7 @@
 #include "base/bytes.h"
 #include "recorder/daemon/running_note.h"
 #include "recorder/encoder/video_profile.h"
+#include "recorder/vitals/patient_number.h"
 
 namespace kiroku::recorder {
 
@@ -46,6 +47,9 @@ struct Resumption {
   std::string reason;                    // why the operation's first case was begun
   std::chrono::nanoseconds recorded{0};  // by the operation's earlier cases
   std::chrono::nanoseconds within{0};    // it is tried for so long
+  /// By the room, of what the earlier process kept in memory: as CaseIdentity has them.
+  std::vector<PatientNumber> patient_numbers = {};
+  std::vector<std::string> plan_patients = {};
 };
 
 /// How long ago a case was cut off; nothing where no clock can tell, and `why` says which way it was known or

@@ -9,6 +9,10 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/age_file.h"
+#include "crypto/encoding.h"
+#include "crypto/hash.h"
+#include "recorder/daemon/kept_memory.h"
+#include "recorder/daemon/kept_patient.h"
 #include "recorder/daemon/rate_meter.h"
 #include "recorder/daemon/retry_pause.h"
 #include "recorder/session_request.h"
@@ -54,6 +58,11 @@ struct Room::State {
       : plan(std::move(asked)), listener(std::move(told)), time(its_time) {
     status.name = plan.name;
     resume = plan.resume;
+    if (resume) {
+      take_kept_patient(*resume);
+    } else if (!plan.memory.earlier.empty()) {
+      forget_patient();
+    }
     if (resume) begin_before = time.now() + resume->within;
     status.problem = plan.not_resumed;
     status.not_resumed = !plan.not_resumed.empty();
@@ -171,7 +180,8 @@ struct Room::State {
     taken->first_reason = resume->reason;
     taken->sealed_plan = resume->plan;
     taken->profiles = resume->profiles;
-    taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject};
+    taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject, resume->patient_numbers,
+                       resume->plan_patients};
     taken->is_subject_withheld = resume->is_subject_withheld;
     taken->before = resume->recorded;
     return taken;
@@ -194,6 +204,7 @@ struct Room::State {
     taken->identity.case_id = archive::new_case_id(time.utc());
     taken->identity.sealed_subject = again->sealed_subject;
     taken->identity.patient_numbers = again->patient_numbers;
+    taken->identity.plan_patients = again->plan_patients;
     return taken;
   }
 
@@ -230,7 +241,8 @@ struct Room::State {
         // A disk that fails each case at once is not tried for ever.
         if (!after_error_too || lasted >= ResumptionPlanner::kShortCase)
           again_before = time.now() + *plan.rules.resume_within;
-        again = Again{begun_for, plan_of_case, newest_subject, newest_numbers, std::move(profiles)};
+        again = Again{begun_for,      plan_of_case,  newest_subject,
+                      newest_numbers, plan_patients, std::move(profiles)};
       }
     }
     return goes_on ? "; nothing is recorded until another one is begun" + retry.next_try()
@@ -274,10 +286,12 @@ struct Room::State {
     status.carries_on = asked.identity.carries_on ? asked.identity.carries_on->case_id : "";
     status.not_resumed = false;
     status.ended_by_error = false;
+    status.begun_at = time.now();
     begun_for = asked.first_reason;
     plan_of_case = asked.sealed_plan;
     newest_subject = asked.identity.sealed_subject;
     newest_numbers = asked.identity.patient_numbers;
+    plan_patients = asked.identity.plan_patients;
     after_error_too = asked.reason == "after-error";
     end_wanted = false;
     again.reset();
@@ -286,6 +300,40 @@ struct Room::State {
     ++status.resumed;
     before = asked.before;
     resume.reset();
+  }
+
+  /// What the recorder's last process knew of the case that is to be carried on; of another one nothing.
+  void take_kept_patient(Resumption& resumed) const {
+    KeptPatient kept = read_kept_patient(plan.memory.earlier);
+    if (kept.case_id.empty() || kept.case_id != resumed.earlier.case_id) return;
+    resumed.plan_patients = std::move(kept.plan_patients);
+    // Whom another subject is about they do not say.
+    if (resumed.sealed_subject && kept.sealed_subject == hash_of(*resumed.sealed_subject))
+      resumed.patient_numbers = std::move(kept.numbers);
+  }
+
+  [[nodiscard]] static std::string hash_of(const Bytes& sealed) {
+    return crypto::to_hex(crypto::sha256(sealed));
+  }
+
+  /// For the recorder's next process: whom the case that runs is about by now.
+  void keep_patient() {
+    if (!plan.memory.keep) return;
+    const std::lock_guard order(memory_mutex);
+    KeptPatient kept;
+    {
+      const std::lock_guard guard(mutex);
+      kept = {status.case_id, newest_subject ? hash_of(*newest_subject) : "", newest_numbers, plan_patients};
+    }
+    plan.memory.keep(kept_bytes(kept));
+  }
+
+  /// Nothing goes on with the operation.
+  void forget_patient() {
+    if (!plan.memory.keep) return;
+    const std::lock_guard order(memory_mutex);
+    // What was kept before the last time is there until it is written over.
+    for (std::size_t file = 0; file < KeptMemory::kFiles; ++file) plan.memory.keep({});
   }
 
   [[nodiscard]] static std::string beginning_text(const Request& asked, const std::string& id) {
@@ -398,8 +446,10 @@ struct Room::State {
       status.state = RoomState::kRecording;
       status.case_id = id;
       status.reason = taken->reason;
+      status.has_plan_of_another = running.has_plan_of_another();
       take_identity(*taken);
     }
+    keep_patient();
     if (listener.note) listener.note(beginning_text(*taken, id));
     end_if_stopped_meanwhile(running);
     // What was recorded ahead is archived as it was; from here on as decided.
@@ -529,12 +579,15 @@ struct Room::State {
       not_noted = sign_newest_subject(running.case_id(), sealed, *plan.session.key);
       note_newest_subject();
     }
-    const std::lock_guard guard(mutex);
-    if (session.get() != &running) return;
-    status.subject = SubjectState::kLate;
-    newest_subject = std::move(sealed);
-    newest_numbers = numbers_of_subject(subject);
-    add_numbers(newest_numbers, further);
+    {
+      const std::lock_guard guard(mutex);
+      if (session.get() != &running) return;
+      status.subject = SubjectState::kLate;
+      newest_subject = std::move(sealed);
+      newest_numbers = numbers_of_subject(subject);
+      add_numbers(newest_numbers, further);
+    }
+    keep_patient();
   }
 
   [[nodiscard]] bool is_of_now(const Session& running) const {
@@ -580,9 +633,11 @@ struct Room::State {
       session = running;
       status.state = RoomState::kRecording;
       status.case_id = running->case_id();
+      status.has_plan_of_another = running->has_plan_of_another();
       take_identity(asked);
       if (ending) running->stop("shutdown");
     }
+    keep_patient();
     if (listener.note) listener.note(beginning_text(asked, running->case_id()));
     end_if_stopped_meanwhile(*running);
     state_missing_subject(*running);
@@ -718,7 +773,10 @@ struct Room::State {
         if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())
           tell_problem("case " + result.case_id + " ended by itself (" + result.close_reason + ")" + follows);
       }
-      if (!is_unfinished_operation(result.close_reason)) forget(result.case_id);
+      if (!is_unfinished_operation(result.close_reason)) {
+        forget(result.case_id);
+        forget_patient();
+      }
     }
     beat();
     {
@@ -899,6 +957,8 @@ struct Room::State {
   std::string not_noted_why;
   Clock::Time note_again{};
 
+  std::mutex memory_mutex;  // of RoomPlan::memory: taken between the other two
+
   mutable std::mutex mutex;  // guards what follows, but for the last ones, which only the room's thread uses
   std::condition_variable changed;
   std::atomic<bool> cancelled = false;  // as SessionOptions::cancelled, of each session
@@ -912,6 +972,7 @@ struct Room::State {
     std::optional<crypto::Sha256Digest> sealed_plan;
     std::optional<Bytes> sealed_subject;
     std::vector<PatientNumber> patient_numbers;
+    std::vector<std::string> plan_patients;
     Profiles profiles;
   };
   std::optional<Again> again;  // until that case has begun
@@ -927,6 +988,7 @@ struct Room::State {
   Profiles newest_profiles;                   // of the case that an error ended
   std::optional<Bytes> newest_subject;        // of that case, or of the last one: sealed
   std::vector<PatientNumber> newest_numbers;  // of the same
+  std::vector<std::string> plan_patients;     // of the case's plan
   Clock::Time same_operation_before{};  // a case that a rule begins after the error that ended the last one
   bool after_error_too = false, end_wanted = false;
   // Of the case that is being made: whether nobody asked for it, and why it is to end as soon as it has
@@ -968,7 +1030,8 @@ void Room::may_begin_again() {
 const std::string& Room::name() const { return state_->plan.name; }
 
 std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
-                        const std::optional<crypto::Sha256Digest>& sealed_plan) {
+                        const std::optional<crypto::Sha256Digest>& sealed_plan,
+                        std::vector<std::string> plan_patients) {
   std::future<std::string> begun;
   {
     std::unique_lock lock(state_->mutex);
@@ -982,6 +1045,7 @@ std::string Room::start(const std::string& reason, std::optional<Bytes> subject,
     state_->request->reason = reason;
     state_->request->subject = std::move(subject);
     state_->request->sealed_plan = sealed_plan;
+    state_->request->identity.plan_patients = std::move(plan_patients);
     begun = state_->request->begun.get_future();
   }
   state_->changed.notify_all();

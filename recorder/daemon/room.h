@@ -15,6 +15,7 @@
 #include "recorder/daemon/footswitch.h"
 #include "recorder/daemon/resumption.h"
 #include "recorder/daemon/room_rules.h"
+#include "recorder/procedure/procedure_inbox.h"
 #include "recorder/procedure/procedure_source.h"
 #include "recorder/procedure/profile_rules.h"
 #include "recorder/session.h"
@@ -34,6 +35,8 @@ struct RoomPlan {
   /// Told of each case before it begins and before it is ended; null: nothing is kept.
   std::shared_ptr<RunningNote> running;
   std::optional<Resumption> resume;  // the room begins with this case
+  /// Where what is known of the running case's patient outlives the process, for `resume`.
+  InboxMemory memory = {};
   /// Why a case that was cut off is not carried on, for the status; "": none was, or it is.
   std::string not_resumed;
 };
@@ -53,9 +56,11 @@ struct RoomStatus {
   std::string profile_rule;                    // the rule that chose its profile; "": none did
   std::vector<ProcedureWay> procedure;         // how the ways to procedure data are
   std::string carries_on;                      // the case that it carries on; "": none
+  Clock::Time begun_at{};                      // when that case was begun
   std::uint64_t resumed = 0;                   // cases that carry on another, since the room was made
   bool not_resumed = false;                    // a case was cut off, nothing carries it on, none began since
   bool ended_by_error = false;                 // the last case was, nobody wanted it, and none began since
+  bool has_plan_of_another = false;            // the case that runs says that its plan is another patient's
   bool tries_again = false;                    // a case that goes on with the last one begins by itself
   std::uint64_t cases = 0;                     // ended since the room was made
   double bytes_per_second = 0;                 // of the case being recorded, over the last minute or so
@@ -90,10 +95,11 @@ class Room {
 
   [[nodiscard]] const std::string& name() const;
   /// Begins a case and returns its identifier when recording has begun. `subject` is JSON to be sealed with
-  /// it, `sealed_plan` the hash of the plan that it follows. Throws kiroku::UsageError if a case is running,
-  /// kiroku::Error if none can be begun.
+  /// it, `sealed_plan` the hash of the plan that it follows, and `plan_patients` whose CT that was made on
+  /// (CaseIdentity). Throws kiroku::UsageError if a case is running, kiroku::Error if none can be begun.
   std::string start(const std::string& reason, std::optional<Bytes> subject = {},
-                    const std::optional<crypto::Sha256Digest>& sealed_plan = {});
+                    const std::optional<crypto::Sha256Digest>& sealed_plan = {},
+                    std::vector<std::string> plan_patients = {});
   // What acts on the case that runs may say which one it means: nothing is done, and kiroku::UsageError
   // thrown, where `meant` ("": whichever runs) is not the case that it would reach. Nothing that begins
   // meanwhile is taken for it. Each returns the case that it acted on.

@@ -293,6 +293,11 @@ class BoxedSource : public Source {
     if (message.time_break == static_cast<std::uint32_t>(TimeBreak::kBack) ||
         message.time_break == static_cast<std::uint32_t>(TimeBreak::kAhead))
       timed.time_break = static_cast<TimeBreak>(message.time_break);
+    timed.treatment = treatment_;
+    if (message.turn <= static_cast<std::uint32_t>(kLastTurn)) {
+      timed.treatment.turn = static_cast<Turn>(message.turn);
+      timed.treatment.is_turned = message.is_turned != 0;
+    }
     last_time_ns_ = timed.time_ns;
     return timed;
   }

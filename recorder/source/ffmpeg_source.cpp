@@ -152,6 +152,7 @@ class FfmpegSource : public Source {
         if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption(), pulse_)) return {};
       }
       last_time_ns_ = timed.time_ns;
+      timed.treatment = treatment_;
       timed.frame = std::move(frame);
       return timed;
     }

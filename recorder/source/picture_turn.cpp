@@ -184,6 +184,10 @@ FieldOrder field_order_of(const AVFrame& frame) {
   return media::is_upper_field_first(frame) ? FieldOrder::kUpperFirst : FieldOrder::kLowerFirst;
 }
 
+bool are_shown_alike(const PictureTreatment& one, const PictureTreatment& other) {
+  return one.turn == other.turn && one.is_turned == other.is_turned;
+}
+
 std::string turn_text(const PictureTreatment& treatment) {
   if (treatment.turn == Turn::kNone) return {};
   if (treatment.is_turned)

@@ -45,6 +45,7 @@ struct PictureTreatment {
   bool is_turned = false;   // else they are recorded as they are coded
   FieldOrder fields = FieldOrder::kProgressive;
 };
+bool are_shown_alike(const PictureTreatment& one, const PictureTreatment& other);
 /// "its pictures are turned by 90 degrees clockwise, as it says that they are shown"; "" where it says
 /// nothing.
 std::string turn_text(const PictureTreatment& treatment);

@@ -77,6 +77,7 @@ struct TimedFrame {
   Rational rate{25, 1};           // nominal, of the source it came from
   bool is_sound = false;
   TimeBreak time_break = TimeBreak::kNone;  // before this picture
+  PictureTreatment treatment = {};          // of this picture
 };
 
 /// A run of frames from one opened device, address or file. Disposable: any error ends it, and a fresh one is

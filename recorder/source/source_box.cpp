@@ -140,6 +140,8 @@ class SourceBox {
       message.time_ns = frame.time_ns;
       message.lost_before = frame.lost_before + lost_here_;
       message.time_break = static_cast<std::uint32_t>(frame.time_break);
+      message.turn = static_cast<std::uint32_t>(frame.treatment.turn);
+      message.is_turned = frame.treatment.is_turned ? 1 : 0;
       message.lost_on_the_way = frame.lost_on_the_way && lost_here_ == 0 ? 1 : 0;
       lost_here_ = 0;
       count_one();

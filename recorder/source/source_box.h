@@ -42,6 +42,7 @@ struct PictureMessage {
   std::int64_t time_ns = 0;
   std::uint64_t lost_before = 0;
   std::uint32_t lost_on_the_way = 0, time_break = 0;  // TimeBreak
+  std::uint32_t turn = 0, is_turned = 0;              // PictureTreatment
 };
 struct SoundMessage {
   std::int64_t time_ns = 0;

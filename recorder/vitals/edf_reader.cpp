@@ -75,6 +75,11 @@ void EdfReader::notice(const std::string& name, const std::string& text) {
   pending_.emplace_back(media::VitalNotice{0, name, text, name_});
 }
 
+std::vector<PatientNumber> EdfReader::patient() const {
+  if (patient_.empty()) return {};
+  return {{patient_, "", "", "", false}};
+}
+
 void EdfReader::read_header() {
   std::string fixed(kFixedHeader, '\0');
   if (file_->read_at(0, std::as_writable_bytes(std::span(fixed))) != fixed.size()) {
@@ -104,6 +109,13 @@ void EdfReader::read_header() {
     notice("header-differs", "the header states another length than its signals take");
   }
   record_s_ = *duration;
+  if (field(192, 44).starts_with("EDF+")) {
+    // Code, sex, birthdate and name; X is not known, and an underscore a space (EDF+, 2.1.3.3).
+    const std::string identification(field(8, 80));
+    patient_ = identification.substr(0, identification.find(' '));
+    if (patient_ == "X") patient_.clear();
+    std::ranges::replace(patient_, '_', ' ');
+  }
   discontinuous_ = field(192, 44).starts_with("EDF+D");
   start_ = start_of(std::string_view(fixed).substr(168, 8), std::string_view(fixed).substr(176, 8));
   if (start_) {

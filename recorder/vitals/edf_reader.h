@@ -23,6 +23,8 @@ class EdfReader : public SignalReader {
   /// `name` stands in lines and errors; `zone` is that of the start in the header.
   EdfReader(std::unique_ptr<crypto::ByteSource> file, std::string name, const AssumedZone& zone);
   bool read_block(std::vector<VitalLine>& lines) override;
+  /// The hospital's code of EDF+; EDF says nothing in a way that could be compared.
+  [[nodiscard]] std::vector<PatientNumber> patient() const override;
 
  private:
   struct Signal {
@@ -45,6 +47,7 @@ class EdfReader : public SignalReader {
   std::unique_ptr<crypto::ByteSource> file_;
   std::string name_;
   AssumedZone zone_;
+  std::string patient_;
   std::optional<UtcTime> start_;
   std::vector<Signal> signals_;
   std::vector<VitalLine> pending_;  // notices that stand before the next block

@@ -62,10 +62,23 @@ bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<Patie
   });
 }
 
-bool read_alike(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b) {
-  return is_one_patient(a, b, [](const PatientNumber& one, const PatientNumber& other) {
+bool read_alike(const std::vector<PatientNumber>& of_case, const std::vector<PatientNumber>& of_monitor) {
+  return is_one_patient(of_case, of_monitor, [](const PatientNumber& one, const PatientNumber& other) {
+    const bool is_said_to_be_a_persons = !other.is_of_account && !other.type.empty();
+    if (one.is_of_account ? is_said_to_be_a_persons : other.is_of_account) return false;
     return read_alike(one.number, other.number);
   });
+}
+
+bool is_ct_of_another(const std::vector<std::string>& of_ct, const std::vector<PatientNumber>& of_case) {
+  bool is_known = false;
+  for (const PatientNumber& one : of_case) {
+    if (one.is_of_account || one.number.empty()) continue;
+    is_known = true;
+    if (std::ranges::any_of(of_ct, [&](const std::string& each) { return read_alike(each, one.number); }))
+      return false;
+  }
+  return is_known && !of_ct.empty();
 }
 
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more) {

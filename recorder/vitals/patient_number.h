@@ -27,12 +27,17 @@ bool may_be_one(const PatientNumber& a, const PatientNumber& b);
 /// that one issuer gave do. Accounts count only where one of them has nothing else: mother and child may
 /// share one.
 bool share_a_number(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
-/// Whether one of the numbers reads the same, whoever is said to have given it and whatever kind it is said
-/// to be, and none says that they are two patients. For a question where a wrong "no" is believed less each
-/// time.
-bool read_alike(const std::vector<PatientNumber>& a, const std::vector<PatientNumber>& b);
+/// Whether one of the numbers reads the same, whoever is said to have given it, and none says that they are
+/// two patients. A patient's number and a visit's are two, where both say which they are: those of the case
+/// do, and a monitor's by their field or CX-5; what a gateway puts into PID-3 without it may be either. For a
+/// question where a wrong "no" is believed less each time.
+bool read_alike(const std::vector<PatientNumber>& of_case, const std::vector<PatientNumber>& of_monitor);
 /// Whether they read the same but for case and leading zeros.
 bool read_alike(std::string_view a, std::string_view b);
+/// Whether a CT in which these numbers stand, of one patient or of several, is of somebody else than a case
+/// of these: both say whose they are, and no number of the CT reads as one of the patient's. A visit's is
+/// none of those.
+bool is_ct_of_another(const std::vector<std::string>& of_ct, const std::vector<PatientNumber>& of_case);
 /// Those of `more` that are not there.
 void add_numbers(std::vector<PatientNumber>& numbers, const std::vector<PatientNumber>& more);
 

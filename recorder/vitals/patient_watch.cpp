@@ -15,14 +15,16 @@ std::string key_of(const std::vector<PatientNumber>& numbers) {
 
 }  // namespace
 
-bool name_two_patients(const std::vector<PatientNumber>& one, const std::vector<PatientNumber>& other) {
+bool name_two_patients(const std::vector<PatientNumber>& of_case,
+                       const std::vector<PatientNumber>& of_monitor) {
   const auto has = [](const std::vector<PatientNumber>& numbers, bool is_of_account) {
     return std::ranges::any_of(numbers, [&](const PatientNumber& each) {
       return each.is_of_account == is_of_account && !each.number.empty();
     });
   };
-  const bool comparable = (has(one, false) && has(other, false)) || (has(one, true) && has(other, true));
-  return comparable && !share_a_number(one, other) && !read_alike(one, other);
+  const bool comparable =
+      (has(of_case, false) && has(of_monitor, false)) || (has(of_case, true) && has(of_monitor, true));
+  return comparable && !share_a_number(of_case, of_monitor) && !read_alike(of_case, of_monitor);
 }
 
 void PatientWatch::heard(const std::vector<PatientNumber>& numbers, std::int64_t time_ns) {

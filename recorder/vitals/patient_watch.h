@@ -40,8 +40,9 @@ class PatientWatch {
   std::size_t others_ = 0;
 };
 
-/// Whether two lists of numbers name two patients: both name one, by numbers of one kind (a person's, or an
-/// account's), and none of them may be one of the other's.
-bool name_two_patients(const std::vector<PatientNumber>& one, const std::vector<PatientNumber>& other);
+/// Whether the numbers of a case and a monitor's name two patients: both name one, by numbers of one kind (a
+/// person's, or an account's), and none of them may be one of the other's.
+bool name_two_patients(const std::vector<PatientNumber>& of_case,
+                       const std::vector<PatientNumber>& of_monitor);
 
 }  // namespace kiroku::recorder

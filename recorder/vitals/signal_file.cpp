@@ -12,6 +12,7 @@
 #include "recorder/vitals/block_source.h"
 #include "recorder/vitals/edf_reader.h"
 #include "recorder/vitals/hl7_vitals.h"
+#include "recorder/vitals/patient_watch.h"
 #include "recorder/vitals/vital_file_reader.h"
 #include "recorder/vitals/wfdb_reader.h"
 
@@ -21,6 +22,7 @@ namespace {
 class SignalSource : public BlockSource {
  public:
   explicit SignalSource(std::unique_ptr<SignalReader> reader) : reader_(std::move(reader)) {}
+  void hear_patients(std::shared_ptr<PatientWatch> watch) override { watch_ = std::move(watch); }
 
  private:
   bool read_block(std::vector<VitalLine>& lines) override {
@@ -32,10 +34,12 @@ class SignalSource : public BlockSource {
       last_ns_ = std::max(last_ns_, media::time_ns_of(line));
       media::set_time_ns(line, last_ns_);
     }
+    if (watch_) watch_->heard(reader_->patient(), last_ns_);
     return true;
   }
 
   std::unique_ptr<SignalReader> reader_;
+  std::shared_ptr<PatientWatch> watch_;
   std::int64_t last_ns_ = 0;
 };
 

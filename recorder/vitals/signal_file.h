@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "media/vital_line.h"
+#include "recorder/vitals/patient_number.h"
 #include "recorder/vitals/vital_source.h"
 
 namespace kiroku::recorder {
@@ -21,6 +22,8 @@ class SignalReader {
   /// Adds the next block's lines, which may be none; false at the end, when nothing was added. Throws
   /// kiroku::Error naming the file where it cannot be read on.
   virtual bool read_block(std::vector<VitalLine>& lines) = 0;
+  /// By which the file names its patient; none: it does not.
+  [[nodiscard]] virtual std::vector<PatientNumber> patient() const { return {}; }
 };
 
 /// Opens `FILE.edf` (edf_reader.h), `FILE.hea` (wfdb_reader.h) or `FILE.vital` (vital_file_reader.h).

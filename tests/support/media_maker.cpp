@@ -1,6 +1,8 @@
 #include "tests/support/media_maker.h"
 
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 
 extern "C" {
@@ -9,6 +11,7 @@ extern "C" {
 #include <libavutil/opt.h>
 }
 
+#include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
 #include "media/libav_handles.h"
@@ -227,6 +230,59 @@ Bytes make_jpeg(int width, int height) {
   const media::Packet packet = encode(*encoder, frame.get());
   const auto bytes = std::as_bytes(std::span(packet->data, static_cast<std::size_t>(packet->size)));
   return {bytes.begin(), bytes.end()};
+}
+
+void write_film_with_matrix(const std::filesystem::path& file, const std::array<std::int32_t, 9>& matrix,
+                            const std::vector<int>& orientations) {
+  media::silence_libav();
+  const Bytes plain = make_jpeg(64, 32);
+  AVFormatContext* raw = nullptr;
+  require(avformat_alloc_output_context2(&raw, nullptr, "mov", file.c_str()), "make a film");
+  require(avio_open(&raw->pb, file.c_str(), AVIO_FLAG_WRITE), "make a film");
+  AVStream* const stream = avformat_new_stream(raw, nullptr);
+  stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
+  stream->codecpar->codec_id = AV_CODEC_ID_MJPEG;
+  stream->codecpar->width = 64;
+  stream->codecpar->height = 32;
+  stream->time_base = stream->avg_frame_rate = {1, 25};
+  require(avformat_write_header(raw, nullptr), "make a film");
+  for (std::size_t n = 0; n < 10; ++n) {
+    Bytes picture = plain;
+    if (const int orientation = n < orientations.size() ? orientations[n] : 0; orientation != 0) {
+      // APP1 behind the start of the picture: one entry, tag 0112, a short.
+      std::string exif(
+          "\xFF\xE1\x00\x22"
+          "Exif\0\0MM\0\x2A\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\0\0\0\0\0\0\0",
+          36);
+      exif[29] = static_cast<char>(orientation);
+      const Bytes inserted = to_bytes(exif);
+      picture.insert(picture.begin() + 2, inserted.begin(), inserted.end());
+    }
+    const media::Packet packet = media::make_packet();
+    packet->data = reinterpret_cast<std::uint8_t*>(picture.data());
+    packet->size = static_cast<int>(picture.size());
+    packet->pts = packet->dts = av_rescale_q(static_cast<std::int64_t>(n), {1, 25}, stream->time_base);
+    packet->duration = av_rescale_q(1, {1, 25}, stream->time_base);
+    packet->flags = AV_PKT_FLAG_KEY;
+    require(av_write_frame(raw, packet.get()), "make a film");
+  }
+  require(av_write_trailer(raw), "make a film");
+  avio_closep(&raw->pb);
+  avformat_free_context(raw);
+  std::string film;
+  {
+    std::ifstream in(file, std::ios::binary);
+    film.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  // ISO 14496-12, 8.3.2: version 0 has 40 bytes before the matrix.
+  const std::size_t header = film.find("tkhd");
+  if (header == std::string::npos || film[header + 4] != 0) throw Error("the film has another header");
+  for (std::size_t i = 0; i < matrix.size(); ++i) {
+    for (std::size_t byte = 0; byte < 4; ++byte)
+      film[header + 4 + 40 + 4 * i + byte] =
+          static_cast<char>(static_cast<std::uint32_t>(matrix[i]) >> (8 * (3 - byte)) & 0xffU);
+  }
+  std::ofstream(file, std::ios::binary) << film;
 }
 
 std::vector<Picture> decode_file(const std::string& path) {

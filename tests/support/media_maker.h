@@ -1,7 +1,9 @@
 // Small films for tests, the same bytes each time: a moving pattern with some detail. Functions; thread-safe.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -26,6 +28,12 @@ std::vector<Bytes> make_matroska(const FilmOptions& options, const std::string& 
 
 /// A JPEG picture, as cameras send them one after the other.
 Bytes make_jpeg(int width, int height);
+
+/// A film of ten JPEG pictures of 64x32 in QuickTime with such a matrix in its track's header, as telephones
+/// write it. `orientations`: of EXIF (1 to 8), which a picture says itself; 0, or beyond the last: it says
+/// none.
+void write_film_with_matrix(const std::filesystem::path& file, const std::array<std::int32_t, 9>& matrix,
+                            const std::vector<int>& orientations = {});
 
 /// A decoded picture: what must not change in an export.
 struct Picture {

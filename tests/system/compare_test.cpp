@@ -114,6 +114,15 @@ TEST_F(CompareProgram, HandsNoPicturesOutWithoutTheConsentThatTheSiteDemands) {
     EXPECT_REFUSED(made(output, purpose), "no consent to the purpose teaching was given");
     EXPECT_FALSE(fs::exists(folder() / output));
   }
+  const auto by_hand = [&](const Arguments& more) {
+    Arguments arguments{"compare",   case_.string(),    "plan.seal.json", "--by-hand",
+                        "hand.json", "--write-by-hand", "again.json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return kiroku(arguments);
+  };
+  EXPECT_REFUSED(by_hand({}), "this site demands a purpose");
+  EXPECT_REFUSED(by_hand(purpose), "no consent to the purpose teaching was given");
+  EXPECT_FALSE(fs::exists(folder() / "again.json"));
   EXPECT_REFUSED(kiroku({"compare", case_.string(), "plan.seal.json", "--by-hand", "hand.json", "--purpose",
                          "teaching"}),
                  "--purpose is for what is written in the clear");
@@ -124,6 +133,8 @@ TEST_F(CompareProgram, HandsNoPicturesOutWithoutTheConsentThatTheSiteDemands) {
   const ProcessResult page = made("out.html", purpose);
   EXPECT_EQ(page.status, 0) << page.err;
   EXPECT_EQ(made("figures.json", purpose).status, 0) << "it holds marks and vital signs";
+  EXPECT_EQ(by_hand(purpose).status, 0);
+  EXPECT_THAT(read_text(home() / "archive/log/ledger.jsonl"), HasSubstr("wrote the steps that were found"));
   const std::string log = read_text(home() / "archive/log/ledger.jsonl");
   EXPECT_THAT(log, HasSubstr("wrote a comparison with a plan"));
   EXPECT_THAT(log, HasSubstr("\"purpose\":\"teaching\""));
@@ -318,6 +329,30 @@ void write_dicom_ct(const fs::path& folder, const std::string& patient) {
             element(0x7fe0, 0x10, "OW", pixels);
     write_text(folder / (std::to_string(100 + slice) + ".dcm"), file);
   }
+}
+
+// Before the first picture, and not only when plan and recording are compared.
+TEST_F(CompareProgram, ACaseThatBeginsByAnotherPatientsPlanIsTold) {
+  write_dicom_ct(folder() / "ct", "ALPHA-1");
+  std::string plan = read_text(folder() / "plan.json");
+  plan.replace(plan.find("ct.nrrd"), 7, "ct");
+  write_text(folder() / "dicom.json", plan);
+  ASSERT_EQ(kiroku({"plan", "seal", "dicom.json"}).status, 0);
+  const auto recorded = [&](const std::string& id) {
+    write_text(folder() / "subject.json", R"({"patient": {"id": ")" + id + R"("}})");
+    const ProcessResult result =
+        kiroku({"record", "--json", "--vitals", "synthetic:patient?speed=max", "--duration", "00:00:02",
+                "--subject", "subject.json", "--plan", "dicom.seal.json"});
+    EXPECT_EQ(result.status, 0) << result.err;
+    const std::string marks =
+        read_text(fs::path(nlohmann::json::parse(result.out)["case"].get<std::string>()) / "ledger.jsonl");
+    EXPECT_EQ(marks.find("\"type\":\"mark\"") != std::string::npos, !result.err.empty())
+        << "it is committed to";
+    return result.err;
+  };
+  EXPECT_THAT(recorded("BRAVO-2"), HasSubstr("the CT of the sealed plan states another patient's number"));
+  EXPECT_THAT(recorded("BRAVO-2"), Not(HasSubstr("ALPHA-1")));
+  EXPECT_EQ(recorded("ALPHA-1"), "");
 }
 
 // The numbers stand where whoever compares reads them, and nowhere that is handed on.

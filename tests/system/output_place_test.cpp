@@ -2,6 +2,7 @@
 #include <iterator>
 #include <sstream>
 
+#include "tests/support/cube_plan.h"
 #include "tests/system/program_test.h"
 
 namespace kiroku::test {
@@ -141,6 +142,23 @@ TEST_F(OutputPlace, IsSeenThroughLinks) {
   EXPECT_REFUSED(kiroku({"report", case_.string(), "-o", (home() / "archive/report.html").string()}),
                  "the archive of a home");
   EXPECT_EQ(kiroku({"report", case_.string(), "-o", path("report.html")}).status, 0);
+}
+
+// What nobody is asked the place of lies beside what is read.
+TEST_F(OutputPlace, BesideAPlanIsInNoCase) {
+  write_cube_plan(folder());
+  fs::create_directory(case_ / "plans");
+  for (const char* file : {"plan.json", "cube.msh", "ct.nrrd"})
+    fs::copy_file(folder() / file, case_ / "plans" / file);
+  const auto before = files_below(home());
+  EXPECT_REFUSED(kiroku({"plan", "seal", (case_ / "plans/plan.json").string()}),
+                 "plan.seal.json would be written beside");
+  fs::create_directory_symlink(case_ / "plans", path("linked"));
+  EXPECT_REFUSED(kiroku({"plan", "seal", path("linked/plan.json")}), case_.string());
+  EXPECT_REFUSED(kiroku({"plan", "serve", "--plans", (case_ / "plans").string()}), case_.string());
+  EXPECT_REFUSED(kiroku({"quality", "study", "close", (case_ / "plans").string()}), case_.string());
+  EXPECT_EQ(files_below(home()), before);
+  EXPECT_EQ(kiroku({"plan", "seal", "plan.json"}).status, 0);
 }
 
 TEST_F(OutputPlace, IsInNoExcerpt) {

@@ -16,6 +16,7 @@
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "recorder/control/control_client.h"
+#include "recorder/control/plan_patient.h"
 #include "viewer/api/api.h"
 #include "viewer/api/meant_case.h"
 #include "viewer/kept/sealed_plan.h"
@@ -197,6 +198,12 @@ Response start(ViewerContext& context, RoomAskings& askings, const Request& requ
       if (!is_hash) throw Refusal(400, "'plan' must be the hash of a sealed plan: 64 hexadecimal digits");
       require_sealed(context, plan);
       question["plan"] = plan;
+      if (const auto digest = crypto::from_hex(plan)) {
+        crypto::Sha256Digest seal{};
+        std::ranges::copy(*digest, seal.begin());
+        if (const auto file = compare::find_sealed_plan(context.home().plans_folder, seal))
+          question["plan_patients"] = recorder::patients_of_plan(*file);
+      }
     }
   }
   return askings.enter_and_ask(request, ViewerContext::kEveryCase, "asked to start recording in " + room,

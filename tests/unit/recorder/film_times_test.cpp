@@ -272,62 +272,22 @@ TEST(PictureTurn, IsSaidInTheLedgersWords) {
       "angle, or distorted; interlaced, upper field first");
 }
 
-/// A film in QuickTime of JPEG pictures with such a matrix in its track's header, as telephones write it.
-void write_film_with_matrix(const std::filesystem::path& file, const std::array<std::int32_t, 9>& matrix) {
-  media::silence_libav();
-  Bytes picture = test::make_jpeg(64, 32);
-  AVFormatContext* raw = nullptr;
-  media::require(avformat_alloc_output_context2(&raw, nullptr, "mov", file.c_str()), "make a film");
-  media::require(avio_open(&raw->pb, file.c_str(), AVIO_FLAG_WRITE), "make a film");
-  AVStream* const stream = avformat_new_stream(raw, nullptr);
-  stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
-  stream->codecpar->codec_id = AV_CODEC_ID_MJPEG;
-  stream->codecpar->width = 64;
-  stream->codecpar->height = 32;
-  stream->time_base = stream->avg_frame_rate = {1, 25};
-  media::require(avformat_write_header(raw, nullptr), "make a film");
-  for (int n = 0; n < 10; ++n) {
-    const media::Packet packet = media::make_packet();
-    packet->data = reinterpret_cast<std::uint8_t*>(picture.data());
-    packet->size = static_cast<int>(picture.size());
-    packet->pts = packet->dts = av_rescale_q(n, {1, 25}, stream->time_base);
-    packet->duration = av_rescale_q(1, {1, 25}, stream->time_base);
-    packet->flags = AV_PKT_FLAG_KEY;
-    media::require(av_write_frame(raw, packet.get()), "make a film");
-  }
-  media::require(av_write_trailer(raw), "make a film");
-  avio_closep(&raw->pb);
-  avformat_free_context(raw);
-  std::string film;
-  {
-    std::ifstream in(file, std::ios::binary);
-    film.assign(std::istreambuf_iterator<char>(in), {});
-  }
-  // ISO 14496-12, 8.3.2: version 0 has 40 bytes before the matrix.
-  const std::size_t header = film.find("tkhd");
-  ASSERT_NE(header, std::string::npos);
-  ASSERT_EQ(film[header + 4], 0);
-  for (std::size_t i = 0; i < matrix.size(); ++i) {
-    for (std::size_t byte = 0; byte < 4; ++byte)
-      film[header + 4 + 40 + 4 * i + byte] =
-          static_cast<char>(static_cast<std::uint32_t>(matrix[i]) >> (8 * (3 - byte)) & 0xffU);
-  }
-  std::ofstream(file, std::ios::binary) << film;
-}
-
 class FilmWithMatrix : public testing::Test {
  protected:
   struct Recorded {
     std::string source;
+    std::vector<std::string> events;
     std::vector<test::DecodedFrame> frames;
   };
-  [[nodiscard]] Recorded record(const std::array<std::int32_t, 9>& matrix) const {
-    write_film_with_matrix(bench_ / "film.mov", matrix);
+  [[nodiscard]] Recorded record(const std::array<std::int32_t, 9>& matrix,
+                                const std::vector<int>& orientations = {}) const {
+    test::write_film_with_matrix(bench_ / "film.mov", matrix, orientations);
     SessionOptions options = bench_.options();
     options.video = {
         bench_.stream("endoscope", (bench_ / "film.mov").string() + "?speed=max", Profile::kLossless)};
     const RecordedCase recorded = bench_.record(options);
     Recorded found;
+    if (!recorded.all<archive::MarkEntry>().empty()) found.events = recorded.lines("events");
     found.source = recorded.all<archive::OpenEntry>().front().streams.front().source;
     for (const archive::SegmentEntry& segment : recorded.segments("endoscope")) {
       for (test::DecodedFrame& frame : test::decode_video(recorded.plaintext(segment)).frames)
@@ -363,6 +323,27 @@ TEST_F(FilmWithMatrix, ThatIsNoPermutationIsRecordedAsCodedAndTheLedgerSaysSo) {
   ASSERT_THAT(sheared.frames, SizeIs(10));
   EXPECT_EQ(sheared.frames.front().width, 64);
   EXPECT_THAT(sheared.source, HasSubstr("; its pictures are recorded as they are coded"));
+}
+
+// The first picture says nothing for those that follow.
+TEST_F(FilmWithMatrix, ThatChangesInItsCourseIsStatedInTheCase) {
+  constexpr int kUpsideDown = 4;
+  const std::array<std::int32_t, 9> none{kOne, 0, 0, 0, kOne, 0, 0, 0, 1 << 30};
+  const Recorded plain = record(none);
+  EXPECT_THAT(plain.events, IsEmpty());
+  const Recorded changed = record(none, {0, 0, 0, 0, kUpsideDown, kUpsideDown, 0, 0, 0, 0});
+  ASSERT_THAT(changed.frames, SizeIs(10));
+  if (changed.frames[4].sha256 == changed.frames[3].sha256)
+    GTEST_SKIP() << "this libavcodec does not read how a JPEG picture is turned";
+  EXPECT_THAT(changed.source, Not(HasSubstr("; ")));
+  ASSERT_THAT(changed.events, SizeIs(2));
+  EXPECT_THAT(changed.events[0],
+              HasSubstr(R"(\"kind\":\"picture-turn\",\"stream\":\"endoscope\",\"text\":)"));
+  EXPECT_THAT(changed.events[0],
+              HasSubstr("from 0.160 s of the case's clock on: its pictures are mirrored upside "
+                        "down, as it says that they are shown"));
+  EXPECT_THAT(changed.events[1],
+              HasSubstr("from 0.240 s of the case's clock on: its pictures are recorded as they"));
 }
 
 }  // namespace

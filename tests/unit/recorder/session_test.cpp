@@ -15,6 +15,7 @@
 #include "tests/support/decoded_video.h"
 #include "tests/support/nanoseconds.h"
 #include "tests/support/recording.h"
+#include "tests/support/signal_files.h"
 #include "tests/support/switched_authority.h"
 
 namespace kiroku::recorder {
@@ -270,6 +271,78 @@ TEST(Session, SaysWhereMonitorsNameAnotherPatientThanTheCase) {
   EXPECT_EQ(
       record(R"({"patient":{"id":"99","id_issuer":"X"}})", {{"A1", "H", "", "MR", false}}).last.last_problem,
       "");
+}
+
+TEST(Session, SaysAtOnceWhereItsPlanWasMadeOnAnotherPatientsCt) {
+  const RecorderBench bench;
+  const auto record = [&](const std::string& subject, const std::vector<std::string>& of_plan,
+                          const std::string& late = "", bool ahead = false) {
+    SessionOptions options = bench.options();
+    options.video = {bench.stream("room", "synthetic:pattern?size=64x48&rate=10")};
+    CaseIdentity identity;
+    identity.plan_patients = of_plan;
+    if (ahead) {
+      options.pre_roll = 1s;
+    } else {
+      options.identity = identity;
+      if (!subject.empty()) options.subject = to_bytes(subject);
+    }
+    Session session(std::move(options));
+    if (!ahead) {
+      EXPECT_EQ(session.status().last_problem.empty(), !session.has_plan_of_another());
+    }
+    bool is_said = false;
+    const SessionResult result = session.run([&](const SessionStatus& status) {
+      if (!status.begun) {
+        session.begin(subject.empty() ? std::nullopt : std::optional(to_bytes(subject)), {}, identity);
+        return;
+      }
+      if (!std::exchange(is_said, true) && !late.empty()) session.late_subject(to_bytes(late));
+      if (status.streams.at(0).frames > 1) session.stop();
+    });
+    const auto recorded = bench.read(result.folder);
+    EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+    const bool is_told = result.last.last_problem == kPlanOfAnother;
+    EXPECT_EQ(is_told, session.has_plan_of_another());
+    std::string events;
+    if (!recorded.all<archive::MarkEntry>().empty()) {
+      for (const std::string& line : recorded.lines("events")) events += line;
+    }
+    EXPECT_EQ(events.find(R"(\"kind\":\"patient-differs\",\"text\":\"the CT of the sealed plan)") !=
+                  std::string::npos,
+              is_told);
+    return is_told;
+  };
+  const std::string bravo = R"({"patient":{"id":"B2","visit":"A1"}})";
+  for (const bool ahead : {false, true}) {
+    EXPECT_TRUE(record(bravo, {"A1"}, "", ahead)) << "a visit's number is no patient's";
+    EXPECT_FALSE(record(bravo, {"b2"}, "", ahead));
+    EXPECT_TRUE(record("", {"A1"}, bravo, ahead)) << "it became known while the case ran";
+  }
+  EXPECT_TRUE(record(bravo, {"A1", "C3"}));
+  EXPECT_FALSE(record(bravo, {"A1", "B2"})) << "nobody said which of them is meant";
+  EXPECT_FALSE(record(bravo, {})) << "of a plan without a DICOM CT nothing is known";
+  EXPECT_FALSE(record("", {"A1"}));
+  EXPECT_FALSE(record(R"({"patient":{"visit":"V5"}})", {"A1"}));
+}
+
+TEST(Session, ComparesThePatientOfAnEdfFile) {
+  const RecorderBench bench;
+  const auto record = [&](const std::string& code, const std::string& format) {
+    std::string file = test::edf_header({{"Resp", "", "-1", "1", "-32768", "32767", 2}}, "2", "1", format) +
+                       test::little_endian_16({0, 1, 2, 3});
+    file.replace(8, 80, test::edf_field(code + " F 02-AUG-1951 Bravo_Berta", 80));
+    std::ofstream(bench / "a.edf", std::ios::binary) << file;
+    SessionOptions options = bench.options();
+    options.vitals = {bench.stream("vitals", (bench / "a.edf").string() + "?speed=max&zone=UTC")};
+    options.subject = to_bytes(R"({"patient":{"id":"A1"}})");
+    Session session(std::move(options));
+    return session.run({}).last.last_problem;
+  };
+  EXPECT_THAT(record("B2", "EDF+C"), HasSubstr("name another patient"));
+  EXPECT_EQ(record("A1", "EDF+C"), "");
+  EXPECT_EQ(record("X", "EDF+C"), "") << "it does not say";
+  EXPECT_EQ(record("B2", ""), "") << "EDF has no code there";
 }
 
 TEST(Session, StampsAtOpenEachIntervalAndAfterClose) {

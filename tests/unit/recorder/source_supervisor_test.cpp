@@ -30,6 +30,7 @@ class BriefCamera : public Source {
     if (given_ < pictures_) {
       TimedFrame timed;
       timed.frame = media::make_frame();
+      if (turned_from >= 0 && given_ >= turned_from) timed.treatment = {Turn::kMirrored, true};
       timed.time_ns = given_++ * 1'000'000'000;
       return timed;
     }
@@ -41,6 +42,7 @@ class BriefCamera : public Source {
   }
 
   bool decoder_lost = false, silent_at_end = false;
+  int turned_from = -1;  // from this picture on; -1: none is
 
  private:
   const int pictures_;
@@ -157,6 +159,29 @@ TEST_F(SourceSupervisorTest, ASourceThatIsNotThereIsStatedAsLostAndWaitedFor) {
   EXPECT_EQ(next(), 'p');
   EXPECT_EQ(supervisor.input(), "64x48 of a test");
   EXPECT_THAT(opened_at, ElementsAre(1'000'000'000));
+}
+
+// The ledger states how the first picture is shown.
+TEST_F(SourceSupervisorTest, TellsWhereSourcesAreShownOtherwiseThanTheFirstPicture) {
+  auto changing = std::make_unique<BriefCamera>(4, true, true),
+       again = std::make_unique<BriefCamera>(2, false, true);
+  changing->turned_from = 2;
+  std::deque<std::unique_ptr<Source>> cameras;
+  cameras.push_back(std::move(again));
+  std::vector<std::string> told;
+  SourceSupervisor::Terms asked = terms(guard(std::move(cameras)));
+  asked.turned = [&](const std::string& sentence) { told.push_back(sentence); };
+  SourceSupervisor supervisor(context(), std::move(asked), std::move(changing), queue);
+  supervisor.start();
+  for (const char expected : {'p', 'p', 'p', 'p', 'l'}) EXPECT_EQ(next(), expected);
+  let_pass(1s);
+  for (const char expected : {'p', 'p'}) EXPECT_EQ(next(), expected);
+  supervisor.stop();
+  supervisor.join();
+  EXPECT_THAT(
+      told,
+      ElementsAre(HasSubstr("from 2.000 s of the case's clock on: its pictures are mirrored left to right"),
+                  HasSubstr("its pictures are recorded as they are coded, and it says nothing else")));
 }
 
 TEST_F(SourceSupervisorTest, ADamagedFileDoesNotComeBack) {

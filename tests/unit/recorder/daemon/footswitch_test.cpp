@@ -62,7 +62,7 @@ class Pedal {
     if (tells_time) {
       timespec now{};
       ::clock_gettime(CLOCK_REALTIME, &now);
-      event.input_event_sec = now.tv_sec;
+      event.input_event_sec = now.tv_sec - earlier.count();
       event.input_event_usec = now.tv_nsec / 1000;
     }
     ASSERT_EQ(::write(descriptor_, &event, sizeof event), static_cast<ssize_t>(sizeof event));
@@ -82,7 +82,8 @@ class Pedal {
   }
   [[nodiscard]] std::string path() const { return path_.string(); }
 
-  bool tells_time = false;  // when it was pressed, as a real device does
+  bool tells_time = false;          // when it was pressed, as a real device does
+  std::chrono::seconds earlier{0};  // than it is read: the recorder was kept from running
 
  private:
   std::filesystem::path path_;
@@ -141,7 +142,7 @@ TEST(InputDevices, OneOfANameIsChosenAndNoneOfSeveral) {
 TEST_F(FootswitchTest, CountsPressesOfItsKeyAlone) {
   pedal.plug_in();
   std::atomic<int> presses = 0;
-  const Footswitch footswitch(options(), [&] { ++presses; }, {});
+  const Footswitch footswitch(options(), [&](std::chrono::nanoseconds /*ago*/) { ++presses; }, {});
   pedal.press();
   pedal.press(KEY_A);
   pedal.press();
@@ -157,7 +158,7 @@ TEST_F(FootswitchTest, ContactsThatBounceAreOnePress) {
   test::MovedClock time;
   std::atomic<int> presses = 0;
   const Footswitch footswitch(
-      bouncing, [&] { ++presses; }, {}, time);
+      bouncing, [&](std::chrono::nanoseconds /*ago*/) { ++presses; }, {}, time);
   for (int i = 0; i < 5; ++i) pedal.press();
   ASSERT_TRUE(test::eventually([&] { return presses == 1; }));
   // The presses of a pedal come in order: when the next counts, all before it were looked at.
@@ -178,7 +179,7 @@ TEST_F(FootswitchTest, APressWhileTheOneBeforeIsActedOnDoesNothing) {
   std::promise<void> release;
   const std::shared_future<void> released = release.get_future().share();
   std::atomic<int> acted = 0;
-  const auto act = [&] {
+  const auto act = [&](std::chrono::nanoseconds /*ago*/) {
     ++acted;
     released.wait();
   };
@@ -209,7 +210,7 @@ TEST_F(FootswitchTest, MarksWaitTheirTurn) {
   const std::shared_future<void> released = release.get_future().share();
   std::atomic<int> acted = 0;
   const Footswitch footswitch(options(PressAction::kMark),
-                              [&] {
+                              [&](std::chrono::nanoseconds /*ago*/) {
                                 ++acted;
                                 released.wait();
                               },
@@ -224,7 +225,8 @@ TEST_F(FootswitchTest, MarksWaitTheirTurn) {
 TEST_F(FootswitchTest, IsLookedForUntilItIsThereAndAgainWhenItIsLost) {
   std::atomic<int> presses = 0;
   const Footswitch footswitch(
-      options(), [&] { ++presses; }, [this](const std::string& said) { tell(said); });
+      options(), [&](std::chrono::nanoseconds /*ago*/) { ++presses; },
+      [this](const std::string& said) { tell(said); });
   ASSERT_TRUE(test::eventually([&] { return footswitch.status().state.starts_with("cannot open"); }));
   for (int i = 0; i < 3; ++i) {
     pedal.plug_in();
@@ -248,7 +250,7 @@ TEST_F(FootswitchTest, IsThereAsSoonAsItIsPluggedIn) {
   patient.device = (folder / "by-id" / "pedal").string();
   patient.first_pause = patient.longest_pause = 1h;
   std::atomic<int> presses = 0;
-  const Footswitch footswitch(patient, [&] { ++presses; }, {});
+  const Footswitch footswitch(patient, [&](std::chrono::nanoseconds /*ago*/) { ++presses; }, {});
   ASSERT_TRUE(test::eventually([&] { return footswitch.status().state.starts_with("cannot open"); }));
   // As udev does it: the device, then a folder of names, then the name.
   for (int i = 0; i < 3; ++i) {
@@ -267,7 +269,7 @@ TEST_F(FootswitchTest, IsThereAsSoonAsItIsPluggedIn) {
 TEST_F(FootswitchTest, APressThatCannotBeActedOnIsTold) {
   pedal.plug_in();
   const Footswitch footswitch(
-      options(), [] { throw UsageError("room or-1 is not recording"); },
+      options(), [](std::chrono::nanoseconds /*ago*/) { throw UsageError("room or-1 is not recording"); },
       [this](const std::string& said) { tell(said); });
   pedal.press();
   ASSERT_TRUE(test::eventually([&] {
@@ -307,6 +309,50 @@ TEST_F(FootswitchTest, APressAfterAnErrorEndsTheOperationAndTheNextBeginsOne) {
   EXPECT_EQ(room()["state"], "idle");
   pedal.press();
   EXPECT_TRUE(test::eventually([&] { return room()["state"] == "recording"; }));
+}
+
+// Between two operations: the mark is of the last one, and so is the end of it.
+TEST_F(FootswitchTest, APressIsOfNoCaseThatBeganAfterIt) {
+  const test::RecorderBench bench;
+  Pedal marker(folder / "event8");
+  pedal.tells_time = marker.tells_time = true;
+  pedal.plug_in();
+  marker.plug_in();
+  RoomPlan plan;
+  plan.name = "or-1";
+  plan.session = bench.options();
+  plan.session.video.push_back(bench.stream("camera", "synthetic:pattern?size=64x48&rate=20"));
+  plan.footswitches = {options(PressAction::kStop), options(PressAction::kMark)};
+  plan.footswitches[1].device = marker.path();
+  test::MovedClock time;
+  DaemonOptions asked;
+  asked.time = &time;
+  asked.rooms.push_back(std::move(plan));
+  asked.archive = bench.options().archive;
+  asked.listener.warn = [&](const std::string& sentence) { tell(sentence); };
+  Daemon daemon(std::move(asked));
+  const auto room = [&] { return daemon.handle({{"do", "status"}})["rooms"][0]; };
+  const auto refused = [&] {
+    const std::lock_guard guard(mutex);
+    return std::ranges::count_if(told, [](const std::string& sentence) {
+      return sentence.find("it was pressed before case") != std::string::npos;
+    });
+  };
+  const std::string id = daemon.handle({{"do", "start"}})["case"];
+  time.move(60s);
+  pedal.earlier = marker.earlier = 3600s;
+  marker.press();
+  ASSERT_TRUE(test::eventually([&] { return refused() == 1; }));
+  pedal.press();
+  ASSERT_TRUE(test::eventually([&] { return refused() == 2; }));
+  EXPECT_EQ(room()["state"], "recording");
+  marker.earlier = 10s;
+  marker.press();
+  ASSERT_TRUE(
+      test::eventually([&] { return marker.was_read() && room()["footswitches"][1]["presses"] == 2; }));
+  daemon.handle({{"do", "stop"}});
+  EXPECT_THAT(bench.read(bench.options().archive / id).all<archive::MarkEntry>(), SizeIs(1));
+  EXPECT_EQ(refused(), 2);
 }
 
 TEST_F(FootswitchTest, StartsMarksAndStopsARoom) {

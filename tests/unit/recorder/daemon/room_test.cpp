@@ -13,7 +13,9 @@
 #include "archive/upkeep/standby_folder.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
+#include "crypto/encoding.h"
 #include "recorder/daemon/daemon.h"
+#include "recorder/daemon/kept_patient.h"
 #include "tests/support/eventually.h"
 #include "tests/support/fault_file_system.h"
 #include "tests/support/moved_clock.h"
@@ -996,6 +998,91 @@ TEST_F(GoingOn, AfterACrashNoPatientIsLookedUpForAnOperationThatHadNone) {
   room.add_subject(to_bytes(R"({"patient":"chosen"})"));
   EXPECT_EQ(room.status().subject, SubjectState::kLate);
   room.stop("operator", true);
+}
+
+// The subject is sealed; by which numbers monitors name its patient is kept in memory alone.
+TEST_F(GoingOn, AfterACrashMonitorsAndPlanAreComparedWithWhomTheCaseWasAbout) {
+  std::ofstream(bench / "monitor.hl7", std::ios::binary)
+      << "MSH|^~\\&|MON|W|||20260101120001+0000||ORU^R01|1|P|2.6\rPID|||A1^^^H^MR\rPV1||I|OR1\rOBX|1|NM|"
+         "147842^MDC_ECG_HEART_RATE^MDC|1|72\r";
+  const auto with_monitor = [&] {
+    RoomPlan monitored = plan({kCamera});
+    monitored.session.vitals.push_back(bench.stream("vitals", (bench / "monitor.hl7").string()));
+    return monitored;
+  };
+  Bytes memory;
+  std::string first;
+  {
+    RoomPlan kept = with_monitor();
+    kept.session.vitals.clear();
+    Bytes at_crash;
+    kept.memory.keep = [&](ByteView state) { memory = to_bytes(state); };
+    Room room(std::move(kept), listener(), time);
+    first = room.start("operator", to_bytes(R"({"patient":{"id":"wrong"}})"), crypto::Sha256Digest{}, {"C3"});
+    room.add_subject(to_bytes(R"({"patient":{"id":"B2"}})"));
+    at_crash = memory;
+    room.stop("operator", true);
+    EXPECT_TRUE(memory.empty()) << "the operation is over";
+    memory = std::move(at_crash);
+  }
+  const KeptPatient known = read_kept_patient(memory);
+  EXPECT_EQ(known.case_id, first);
+  const Bytes sealed =
+      crypto::seal_bytes(to_bytes(R"({"patient":{"id":"B2"}})"), bench.options().event_recipients);
+  const auto go_on = [&](const KeptPatient& patient) {
+    RoomPlan resumed = with_monitor();
+    resumed.resume.emplace();
+    resumed.resume->case_id = archive::new_case_id(utc_now());
+    resumed.resume->earlier = {first, 7, {}};
+    resumed.resume->reason = "operator";
+    resumed.resume->within = 10min;
+    resumed.resume->sealed_subject = sealed;
+    resumed.memory.earlier = kept_bytes(patient);
+    Room room(std::move(resumed), listener(), time);
+    EXPECT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+    EXPECT_TRUE(test::eventually([&] { return room.status().session.streams.at(1).frames > 0; }));
+    const std::string id = room.stop("operator", true);
+    std::string events;
+    const RecordedCase recorded = read(id);
+    EXPECT_THAT(recorded.broken_rules(), IsEmpty());
+    if (!recorded.all<archive::MarkEntry>().empty()) {
+      for (const std::string& line : recorded.lines("events")) events += line;
+    }
+    return events;
+  };
+  KeptPatient own = known;
+  own.sealed_subject = crypto::to_hex(crypto::sha256(sealed));
+  const std::string said = go_on(own);
+  EXPECT_THAT(said, HasSubstr("a monitor's messages name another patient"));
+  EXPECT_THAT(said, HasSubstr("the CT of the sealed plan states another patient's number"));
+  EXPECT_THAT(go_on(known), IsEmpty()) << "that is of another subject than the one that is carried over";
+  own.case_id = "20260805T081502Z-3f9c21ab";
+  EXPECT_THAT(go_on(own), IsEmpty());
+}
+
+TEST_F(RoomTest, WhoBeginsACaseByAnotherPatientsPlanIsToldAtOnce) {
+  DaemonOptions asked;
+  asked.rooms.push_back(plan({kCamera}));
+  asked.archive = bench.options().archive;
+  asked.listener = listener();
+  Daemon daemon(std::move(asked));
+  const auto start = [&](const nlohmann::json& patients) {
+    const nlohmann::ordered_json answer = daemon.handle({{"do", "start"},
+                                                         {"subject", {{"patient", {{"id", "B2"}}}}},
+                                                         {"plan", std::string(64, 'a')},
+                                                         {"plan_patients", patients}});
+    daemon.handle({{"do", "stop"}});
+    return answer.value("warning", "");
+  };
+  EXPECT_EQ(start({"A1"}), kPlanOfAnother);
+  {
+    const std::lock_guard guard(mutex);
+    EXPECT_THAT(warnings, Contains(HasSubstr(kPlanOfAnother)));
+  }
+  EXPECT_EQ(start({"B2"}), "");
+  EXPECT_EQ(start(nlohmann::json::array()), "");
+  EXPECT_THROW(start("A1"), UsageError);
+  EXPECT_THROW(start({std::string(1000, 'x')}), UsageError);
 }
 
 TEST_F(GoingOn, TheRoomsNoteHasWhomTheCaseWasSaidToBeAboutLast) {

@@ -14,6 +14,7 @@ extern "C" {
 
 #include "media/film_writer.h"
 #include "media/rgb_converter.h"
+#include "tests/support/media_maker.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::recorder {
@@ -62,6 +63,25 @@ TEST(Clip, OfGreyKeepsItsBrightness) {
   int worst = 0;
   for (std::size_t i = 0; i < found.size(); ++i) worst = std::max(worst, std::abs(found[i] - samples[i / 3]));
   EXPECT_LE(worst, 3);
+}
+
+// As the recorder archives it (film_times_test.cpp).
+TEST(Clip, OfAFilmThatSaysHowItIsShownIsSo) {
+  const test::TemporaryFolder folder;
+  constexpr std::int32_t kOne = 1 << 16;
+  test::write_film_with_matrix(folder / "plain.mov", {kOne, 0, 0, 0, kOne, 0, 0, 0, 1 << 30});
+  test::write_film_with_matrix(folder / "turned.mov", {0, kOne, 0, -kOne, 0, 0, 32 << 16, 0, 1 << 30});
+  Clip plain(folder / "plain.mov", {}), turned(folder / "turned.mov", {});
+  EXPECT_EQ(turned.format().width, 32);
+  EXPECT_EQ(turned.format().height, 64);
+  const media::Frame as_coded = plain.next(), as_shown = turned.next();
+  ASSERT_TRUE(as_coded && as_shown);
+  for (const int y : {0, 13, 63}) {
+    for (const int x : {0, 7, 31})
+      EXPECT_EQ(as_shown->data[0][y * as_shown->linesize[0] + x],
+                as_coded->data[0][(31 - x) * as_coded->linesize[0] + y])
+          << x << " " << y;
+  }
 }
 
 }  // namespace

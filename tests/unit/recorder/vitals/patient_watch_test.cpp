@@ -18,6 +18,11 @@ TEST(PatientWatch, TwoPatientsAreToldApartByNumbersOfOneKind) {
       << "a gateway's own label";
   EXPECT_FALSE(name_two_patients({number("A1"), visit("V5")}, {number("V5", "", "")})) << "of a visit";
   EXPECT_TRUE(name_two_patients({number("A1"), visit("V5")}, {number("B2"), number("V5", "", "")}));
+  EXPECT_TRUE(name_two_patients({number("A1", "", "")}, {number("B2"), visit("A1")}))
+      << "a visit's, HL7 says";
+  EXPECT_TRUE(name_two_patients({number("A1"), visit("7")}, {number("7", "", "MR")}))
+      << "a patient's, HL7 says";
+  EXPECT_TRUE(name_two_patients({number("A1"), visit("7")}, {number("B2", "", ""), visit("A1")}));
   EXPECT_FALSE(name_two_patients({number("4711")}, {number("004711", "", "")}));
   EXPECT_FALSE(name_two_patients({number("A1"), number("7", "H", "PI")}, {number("7", "H", "PI")}));
   EXPECT_FALSE(name_two_patients({number("A1")}, {visit("V5")})) << "nothing says so";

@@ -19,6 +19,7 @@ export const kDeeds: readonly SentencePair[] = [
   ['compared with a plan, document sha256 {hash}', '計画と比較（文書の sha256 {hash}）'],
   ['opened to compare it with a plan', '計画と比較するために開封'],
   ['wrote a comparison with a plan', '計画との比較を書き出し'],
+  ['wrote the steps that were found', '見つかった手順を書き出し'],
   ['exported {stream}', '{stream}を書き出し'],
   ['read the consents', '同意の記載を閲覧'],
   ['took an excerpt, sealed as it is', '封印されたまま抜粋を取得'],
