@@ -25,6 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kMostRemarks = 1'000;
+/// Of a ledger's names that no version is: whoever writes one may name what never was.
+constexpr std::size_t kMostUnfit = 10'000;
 /// Of a ledger that is read for a list or a page, where it takes nine times as much memory. Ten hours of four
 /// streams have 3 MB.
 constexpr std::uint64_t kLargestLedger = std::uint64_t{32} << 20;
@@ -97,12 +99,14 @@ class NewFile {
 /// One case on its way into a folder.
 class Fetching {
  public:
-  Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder, WhichVersions which)
+  Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder, WhichVersions which,
+           UnreadableObjects unreadable = UnreadableObjects::kThrow)
       : store_(store),
         prefix_(std::move(prefix)),
         case_id_(std::move(case_id)),
         folder_(std::move(folder)),
-        which_(which) {}
+        which_(which),
+        unreadable_(unreadable) {}
 
   /// Its ledger alone; whether there is one.
   bool run_ledger() {
@@ -226,7 +230,7 @@ class Fetching {
         if (tried++ == kMostVersionsTried) break;
         take(ledger, each);
         if (!is_of_this_case()) continue;
-        ledger_chosen_ = true;
+        ledger_chosen_ = result_.ledger_is_older = true;
         result_.remarks.push_back("of " + ledger + " another version was taken: the " + words_of_choice() +
                                   " is no ledger of this case");
         return;
@@ -244,8 +248,36 @@ class Fetching {
 
   void take(const std::string& path, const ListedVersion& version) {
     make_folders((folder_ / path).parent_path());
+    if (unreadable_ == UnreadableObjects::kThrow) {
+      write(path, version);
+      return;
+    }
+    result_.unreadable.erase(path);
+    for (bool again = false;; again = true) {
+      try {
+        write(path, version);
+        return;
+      } catch (const IoError&) {
+        throw;
+      } catch (const StoreError& error) {
+        constexpr long kForbidden = 403;
+        if (error.status() == kForbidden) throw;
+        // A store that is away does not answer this either.
+        store_.look(version.key, version.version);
+        if (again || !error.passes()) return leave_out(path, error.what());
+      } catch (const Error& error) {
+        if (again) return leave_out(path, error.what());
+      }
+    }
+  }
+  void write(const std::string& path, const ListedVersion& version) {
     NewFile file(folder_ / path, O_TRUNC);
     hashes_[path] = download(version, file);
+  }
+  void leave_out(const std::string& path, const std::string& why) {
+    hashes_[path].clear();
+    fs::remove(folder_ / path);
+    result_.unreadable[path] = why;
   }
 
   /// Its SHA-256, hexadecimal.
@@ -288,13 +320,14 @@ class Fetching {
 
   /// Whoever has the appliance's keys can put other versions; what is named by its hash lies among the older
   /// ones. `who_names_it` ends the sentence; what is
-  /// longer than `most_bytes` is not fetched.
-  void take_version_of(const std::string& path, const crypto::Sha256Digest& sha256,
+  /// longer than `most_bytes` is not fetched. Whether one was taken that is.
+  bool take_version_of(const std::string& path, const crypto::Sha256Digest& sha256,
                        std::optional<std::uint64_t> bytes, const std::string& who_names_it,
                        std::uint64_t most_bytes = UINT64_MAX) {
     const std::string hash = crypto::to_hex(sha256);
     const auto versions = versions_.find(path);
-    if (versions == versions_.end() || hashes_[path] == hash || !wanted_.insert(path).second) return;
+    if (versions == versions_.end()) return false;
+    if (hashes_[path] == hash) return true;
     const ListedVersion& first = of_first_choice(versions->second);
     std::size_t tried = 0;
     for (const ListedVersion& each : versions->second) {
@@ -309,9 +342,10 @@ class Fetching {
       if (hashes_[path] != hash) continue;
       result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
                                 " is not what " + who_names_it);
-      return;
+      return true;
     }
     if (versions->second.size() > 1) take(path, first);
+    return false;
   }
 
   /// Sealed statements of consent are named by their own hashes.
@@ -324,8 +358,15 @@ class Fetching {
 
   void take_what_the_ledger_names() {
     const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
-                          std::optional<std::uint64_t> bytes) {
-      take_version_of(path, sha256, bytes, "the ledger names");
+                          std::optional<std::uint64_t> bytes, std::uint64_t entry = 0) {
+      const auto taken = hashes_.find(path);
+      if (taken != hashes_.end() && taken->second == crypto::to_hex(sha256)) return;
+      // What has no such name was never in a store, and must not be sought or put under it.
+      const bool may_be_there = is_name_below(path) && is_place_of_file(path, false);
+      if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
+      if (!wanted_.insert(path).second) return;
+      const bool fits = take_version_of(path, sha256, bytes, "the ledger names");
+      if (result_.unfit.size() < kMostUnfit) result_.unfit.push_back({path, sha256, bytes, entry, fits});
     };
     try {
       const archive::CaseReader reader = archive::CaseReader::open(folder_);
@@ -334,9 +375,10 @@ class Fetching {
              reader.opening().subject->bytes);
       reader.for_each([&](const archive::CaseEntry& entry) {
         if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
-          want(segment->file.file, segment->file.sha256, segment->file.bytes);
+          if (!reader.is_erased(*segment) || versions_.contains(segment->file.file))
+            want(segment->file.file, segment->file.sha256, segment->file.bytes, entry.seq);
         } else if (const auto* token = std::get_if<archive::TokenEntry>(&entry.body)) {
-          want(token->file, token->sha256, std::nullopt);
+          want(token->file, token->sha256, std::nullopt, entry.seq);
         }
       });
     } catch (const StoreError&) {
@@ -377,6 +419,7 @@ class Fetching {
   const std::string prefix_, case_id_;
   const fs::path folder_;
   const WhichVersions which_;
+  const UnreadableObjects unreadable_;
   std::uint64_t listed_ = 0;
   bool ledger_chosen_ = false;  // by the case that it names, and not as the first choice
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
@@ -387,7 +430,8 @@ class Fetching {
 };
 
 FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::string& name,
-                  const fs::path& into, WhichVersions which) {
+                  const fs::path& into, WhichVersions which,
+                  UnreadableObjects unreadable = UnreadableObjects::kThrow) {
   const fs::path folder = into / name, part = into / (".fetching-" + name);
   if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
     throw UsageError(folder.string() + " is there already: give another folder with -o");
@@ -395,7 +439,7 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   std::error_code failed;
   fs::remove_all(part, failed);
   if (failed) throw IoError("remove", part, failed.value());
-  FetchedCase result = Fetching(store, appliance + "/", name, part, which).run();
+  FetchedCase result = Fetching(store, appliance + "/", name, part, which, unreadable).run();
   fs::rename(part, folder, failed);
   if (failed) throw IoError("rename", part, failed.value());
   result.folder = folder;
@@ -420,11 +464,11 @@ bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::s
 }
 
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
-                       const fs::path& into, WhichVersions which) {
+                       const fs::path& into, WhichVersions which, UnreadableObjects unreadable) {
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  return fetch(store, appliance, case_id, into, which);
+  return fetch(store, appliance, case_id, into, which, unreadable);
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {

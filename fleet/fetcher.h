@@ -4,9 +4,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "crypto/hash.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::fleet {
@@ -15,6 +18,15 @@ namespace kiroku::fleet {
 /// StoreError.
 std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance);
 
+/// What a ledger names, where the newest version in the store is something else. Not what was erased since.
+struct UnfitFile {
+  std::string path;
+  crypto::Sha256Digest sha256{};       // as the ledger has it,
+  std::optional<std::uint64_t> bytes;  // where it says how many
+  std::uint64_t entry = 0;             // number of the line that names it
+  bool older_fits = false;             // an older version is what the ledger names, and was taken
+};
+
 struct FetchedCase {
   std::filesystem::path folder;
   std::uint64_t objects = 0, bytes = 0;
@@ -22,10 +34,17 @@ struct FetchedCase {
   bool growing = false;
   /// What was left out or taken otherwise than as the newest version, a sentence each.
   std::vector<std::string> remarks;
+  std::vector<UnfitFile> unfit;
+  /// The newest version of the ledger is of no case or of another one, and an older one was taken.
+  bool ledger_is_older = false;
+  /// What was left out as the store lists it and does not give it, by its path, and why.
+  std::map<std::string, std::string> unreadable;
 };
 /// Which version is taken of an object that has several. Whoever has the appliance's keys can put newer ones
 /// under each key, and nobody can put an older one.
 enum class WhichVersions { kNewest, kOldest };
+/// What becomes of an object that the store lists and does not give, while it answers otherwise.
+enum class UnreadableObjects { kThrow, kLeaveOut };
 /// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
 /// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
 /// one of this case. What is there is no verdict: verify it. Throws StoreError, kiroku::Error where the
@@ -33,7 +52,8 @@ enum class WhichVersions { kNewest, kOldest };
 /// has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but a folder
 /// ".fetching-<case>", which the next try removes.
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
-                       const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest);
+                       const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,
+                       UnreadableObjects unreadable = UnreadableObjects::kThrow);
 
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);

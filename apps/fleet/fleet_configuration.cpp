@@ -1,5 +1,6 @@
 #include "apps/fleet/fleet_configuration.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 #include <toml++/toml.h>
@@ -86,6 +87,52 @@ void read_sharing(TableReader& top, FleetConfiguration& into) {
   }
 }
 
+void read_copies(TableReader& top, FleetConfiguration& into) {
+  for_each_table(top, "copy", [&](const toml::table& table) {
+    CopyConfiguration copy;
+    TableReader reader(table, "[[copy]]", top.file());
+    reader.text("name", [&](const std::string& text) {
+      require_short_name(text);
+      if (std::ranges::find(into.copies, text, &CopyConfiguration::name) != into.copies.end())
+        throw UsageError("two copies named '" + text + "'");
+      copy.name = text;
+    });
+    reader.text("folder", [&](const std::string& text) { copy.folder = text; });
+    const bool is_folder = !copy.folder.empty();
+    const auto take = [&](const char* key, std::string& text) {
+      if (!is_folder) reader.text(key, [&](const std::string& given) { text = given; });
+    };
+    take("endpoint", copy.store.endpoint);
+    take("bucket", copy.store.bucket);
+    take("region", copy.store.region);
+    take("credentials", copy.store.credentials);
+    take("ca_file", copy.store.ca_file);
+    reader.refuse_unknown_keys();
+    if (copy.name.empty() || (!is_folder && (copy.store.endpoint.empty() || copy.store.bucket.empty())))
+      reader.refuse(table.source(), "[[copy]] needs 'name', and either 'folder', or 'endpoint' and 'bucket'");
+    into.copies.push_back(std::move(copy));
+  });
+}
+
+void read_mending(TableReader& top, FleetConfiguration& into) {
+  read_copies(top, into);
+  const toml::table* table = top.table("mending");
+  if (table == nullptr) {
+    if (!into.copies.empty())
+      throw UsageError(top.file() + ": nothing uses the copy '" + into.copies.front().name +
+                       "' without [mending]: name the 'home' in whose log it is stated what was mended");
+    return;
+  }
+  MendingConfiguration mending;
+  TableReader reader(*table, "[mending]", top.file());
+  reader.text("home", [&](const std::string& text) { mending.home = text; });
+  reader.text("credentials", [&](const std::string& text) { mending.credentials = text; });
+  reader.refuse_unknown_keys();
+  if (mending.home.empty())
+    reader.refuse(table->source(), "[mending] needs 'home', in whose log it is stated what was mended");
+  into.mending = std::move(mending);
+}
+
 }  // namespace
 
 FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::path& file) {
@@ -118,6 +165,7 @@ FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::pa
   configuration.authority = file.parent_path() / "authority";
   read_reports(top, configuration);
   read_sharing(top, configuration);
+  read_mending(top, configuration);
   if (!configuration.authorities.empty() && configuration.trust.empty() &&
       configuration.own_authority.empty())
     throw UsageError(file.string() +
@@ -131,11 +179,10 @@ FleetConfiguration FleetConfiguration::read(const fs::path& file) {
   return parse(text_of(read_small_file(file, "the configuration")), file);
 }
 
-fleet::ObjectStore FleetConfiguration::open_store() const {
+fleet::ObjectStore FleetConfiguration::open_store(const StoreConfiguration& of) const {
   const fs::path folder = file.parent_path();
-  return {{store.endpoint, store.bucket, store.region,
-           store.ca_file.empty() ? fs::path() : folder / store.ca_file},
-          fleet::read_credentials(folder / store.credentials)};
+  return {{of.endpoint, of.bucket, of.region, of.ca_file.empty() ? fs::path() : folder / of.ca_file},
+          fleet::read_credentials(folder / of.credentials)};
 }
 
 fleet::FleetCatalogue FleetConfiguration::open_catalogue() const {

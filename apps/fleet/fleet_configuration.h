@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,18 @@
 #include "timestamp/token_verifier.h"
 
 namespace kiroku::apps {
+
+/// [[copy]]: another place where cases lie, a store or a folder.
+struct CopyConfiguration {
+  std::string name;  // a short one
+  StoreConfiguration store;
+  std::filesystem::path folder;  // relative to the file; "": a store
+};
+/// [mending]: 'kiroku-fleet verify' puts what the store has lost again.
+struct MendingConfiguration {
+  std::filesystem::path home;  // in whose log it is stated; relative to the file
+  std::string credentials;     // of an access key that may put; "": those of [store]
+};
 
 struct FleetConfiguration {
   std::filesystem::path file;
@@ -36,12 +49,16 @@ struct FleetConfiguration {
   /// often.
   std::vector<AuthorityConfiguration> authorities;
   std::chrono::nanoseconds round = std::chrono::seconds(60);
+  std::optional<MendingConfiguration> mending;
+  std::vector<CopyConfiguration> copies;  // asked in this order
 
   /// Throws kiroku::UsageError with line and column, kiroku::Error where the file cannot be read.
   static FleetConfiguration read(const std::filesystem::path& file);
   static FleetConfiguration parse(std::string_view toml, const std::filesystem::path& file);
 
-  [[nodiscard]] fleet::ObjectStore open_store() const;
+  [[nodiscard]] fleet::ObjectStore open_store() const { return open_store(store); }
+  /// Another one than [store]; names of files are relative to the file here, too.
+  [[nodiscard]] fleet::ObjectStore open_store(const StoreConfiguration& of) const;
   [[nodiscard]] fleet::FleetCatalogue open_catalogue() const;
   [[nodiscard]] fleet::FleetReports open_reports() const;
   /// Roots by which the time-stamps of all appliances are judged.

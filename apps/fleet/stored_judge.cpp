@@ -1,5 +1,9 @@
 #include "apps/fleet/stored_judge.h"
 
+#include <algorithm>
+#include <iterator>
+#include <string_view>
+
 #include "apps/verify/judging.h"
 #include "archive/format/case_layout.h"
 #include "base/error.h"
@@ -10,8 +14,12 @@ namespace kiroku::apps {
 
 namespace fs = std::filesystem;
 
-StoredJudge::StoredJudge(const FleetConfiguration& configuration, const std::optional<std::string>& scratch)
-    : configuration_(configuration), store_(configuration.open_store()), scratch_(scratch) {}
+StoredJudge::StoredJudge(const FleetConfiguration& configuration, const std::optional<std::string>& scratch,
+                         Mends mends)
+    : configuration_(configuration), store_(configuration.open_store()), scratch_(scratch) {
+  if (mends == Mends::kAsConfigured && configuration.mending)
+    mending_.emplace(configuration, scratch_.path() / "mending");
+}
 
 fs::path StoredJudge::log_of(const std::string& appliance, UtcTime changed) {
   const fs::path into = scratch_.path() / "logs" / appliance;
@@ -26,8 +34,37 @@ fs::path StoredJudge::log_of(const std::string& appliance, UtcTime changed) {
   return into / "log";
 }
 
-archive::VerificationReport StoredJudge::judge(const std::string& appliance, const std::string& case_id,
-                                               UtcTime changed) {
+/// The case as the store has it, or has it once it was mended.
+fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std::string& case_id,
+                                        const fs::path& device, fleet::Mending& mending) {
+  const fs::path folder = scratch_.path() / "cases";
+  const auto fetch = [&](fleet::UnreadableObjects unreadable) {
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    return fleet::fetch_case(store_, appliance, case_id, folder, fleet::WhichVersions::kNewest, unreadable);
+  };
+  if (!mending_) return fetch(fleet::UnreadableObjects::kThrow);
+  fleet::FetchedCase fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
+  mending = mending_->mend(appliance, case_id, device, fetched);
+  const auto is_mended = [&](std::string_view path) {
+    return std::ranges::find(mending.mended, path, &fleet::MendedFile::path) != mending.mended.end();
+  };
+  // By another ledger other files are the recorded ones.
+  if (is_mended(archive::kLedgerFile) && !fetched.ledger_is_older) {
+    fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
+    fleet::Mending more = mending_->mend(appliance, case_id, device, fetched);
+    std::ranges::move(more.mended, std::back_inserter(mending.mended));
+    mending.left = std::move(more.left);
+  }
+  for (const auto& [path, why] : fetched.unreadable) {
+    // What the store lists and does not give is no part of any verdict.
+    if (!is_mended(path)) throw Error(why);
+  }
+  return fetched;
+}
+
+StoredJudgement StoredJudge::judge(const std::string& appliance, const std::string& case_id,
+                                   UtcTime changed) {
   // Whoever may write the catalogue's rows names no folder here.
   if (!archive::is_short_name(appliance) || !archive::is_case_id(case_id)) {
     throw UsageError("the catalogue has '" + printable(case_id) + "' of '" + printable(appliance) +
@@ -45,15 +82,13 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
   judging.devices = {key.string()};
   for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
   for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
-  const fs::path folder = scratch_.path() / "cases";
-  fs::remove_all(folder);
-  fs::create_directories(folder);
-  const fleet::FetchedCase fetched = fleet::fetch_case(store_, appliance, case_id, folder);
+  StoredJudgement judgement;
+  const fleet::FetchedCase there = fetched(appliance, case_id, key, judgement.mending);
   judging.log = log_of(appliance, changed).string();
   const VerifyExtras none;
-  archive::VerificationReport report = Judge(judging, none).judge(fetched.folder).report;
-  fs::remove_all(folder);
-  return report;
+  judgement.report = Judge(judging, none).judge(there.folder).report;
+  fs::remove_all(there.folder.parent_path());
+  return judgement;
 }
 
 }  // namespace kiroku::apps

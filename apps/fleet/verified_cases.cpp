@@ -41,6 +41,18 @@ fleet::Verification verification_of(const archive::VerificationReport& report) {
           std::move(detail)};
 }
 
+fleet::Verification verification_of(const archive::VerificationReport& report,
+                                    const fleet::Mending& mending) {
+  fleet::Verification found = verification_of(report);
+  const auto tell = [&](std::size_t count, const char* what) {
+    if (count > 0)
+      found.detail += (found.detail.empty() ? "" : "; ") + counted(count, "object", "objects") + what;
+  };
+  tell(mending.mended.size(), " mended in the store");
+  tell(mending.left.size(), " could not be mended");
+  return found;
+}
+
 void VerifiedCases::add(const fleet::Verification& entered) {
   ++done_;
   if (entered.alarm) ++not_intact_;
@@ -61,7 +73,7 @@ void VerifiedCases::compare(const fleet::FleetTotals& catalogue) {
 
 int VerifiedCases::status() const {
   if (not_intact_ + elsewhere_not_intact_ + missing_ + unreadable_ > 0) return kAnswerIsNo;
-  const bool is_known = incomplete_ + unproven_ + unchecked_ + elsewhere_unproven_ + unsettled_ == 0;
+  const bool is_known = incomplete_ + unproven_ + unchecked_ + left_ + elsewhere_unproven_ + unsettled_ == 0;
   return is_known && !ended_early_ ? kDone : kNoAnswer;
 }
 
@@ -74,6 +86,8 @@ std::string VerifiedCases::summary() const {
   add(incomplete_, "incomplete");
   add(unproven_, "unproven");
   add(unchecked_, "could not be checked");
+  if (mended_ > 0) words += "; " + counted(mended_, "object", "objects") + " mended in the store";
+  if (left_ > 0) words += "; " + counted(left_, "object", "objects") + " could not be mended";
   std::string beside;
   const auto add_beside = [&](std::uint64_t count, const char* what) {
     if (count > 0) beside += (beside.empty() ? "" : ", ") + std::to_string(count) + " " + what;

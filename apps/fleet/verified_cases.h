@@ -7,12 +7,15 @@
 
 #include "archive/verify/report.h"
 #include "fleet/catalogue/fleet_catalogue.h"
+#include "fleet/mender.h"
 
 namespace kiroku::apps {
 
 /// A report as the catalogue keeps it. An alarm is raised for a case that is not intact, and for an excerpt
 /// in a case's place; not where it is incomplete or unproven.
 fleet::Verification verification_of(const archive::VerificationReport& report);
+/// The same, of a store in which this was mended before the case was judged.
+fleet::Verification verification_of(const archive::VerificationReport& report, const fleet::Mending& mending);
 
 /// Of one run of 'kiroku-fleet verify'. Not thread-safe.
 class VerifiedCases {
@@ -20,6 +23,11 @@ class VerifiedCases {
   void add(const fleet::Verification& entered);
   /// A case that got no verdict.
   void add_unchecked() { ++unchecked_; }
+  /// Objects of the store that were mended, and such as could not be.
+  void add_mended(std::uint64_t mended, std::uint64_t left) {
+    mended_ += mended;
+    left_ += left;
+  }
   /// The run was told to end before it had looked at all that it was asked for.
   void end_early() { ended_early_ = true; }
   /// What the catalogue says once a run that was asked for every case is over: whatever this run did not look
@@ -27,7 +35,7 @@ class VerifiedCases {
   void compare(const fleet::FleetTotals& catalogue);
 
   /// 1 where a case is not intact, missing from the store or unreadable, else 3 where one is incomplete or
-  /// unproven, got no verdict or was not looked at, else 0.
+  /// unproven, got no verdict or was not looked at, or an object could not be mended, else 0.
   [[nodiscard]] int status() const;
   /// "12 cases verified, 1 NOT INTACT, 2 incomplete, 1 could not be checked; not looked at: 1 missing from
   /// the store".
@@ -41,6 +49,7 @@ class VerifiedCases {
 
  private:
   std::uint64_t done_ = 0, not_intact_ = 0, incomplete_ = 0, unproven_ = 0, unchecked_ = 0;
+  std::uint64_t mended_ = 0, left_ = 0;
   std::uint64_t elsewhere_not_intact_ = 0, elsewhere_unproven_ = 0;  // by other workers, or from before
   std::uint64_t missing_ = 0, unreadable_ = 0, unsettled_ = 0;
   bool ended_early_ = false;

@@ -36,7 +36,7 @@ class Worker {
   Worker(const FleetConfiguration& configuration, const Request& request)
       : configuration_(configuration),
         request_(request),
-        judge_(configuration, request.scratch),
+        judge_(configuration, request.scratch, StoredJudge::Mends::kAsConfigured),
         catalogue_(open_()) {}
 
   /// All that is due, one after the other, until it is told to end. With --all the catalogue is asked at last
@@ -75,6 +75,7 @@ class Worker {
  private:
   void take(const fleet::Lease& lease) {
     fleet::Verification found;
+    mending_ = {};
     try {
       const fleet::LeaseKeeper keeper(lease, open_);
       found = verify(lease);
@@ -112,16 +113,32 @@ class Worker {
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
-    return verification_of(judge_.judge(lease.appliance, lease.case_id, lease.changed));
+    const StoredJudgement judged = judge_.judge(lease.appliance, lease.case_id, lease.changed);
+    mending_ = judged.mending;
+    verified_.add_mended(mending_.mended.size(), mending_.left.size());
+    return verification_of(judged.report, mending_);
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
+    nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
+    for (const fleet::MendedFile& each : mending_.mended) {
+      mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
+      print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": mended " + each.path + " from " +
+                                      each.from + ", as version " + each.version);
+    }
+    for (const fleet::UnmendedFile& each : mending_.left) {
+      left.push_back({{"file", each.path}, {"why", each.why}});
+      print_error("kiroku-fleet",
+                  lease.appliance + "/" + lease.case_id + ": could not mend " + each.path + ": " + each.why);
+    }
     if (request_.json) {
       told_.push_back({{"appliance", lease.appliance},
                        {"case", lease.case_id},
                        {"verdict", found.verdict},
                        {"findings", found.findings},
-                       {"detail", found.detail}});
+                       {"detail", found.detail},
+                       {"mended", mended},
+                       {"not_mended", left}});
     } else {
       std::cout << printable(lease.appliance) << "  " << printable(lease.case_id) << "  " << found.verdict
                 << (found.detail.empty() ? "" : ": " + printable(found.detail)) << std::endl;
@@ -134,7 +151,8 @@ class Worker {
   const std::function<fleet::FleetCatalogue()> open_ = [this] { return configuration_.open_catalogue(); };
   fleet::FleetCatalogue catalogue_;
   VerifiedCases verified_;
-  bool waited_ = false;  // for other workers, which is told once
+  fleet::Mending mending_;  // of the case that was judged last
+  bool waited_ = false;     // for other workers, which is told once
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 
@@ -207,6 +225,12 @@ void add_fleet_verify_command(Command& program) {
       "closed case changed so shortly ago that it was not looked at ('settle_minutes'). A case without an "
       "end "
       "is looked at once it has had no verdict for two days.");
+  command.explain(
+      "With [mending] in the configuration, a segment, time-stamp, checkpoint or ledger whose bytes in the "
+      "store are not those that the appliance signed is put again, as a new version under the same lock, "
+      "from an older version or a [[copy]] that has these bytes. Nothing is removed. What was mended, and "
+      "what could not be, stands in the log of the home that [mending] names ('kiroku log'). The verdict is "
+      "that of the store after it was mended. What could not be mended makes the exit status 3 at least.");
   const auto request = std::make_shared<Request>();
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");

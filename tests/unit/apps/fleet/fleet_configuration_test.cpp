@@ -51,5 +51,38 @@ TEST(FleetConfiguration, RefusesRoundsThatCannotBeStamped) {
   EXPECT_THAT(refusal(kFleet + kTrust + kSwiss + kSwiss), HasSubstr("two authorities named 'swiss'"));
 }
 
+const std::string kMending = "[mending]\nhome = \"mending\"\n";
+
+TEST(FleetConfiguration, ReadsWhereCopiesLie) {
+  const FleetConfiguration read = FleetConfiguration::parse(
+      kFleet + kMending + "credentials = \"mending-credentials\"\n" +
+          "[[copy]]\nname = \"second\"\nendpoint = \"https://other.example\"\nbucket = \"copies\"\n"
+          "[[copy]]\nname = \"replica\"\nfolder = \"/mnt/replica\"\n",
+      "fleet.toml");
+  ASSERT_TRUE(read.mending);
+  EXPECT_EQ(read.mending->home, "mending");
+  EXPECT_EQ(read.mending->credentials, "mending-credentials");
+  ASSERT_EQ(read.copies.size(), 2U);
+  EXPECT_EQ(read.copies[0].store.endpoint, "https://other.example");
+  EXPECT_EQ(read.copies[0].store.credentials, "store-credentials");
+  EXPECT_EQ(read.copies[1].name, "replica");
+  EXPECT_EQ(read.copies[1].folder, "/mnt/replica");
+  EXPECT_FALSE(FleetConfiguration::parse(kFleet, "fleet.toml").mending);
+  EXPECT_TRUE(FleetConfiguration::parse(kFleet + kMending, "fleet.toml").copies.empty());
+}
+
+TEST(FleetConfiguration, RefusesCopiesThatAreNone) {
+  const std::string replica = "[[copy]]\nname = \"replica\"\nfolder = \"/mnt/replica\"\n";
+  EXPECT_THAT(refusal(kFleet + replica), HasSubstr("nothing uses the copy 'replica' without [mending]"));
+  EXPECT_THAT(refusal(kFleet + "[mending]\n"), HasSubstr("[mending] needs 'home'"));
+  EXPECT_THAT(refusal(kFleet + kMending + replica + replica), HasSubstr("two copies named 'replica'"));
+  EXPECT_THAT(refusal(kFleet + kMending + "[[copy]]\nname = \"a\"\n"), HasSubstr("either 'folder', or"));
+  EXPECT_THAT(refusal(kFleet + kMending + "[[copy]]\nfolder = \"/mnt\"\n"), HasSubstr("needs 'name'"));
+  EXPECT_THAT(refusal(kFleet + kMending + "[[copy]]\nname = \"A/b\"\nfolder = \"/mnt\"\n"),
+              HasSubstr("'name'"));
+  EXPECT_THAT(refusal(kFleet + kMending + replica + "endpoint = \"https://other.example\"\n"),
+              HasSubstr("unknown key 'endpoint'"));
+}
+
 }  // namespace
 }  // namespace kiroku::apps

@@ -114,5 +114,22 @@ TEST(VerifiedCases, ARunThatWasToldToEndDidNotLookAtAll) {
   EXPECT_EQ(cases.summary(), "1 case verified; ended before every case was looked at");
 }
 
+TEST(VerifiedCases, WhatWasMendedIsToldAndWhatCouldNotBeNeedsAPerson) {
+  VerifiedCases cases = cases_of({Verdict::kIntact});
+  cases.add_mended(2, 0);
+  EXPECT_EQ(cases.status(), 0);
+  EXPECT_EQ(cases.summary(), "1 case verified; 2 objects mended in the store");
+  cases.add_mended(0, 1);
+  EXPECT_EQ(cases.status(), 3);
+  EXPECT_EQ(cases.summary(), "1 case verified; 2 objects mended in the store; 1 object could not be mended");
+  archive::VerificationReport report;
+  report.verdict = Verdict::kIntact;
+  const fleet::Mending mending{{{"tokens/00000002.own.tsr", {}, "an older version", "v2"}},
+                               {{"segments/room/00000000.ts.age", "no copy has the bytes"}}};
+  EXPECT_EQ(verification_of(report, mending).detail,
+            "1 object mended in the store; 1 object could not be mended");
+  EXPECT_FALSE(verification_of(report, mending).alarm);
+}
+
 }  // namespace
 }  // namespace kiroku::apps

@@ -1,0 +1,62 @@
+// Bit rot in a store: what does not fit a case's ledger is put again, as a new version, from a copy that
+// does. Nothing is removed. Not thread-safe.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/clock.h"
+#include "crypto/signed_note.h"
+#include "fleet/case_copies.h"
+#include "fleet/fetcher.h"
+#include "fleet/object_store.h"
+
+namespace kiroku::fleet {
+
+/// A file of which the store now has the recorded bytes as its newest version.
+struct MendedFile {
+  std::string path;
+  crypto::Sha256Digest sha256{};
+  std::string from;     // "an older version", or CaseCopy::name()
+  std::string version;  // the new one
+};
+/// One that stays as it is.
+struct UnmendedFile {
+  std::string path, why;
+};
+struct Mending {
+  std::vector<MendedFile> mended;
+  std::vector<UnmendedFile> left;
+};
+
+/// States a deed about a case, durably, before it returns; throws kiroku::Error where that cannot be.
+using StateMending = std::function<void(const std::string& what)>;
+
+class Mender {
+ public:
+  /// `store` may list, get and put. The copies are asked in their order, after the store's own older
+  /// versions. `scratch` is a folder of the mender's own; `clock` must outlive it.
+  Mender(std::shared_ptr<ObjectStore> store, std::vector<std::unique_ptr<CaseCopy>> copies,
+         std::filesystem::path scratch, const Clock& clock = Clock::system());
+
+  /// Looks at a case that was fetched with UnreadableObjects::kLeaveOut, and mends what does not fit. The
+  /// ledger counts as far as the largest checkpoint that one of `devices` signed reaches. Where the ledger
+  /// itself was mended, nothing else was looked at: fetch the case anew. Mended files are in the folder, too.
+  /// `state` hears of each file before it is put, and once it was. Throws StoreError where the store is away,
+  /// kiroku::IoError.
+  Mending mend(const std::string& appliance, const std::string& case_id,
+               const std::vector<crypto::VerifierKey>& devices, const FetchedCase& fetched,
+               const StateMending& state);
+
+ private:
+  class Pass;
+  const std::shared_ptr<ObjectStore> store_;
+  std::vector<std::unique_ptr<CaseCopy>> copies_;  // the store's own older versions in front
+  const std::filesystem::path scratch_;
+  const Clock& clock_;
+};
+
+}  // namespace kiroku::fleet

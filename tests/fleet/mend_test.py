@@ -1,0 +1,386 @@
+#!/usr/bin/env python3
+"""Lets a real Ceph store rot below its locks, and has `kiroku-fleet verify` mend it from other copies.
+
+Usage: tests/fleet/mend_test.py PROGRAMS
+  PROGRAMS  the folder of kiroku and kiroku-fleet, such as build/release/apps
+
+Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is not installed.
+"""
+import hashlib
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+from fleet_test import Fleet, start, verdicts
+from page_client import Server
+from ship_test import HERE, Appliance, Store, require
+
+BUCKET, COPIES = "recordings", "copies"
+
+
+class Disks:
+    """What lies below the gateway: bytes change there without anybody's key, and without a new version."""
+
+    def __init__(self, ceph):
+        self.ceph = ceph
+
+    def rados(self, *words, **more):
+        return subprocess.run(["rados", "-c", str(self.ceph / "ceph.conf"), "-p", "default.rgw.buckets.data", *words], check=True,
+                              capture_output=True, timeout=120, **more).stdout
+
+    def name_of(self, key, version):
+        (name,) = [each for each in self.rados("ls").decode().splitlines() if each.endswith(f":{version}_{key}")]
+        return name
+
+    def has(self, key, version):
+        return any(each.endswith(f":{version}_{key}") for each in self.rados("ls").decode().splitlines())
+
+    def rot(self, key, version, change):
+        """`change` makes other bytes of a version's; None removes them."""
+        name = self.name_of(key, version)
+        if change is None:
+            self.rados("rm", name)
+        else:
+            self.rados("put", name, "-", input=change(self.rados("get", name, "-")))
+
+
+def flipped(body):
+    other = bytearray(body)
+    other[len(other) // 2] ^= 1
+    return bytes(other)
+
+
+def truncated(body):
+    return body[:len(body) // 2]
+
+
+def of_other_hash(body):
+    return body.replace(b'"sha256":"', b'"sha256":"0', 1)[:len(body)]
+
+
+class Place:
+    """A case in the store, its copies, and what a look at them tells."""
+
+    def __init__(self, store, disks, appliance, case):
+        self.store, self.disks, self.appliance, self.case = store, disks, appliance, case
+        self.folder = appliance.home / "archive" / case
+
+    def key(self, path):
+        return f"or-1/{self.case}/{path}"
+
+    def versions(self, path):
+        return self.store.versions(BUCKET)[self.key(path)]
+
+    def file(self, beginning):
+        return min(str(file.relative_to(self.folder)) for file in self.folder.rglob("*")
+                   if file.is_file() and str(file.relative_to(self.folder)).startswith(beginning))
+
+    def rot(self, path, change):
+        self.disks.rot(self.key(path), self.versions(path)[0], change)
+
+    def rot_wholly(self, path):
+        """Every version of it whose bytes are there."""
+        rotten = flipped((self.folder / path).read_bytes())
+        for version in self.versions(path):
+            if self.disks.has(self.key(path), version):
+                self.disks.rot(self.key(path), version, lambda _: rotten)
+
+    def headers(self, path, version):
+        done = subprocess.run(["curl", "-sSI", "--aws-sigv4", "aws:amz:us-east-1:s3", "--user", "testaccess:testsecret0123456789",
+                               "-H", f"x-amz-content-sha256: {hashlib.sha256(b'').hexdigest()}",
+                               f"{self.store.endpoint}/{BUCKET}/{self.key(path)}?versionId={version}"], check=True, capture_output=True, text=True)
+        require(" 200" in done.stdout.splitlines()[0], f"the store does not tell of {path} {version}: {done.stdout}")
+        return {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in done.stdout.splitlines())}
+
+    def is_whole(self):
+        """What a plain copy of the bucket takes, the newest version of everything, is what was recorded."""
+        for file in self.folder.rglob("*"):
+            if file.is_file():
+                path = str(file.relative_to(self.folder))
+                require(self.store.get(BUCKET, self.key(path)) == file.read_bytes(), f"the newest version of {path} is not what was recorded")
+
+    def judged(self, folder):
+        """What 'kiroku fetch' says, which neither mends nor knows of copies."""
+        shutil.rmtree(folder, ignore_errors=True)
+        done = self.appliance.ask("fetch", self.case, "-o", str(folder), "--device", str(self.appliance.home / "device.pub"),
+                                  "--own-authority", str(self.appliance.home / "own-authority.pem"), "--json")
+        return json.loads(done.stdout)["cases"][0]["report"]["verdict"] if done.stdout else done.stderr
+
+
+class Mending:
+    """kiroku-fleet with copies, and with the home whose log tells what it mended."""
+
+    def __init__(self, programs, folder, endpoint, connection, appliance):
+        self.fleet = Fleet(programs, folder, endpoint, connection, {"or-1": appliance})
+        self.programs, self.home, self.replica = programs, folder / "mending", folder / "replica"
+        subprocess.run([str(programs / "kiroku"), "init", "--demo", "--home", str(self.home)], check=True, capture_output=True)
+        (folder / "mending-credentials").write_bytes((folder / "store-credentials").read_bytes())
+        (folder / "mending-credentials").chmod(0o600)
+        with open(self.fleet.configuration, "a", encoding="utf-8") as toml:
+            toml.write('[mending]\nhome = "mending"\ncredentials = "mending-credentials"\n'
+                       f'[[copy]]\nname = "second"\nendpoint = "{endpoint}"\nbucket = "{COPIES}"\n'
+                       '[[copy]]\nname = "replica"\nfolder = "replica"\n')
+
+    def log(self):
+        done = subprocess.run([str(self.programs / "kiroku"), "log", "--home", str(self.home), "--json"], check=True, capture_output=True, text=True)
+        return [each for each in json.loads(done.stdout)["entries"] if each["type"] == "access"]
+
+    def deeds(self):
+        return [each["what"] for each in self.log()]
+
+    def require_signed(self):
+        done = subprocess.run([str(self.programs / "kiroku"), "log", "--verify", "--home", str(self.home)], capture_output=True, text=True)
+        require(done.returncode == 0, f"the log of what was mended does not hold: {done.stdout}{done.stderr}")
+
+    def verify(self, case, verdict, status=0):
+        """{file: from}, {file: why not} of the one case."""
+        # What rots has no new version, so the index does not see it: it is due by its time.
+        told = self.fleet.tell("verify", "--all", status=status)
+        (one,) = [each for each in told["cases"] if each["case"] == case]
+        require(one["verdict"] == verdict or verdict == "intact" and one["verdict"].startswith("intact"), f"{case} is {one}")
+        return ({each["file"]: each["from"] for each in one["mended"]}, {each["file"]: each["why"] for each in one["not_mended"]})
+
+
+def rot_is_mended_from_whichever_copy_fits(mending, place, folder):
+    require(mending.verify(place.case, "intact") == ({}, {}) and mending.deeds() == [], "what is whole was mended")
+    segment, other, third = (f"segments/endoscope/{number:08}.ts.age" for number in range(3))
+    token, note = place.file("tokens/"), place.file("checkpoints/")
+    rotten = {segment: flipped, other: truncated, third: None, token: flipped, note: flipped}
+    before = {path: place.versions(path) for path in rotten}
+    for path, change in rotten.items():
+        place.rot(path, change)
+    # One copy has rotted as well, another has not: no copy is believed.
+    for path in (token, other):
+        body = folder / "body"
+        body.write_bytes(flipped((place.folder / path).read_bytes()))
+        place.store.put(COPIES, place.key(path), body)
+    require(not str(place.judged(folder / "fetched")).startswith("intact"), "nothing has rotted")
+
+    mended, left = mending.verify(place.case, "intact")
+    second, replica = "the copy 'second'", "the copy 'replica'"
+    require(mended == {segment: second, other: replica, third: second, token: replica, note: second} and not left, f"mended {mended}, left {left}")
+    place.is_whole()
+    require(place.judged(folder / "fetched").startswith("intact"), "what was mended is not read")
+    for path, versions in before.items():
+        now = place.versions(path)
+        require(len(now) == len(versions) + 1 and set(versions) < set(now), f"{path} had {versions}, and has {now}")
+        (new,) = set(now) - set(versions)
+        locks = [place.headers(path, new), place.headers("ledger.jsonl", place.versions("ledger.jsonl")[0])]
+        require(locks[0]["x-amz-object-lock-mode"] == "COMPLIANCE", f"nothing locks {path}")
+        require(locks[0]["x-amz-object-lock-retain-until-date"] >= locks[1]["x-amz-object-lock-retain-until-date"], f"{path} is locked for less: {locks}")
+        require(place.store.ask("DELETE", f"/{BUCKET}/{place.key(path)}?versionId={new}")[0] == 403, f"{path} could be removed")
+        told = {each["what"]: each for each in mending.log()}
+        first = f"mends {path} from {mended[path]}"
+        done = f"mended {path} from {mended[path]}, sha256 {hashlib.sha256((place.folder / path).read_bytes()).hexdigest()}, version {new}"
+        require(first in told and done in told and told[done]["case"] == f"or-1~{place.case}", f"the log does not tell of {path}: {list(told)}")
+    mending.require_signed()
+    count = len(mending.deeds())
+    require(mending.verify(place.case, "intact") == ({}, {}) and len(mending.deeds()) == count, "what was mended is mended again")
+
+
+def a_ledger_is_mended_by_what_the_device_signed(mending, place, folder):
+    place.rot("ledger.jsonl", of_other_hash)
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {"ledger.jsonl": "the copy 'second'"} and not left, f"mended {mended}, left {left}")
+    # Somebody with the appliance's key puts another ledger, and other pictures that fit it: the device signed none.
+    segment = place.file("segments/endoscope/")
+    body = folder / "body"
+    body.write_bytes(flipped((place.folder / segment).read_bytes()))
+    place.store.put(BUCKET, place.key(segment), body)
+    was, now = (hashlib.sha256(each).hexdigest().encode() for each in ((place.folder / segment).read_bytes(), body.read_bytes()))
+    body.write_bytes((place.folder / "ledger.jsonl").read_bytes().replace(was, now))
+    place.store.put(BUCKET, place.key("ledger.jsonl"), body)
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {"ledger.jsonl": "an older version", segment: "an older version"} and not left, f"mended {mended}, left {left}")
+    place.is_whole()
+    # Where every copy has that ledger, nothing is mended by it.
+    for each in place.versions("ledger.jsonl"):
+        place.disks.rot(place.key("ledger.jsonl"), each, lambda _: body.read_bytes())
+    place.store.put(COPIES, place.key("ledger.jsonl"), body)
+    copy = mending.replica / "or-1" / place.case / "ledger.jsonl"
+    copy.write_bytes(body.read_bytes())
+    before = place.store.versions(BUCKET)
+    mended, left = mending.verify(place.case, "tampered", status=1)
+    require(not mended and "no copy fits the checkpoint that the device signed" in left["ledger.jsonl"], f"mended {mended}, left {left}")
+    require(place.store.versions(BUCKET) == before, "something was put by a ledger that nobody signed")
+    # With one true copy it is.
+    copy.write_bytes((place.folder / "ledger.jsonl").read_bytes())
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {"ledger.jsonl": "the copy 'replica'"} and not left, f"mended {mended}, left {left}")
+    place.is_whole()
+
+
+def what_cannot_be_mended_is_said(mending, place, folder):
+    segment = place.file("segments/endoscope/")
+    copy = mending.replica / "or-1" / place.case / segment
+    place.rot_wholly(segment)
+    body = folder / "body"
+    body.write_bytes(flipped(copy.read_bytes()))
+    place.store.put(COPIES, place.key(segment), body)
+    copy.write_bytes(flipped(copy.read_bytes()))
+    before = place.store.versions(BUCKET)
+    mended, left = mending.verify(place.case, "tampered", status=1)
+    require(not mended and set(left) == {segment} and "no copy has the bytes" in left[segment], f"mended {mended}, left {left}")
+    require(place.store.versions(BUCKET) == before, "something was put that does not fit")
+    require(mending.deeds()[-1].startswith(f"could not mend {segment}: "), f"the log says {mending.deeds()[-1]}")
+    told = mending.fleet.tell("cases", "--appliance", "or-1", "--history", place.case)["verifications"]
+    require("1 object could not be mended" in told[-1]["detail"], f"the history says {told[-1]}")
+    # A copy that is not there is not one that has nothing.
+    away = mending.replica.rename(mending.replica.parent / "away")
+    left = mending.verify(place.case, "tampered", status=1)[1]
+    require("the copy 'replica' could not be asked" in left[segment], f"left {left}")
+    away.rename(mending.replica)
+
+    # A key that may not put mends nothing, and takes no verdict away.
+    copy.write_bytes((place.folder / segment).read_bytes())
+    credentials = mending.fleet.folder / "mending-credentials"
+    whole = credentials.read_text()
+    for key, words in (("reader", "has no right to do this"), ("nobody", "does not know the access key 'nobody'")):
+        credentials.write_text(f"access_key = {key}\nsecret_key = readersecret0123456789\n")
+        mended, left = mending.verify(place.case, "tampered", status=1)
+        require(not mended and words in left[segment], f"mended {mended}, left {left}")
+        require(place.store.versions(BUCKET) == before, f"{key} put something")
+    credentials.write_text(whole)
+    # Without a log nothing is put.
+    log = mending.home / "archive/log"
+    moved = log.rename(mending.home / "moved")
+    log.write_text("no folder")
+    done = mending.fleet.ask("verify", "--all")
+    require(done.returncode == 2 and place.store.versions(BUCKET) == before, f"mended without a log: {done.stdout}{done.stderr}")
+    log.unlink()
+    moved.rename(log)
+    require(mending.verify(place.case, "intact")[0] == {segment: "the copy 'replica'"}, "it is not mended at last")
+    place.is_whole()
+
+
+def a_legal_hold_goes_on(mending, place):
+    segment = place.file("segments/endoscope/")
+    place.appliance.kiroku("hold", place.case, "--reason", "court of Kyoto")
+    place.appliance.kiroku("ship")
+    mending.fleet.tell("index")
+    place.rot(segment, flipped)
+    before = place.versions(segment)
+    require(mending.verify(place.case, "intact")[0].keys() == {segment}, "it is not mended")
+    (new,) = set(place.versions(segment)) - set(before)
+    require(place.headers(segment, new)["x-amz-object-lock-legal-hold"] == "ON", "what was mended is not under the hold")
+    place.appliance.kiroku("release", place.case, "--reason", "settled")
+    place.appliance.kiroku("ship")
+    require(place.headers(segment, new)["x-amz-object-lock-legal-hold"] == "OFF", "the hold is not lifted of what was mended")
+
+
+def the_page_plays_what_was_mended(programs, mending, place, folder):
+    segment = place.file("segments/endoscope/")
+    picture = f"{place.case}/streams/endoscope/frame.png?at_ns=500000000"
+    own = Server([programs / "kiroku", "view"], place.appliance.environment)
+    subprocess.run([str(programs / "kiroku"), "init", "--demo", "--home", str(folder / "page")], check=True, capture_output=True)
+
+    def page():
+        server = Server([mending.fleet.program, "serve", "--home", folder / "page", "--config", mending.fleet.configuration])
+        person = server.person()
+        person.read("session", {"link": server.link})
+        person.tell("session/unlock", {"identity": (place.appliance.home / "identity.txt").read_text()})
+        return server, person
+
+    place.rot_wholly(segment)
+    server, person = page()
+    try:
+        surgeon = own.person()
+        surgeon.read("session", {"link": own.link})
+        archived = surgeon.tell("cases/" + picture)
+        require(person.ask("cases/or-1~" + picture)[0] >= 400, "pictures out of rotten bytes")
+        # The page's own verification mends nothing: its keys may only read.
+        before = place.versions(segment)
+        status, answer = person.ask(f"cases/or-1~{place.case}/verification", {})
+        while status == 202:
+            status, answer = person.ask(f"cases/or-1~{place.case}/verification")
+        require(json.loads(answer)["verdict"] == "tampered" and place.versions(segment) == before, "the page mends")
+        require(mending.verify(place.case, "intact")[0].keys() == {segment}, "it is not mended")
+        server.end()
+        server, person = page()
+        require(person.tell("cases/or-1~" + picture) == archived, "what was mended does not play")
+    finally:
+        server.end()
+        own.end()
+
+
+def two_workers_mend_once(mending, place):
+    segments = [f"segments/endoscope/{number:08}.ts.age" for number in range(3)]
+    before = {path: place.versions(path) for path in segments}
+    for path in segments:
+        place.rot_wholly(path)
+    workers = [subprocess.Popen([str(mending.fleet.program), "verify", "--all", "--json", "--config", str(mending.fleet.configuration)],
+                                stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    told = [json.loads(worker.communicate(timeout=300)[0]) for worker in workers]
+    mended = [each["file"] for part in told for one in part["cases"] for each in one["mended"]]
+    require(sorted(mended) == segments, f"mended were {mended}")
+    require(all(len(place.versions(path)) == len(before[path]) + 1 for path in segments), "something was put twice")
+    mending.require_signed()
+
+
+def try_everything(programs, folder, store, connection):
+    appliance = Appliance(programs, folder / "or-1", store.endpoint, BUCKET)
+    cases = [appliance.recorded(9), appliance.recorded(3)]
+    appliance.kiroku("ship")
+    mending = Mending(programs, folder / "fleet", store.endpoint, connection, appliance)
+    for key in store.versions(BUCKET):
+        file = folder / "body"
+        file.write_bytes(store.get(BUCKET, key))
+        store.put(COPIES, key, file)
+    for case in cases:
+        shutil.copytree(appliance.home / "archive" / case, mending.replica / "or-1" / case)
+    require(mending.fleet.ask("init").returncode == 0, "init failed")
+    mending.fleet.tell("index")
+    disks = Disks(folder / "ceph")
+    first, second = (Place(store, disks, appliance, case) for case in cases)
+    rot_is_mended_from_whichever_copy_fits(mending, first, folder)
+    a_legal_hold_goes_on(mending, first)
+    the_page_plays_what_was_mended(programs, mending, first, folder)
+    two_workers_mend_once(mending, first)
+    a_ledger_is_mended_by_what_the_device_signed(mending, second, folder)
+    what_cannot_be_mended_is_said(mending, second, folder)
+
+
+def add_reader(folder, store):
+    """Somebody who may list and read, and no more."""
+    subprocess.run(["radosgw-admin", "-c", str(folder / "ceph/ceph.conf"), "user", "create", "--uid=reader", "--display-name=Reader",
+                    "--access-key=reader", "--secret-key=readersecret0123456789"], check=True, capture_output=True)
+    policy = folder / "policy"
+    actions = ["s3:ListBucket", "s3:ListBucketVersions", "s3:GetObject", "s3:GetObjectVersion", "s3:GetObjectRetention", "s3:GetObjectLegalHold"]
+    policy.write_text(json.dumps({"Version": "2012-10-17", "Statement": [
+        {"Effect": "Allow", "Principal": {"AWS": ["arn:aws:iam:::user/reader"]}, "Action": actions,
+         "Resource": [f"arn:aws:s3:::{BUCKET}", f"arn:aws:s3:::{BUCKET}/*"]}]}))
+    store.set_policy(BUCKET, policy)
+
+
+def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    programs = pathlib.Path(sys.argv[1]).resolve()
+    if shutil.which("rados") is None:
+        print("SKIPPED: rados is not installed")
+        sys.exit(77)
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        folder.chmod(0o755)
+        started = []
+        try:
+            started.append(("store.sh", folder / "ceph"))
+            endpoint = start("store.sh", folder / "ceph")
+            started.append(("postgres.sh", folder / "postgres"))
+            connection = start("postgres.sh", folder / "postgres")
+            store = Store(endpoint)
+            store.make_bucket(BUCKET)
+            store.make_bucket(COPIES, locked=False)
+            add_reader(folder, store)
+            try_everything(programs, folder, store, connection)
+        finally:
+            for script, state in reversed(started):
+                subprocess.run([str(HERE / script), "down", str(state)], check=False)
+    print("What rots in the store is mended from a copy that fits, and nothing else is.")
+
+
+if __name__ == "__main__":
+    main()
