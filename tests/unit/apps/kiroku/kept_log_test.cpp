@@ -63,7 +63,7 @@ TEST_F(KeptLog, OfTwoProcessesNeitherCutsOffWhatTheOtherSigned) {
 // Each replaces what the other one keeps: neither loses its file to it, nor keeps an earlier one.
 TEST_F(KeptLog, TwoProcessesKeepTheNewestCheckpoint) {
   testing::internal::CaptureStderr();
-  for (int rounds = 0; rounds < 20; ++rounds) {
+  for (int rounds = 0; rounds < 5; ++rounds) {
     const auto recorder = open();
     const auto viewer = open();
     for (int i = 0; i < 5; ++i) {
