@@ -9,6 +9,7 @@
 #include <functional>
 #include <mutex>
 #include <string_view>
+#include <sys/file.h>
 #include <thread>
 #include <unistd.h>
 #include <utility>
@@ -131,6 +132,25 @@ class NewestDone {
   std::thread thread_;  // last: uses the rest
 };
 
+/// Of the home's processes one at a time, until it is destroyed: they compare what is kept, and replace it.
+/// By the lock of a file that each home has, and nobody else locks. Throws kiroku::Error where another one
+/// has it for long.
+Descriptor turn_to_keep(const Home& home) {
+  constexpr std::chrono::seconds kPatience{5};
+  constexpr std::chrono::milliseconds kPause{5};
+  const fs::path file = home.device_file();
+  Descriptor turn(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!turn) throw IoError("open", file, errno);
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (::flock(turn.number(), LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK && errno != EINTR) throw IoError("lock", file, errno);
+    if (std::chrono::steady_clock::now() >= deadline)
+      throw Error("another process holds " + file.string() + " locked");
+    std::this_thread::sleep_for(kPause);
+  }
+  return turn;
+}
+
 /// Keeps the newest of the checkpoints that it is given: a home whose disk is slow holds up no room's entry.
 class NoteKeeper {
  public:
@@ -146,6 +166,7 @@ class NoteKeeper {
       // log's.
       if (!is_of_log({file.string(), note}, home_.device())) return;
       const auto stated = crypto::Checkpoint::parse(crypto::open_note(note, {home_.device()}).text);
+      const Descriptor turn = turn_to_keep(home_);
       const auto kept = kept_checkpoint(home_);
       if (stated && (!kept || kept->size < stated->size))
         archive::real_file_system().write_durably(file, bytes_of(note));

@@ -46,8 +46,8 @@ struct ViewerHome {
   /// Where programs that plan, show a breathing lung and train answer (viewer/server/inner_door.h).
   std::filesystem::path planning_socket = {}, breathing_socket = {}, training_socket = {};
   const crypto::SigningKey* device_key = nullptr;  // signs the appliance log
-  /// The one that this process writes already, and whose remarks it tells; null: the viewer opens one. What
-  /// one object signed another one takes back where somebody removed the checkpoint.
+  /// The one that this process writes, and whose remarks it tells; null: the viewer opens one, which knows
+  /// nothing of what other processes sign (archive::LogMemory).
   archive::ApplianceLog* log = nullptr;
   crypto::VerifierKey device;
   const timestamp::TrustStore* trust = nullptr;

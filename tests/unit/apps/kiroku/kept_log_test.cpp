@@ -60,6 +60,24 @@ TEST_F(KeptLog, OfTwoProcessesNeitherCutsOffWhatTheOtherSigned) {
   EXPECT_THAT(recorder->remarks(), Contains(HasSubstr("somebody took it away")));
 }
 
+// Each replaces what the other one keeps: neither loses its file to it, nor keeps an earlier one.
+TEST_F(KeptLog, TwoProcessesKeepTheNewestCheckpoint) {
+  testing::internal::CaptureStderr();
+  for (int rounds = 0; rounds < 5; ++rounds) {
+    const auto recorder = open();
+    const auto viewer = open();
+    for (int i = 0; i < 5; ++i) {
+      recorder->access("*", "unlocked", "anna");
+      viewer->access("*", "locked", "anna");
+    }
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  std::ifstream kept(home_.newest_log_note());
+  std::string origin, size;
+  std::getline(std::getline(kept, origin), size);
+  EXPECT_EQ(size, std::to_string(archive::read_log(home_.log_folder()).size()));
+}
+
 TEST_F(KeptLog, WhereNothingCanBeRememberedEntriesAreMadeAllTheSame) {
   fs::create_directory(folder_ / "last-signed.note");
   const auto log = open();
