@@ -5,6 +5,7 @@
 #include <string>
 
 #include "apps/sim/comparison_request.h"
+#include "apps/sim/patient_of_material.h"
 #include "apps/sim/plan_at_hand.h"
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
@@ -17,13 +18,10 @@ namespace kiroku::apps {
 /// another one beside the recording would be taken for what was planned on.
 std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request, const PlanAtHand& at_hand);
 
-/// The patient's numbers that the CT and the case state. Each is empty where it is not known: the CT is no
-/// DICOM, nothing is sealed in the case or the identities do not open it.
+/// The patients' numbers that the CT and the case state. Empty where none is known: the CT is no DICOM,
+/// nothing is sealed in the case or the identities do not open it.
 struct PatientNumbers {
-  std::string ct, of_case;
-  /// But for case and leading zeros. Nothing where one of them is not known, or the CT states several of
-  /// which one is the case's.
-  [[nodiscard]] std::optional<bool> are_same() const;
+  PatientIds ct, of_case;
 };
 PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHand& at_hand,
                                const archive::CaseReader& recording, const crypto::AgeIdentities& identities);

@@ -210,7 +210,7 @@ compare::Provenance provenance_of(const ComparisonRequest& request, const archiv
   for (const SealedFile& file : at_hand.files.files) made.plan_files.push_back(named(file));
   if (recording.opening().plan) made.case_names_plan = *recording.opening().plan == at_hand.seal;
   made.ct = std::move(ct);
-  made.of_one_patient = numbers.are_same();
+  made.of_one_patient = are_of_one_patient(numbers.ct, numbers.of_case);
   return made;
 }
 

@@ -10,6 +10,7 @@
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "archive/reading/case_reader.h"
+#include "base/joined.h"
 #include "base/json_or_null.h"
 #include "base/number_text.h"
 #include "base/utc_time.h"
@@ -124,7 +125,7 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
         {"cautions", compare::cautions_of(provenance)}};
     // Not to a program that compares for somebody, who may not see whom the case is of.
     if (provenance.of_one_patient == false && !request.asked_by)
-      object["patient_numbers"] = {{"ct", numbers.ct}, {"case", numbers.of_case}};
+      object["patient_numbers"] = {{"ct", joined(numbers.ct)}, {"case", joined(numbers.of_case)}};
     if (comparison.fluoroscopy) {
       object["similarity"] = {{"before", comparison.fluoroscopy->similarity}};
       if (comparison.fluoroscopy->alignment)
@@ -145,8 +146,8 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
     for (const std::string& caution : compare::cautions_of(provenance))
       std::cout << "  CAUTION: " << printable(caution) << "\n";
     if (provenance.of_one_patient == false && !request.asked_by)
-      std::cout << "    the CT states " << printable(numbers.ct) << ", the case "
-                << printable(numbers.of_case) << "\n";
+      std::cout << "    the CT states " << printable(joined(numbers.ct)) << ", the case "
+                << printable(joined(numbers.of_case)) << "\n";
     print_comparison(comparison, at_hand);
     if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
     if (comparison.alignment) print_alignment(*comparison.alignment, comparison.case_begins_ns);

@@ -13,6 +13,7 @@
 #include "apps/sim/drr_request.h"
 #include "apps/sim/frame_series.h"
 #include "apps/sim/number_option.h"
+#include "apps/sim/patient_of_material.h"
 #include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
 #include "apps/sim/volume_request.h"
@@ -236,6 +237,11 @@ int run(const FitSeriesRequest& request) {
   sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
   std::vector<std::string> warnings = model.warnings;
   warnings.insert(warnings.end(), file.findings.begin(), file.findings.end());
+  for (const std::string& radiographs : request.radiographs) {
+    if (auto warning = patient_warning(request.volume.path, request.volume.options().series, radiographs,
+                                       patients_of_radiographs(radiographs)))
+      warnings.push_back(std::move(*warning));
+  }
   sim::BreathingScene scene(model, file.volume);
   sim::SeriesFitOptions options;
   options.direction = request.direction;

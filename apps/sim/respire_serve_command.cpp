@@ -16,6 +16,7 @@
 #include "apps/kiroku/serving.h"
 #include "apps/sim/case_fluoroscopy.h"
 #include "apps/sim/number_option.h"
+#include "apps/sim/patient_of_material.h"
 #include "apps/sim/plan_sealing.h"
 #include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
@@ -122,6 +123,15 @@ Workbench workbench_of(const RespireServeRequest& request, const Home& home) {
   sim::VolumeFile file = sim::read_volume(request.volume, {request.series.value_or(""), request.resample});
   inputs.model.warnings.insert(inputs.model.warnings.end(), file.findings.begin(), file.findings.end());
   inputs.volume = std::move(file.volume);
+  const auto warn = [&](const std::string& what, const PatientIds& of_what) {
+    if (auto warning = patient_warning(request.volume, request.series.value_or(""), what, of_what))
+      inputs.model.warnings.push_back(std::move(*warning));
+  };
+  if (request.radiographs) warn("the radiographs", patients_of_radiographs(*request.radiographs));
+  if (found) {
+    warn("the case",
+         patients_of_case(found->recording, load_identities(fluoroscopy_of(request).identities, home)));
+  }
   made.bench = std::make_unique<viewer::BreathingBench>(std::move(inputs),
                                                         [&](const std::string& step) { line.show(step); });
   return made;

@@ -12,6 +12,7 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/sim/frame_series.h"
 #include "apps/sim/overlay_request.h"
+#include "apps/sim/patient_of_material.h"
 #include "apps/sim/radiograph_series.h"
 #include "apps/sim/sim_command.h"
 #include "base/error.h"
@@ -132,6 +133,10 @@ int run(const OverlayRequest& request) {
   if (request.aligned) write_text_file(*request.aligned, sim::geometry_json(geometry));
 
   const auto degrees = [](double radians) { return radians * 180 / std::numbers::pi; };
+  std::vector<std::string> findings = scene.findings();
+  if (auto warning = patient_warning(request.drr.volume.path, request.drr.volume.options().series,
+                                     "the radiograph", patients_of_radiographs(*request.radiograph)))
+    findings.push_back(std::move(*warning));
   if (request.drr.volume.json) {
     nlohmann::ordered_json object{{"file", request.output},
                                   {"columns", picture.columns},
@@ -153,11 +158,11 @@ int run(const OverlayRequest& request) {
                                      {"greatest", error->spread_mm.greatest},
                                      {"moments", error->times_s.size()}};
     }
-    object["findings"] = scene.findings();
+    object["findings"] = findings;
     print_json(object);
     return kDone;
   }
-  for (const std::string& finding : scene.findings()) print_error("kiroku", "warning: " + finding);
+  for (const std::string& finding : findings) print_error("kiroku", "warning: " + finding);
   std::cout << printable(request.output) << ": " << picture.columns << " x " << picture.rows
             << " pixels, gradient correlation " << number_text(similarity, 4) << "\n";
   if (found) {

@@ -12,6 +12,7 @@
 #include "apps/sim/frame_series.h"
 #include "apps/sim/moving_frames.h"
 #include "apps/sim/overlay_request.h"
+#include "apps/sim/patient_of_material.h"
 #include "apps/sim/radiograph_series.h"
 #include "base/error.h"
 #include "base/number_text.h"
@@ -314,6 +315,9 @@ int overlay_series(const OverlayRequest& request) {
   if (request.plot) write_text_file(*request.plot, plot_of(rows));
   if (request.aligned) write_text_file(*request.aligned, sim::geometry_json(series.geometry()));
   std::vector<std::string> findings = series.scene().findings();
+  if (auto warning = patient_warning(request.drr.volume.path, request.drr.volume.options().series,
+                                     "the radiographs", patients_of_radiographs(*request.series)))
+    findings.push_back(std::move(*warning));
   if (series.seen_beside() > 0) {
     findings.push_back(std::to_string(series.seen_beside()) + " positions of " + *request.seen +
                        " count for nothing: no picture was taken at their times");

@@ -112,6 +112,16 @@ std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file)
   return picture;
 }
 
+std::string patient_of_dicom(const std::filesystem::path& file) {
+  if (!begins_as_dicom(file)) return {};
+  DcmFileFormat dicom;
+  load_dicom(dicom, file);
+  const std::string number = DicomHeader(*dicom.getDataset()).text(DCM_PatientID);
+  constexpr const char* kBlanks = " \t\r\n";
+  const std::size_t begin = number.find_first_not_of(kBlanks);
+  return begin == std::string::npos ? "" : number.substr(begin, number.find_last_not_of(kBlanks) + 1 - begin);
+}
+
 DicomPixels read_dicom_pixels(const DicomPicture& picture) {
   const std::string what = "cannot read " + picture.file.string();
   DcmFileFormat dicom;

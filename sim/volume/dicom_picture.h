@@ -40,6 +40,10 @@ struct DicomPicture {
 /// .dcm is no DICOM file, and a CT picture has no pixels.
 std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file);
 
+/// PatientID (0010,0020) of a DICOM file of any kind, without blanks around it; empty where it states none
+/// and for what is no DICOM file. kiroku::Error where it is damaged or cut off.
+std::string patient_of_dicom(const std::filesystem::path& file);
+
 struct DicomPixels {
   std::vector<float> hu;  // (columns x rows), rows from the top; padding is kAirHu already
   std::size_t padding = 0;

@@ -11,6 +11,7 @@ namespace kiroku::test {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 struct Image {
   std::size_t columns = 0, rows = 0;
@@ -291,6 +292,51 @@ TEST_F(SimDrr, AnRtImageIsRadiographAndGeometry) {
   EXPECT_GT(answer["alignment"]["gradient_correlation_after"].get<double>(), 0.99);
   EXPECT_NEAR(answer["alignment"]["translation_mm"][0].get<double>(), -6, 0.3);
   EXPECT_NEAR(answer["alignment"]["translation_mm"][2].get<double>(), 0, 0.3);
+  EXPECT_EQ(answer["findings"].size(), 0U);
+}
+
+// Nothing in two pictures shows that they are of two patients.
+TEST_F(SimDrr, ARadiographOfAnotherPatientThanTheCtsIsTold) {
+  if (!std::filesystem::exists("/usr/bin/dump2dcm"))
+    GTEST_SKIP() << "dump2dcm is not installed (Debian package dcmtk)";
+  const auto write = [&](const std::string& file, const std::string& elements) {
+    write_text(folder() / "a.dump", elements);
+    ASSERT_EQ(tool({"dump2dcm", "--quiet", "a.dump", file}).status, 0);
+  };
+  const std::string grey =
+      "(0028,0002) US 1\n(0028,0004) CS [MONOCHROME2]\n(0028,0010) US 16\n(0028,0011) US 16\n"
+      "(0028,0100) US 16\n(0028,0101) US 16\n(0028,0102) US 15\n(0028,0103) US 0\n"
+      "(7fe0,0010) OW =pixels.raw\n";
+  write_text(folder() / "pixels.raw", std::string(std::size_t{16} * 16 * 2, '\1'));
+  std::filesystem::create_directory(folder() / "ct");
+  for (int slice = 0; slice < 16; ++slice) {
+    const std::string number = std::to_string(slice);
+    write("ct/" + number + ".dcm",
+          "(0008,0016) UI [1.2.840.10008.5.1.4.1.1.2]\n(0008,0018) UI [1.2.4." + number +
+              "]\n(0008,0060) CS [CT]\n(0010,0020) LO [ALPHA-1]\n(0020,000e) UI [1.2.4]\n"
+              "(0020,0032) DS [-8\\-8\\" +
+              std::to_string(slice - 8) +
+              "]\n(0020,0037) DS [1\\0\\0\\0\\1\\0]\n(0028,0030) DS [1\\1]\n(0028,1052) DS [-1024]\n"
+              "(0028,1053) DS [1]\n" +
+              grey);
+  }
+  const auto told = [&](const std::string& patient) {
+    write(
+        "portal.dcm",
+        "(0008,0016) UI [1.2.840.10008.5.1.4.1.1.481.1]\n(0008,0018) UI [1.2.3]\n(0008,0060) CS [RTIMAGE]\n" +
+            patient +
+            "(0018,5100) CS [HFS]\n(0028,1040) CS [LIN]\n(0028,1041) SS 1\n(3002,0011) DS [1\\1]\n"
+            "(3002,0012) DS [-7.5\\7.5]\n(3002,0022) DS [1000]\n(3002,0026) DS [1500]\n"
+            "(300a,011e) DS [0]\n(300a,012c) DS [0\\0\\0]\n" +
+            grey);
+    return kiroku_json({"sim", "overlay", "ct", "-g", "portal.dcm", "-r", "portal.dcm", "-o", "over.png",
+                        "--force", "--json"})["findings"]
+        .dump();
+  };
+  EXPECT_THAT(told("(0010,0020) LO [BRAVO-2]\n"), HasSubstr("the radiograph and the CT are of two patients"));
+  EXPECT_THAT(told("(0010,0020) LO [BRAVO-2]\n"), Not(HasSubstr("ALPHA-1")));
+  EXPECT_EQ(told("(0010,0020) LO [alpha-1]\n").find("two patients"), std::string::npos);
+  EXPECT_EQ(told("").find("two patients"), std::string::npos);
 }
 
 TEST_F(SimDrr, IsWhatPlastimatchMakesOfAPhantom) {
