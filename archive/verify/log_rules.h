@@ -80,6 +80,7 @@ struct LoggedCase {
 /// What a walk over a log gives.
 struct LogContents {
   std::map<std::string, LoggedCase> cases;
+  LeftBySystems left;
   /// Of the entries about these cases those that nobody signed before another followed: the machine stopped
   /// at that moment, or somebody who can write to the disk made them up, and the next start signed them with
   /// its own. They prove nothing against a case either.
