@@ -20,6 +20,7 @@
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/consent_rules.h"
 #include "archive/verify/finding_list.h"
+#include "archive/verify/folder_names.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
