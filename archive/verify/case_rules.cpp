@@ -259,7 +259,8 @@ void CaseRules::judge_form(const StreamInfo& stream, std::uint64_t number) {
   }
   if (std::ranges::none_of(stream.recipients, is_age_recipient)) {
     findings_->add("stream-for-nobody", in_ledger(number),
-                   "open names nobody for whom " + stream.name + " is sealed: no age recipient is among its " +
+                   "open names nobody for whom " + stream.name +
+                       " is sealed: no age recipient is among its " +
                        std::to_string(stream.recipients.size()) + " recipients");
   }
 }
@@ -564,8 +565,8 @@ void CaseRules::judge_late_entries() {
   }
 }
 
-// Behind `recovered` no clock is compared with those of the tokens before it, so whoever makes film up may let
-// the case clock go on as they like there. What was found is older than the next token all the same.
+// Behind `recovered` no clock is compared with those of the tokens before it, so whoever makes film up may
+// let the case clock go on as they like there. What was found is older than the next token all the same.
 void CaseRules::judge_found() {
   const std::vector<StampedToken>& outside = tokens_.outside();  // in the ledger's order
   for (const auto& [token, last] : found_last_behind_token_) {

@@ -30,7 +30,7 @@ struct LeftBySystems {
 
 /// Judges every name of a listing. ASCII case alone counts for clashes: every name of the format is ASCII.
 LeftBySystems check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
-                        const std::function<NameJudgement(const ListedFile&)>& judge);
+                                 const std::function<NameJudgement(const ListedFile&)>& judge);
 
 /// "checkpoints/00000042.note", of a size above 0.
 bool is_note_path(std::string_view path);

@@ -301,8 +301,7 @@ class CaseVerification {
 
   void judge_names() {
     find_not_entered();
-    left_ =
-        check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    left_ = check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
     for (const ListedFile& file : listing_) {
       if (file.kind == ListedFile::Kind::kRegular && rules_.erased(file.path)) {
         findings_.add("erased-file-present", {file.path},

@@ -21,8 +21,9 @@ std::string verdict_sentence(const ReportInput& input, Brackets brackets) {
   if (is_of_later_version(input.verification)) return say(language, "verdict.newer.sentence");
   switch (input.verification.verdict) {
     case Verdict::kIntact:
-      return say(language, input.verification.left_by_systems == 0 ? TextKey("verdict.intact.sentence")
-                                                                   : TextKey("verdict.intact.sentence.beside"));
+      return say(language, input.verification.left_by_systems == 0
+                               ? TextKey("verdict.intact.sentence")
+                               : TextKey("verdict.intact.sentence.beside"));
     case Verdict::kIntactWithGaps:
       return say(language, brackets == Brackets::kBelow ? TextKey("verdict.gaps.sentence")
                                                         : TextKey("verdict.gaps.sentence.elsewhere"));
