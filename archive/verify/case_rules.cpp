@@ -566,15 +566,19 @@ void CaseRules::judge_late_entries() {
 }
 
 // Behind `recovered` no clock is compared with those of the tokens before it, so whoever makes film up may
-// let the case clock go on as they like there. What was found is older than the next token all the same.
+// let the case clock go on as they like there. What was found is older than a token over it all the same.
 void CaseRules::judge_found() {
   const std::vector<StampedToken>& outside = tokens_.outside();  // in the ledger's order
   for (const auto& [token, last] : found_last_behind_token_) {
-    const auto after = std::ranges::upper_bound(outside, token, {}, &StampedToken::entry);
-    if (after == outside.begin() || after == outside.end()) {
+    const auto behind = std::ranges::upper_bound(outside, token, {}, &StampedToken::entry);
+    // One that came before the crash may be entered after it: it is over what is before.
+    const auto after = std::find_if(behind, outside.end(), [entry = last.entry](const StampedToken& each) {
+      return each.checkpoint > entry;
+    });
+    if (behind == outside.begin() || after == outside.end()) {
       continue;
     }
-    const StampedToken& before = *std::prev(after);
+    const StampedToken& before = *std::prev(behind);
     const std::int64_t passed_us = std::max<std::int64_t>(0, (after->gen_time - before.gen_time).count());
     // Slews move the case clock by no more than an eighth.
     const std::int64_t most_us = passed_us + passed_us / 8 + kEnteredLateNs / kNsPerUs;
@@ -584,7 +588,7 @@ void CaseRules::judge_found() {
                          std::to_string((last.end_ns - before.entered_ns) / kNsPerUs / kUsPerSecond) +
                          " s after " + before.file + " was entered, and only " +
                          std::to_string(passed_us / kUsPerSecond) + " s passed from there to " + after->file +
-                         ", which is behind it");
+                         ", which is over it");
       return;
     }
   }

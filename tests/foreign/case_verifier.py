@@ -268,7 +268,8 @@ class Entries:
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
         self.oldest_timed, self.last_token = None, None
-        self.entered_behind, self.found_behind = [], []   # of all but those of marks, and of found ones that were recorded as they came: (end, line of the token before)
+        self.entered_behind = []   # of all but those of marks: (end, line of the token before)
+        self.found_behind = {}     # of found ones that were recorded as they came, by that line: the last (end, line)
 
     @property
     def origin(self):
@@ -346,8 +347,8 @@ class Entries:
                 if self.last_token:
                     its = (max(entry["end_ns"], self.recorded_from), self.last_token)
                     self.entered_behind.append(its)
-                    if "time_base" not in entry and stream.info["timing"] == "arrival":
-                        self.found_behind.append(its)
+                    if "time_base" not in entry and stream.info["timing"] == "arrival" and its[0] > self.found_behind.get(self.last_token, (-1,))[0]:
+                        self.found_behind[self.last_token] = (its[0], number)
             self.checked.append((entry, stream, entry["index"]))
 
     def _gap(self, number, entry):
@@ -534,8 +535,8 @@ class Entries:
             if entered and entered[-1] - end_ns > FIRST_STAMP_LATE:
                 self.report("segments-entered-late", f"behind line {token}")
                 break
-        for end_ns, token in self.found_behind:
-            before, after = [each for each in outside if each[0] <= token][-1:], [each for each in outside if each[0] > token][:1]
+        for token, (end_ns, its_line) in self.found_behind.items():
+            before, after = [each for each in outside if each[0] <= token][-1:], [each for each in outside if each[0] > token and each[1] > its_line][:1]
             if before and after:
                 passed_us = max(0, after[0][4] - before[0][4]) // 1000
                 if (end_ns - before[0][3]) // 1000 > passed_us + passed_us // 8 + FIRST_STAMP_LATE // 1000:

@@ -162,7 +162,8 @@ class Exchange(unittest.TestCase):
         forged = {"profile_that_is_none_of_its_media": "of a form that nobody knows", "camera_that_is_called_marks": "of a form that nobody knows",
                   "excerpt_of_a_profile_that_is_none_of_its_media": "of a form that nobody knows", "excerpt_whose_totals_are_those_of_its_lines": "less than the lines show",
                   "excerpt_whose_totals_have_fewer_frames_than_its_lines": "less than the lines show", "excerpt_whose_totals_leave_a_stream_out": "less than the lines show"}
-        whole = {"power_cut": "INTACT WITH GAPS", "film_that_was_found_a_day_later": "INTACT WITH GAPS", "old_film_that_is_said_to_be_found_behind_a_later_token": "INTACT WITH GAPS",
+        whole = {"power_cut": "INTACT WITH GAPS", "film_that_was_found_a_day_later": "INTACT WITH GAPS",
+                 "token_of_before_the_crash_that_is_entered_behind_what_was_found": "INTACT WITH GAPS", "old_film_that_is_said_to_be_found_behind_a_later_token": "INTACT WITH GAPS",
                  "films_that_end_with_a_whole_chunk": "INTACT"}
         parts = {"excerpt_of_the_second_half": "INTACT EXCERPT", "excerpt_that_goes_on_behind_the_end": "from 6000000000 to 20190000000 ns"}
         usual = {"old_film_that_is_said_to_be_found", "old_film_that_is_said_to_be_found_an_hour_later", "sealed_for_nobody", "empty_files_in_place_of_films",

@@ -357,6 +357,24 @@ def old_film_that_is_said_to_be_found_an_hour_later(world):
     return world.write(world.end(found(world, world.begin(), 3600, 10, 3600 * SECOND), 3600_100 * MS, gen_ns=400 * MS), never=["segment-too-long", "segments-entered-late"])
 
 
+@reaches("recovered")
+def token_of_before_the_crash_that_is_entered_behind_what_was_found(world):
+    """It says nothing of film that came after it."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    found_at = 300 * SECOND
+    case.add("recovered", found_at, boot_id=w.BOOT_ID, after="crash", truncated="")
+    for name in ("endoscope", "vitals"):
+        for i in range(2, 16):
+            entry = case.segment(name, i, 10 * (i - 1) * SECOND, 10 * i * SECOND, world.seal(f"{name} 0", f"{name} 0\n".encode()), 0, mono_ns=found_at)
+            for key in ("first_pts", "time_base", "frames", "samples", "dropped"):
+                entry.fields.pop(key, None)
+        case.add("gap", found_at, stream=name, start_ns=150 * SECOND, end_ns=found_at, cause="interrupted")
+    case.token(world.outside, found_at, gen_ns=10 * SECOND, asked=False)
+    return world.write(world.end(case, found_at + 100 * MS), never=BOUNDS_OF_FOUND_FILM)
+
+
 @reaches("segments-entered-late", "recovered")
 def old_film_that_is_said_to_be_found_behind_a_later_token(world):
     case = world.begin()
