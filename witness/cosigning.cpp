@@ -1,14 +1,19 @@
 #include "witness/cosigning.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <optional>
+#include <ranges>
+#include <string_view>
+#include <utility>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "crypto/note_format.h"
 #include "witness/http_exchange.h"
@@ -21,21 +26,38 @@ namespace fs = std::filesystem;
 constexpr std::size_t kLargestAnswer = 64U << 10;
 constexpr long kOk = 200, kConflict = 409;
 
-/// The newest note of a log.
-std::string newest_note(const fs::path& folder) {
-  const archive::CaseFolder log = archive::CaseFolder::open(folder);
-  const std::vector<std::uint64_t> sizes = archive::note_sizes(log.list());
-  if (sizes.empty())
-    throw Error("the log in " + folder.string() + " has no checkpoint that could be cosigned");
-  const std::string name = archive::note_path(sizes.back());
-  const archive::FileOpening opening = log.open_file(name);
+/// Entries of these kinds wait for the next one, which is signed.
+constexpr std::array<std::string_view, 8> kFollowedByNone{"boot",
+                                                          "config-changed",
+                                                          "device-ml-dsa-added",
+                                                          "device-hardware-added",
+                                                          "device-attestation-added",
+                                                          "device-hardware-silent",
+                                                          "recovered",
+                                                          "damage-found"};
+
+std::vector<std::uint64_t> sizes_in(const fs::path& folder) {
+  return archive::note_sizes(archive::CaseFolder::open(folder).list());
+}
+
+/// A note that the device signed for its log, of the size that its file's name states; nothing: the file is
+/// another. Throws kiroku::Error where it cannot be read.
+std::optional<std::pair<std::string, crypto::Checkpoint>> own_note(const fs::path& folder, std::uint64_t size,
+                                                                   const crypto::VerifierKey& device) {
+  const std::string name = archive::note_path(size);
+  const archive::FileOpening opening = archive::CaseFolder::open(folder).open_file(name);
+  if (!opening.file && opening.problem == archive::FileProblem::kUnreadable)
+    throw Error("cannot read " + (folder / name).string() + ": it " + opening.explanation);
   std::optional<std::string> text =
       opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
-  if (!text) {
-    throw Error("cannot read " + (folder / name).string() + ": it " +
-                (opening.file ? "is far too long" : opening.explanation));
-  }
-  return *text;
+  if (!text) return std::nullopt;
+  const crypto::OpenedNote opened = crypto::open_note(*text, {device});
+  auto checkpoint = crypto::Checkpoint::parse(opened.text);
+  const bool is_own = checkpoint && checkpoint->size == size &&
+                      checkpoint->origin == archive::log_origin(device.name()) &&
+                      crypto::is_signed_for_log(opened, device, size);
+  if (!is_own) return std::nullopt;
+  return std::pair(std::move(*text), std::move(*checkpoint));
 }
 
 /// The size that a witness says it knows.
@@ -113,20 +135,63 @@ CosigningOutcome outcome_of(const LogToShow& log, const crypto::WitnessPolicy::W
 
 }  // namespace
 
-LogToShow read_log_to_show(const fs::path& folder) {
-  LogToShow log;
-  log.note = newest_note(folder);
-  const auto checkpoint = crypto::Checkpoint::parse(crypto::parse_note(log.note).text);
-  if (!checkpoint) throw Error("the newest note of the log in " + folder.string() + " is no checkpoint");
-  log.checkpoint = *checkpoint;
+LogToShow read_log_to_show(const fs::path& folder, const crypto::VerifierKey& device) {
+  constexpr std::size_t kMostOthers = 3;
+  // A recorder may go on meanwhile: what came since may be over lines that were not read.
+  const std::vector<std::uint64_t> before = sizes_in(folder);
+  if (before.empty())
+    throw Error("the log in " + folder.string() + " has no checkpoint that could be cosigned");
+  crypto::MerkleTree all;
+  std::vector<std::uint64_t> to_be_followed;  // lines
   archive::for_each_log_line(folder, [&](const archive::LogLine& line) {
-    if (log.tree.size() < log.checkpoint.size) log.tree.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    all.append(crypto::merkle_leaf_hash(bytes_of(line.json)));
+    if (std::ranges::find(kFollowedByNone, line.type) == kFollowedByNone.end())
+      to_be_followed.push_back(line.seq);
   });
-  if (log.tree.size() != log.checkpoint.size || log.tree.root(log.checkpoint.size) != log.checkpoint.root) {
-    throw Error("the log in " + folder.string() +
-                " is not the one that its newest checkpoint was signed of; 'kiroku log --verify' says more");
+  std::vector<std::uint64_t> sizes = sizes_in(folder);
+  std::erase_if(sizes, [&](std::uint64_t size) {
+    return size > all.size() && !std::ranges::binary_search(before, size);
+  });
+  LogToShow log;
+  for (const std::uint64_t size : sizes | std::views::reverse) {
+    auto own = own_note(folder, size, device);
+    if (!own) {
+      if (log.others.size() < kMostOthers) log.others.push_back(archive::note_path(size));
+      continue;
+    }
+    if (size > all.size() || all.root(size) != own->second.root) {
+      throw Error(
+          "the log in " + folder.string() +
+          " is not the one that its newest checkpoint was signed of; 'kiroku log --verify' says more");
+    }
+    log.note = std::move(own->first);
+    log.checkpoint = std::move(own->second);
+    for (std::uint64_t i = 0; i < size; ++i) log.tree.append(all.leaf(i));
+    log.behind = all.size() - size;
+    log.unsigned_ =
+        static_cast<std::uint64_t>(to_be_followed.end() - std::ranges::lower_bound(to_be_followed, size));
+    return log;
   }
-  return log;
+  throw Error("no checkpoint of the log in " + folder.string() + " is by " + printable(device.name()) +
+              " for its log: " + log.others.front() + " is none; 'kiroku log --verify' says more");
+}
+
+bool is_rest_unsigned(const LogToShow& log) { return log.unsigned_ > 1; }
+
+std::vector<std::string> words_of_rest(const LogToShow& log) {
+  std::vector<std::string> words;
+  if (log.behind > 0) {
+    words.push_back("The log goes on beyond that: " + counted(log.behind, "entry has", "entries have") +
+                    " no checkpoint yet" +
+                    (is_rest_unsigned(log) ? ", where one was to follow each. 'kiroku log --verify' says more"
+                                           : std::string()) +
+                    ".");
+  }
+  for (const std::string& other : log.others)
+    words.push_back(other +
+                    " in the log's folder is no checkpoint by this device over as many entries: it "
+                    "was not taken. 'kiroku log --verify' says more.");
+  return words;
 }
 
 AskWitness ask_over_http(std::chrono::milliseconds time_limit) {

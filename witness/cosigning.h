@@ -19,10 +19,21 @@ struct LogToShow {
   crypto::MerkleTree tree;
   std::string note;  // over the first checkpoint.size lines
   crypto::Checkpoint checkpoint;
+  std::uint64_t behind = 0;     // lines that follow these
+  std::uint64_t unsigned_ = 0;  // of them those that a checkpoint was to follow at once
+  std::vector<std::string> others =
+      {};  // files under larger numbers that are no checkpoints of this log; some
 };
-/// Of the folder of an appliance log. kiroku::Error where there is no checkpoint, a line cannot be read, or
-/// the checkpoint is not of the lines.
-LogToShow read_log_to_show(const std::filesystem::path& folder);
+/// Of the folder of an appliance log. Its newest checkpoint is the one over the most lines that states the
+/// size that its file's name does and that `device` signed for its log: whoever can write to the folder can
+/// put any file under any number. kiroku::Error where there is none, a line cannot be read, or the checkpoint
+/// is not of the lines.
+LogToShow read_log_to_show(const std::filesystem::path& folder, const crypto::VerifierKey& device);
+
+/// What the log has beyond what is shown of it, a sentence each; none where all of it is shown.
+std::vector<std::string> words_of_rest(const LogToShow& log);
+/// Whether more is beyond it than a recorder leaves that writes just now, or was stopped in between.
+bool is_rest_unsigned(const LogToShow& log);
 
 /// How a witness is reached: the body of a request to its add-checkpoint in, its answer out. Throws
 /// kiroku::Error where there is none.

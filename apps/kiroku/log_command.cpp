@@ -105,14 +105,16 @@ int verify(const Home& home, const Request& request) {
   archive::VerifyOptions options;
   options.devices = {home.device()};
   options.trust = &trust;
-  for (const std::string& note : request.against) options.against.push_back(load_outside_note(note));
+  KeptOutside kept = load_kept_outside(request.against);
   std::optional<archive::OutsideNote> witnessed = home_witnessed_note(home);
   std::optional<evidence::Policy> algorithms;
   if (request.policy) {
     algorithms = read_policy(*request.policy);
     options.policy = &*algorithms;
   }
-  std::vector<archive::OutsideNote> notes = options.against;  // that may hold cosignatures
+  std::vector<archive::OutsideNote> notes = kept.newest(options.devices);  // that may hold cosignatures
+  options.against = std::move(kept.notes);
+  options.copies = std::move(kept.copies);
   // What the home keeps tells of a log that is another one, as when the archive's disk is not mounted.
   if (auto newest = home_newest_note(home)) options.against.push_back(std::move(*newest));
   if (witnessed) notes.push_back(*witnessed);

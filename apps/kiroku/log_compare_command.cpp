@@ -17,6 +17,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
 #include "archive/verify/case_against_log.h"
+#include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/log_histories.h"
 #include "base/error.h"
 #include "base/json_or_null.h"
@@ -98,11 +99,26 @@ std::optional<std::uint64_t> unsigned_from(const Side& side, const Side& other,
   return covered;
 }
 
+/// The newest checkpoint that lies in a folder and is by a key that is known, or that the other log names.
+archive::OutsideNote newest_checkpoint_in(const fs::path& folder, const LogHistory& other,
+                                          const std::vector<crypto::VerifierKey>& trusted) {
+  const archive::OutsideCopy copy = archive::read_outside_copy(folder);
+  std::vector<crypto::VerifierKey> keys = trusted;
+  for (const std::string& device : other.log.devices)
+    keys.push_back(archive::known_device(crypto::VerifierKey::parse(device), trusted));
+  if (auto note = archive::newest_signed_note(copy, keys)) return std::move(*note);
+  if (!copy.notes.empty()) {
+    const archive::OutsideCopy::Note& last = copy.notes.back();
+    if (auto text = archive::text_of_note(copy, last)) return {(folder / last.file).string(), *text};
+  }
+  throw Error("no signed checkpoint lies in " + folder.string());
+}
+
 /// What was signed stays signed, whatever became of the lines.
 std::string judge_newest_checkpoint(const Side& damaged, const Side& other,
                                     const std::vector<crypto::VerifierKey>& trusted) {
   try {
-    const archive::OutsideNote note = load_outside_note(*damaged.folder);
+    const archive::OutsideNote note = newest_checkpoint_in(*damaged.folder, other.history, trusted);
     const HistoryComparison judged =
         archive::compare_histories(archive::history_of_note(note), other.history, trusted);
     switch (judged.relation) {

@@ -33,8 +33,7 @@ int run(const Request& request) {
   }
   const Home home = Home::open(request.home);
   const fs::path folder = find_case(home, request.named);
-  std::vector<archive::OutsideNote> kept;
-  for (const std::string& note : request.against) kept.push_back(load_outside_note(note));
+  std::vector<archive::OutsideNote> kept = load_kept_outside(request.against).newest({home.device()});
   if (auto witnessed = home_witnessed_note(home)) kept.push_back(std::move(*witnessed));
   const archive::MadeLogProof made =
       archive::prove_case_in_log(folder, home.log_folder(), home.device(), kept,

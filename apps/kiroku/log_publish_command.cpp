@@ -93,14 +93,18 @@ struct PublishRequest {
 int publish(const PublishRequest& request) {
   const Home home = Home::open(request.home);
   Progress progress("publishing");
-  const Followed followed = publish_log(home, request.folder, shown_by(progress));
+  const Publication published = publish_log(home, request.folder, shown_by(progress));
   progress.clear();
   if (request.json) {
-    print_json(as_json(followed, request.folder));
+    ordered_json object = as_json(published.came, request.folder);
+    object["rest"] = published.rest;
+    print_json(object);
   } else {
-    std::cout << printable(published_text(followed, request.folder)) << "\n";
+    std::cout << printable(published_text(published.came, request.folder)) << "\n";
+    for (const std::string& sentence : published.rest) std::cout << printable(sentence) << "\n";
   }
-  return status_of(followed.what, kAnswerIsNo);
+  const int status = status_of(published.came.what, kAnswerIsNo);
+  return status == kDone && published.is_rest_unsigned ? kNoAnswer : status;
 }
 
 // ---- follow ----
@@ -211,7 +215,8 @@ void add_log_publish_command(Command& log) {
       "folder on a web server, or copy it to a store, and run the command again from time to time.");
   command.explain(
       "Nothing is published that does not go on from what was. Exit status: 0 it is published; 1 the folder "
-      "has more, or another history; 2 wrong usage or unreadable; 3 it could not be told.");
+      "has more, or another history; 2 wrong usage or unreadable; 3 it could not be told, or entries of the "
+      "log lack a checkpoint that was to follow them.");
   command.example("kiroku log publish /srv/www/or-3", "once an hour, by a timer");
   command.on_run([request] { return publish(*request); });
 }

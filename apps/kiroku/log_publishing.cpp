@@ -11,11 +11,12 @@ namespace kiroku::apps {
 using witness::Followed;
 using witness::Following;
 
-Followed publish_log(const Home& home, const std::filesystem::path& folder,
-                     const std::function<void(std::uint64_t)>& progress) {
-  const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
-  return follow_log(*witness::tiles_of(log), archive::real_file_system(), folder, {home.device()},
-                    witness::KeepEvidence::kNo, progress);
+Publication publish_log(const Home& home, const std::filesystem::path& folder,
+                        const std::function<void(std::uint64_t)>& progress) {
+  const witness::LogToShow log = witness::read_log_to_show(home.log_folder(), home.device());
+  return {follow_log(*witness::tiles_of(log), archive::real_file_system(), folder, {home.device()},
+                     witness::KeepEvidence::kNo, progress),
+          witness::words_of_rest(log), witness::is_rest_unsigned(log)};
 }
 
 std::string entries_text(const std::optional<crypto::Checkpoint>& checkpoint) {
@@ -54,11 +55,13 @@ void LogPublishing::bring_up_to_date(std::vector<std::string>& problems) {
     next_ = now + kPause;
     problem_.clear();
     try {
-      const Followed came = publish_log(home_, home_.published_log());
-      if (witness::is_up_to_date(came.what))
-        next_ = now + kInterval;
+      const Publication published = publish_log(home_, home_.published_log());
+      if (!witness::is_up_to_date(published.came.what))
+        problem_ = published_text(published.came, home_.published_log().string());
+      else if (published.is_rest_unsigned)
+        problem_ = "the log was not published to its end. " + published.rest.front();
       else
-        problem_ = published_text(came, home_.published_log().string());
+        next_ = now + kInterval;
     } catch (const Error& error) {
       problem_ = std::string("the log was not published: ") + error.what();
     }

@@ -19,8 +19,13 @@ namespace kiroku::apps {
 /// Brings what is published in `folder` up to date. Nothing is written that does not go on from there.
 /// `progress` is told how many leaf hashes were looked at. Throws as witness::follow_log() and
 /// witness::read_log_to_show() do.
-witness::Followed publish_log(const Home& home, const std::filesystem::path& folder,
-                              const std::function<void(std::uint64_t)>& progress = {});
+struct Publication {
+  witness::Followed came;
+  std::vector<std::string> rest;  // what the log has beyond what is published, a sentence each
+  bool is_rest_unsigned = false;  // more than a recorder leaves that writes just now, or was stopped
+};
+Publication publish_log(const Home& home, const std::filesystem::path& folder,
+                        const std::function<void(std::uint64_t)>& progress = {});
 
 /// What came of it, a sentence.
 std::string published_text(const witness::Followed& followed, const std::string& folder);

@@ -183,7 +183,7 @@ int ask(const Request& request) {
     throw UsageError("no witness of " + policy_file +
                      " has an address: write it behind its key, 'witness NAME KEY http://ADDRESS/'");
   }
-  const witness::LogToShow log = witness::read_log_to_show(home.log_folder());
+  const witness::LogToShow log = witness::read_log_to_show(home.log_folder(), home.device());
   const auto outcomes = witness::cosign_log(log, policy, witness::ask_over_http());
   const std::string note = witness::cosigned_note(log, outcomes);
   const auto now = std::chrono::duration_cast<std::chrono::seconds>(utc_now().time_since_epoch()).count();
@@ -207,8 +207,10 @@ int ask(const Request& request) {
     if (!outcome.why.empty()) answers.back()["why"] = outcome.why;
   }
   if (request.json) {
-    nlohmann::ordered_json object{
-        {"entries", log.checkpoint.size}, {"witnesses", answers}, {"quorum", judged.quorum}};
+    nlohmann::ordered_json object{{"entries", log.checkpoint.size},
+                                  {"witnesses", answers},
+                                  {"quorum", judged.quorum},
+                                  {"rest", witness::words_of_rest(log)}};
     if (is_kept) object["note"] = file.string();
     print_json(object);
   } else {
@@ -220,8 +222,9 @@ int ask(const Request& request) {
               << witnessed_words(policy.asks_for_none(), judged.quorum)
               << (is_kept ? ": " + printable(file.string()) : std::string())
               << (!is_kept && fs::exists(file) ? "; the note that was kept before stays" : "") << "\n";
+    for (const std::string& sentence : witness::words_of_rest(log)) std::cout << printable(sentence) << "\n";
   }
-  return judged.quorum ? kDone : kNoAnswer;
+  return judged.quorum && !witness::is_rest_unsigned(log) ? kDone : kNoAnswer;
 }
 
 std::shared_ptr<Request> with_folder(Command& command) {
@@ -294,7 +297,8 @@ void add_witness_command(Command& program) {
       "'group "
       "both 2 A B', 'quorum both'. A witness that is away costs its line and nothing else. Exit status 0 "
       "where the "
-      "quorum is met, 3 where it is not.");
+      "quorum is met, 3 where it is not, or where entries of the log lack a checkpoint that was to follow "
+      "them.");
   asking.example("kiroku witness ask", "once an hour, by a timer");
   asking.example("kiroku log --verify --witnesses witnesses.txt", "who cosigned the log, and how far");
   asking.on_run([asked] { return ask(*asked); });

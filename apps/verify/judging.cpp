@@ -7,7 +7,6 @@
 #include "apps/common/file.h"
 #include "apps/common/progress.h"
 #include "apps/common/terminal.h"
-#include "apps/verify/outside_note.h"
 #include "base/error.h"
 
 namespace kiroku::apps {
@@ -92,7 +91,7 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
       identities_.push_back(std::move(identity));
     }
   }
-  for (const std::string& note : request.against) against_.push_back(load_outside_note(note));
+  against_ = load_kept_outside(request.against);
   if (request.log_proof) {
     log_proof_ = {*request.log_proof,
                   std::string(text_of(read_small_file(*request.log_proof, "the proof from the log")))};
@@ -105,10 +104,8 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
   threads_ = parse_threads(request.threads);
 }
 
-std::vector<archive::OutsideNote> Judge::notes(const VerifyDefaults& defaults) const {
-  std::vector<archive::OutsideNote> notes = against_;
-  if (witnesses_ && !request_.log && defaults.witnessed_note) notes.push_back(*defaults.witnessed_note);
-  return notes;
+std::optional<archive::OutsideNote> Judge::home_note(const VerifyDefaults& defaults) const {
+  return witnesses_ && !request_.log ? defaults.witnessed_note : std::nullopt;
 }
 
 Judged Judge::judge(const std::filesystem::path& folder) const {
@@ -138,7 +135,13 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   if (trust.has_trusted()) options.trust = &trust;
   options.log = judged.log =
       request_.log ? std::optional<std::filesystem::path>(*request_.log) : defaults.log;
-  options.against = judged.against = notes(defaults);
+  options.against = against_.notes;
+  options.copies = against_.copies;
+  judged.against = against_.newest(options.devices);
+  if (const auto note = home_note(defaults)) {
+    options.against.push_back(*note);
+    judged.against.push_back(*note);
+  }
   options.log_proof = judged.log_proof = log_proof_;
   if (witnesses_) options.witnesses = &*witnesses_;
   if (request_.evidence) options.evidence = *request_.evidence;
@@ -162,7 +165,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
     if (device == options.devices.end()) {
       witnesses.unused.emplace_back("nobody can have cosigned it for certain: its device is not trusted");
     } else {
-      witnesses = judge_log_witnesses(folder, *device, *witnesses_, options.against, options);
+      witnesses = judge_log_witnesses(folder, *device, *witnesses_, judged.against, options);
     }
   }
   if (extras_.verified && !request_.as_log) {

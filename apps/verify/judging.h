@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/verify/outside_note.h"
 #include "apps/verify/verify_command.h"
 #include "apps/verify/witness_judgement.h"
 #include "crypto/hash.h"
@@ -49,7 +50,7 @@ struct Judged {
   std::vector<TakenFile> roots, own_roots;
   std::optional<crypto::Sha256Digest> policy, witnesses;  // of their files
   std::optional<std::filesystem::path> log;
-  std::vector<archive::OutsideNote> against;
+  std::vector<archive::OutsideNote> against;  // of copies their newest ones
   std::optional<archive::OutsideNote> log_proof;
 
   /// As the policy of witnesses asks, where one was given.
@@ -67,14 +68,14 @@ class Judge {
   [[nodiscard]] Judged judge(const std::filesystem::path& folder) const;
 
  private:
-  /// Notes of a log that may hold cosignatures: the given ones, and the home's where that was not named.
-  [[nodiscard]] std::vector<archive::OutsideNote> notes(const VerifyDefaults& defaults) const;
+  /// The cosigned note of the home, where witnesses are asked about and no log was named.
+  [[nodiscard]] std::optional<archive::OutsideNote> home_note(const VerifyDefaults& defaults) const;
 
   const JudgingRequest& request_;
   const VerifyExtras& extras_;
   std::vector<crypto::VerifierKey> devices_;
   crypto::AgeIdentities identities_;
-  std::vector<archive::OutsideNote> against_;
+  KeptOutside against_;
   std::optional<archive::OutsideNote> log_proof_;
   std::optional<evidence::Policy> policy_;
   std::optional<crypto::WitnessPolicy> witnesses_;

@@ -1,33 +1,34 @@
 #include "apps/verify/outside_note.h"
 
+#include <utility>
+
 #include "apps/common/file.h"
-#include "archive/format/case_folder.h"
-#include "archive/format/case_layout.h"
-#include "archive/verify/checkpoint_rules.h"
-#include "base/error.h"
 
 namespace kiroku::apps {
 
-archive::OutsideNote load_outside_note(const std::filesystem::path& file_or_copy) {
-  std::error_code ignored;
-  if (!std::filesystem::is_directory(file_or_copy, ignored)) {
-    return {file_or_copy.string(), std::string(text_of(read_small_file(file_or_copy, "the note")))};
+archive::OutsideNote load_outside_note(const std::filesystem::path& file) {
+  return {file.string(), std::string(text_of(read_small_file(file, "the note")))};
+}
+
+std::vector<archive::OutsideNote> KeptOutside::newest(const std::vector<crypto::VerifierKey>& devices) const {
+  std::vector<archive::OutsideNote> all = notes;
+  for (const archive::OutsideCopy& copy : copies) {
+    if (auto note = archive::newest_signed_note(copy, devices)) all.push_back(std::move(*note));
   }
-  const archive::CaseFolder copy = archive::CaseFolder::open(file_or_copy);
-  const std::vector<std::uint64_t> sizes = archive::note_sizes(copy.list());
-  if (sizes.empty()) {
-    throw UsageError("there is no checkpoint in " + file_or_copy.string() +
-                     ": give a note, or a copy of a case or an appliance log");
+  return all;
+}
+
+KeptOutside load_kept_outside(const std::vector<std::string>& files_and_copies) {
+  KeptOutside kept;
+  for (const std::string& named : files_and_copies) {
+    std::error_code ignored;
+    if (std::filesystem::is_directory(named, ignored)) {
+      kept.copies.push_back(archive::read_outside_copy(named));
+    } else {
+      kept.notes.push_back(load_outside_note(named));
+    }
   }
-  const std::string newest = archive::note_path(sizes.back());
-  const archive::FileOpening opening = copy.open_file(newest);
-  std::optional<std::string> text =
-      opening.file ? archive::read_small(*opening.file, archive::kMaximumNoteBytes) : std::nullopt;
-  if (!text) {
-    throw UsageError("cannot take the newest checkpoint of " + file_or_copy.string() + ": " + newest + " " +
-                     (opening.file ? "is far too long" : opening.explanation));
-  }
-  return {(file_or_copy / newest).string(), std::move(*text)};
+  return kept;
 }
 
 }  // namespace kiroku::apps

@@ -189,7 +189,9 @@ std::optional<std::string> CaseFolder::read_if_there(std::string_view relative, 
 }
 
 std::optional<std::string> read_small(const ReadableFile& file, std::size_t limit) {
-  if (file.size() > limit) {
+  // A block or two cost no more than opening the file.
+  constexpr std::size_t kTooSmallToCost = 4096;
+  if (file.size() > limit || (file.size() > kTooSmallToCost && file.first_hole())) {
     return std::nullopt;
   }
   std::string text(static_cast<std::size_t>(file.size()), '\0');

@@ -47,7 +47,8 @@ class CaseFolder {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   /// `relative` must be as format 1 names files: no empty, "." or ".." component (kMissing otherwise).
   [[nodiscard]] FileOpening open_file(std::string_view relative) const;
-  /// The file's bytes; nothing where it is not there, no regular file, or longer than `limit`. For whoever
+  /// The file's bytes; nothing where it is not there, no regular file, longer than `limit`, or with a hole
+  /// (read_small). For whoever
   /// takes what is not there as never written: throws kiroku::Error where it is there and cannot be read, or
   /// not to its end, kiroku::IoError.
   [[nodiscard]] std::optional<std::string> read_if_there(std::string_view relative, std::size_t limit) const;
@@ -64,7 +65,8 @@ class CaseFolder {
   const FileReading* reading_;
 };
 
-/// The file's bytes if there are at most `limit`; nothing if there are more. Throws kiroku::IoError.
+/// The file's bytes if there are at most `limit`; nothing if there are more, or if it has a hole, which costs
+/// whoever makes it nothing: nothing small is written with one. Throws kiroku::IoError.
 std::optional<std::string> read_small(const ReadableFile& file, std::size_t limit);
 
 }  // namespace kiroku::archive

@@ -184,6 +184,9 @@ std::optional<std::uint64_t> ReadableFile::first_hole() const {
     }
     throw IoError("look for holes in", path_, errno);
   }
+  if (static_cast<std::uint64_t>(at) + kSector > size_) {
+    return std::nullopt;  // what is told of is the end
+  }
   // File systems have told of holes where there were none.
   std::array<std::byte, kLookedAt> there{};
   const std::size_t got = read_at(static_cast<std::uint64_t>(at), there);

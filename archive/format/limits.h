@@ -12,8 +12,8 @@ namespace kiroku::archive {
 // -- of the format
 /// A line of a ledger or of the appliance log, without LF.
 inline constexpr std::size_t kMaximumLineBytes = 1U << 20U;
-/// What follows so many bytes without an LF is not read: a file that takes no room on a disk can be as long
-/// as one likes.
+/// What follows so many bytes in lines that are too long, or hold a zero byte, is not read, whether they are
+/// one line or many: a file that takes no room on a disk reads as zeros, and can be as long as one likes.
 inline constexpr std::uint64_t kMostBytesOfLine = std::uint64_t{64} << 20U;
 /// Values in one line or in excerpt.json: texts, numbers, lists, objects. Each takes 40 bytes when it is
 /// read, and can take two in the text.

@@ -4,10 +4,12 @@
 #include <cerrno>
 #include <chrono>
 #include <fcntl.h>
+#include <map>
 #include <optional>
 #include <string_view>
 #include <sys/file.h>
 #include <thread>
+#include <utility>
 
 #include "archive/format/log_entry.h"
 #include "archive/upkeep/stated_log.h"
@@ -21,21 +23,27 @@ namespace fs = std::filesystem;
 Holds read_holds(const fs::path& log_folder, const crypto::VerifierKey& device,
                  const std::optional<crypto::Checkpoint>& seen) {
   constexpr std::array<std::string_view, 2> kTypes{"case-held", "case-released"};
+  std::map<std::string, std::map<std::uint64_t, Hold>> standing;  // by case, then by entry
+  read_stated(log_folder, device, seen,
+              {"which cases are under legal hold", kTypes, [&](const StatedEntry& stated) {
+                 const LogEntryBody& body = stated.entry.body;
+                 if (const auto* held = std::get_if<CaseHeldEntry>(&body)) {
+                   standing[held->case_id].try_emplace(
+                       stated.number, Hold{stated.number, stated.entry.at.utc, held->reason, held->who});
+                 } else if (const auto* released = std::get_if<CaseReleasedEntry>(&body)) {
+                   const auto of_case = standing.find(released->case_id);
+                   if (of_case == standing.end() || !of_case->second.contains(released->hold) ||
+                       !stated.is_signed()) {
+                     return;
+                   }
+                   of_case->second.erase(released->hold);
+                 }
+               }});
   Holds holds;
-  read_stated(
-      log_folder, device, seen,
-      {"which cases are under legal hold", kTypes, [&](const StatedEntry& stated) {
-         const LogEntryBody& body = stated.entry.body;
-         if (const auto* held = std::get_if<CaseHeldEntry>(&body)) {
-           holds[held->case_id].push_back({stated.number, stated.entry.at.utc, held->reason, held->who});
-         } else if (const auto* released = std::get_if<CaseReleasedEntry>(&body)) {
-           const auto of_case = holds.find(released->case_id);
-           if (of_case == holds.end() || !stated.is_signed()) {
-             return;
-           }
-           std::erase_if(of_case->second, [&](const Hold& each) { return each.entry == released->hold; });
-         }
-       }});
+  for (auto& [case_id, of_case] : standing) {
+    std::vector<Hold>& of_this = holds[case_id];
+    for (auto& [entry, hold] : of_case) of_this.push_back(std::move(hold));
+  }
   return holds;
 }
 

@@ -3,12 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
-#include "archive/format/limits.h"
+#include "archive/format/line_reader.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/case_reader.h"
 #include "archive/writing/appliance_log.h"
@@ -53,24 +54,6 @@ bool has_case_with_log(const fs::path& archive) {
   });
 }
 
-/// Without its line feed; nothing where there is no whole line. A ledger's first line has some hundred bytes,
-/// and an archive has thousands of ledgers.
-std::optional<std::string> first_line(const ReadableFile& file) {
-  std::string text;
-  std::array<char, 4096> part{};
-  while (text.size() <= kMaximumLineBytes) {
-    const std::size_t count = file.read_at(text.size(), std::as_writable_bytes(std::span(part)));
-    const std::size_t searched = text.size();
-    text.append(part.data(), count);
-    if (const std::size_t end = text.find('\n', searched); end != std::string::npos) {
-      text.resize(end);
-      return text;
-    }
-    if (count == 0) break;
-  }
-  return std::nullopt;
-}
-
 /// What a case says of the log that it was recorded beside.
 struct StatedByCase {
   std::uint64_t size = 0;
@@ -87,7 +70,7 @@ std::vector<StatedByCase> stated_by_cases(const fs::path& archive, const crypto:
     try {
       // What is no ledger of this device says nothing of its log; verification of the case tells more.
       const FileOpening ledger = CaseFolder::open(archive / name).open_file(kLedgerFile);
-      const std::optional<std::string> line = ledger.file ? first_line(*ledger.file) : std::nullopt;
+      const std::optional<std::string> line = ledger.file ? first_whole_line(*ledger.file) : std::nullopt;
       if (!line) continue;
       const EntryParse first = parse_case_entry(*line);
       const auto* const open = first.entry ? std::get_if<OpenEntry>(&first.entry->body) : nullptr;

@@ -97,7 +97,7 @@ std::optional<std::string> why_cosignatures_ended(const VerifyOptions& options,
   return std::nullopt;
 }
 
-WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
+WalkedLog walked_log(const LogContents& contents, OutsideNotes& notes,
                      const std::optional<OpenEntry>& opening) {
   WalkedLog walked{notes.held_notes(), std::nullopt, std::nullopt};
   const auto known = opening ? contents.cases.find(opening->case_id) : contents.cases.end();

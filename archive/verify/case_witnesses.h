@@ -26,7 +26,7 @@ struct ShownPart {
   std::uint64_t known = 0;  // the log states the root of so many of them
 };
 /// After `walk` of the log over this case gave `contents`, compared with `notes`.
-WalkedLog walked_log(const LogContents& contents, const OutsideNotes& notes,
+WalkedLog walked_log(const LogContents& contents, OutsideNotes& notes,
                      const std::optional<OpenEntry>& opening);
 /// Nothing where options.witnesses is null. Of several checkpoints that one is told which holds the most of
 /// the case, by a quorum if one does, over the most entries. `part`: of an excerpt. The case's end says

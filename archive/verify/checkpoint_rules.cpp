@@ -43,7 +43,8 @@ std::optional<std::string> read_note(const CaseFolder& folder, std::uint64_t siz
   try {
     std::optional<std::string> note = read_small(*opening.file, kMaximumNoteBytes);
     if (!note) {
-      findings.add("checkpoint-malformed", place, place.file + " is far too long for a checkpoint");
+      findings.add("checkpoint-malformed", place,
+                   place.file + " is far too long for a checkpoint, or has a hole");
     }
     return note;
   } catch (const IoError& error) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <string_view>
 #include <utility>
 
 #include "archive/format/case_folder.h"
@@ -45,13 +46,28 @@ std::optional<Signer> first_signed(const SignedLog& log, std::uint64_t common,
   return std::nullopt;
 }
 
+/// Of each device its first checkpoint over more than `common` entries.
+std::map<std::string_view, const SignedLog::Signed*> first_of_each(const SignedLog& log,
+                                                                   std::uint64_t common) {
+  std::map<std::string_view, const SignedLog::Signed*> first;
+  for (const SignedLog::Signed& each : log.checkpoints) {
+    if (each.size > common) first.try_emplace(log.devices[each.device], &each);
+  }
+  return first;
+}
+
 /// Who signed both behind what is common to them, or each.
 void name_signers(const SignedLog& first, const SignedLog& second, std::uint64_t common,
                   HistoryComparison& comparison) {
+  const auto of_first = first_of_each(first, common);
+  const auto of_second = first_of_each(second, common);
   for (const std::string& device : first.devices) {
-    comparison.first = first_signed(first, common, &device);
-    comparison.second = comparison.first ? first_signed(second, common, &device) : std::nullopt;
-    if (comparison.second) return;
+    const auto one = of_first.find(device);
+    const auto other = of_second.find(device);
+    if (one == of_first.end() || other == of_second.end()) continue;
+    comparison.first = signer_of(first, *one->second);
+    comparison.second = signer_of(second, *other->second);
+    return;
   }
   comparison.first = first_signed(first, common);
   comparison.second = first_signed(second, common);

@@ -16,10 +16,10 @@
 
 namespace kiroku::archive {
 
-/// What a walk over a log keeps for a comparison: 32 bytes an entry, and 16 a checkpoint.
+/// What a walk over a log keeps for a comparison: 32 bytes an entry, 16 a checkpoint, and the key of each
+/// device that signed any. None is left out, however many a log names: among them is the one that signed two
+/// histories.
 struct SignedLog {
-  /// Of further devices no checkpoint is kept.
-  static constexpr std::size_t kMostDevices = 64;
   /// A checkpoint in the folder: signed by the device of then, and of just these lines.
   struct Signed {
     std::uint64_t size = 0;

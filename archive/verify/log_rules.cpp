@@ -84,8 +84,6 @@ LogContents LogWalk::run() {
   LineReader reader(*opening.file);
   LedgerLine line;
   bool tree_known = true;
-  const std::vector<std::uint64_t> listed = note_sizes(listing_);
-  const std::uint64_t last_listed = listed.empty() ? 0 : listed.back();
   if (outside_ != nullptr) {
     outside_->reached(0, fits, tree_known);
   }
@@ -154,7 +152,10 @@ LogContents LogWalk::run() {
       judge_holds(number);
     }
     judge_consents(number, has_its_own);
-    if (!checkpoints_.has(tree_.size()) && tree_.size() > last_listed) {
+    // No note beyond the lines says which are the newest: anybody can put one there.
+    if (checkpoints_.has(tree_.size())) {
+      recent_.clear();
+    } else {
       recent_.push_back({{}, tree_.size(), tree_.root()});
       if (recent_.size() > kMostRecent) {
         recent_.pop_front();
@@ -202,15 +203,11 @@ void LogWalk::keep_signed() {
   if (kept_ == nullptr || !signer_ || checkpoints_.covered() != tree_.size()) {
     return;
   }
-  std::vector<std::string>& devices = kept_->devices;
-  auto device = std::find(devices.begin(), devices.end(), *signer_);
-  if (device == devices.end()) {
-    if (devices.size() == SignedLog::kMostDevices) {
-      return;
-    }
-    device = devices.insert(devices.end(), *signer_);
+  const auto [device, is_new] = kept_devices_.try_emplace(*signer_, kept_->devices.size());
+  if (is_new) {
+    kept_->devices.push_back(*signer_);
   }
-  kept_->checkpoints.push_back({tree_.size(), static_cast<std::size_t>(device - devices.begin())});
+  kept_->checkpoints.push_back({tree_.size(), device->second});
 }
 
 void LogWalk::judge_signed() {
@@ -284,27 +281,26 @@ void LogWalk::judge_holds(std::uint64_t number) {
   const std::string& case_id =
       std::visit([](const auto& entry) -> const std::string& { return entry.case_id; }, *of_holds_now_);
   const bool is_own = is_its_devices(case_id);
-  std::map<std::uint64_t, bool>& standing = holds_[case_id];
-  std::visit(Overloaded{[&](const CaseHeldEntry&) { standing.emplace(number, is_own); },
-                        [&](const CaseReleasedEntry& released) {
-                          const auto hold = standing.find(released.hold);
-                          if (hold != standing.end() && (is_own || !hold->second)) standing.erase(hold);
-                        },
-                        [&](const CaseErasedEntry& erased) {
-                          const auto own =
-                              std::ranges::find_if(standing, [](const auto& hold) { return hold.second; });
-                          if (is_own && own != standing.end()) {
-                            const std::string what = erased.stream ? "stream " + *erased.stream + " of case "
-                                                                   : std::string("case ");
-                            of_cases_->add("erased-while-held", in_ledger(number),
-                                           "the log says that " + what + erased.case_id +
-                                               " was erased while its legal hold of " + at_entry(own->first) +
-                                               " stood");
-                          } else if (!standing.empty()) {
-                            note_another(number);
-                          }
-                        }},
-             *of_holds_now_);
+  Holds& standing = holds_[case_id];
+  std::visit(
+      Overloaded{[&](const CaseHeldEntry&) { (is_own ? standing.own : standing.of_others).insert(number); },
+                 [&](const CaseReleasedEntry& released) {
+                   standing.of_others.erase(released.hold);
+                   if (is_own) standing.own.erase(released.hold);
+                 },
+                 [&](const CaseErasedEntry& erased) {
+                   if (is_own && !standing.own.empty()) {
+                     const std::string what =
+                         erased.stream ? "stream " + *erased.stream + " of case " : std::string("case ");
+                     of_cases_->add("erased-while-held", in_ledger(number),
+                                    "the log says that " + what + erased.case_id +
+                                        " was erased while its legal hold of " +
+                                        at_entry(*standing.own.begin()) + " stood");
+                   } else if (!standing.own.empty() || !standing.of_others.empty()) {
+                     note_another(number);
+                   }
+                 }},
+      *of_holds_now_);
 }
 
 void LogWalk::judge_tail() {

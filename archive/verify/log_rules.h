@@ -191,8 +191,9 @@ class LogWalk {
   std::uint64_t head_;
   OutsideNotes* outside_ = nullptr;
   SignedLog* kept_ = nullptr;
-  std::optional<std::string> signer_;          // the device's key, where it names one
-  std::optional<crypto::VerifierKey> device_;  // the same, with what is known of it
+  std::map<std::string, std::size_t> kept_devices_;  // places in kept_->devices
+  std::optional<std::string> signer_;                // the device's key, where it names one
+  std::optional<crypto::VerifierKey> device_;        // the same, with what is known of it
   bool trusts_device_ = false;
   bool is_case_devices_ = false;                 // the case's device, under whichever of its keys
   bool had_case_key_ = false;                    // the log named the very key that the case names
@@ -216,8 +217,11 @@ class LogWalk {
   std::optional<LogEntryBody> of_consents_now_;  // the newest entry, if it concerns consents
   ConsentRules consents_;
   BootRules boots_;
-  /// The holds that stand, by case: each entry, and whether the case's own device made it.
-  std::map<std::string, std::map<std::uint64_t, bool>> holds_;
+  /// The entries of the holds of a case that stand: of its own device, and of others that the log was.
+  struct Holds {
+    std::set<std::uint64_t> own, of_others;
+  };
+  std::map<std::string, Holds> holds_;
   struct Claim {
     CodeName code;
     std::uint64_t number;

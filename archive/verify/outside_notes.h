@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,7 +19,8 @@ namespace kiroku::archive {
 /// signed a note, or what it is of, beyond the lines whose root is compared.
 class OutsideNotes {
  public:
-  /// Judges the notes by themselves, and against each other. Everything referred to must outlive the object.
+  /// Judges the notes by themselves, and against each other; of copies all notes. Everything referred to must
+  /// outlive the object.
   OutsideNotes(const VerifyOptions& options, FindingList& findings);
 
   /// The ledger that is walked has this origin; a log whose device was exchanged has several. Notes of any
@@ -31,34 +33,53 @@ class OutsideNotes {
   /// whether it goes on.
   void finish(std::uint64_t size, bool whole_ledger);
 
-  /// The largest size so far at which one of them holds; 0 where none does.
-  [[nodiscard]] std::uint64_t held() const { return held_; }
-
   /// Whether one of this size and origin holds, as far as the walk has come.
-  [[nodiscard]] bool holds_at(std::uint64_t size, const std::string& origin) const;
+  [[nodiscard]] bool holds_at(std::uint64_t size, const std::string& origin);
 
-  /// Those that hold, as far as the walk has come, by size: their signers' cosignatures count.
+  /// Those that hold, as far as the walk has come, by size: their signers' cosignatures count. Of a copy its
+  /// newest one.
   struct Held {
     std::string name, text;
     crypto::Checkpoint checkpoint;
   };
-  [[nodiscard]] std::vector<Held> held_notes() const;
+  [[nodiscard]] std::vector<Held> held_notes();
 
   /// Whether two of them prove a fork, whatever the ledger holds.
   [[nodiscard]] bool contradict_each_other() const { return contradict_; }
 
  private:
   enum class Answer { kNotReached, kHolds, kDiffers, kUnknown };
+  enum class Signature { kUnjudged, kHolds, kFails };
   struct Judged {
-    std::string name, text;
+    std::string name, text;  // of a copy's note empty: it is read again where its signature is asked for
     crypto::Checkpoint checkpoint;
     bool alone = false;  // not by all keys that the device is known to have: it accuses nobody
+    Signature signature = Signature::kHolds;
+    const OutsideCopy* copy = nullptr;  // null: the note was given by itself
+    const OutsideCopy::Note* in_copy = nullptr;
     Answer answer = Answer::kNotReached;
     std::uint64_t fork_after = 0;  // where it differs: entries that are still those of an older note
   };
+  /// By the devices that may sign for its origin: why it says nothing, in a finding; nothing where it holds.
+  struct Refusal {
+    CodeName code;
+    std::string text;
+  };
+  [[nodiscard]] std::optional<Refusal> judge_signature(const std::string& name, const std::string& text,
+                                                       const crypto::Checkpoint& checkpoint,
+                                                       bool& alone) const;
   void judge(const OutsideNote& note);
+  /// Whether a trusted device signed it. Of a copy, which may have as many notes as a log has entries, only
+  /// those are judged that something rests on.
+  bool is_signed(Judged& note);
   void compare_with_each_other();
+  /// Two of one origin, of which one at least is in a copy.
+  void compare_at_one_size(std::vector<Judged*> notes);
+  void tell_contradiction(const Judged& one, const Judged& other);
+  void finish_copy(const OutsideCopy& copy, std::uint64_t size);
+  void tell(const Judged& note, std::uint64_t size, const std::string& behind);
   void add_misfit(const Judged& note, CodeName code, const Place& place, const std::string& text);
+  [[nodiscard]] bool is_of_what_is_shown(const Judged& note) const;
 
   const VerifyOptions* options_;
   FindingList* findings_;

@@ -402,10 +402,8 @@ LyingThere look_at(const std::filesystem::path& folder) {
     if (!ledger.file) {
       return {ledger.problem != FileProblem::kMissing, {}};
     }
-    LineReader reader(*ledger.file);
-    LedgerLine line;
-    const bool whole = reader.next(line) && !line.torn;
-    return {false, whole ? std::optional(crypto::sha256(bytes_of(line.text))) : std::nullopt};
+    const std::optional<std::string> line = first_whole_line(*ledger.file);
+    return {false, line ? std::optional(crypto::sha256(bytes_of(*line))) : std::nullopt};
   } catch (const IoError&) {
     return {true, {}};
   }

@@ -30,11 +30,26 @@ struct OutsideNote {
   std::string name, text;
 };
 
+/// An earlier copy of what is verified, that somebody kept outside: all checkpoints in it, as their texts
+/// state them. Which of them is the newest no file's name says: whoever could write to the folder before it
+/// was copied may have put an old one under a large number.
+struct OutsideCopy {
+  struct Note {
+    std::string file;  // in the folder
+    crypto::Checkpoint checkpoint;
+  };
+  std::filesystem::path folder;
+  std::vector<Note> notes;   // by the size that their texts state; judged by nobody yet
+  std::uint64_t others = 0;  // files in a checkpoint's place that are none, or state another size than named
+  std::string first_other;
+};
+
 struct VerifyOptions {
   std::vector<crypto::VerifierKey> devices;  // trusted; empty: unproven
   const timestamp::TrustStore* trust = nullptr;
   std::optional<std::filesystem::path> log;  // appliance log folder
   std::vector<OutsideNote> against;          // of what is verified: notes of the case, or of the log
+  std::vector<OutsideCopy> copies;           // likewise
   std::optional<OutsideNote> log_proof;      // a .tlog-proof of the case's end in the log
   /// Who must have cosigned the log's checkpoint that holds the case's entries; null: nobody is asked about.
   const crypto::WitnessPolicy* witnesses = nullptr;

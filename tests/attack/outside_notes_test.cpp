@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "archive/format/case_layout.h"
+#include "archive/verify/outside_copy.h"
 #include "crypto/merkle_tree.h"
 #include "tests/attack/attack_table.h"
 
@@ -69,6 +70,98 @@ TEST_F(RewrittenLog, ThatWasNotRewrittenHoldsAgainstEveryNoteThatWasKept) {
   EXPECT_EQ(summary_alone(report), "intact\noutside-note-holds - -\noutside-note-holds - -")
       << details(report);
   EXPECT_THAT(report.findings[0].text, HasSubstr("kept.note holds: the first 2 entries"));
+}
+
+/// A copy of the sound log that somebody keeps elsewhere, while others can add files to it: a backup takes
+/// over what lies in the archive.
+class LogBesideACopy : public RewrittenLog {
+ protected:
+  LogBesideACopy() { fs::copy(sound().log_folder(), copy(), fs::copy_options::recursive); }
+  [[nodiscard]] fs::path copy() const { return victim_.outside("copy"); }
+  void put(std::uint64_t name, const std::string& note) const {
+    write_file(copy() / archive::note_path(name), note);
+  }
+  [[nodiscard]] archive::VerificationReport verify_by_copy() const {
+    archive::VerifyOptions options = sound().options();
+    options.copies = {archive::read_outside_copy(copy())};
+    return archive::verify_log(log(), options);
+  }
+  void cut_to(std::size_t entries) const {
+    std::vector<std::string> rest = lines();
+    rest.resize(entries);
+    rewrite(rest);
+  }
+  static std::string junk(std::uint64_t size) {
+    return signed_note(size, {}, crypto::SigningKey::generate(), origin());
+  }
+};
+
+TEST_F(LogBesideACopy, HoldsByItsNewestNote) {
+  const archive::VerificationReport report = verify_by_copy();
+  EXPECT_EQ(summary_alone(report), "intact\noutside-note-holds - -") << details(report);
+  EXPECT_THAT(report.findings[0].text, HasSubstr("copy/" + archive::note_path(size()) + " holds: the first " +
+                                                 std::to_string(size()) + " entries"));
+}
+
+// The name of a file says nothing of what is in it.
+TEST_F(LogBesideACopy, IsNotHiddenByAnOldNoteUnderALargeNumber) {
+  const std::uint64_t before = size();
+  put(99'999'999, kept(2).text);
+  const archive::VerificationReport sound_yet = verify_by_copy();
+  EXPECT_EQ(summary_alone(sound_yet), "intact\noutside-note-holds - -") << details(sound_yet);
+  EXPECT_THAT(sound_yet.findings[0].text, HasSubstr("the first " + std::to_string(before) + " entries"));
+  EXPECT_THAT(sound_yet.findings[0].text,
+              HasSubstr("beside it lies 1 file that is no checkpoint of the size that its name states: "
+                        "checkpoints/99999999.note"));
+  cut_to(6);
+  const archive::VerificationReport report = verify_by_copy();
+  EXPECT_EQ(report.verdict, archive::Verdict::kTampered);
+  EXPECT_THAT(summary_alone(report), HasSubstr("outside-note-rolled-back ledger.jsonl 6")) << details(report);
+}
+
+TEST_F(LogBesideACopy, IsNotHiddenByNotesThatNobodySigned) {
+  put(99'999'999, junk(99'999'999));
+  put(99'999'998, "nothing");
+  put(99'999'997, kept(2).text + kept(2).text);
+  EXPECT_EQ(summary_alone(verify_by_copy()), "intact\noutside-note-holds - -");
+  cut_to(6);
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("outside-note-rolled-back ledger.jsonl 6"));
+}
+
+TEST_F(LogBesideACopy, IsNotHiddenByANoteOfAnotherRecordOfTheDevice) {
+  put(99'999'999, signed_note(99'999'999, {}, sound().key(), "kiroku/or3/20260805T091502Z-3f9c21ab"));
+  EXPECT_EQ(summary_alone(verify_by_copy()), "intact\noutside-note-holds - -");
+  cut_to(6);
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("outside-note-rolled-back ledger.jsonl 6"));
+}
+
+// The key's holder writes another history, and puts its end into the copy beside what the copy had.
+TEST_F(LogBesideACopy, IsAForkThoughItsOwnNewestNoteWasAddedThere) {
+  std::vector<std::string> other = lines();
+  std::string& line = other[5];
+  line.replace(line.find("\"utc\":\"") + 7, 4, "2001");
+  std::string more = other[2];
+  more.replace(more.find("\"seq\":2"), 7, "\"seq\":" + std::to_string(other.size()));
+  other.push_back(more);
+  rewrite(other);
+  put(other.size(), read_file(log() / archive::note_path(other.size())));
+  const archive::VerificationReport report = verify_by_copy();
+  EXPECT_EQ(report.verdict, archive::Verdict::kTampered);
+  EXPECT_THAT(summary_alone(report), HasSubstr("outside-note-forked ledger.jsonl 5")) << details(report);
+}
+
+TEST_F(LogBesideACopy, WithTwoNotesOfOneSizeSignedTwoHistories) {
+  put(99'999'999, signed_note(6, {}, sound().key(), origin()));
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("outside-notes-contradict - -"));
+}
+
+TEST_F(LogBesideACopy, ThatNobodySignedIsNotCompared) {
+  fs::remove_all(copy() / archive::kCheckpointsFolder);
+  fs::create_directory(copy() / archive::kCheckpointsFolder);
+  put(3, junk(3));
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("unproven\noutside-note-invalid - -"));
+  put(3, "nothing");
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("unproven\noutside-note-invalid - -"));
 }
 
 TEST_F(RewrittenLog, WithItsLastEntriesCutOffIsToldByANoteOverThem) {
@@ -209,6 +302,23 @@ TEST_F(RewrittenCase, ForgedByDeviceAndAuthorityIsAFork) {
   victim_.forge(sound().key(), true);
   ASSERT_EQ(summary(verify({})), "intact");  // only the note can tell
   EXPECT_EQ(summary(verify({receipt()})), "tampered\noutside-note-forked ledger.jsonl 0");
+}
+
+TEST_F(RewrittenCase, IsNotHiddenByAnOldNoteUnderALargeNumberInACopyOfIt) {
+  const fs::path copy = victim_.outside("copy");
+  fs::copy(SoundCases::get().first, copy, fs::copy_options::recursive);
+  std::uint64_t least = ~std::uint64_t{0};
+  for (const auto& note : fs::directory_iterator(copy / archive::kCheckpointsFolder))
+    least = std::min(least, archive::size_of_note_name(note.path().filename().string()).value());
+  fs::copy(copy / archive::note_path(least), copy / archive::note_path(99'999'999));
+  archive::VerifyOptions options = sound().options();
+  options.log.reset();
+  options.copies = {archive::read_outside_copy(copy)};
+  EXPECT_EQ(summary(archive::verify_case(victim_.folder(), options)), "intact\noutside-note-holds - -");
+  victim_.edit(5, [](archive::CaseEntry& e) { std::get<archive::MarkEntry>(e.body).commitment = {}; });
+  victim_.forge(sound().key(), true);
+  EXPECT_THAT(summary(archive::verify_case(victim_.folder(), options)),
+              HasSubstr("tampered\noutside-note-forked ledger.jsonl"));
 }
 
 TEST_F(RewrittenCase, CutBehindAClaimedPowerCutIsRolledBack) {

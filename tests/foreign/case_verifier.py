@@ -16,7 +16,7 @@ import strict_json
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
-from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Heads, Judgement, Ledger, Unread, has_hole, newer, number_of, outside_notes, parse_entry,
+from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Heads, Judgement, Ledger, Unread, has_hole, newer, number_of, outside_notes, parse_entry, read_lines, read_small,
                       sha256_of, size_of_note, token_of_path)
 
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
@@ -632,7 +632,7 @@ class Entries:
             return "unnamed"
         if found[2]:
             return "part"
-        certificates = is_certificates((self.folder.path / file.path).read_bytes())
+        certificates = is_certificates(read_small(self.folder.path / file.path, LARGEST_CERTIFICATES))
         if found[1] not in self.authorities:
             if not certificates:
                 return "unnamed"
@@ -1029,7 +1029,7 @@ def _judge_carrying_on(folder, path, entries):
     def other(case):
         """Lines and entries of the case that lies beside this one, up to a line that is too long."""
         try:
-            lines = (path.parent / case / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+            lines = read_lines(path.parent / case / "ledger.jsonl").split(b"\n")[:-1]
         except OSError:
             return None
         lines = lines[:next((i for i, line in enumerate(lines) if len(line) > LARGEST_LINE), len(lines))]
@@ -1089,7 +1089,7 @@ def _judge_carrying_on(folder, path, entries):
             lines, found = beside
             source = next((s["source"] for s in found[0]["streams"] if s["name"] == "events"), "") if begins(found, later[1]) else ""
             named = CARRIES_ON.fullmatch(source)
-            own = (path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+            own = read_lines(path / "ledger.jsonl").split(b"\n")[:-1]
             holds = named is not None and named[1] == opening["case"] and root_of(own, int(named[2])) == named[3]
             by_device = is_signed(later[1], lines, 1)
             says(holds and by_device, by_device)
@@ -1247,7 +1247,7 @@ def _root_stated(folder, size):
 def _read_small(path):
     """Of a file of which nothing is said if it cannot be read: a sparse one may be larger than any memory."""
     try:
-        return path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST_NOTE else b""
+        return read_small(path, LARGEST_NOTE) if path.is_file() else b""
     except OSError:
         return b""
 

@@ -3124,6 +3124,83 @@ def note_of_another_history(world):
     return world.given(case.write(world.folder).folder, against=kept(world, written.notes[max(written.notes)]))
 
 
+def copy_of(world, written, strays):
+    """A folder that was copied before, and what somebody put there: notes by the numbers in their names."""
+    copy = world.folder / "copy"
+    shutil.copytree(written.folder, copy)
+    for name, data in strays.items():
+        (copy / "checkpoints" / f"{name:08d}.note").write_bytes(data)
+    return [copy]
+
+
+def strays_in(world, written):
+    """An old note under a large number, one that nobody signed, one of another case, and what is none."""
+    stranger = note.Signer("or3", bytes([9] * 32))
+    return {99_999_999: written.notes[min(written.notes)], 99_999_998: stranger.checkpoint(f"kiroku/or3/{world.case_id}", 99_999_998, bytes(32)),
+            99_999_997: world.device.checkpoint("kiroku/or3/20200101T000000Z-00000000", 99_999_997, bytes(32)), 99_999_996: b"nothing"}
+
+
+@reaches("outside-note-holds")
+def copy_with_notes_that_were_put_there(world):
+    written = world.sound().write(world.folder)
+    return world.given(written.folder, against=copy_of(world, written, strays_in(world, written)))
+
+
+@reaches("outside-note-rolled-back")
+def copy_of_more_with_notes_that_were_put_there(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    against = copy_of(world, written, strays_in(world, written))
+    case.steps = case.steps[:-2]
+    return world.given(case.write(world.folder).folder, against=against)
+
+
+@reaches("outside-note-forked")
+def copy_of_another_history_with_notes_that_were_put_there(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    against = copy_of(world, written, strays_in(world, written))
+    case.find("mark").fields["commitment"] = "0" * 64
+    return world.given(case.write(world.folder).folder, against=against)
+
+
+@reaches("outside-note-of-other-origin")
+def copy_of_another_case_alone(world):
+    written = world.sound().write(world.folder)
+    copy = world.folder / "copy"
+    (copy / "checkpoints").mkdir(parents=True)
+    (copy / "checkpoints/00000003.note").write_bytes(world.device.checkpoint("kiroku/or3/20200101T000000Z-00000000", 3, bytes(32)))
+    return world.given(written.folder, against=[copy])
+
+
+@reaches("outside-note-invalid")
+def copy_without_a_checkpoint_in_its_files(world):
+    written = world.sound().write(world.folder)
+    copy = world.folder / "copy"
+    (copy / "checkpoints").mkdir(parents=True)
+    (copy / "checkpoints/00000003.note").write_bytes(b"nothing")
+    return world.given(written.folder, against=[copy])
+
+
+@reaches("log-tail-not-covered", "entry-too-long")
+def log_of_lines_that_are_holes(world):
+    given = the_log(world)
+    with open(given.path / "ledger.jsonl", "r+b") as file:
+        for _ in range(40):
+            file.seek(60 << 20, os.SEEK_END)
+            file.write(b"\n")
+    return given
+
+
+@reaches("file-hash-differs")
+def token_that_is_a_hole(world):
+    written = world.sound().write(world.folder)
+    token = next((written.folder / "tokens").iterdir())
+    os.truncate(token, 0)
+    os.truncate(token, 1 << 20)
+    return world.given(written.folder)
+
+
 @reaches("outside-notes-contradict", "outside-note-forked", "outside-note-holds")
 def two_histories(world):
     case = world.sound()

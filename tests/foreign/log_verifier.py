@@ -7,7 +7,7 @@ import re
 
 import note
 import tpm_quote
-from verifier import Folder, Judgement, Ledger, has_hole, outside_notes, severities, size_of_note
+from verifier import Folder, Judgement, Ledger, first_line, has_hole, kept_outside, outside_notes, severities, size_of_note
 
 FOLLOWED_BY_NONE = ("boot", "config-changed", "device-ml-dsa-added", "device-hardware-added", "device-attestation-added", "device-hardware-silent")  # entries that no checkpoint need follow at once
 MOST_WITHOUT_THEIR_OWN = 3
@@ -371,16 +371,18 @@ class LogRead:
         return case, None, root if kind == "case-closed" else None
 
     def _judge_holds(self, holds, number, entry):
-        standing, ours = holds.setdefault(entry.get("case"), {}), self._is_its_devices(entry.get("case"))
+        own, of_others = holds.setdefault(entry.get("case"), (set(), set()))
+        ours = self._is_its_devices(entry.get("case"))
         if entry["type"] == "case-held":
-            standing[number] = ours
-        elif entry["type"] == "case-released" and (ours or not standing.get(entry["hold"], True)):
-            standing.pop(entry["hold"], None)
-        elif entry["type"] == "erased" and standing:
-            if ours and any(standing.values()):
-                self.held_and_erased.append((entry["case"], number))
-            else:
-                self._note_another(entry["case"], number)
+            (own if ours else of_others).add(number)
+        elif entry["type"] == "case-released":
+            of_others.discard(entry["hold"])
+            if ours:
+                own.discard(entry["hold"])
+        elif entry["type"] == "erased" and ours and own:
+            self.held_and_erased.append((entry["case"], number))
+        elif entry["type"] == "erased" and (own or of_others):
+            self._note_another(entry["case"], number)
 
     def _judge_tail(self, to_be_followed):
         covered, is_empty = self.folder.covered, len(self.ledger) == 0
@@ -397,9 +399,9 @@ class LogRead:
 def _held(notes, trust):
     """Checkpoints kept outside that a trusted device signed."""
     kept = []
-    for path in notes:
+    for each in kept_outside(notes):
         try:
-            checkpoint = note.parse_checkpoint(path.read_bytes())
+            checkpoint = note.parse_checkpoint(each.data)
         except note.Malformed:
             continue
         signatures = [(key, s[2]) for key in trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
@@ -459,14 +461,14 @@ def _missing(case, vouched):
 
 def _has_ledger(folder):
     try:
-        return b"\n" in (folder / "ledger.jsonl").read_bytes()
+        return first_line(folder / "ledger.jsonl") is not None
     except OSError:
         return False
 
 
 def _holds(folder, opening_line):
     try:
-        lines = (folder / "ledger.jsonl").read_bytes().split(b"\n")
+        line = first_line(folder / "ledger.jsonl")
     except OSError:
         return False
-    return len(lines) > 1 and hashlib.sha256(lines[0]).hexdigest() == opening_line
+    return line is not None and hashlib.sha256(line).hexdigest() == opening_line

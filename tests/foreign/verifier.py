@@ -19,6 +19,8 @@ PAGE = schema.FOLDER.parent / "format.md"
 SECOND = 1_000_000_000
 LARGEST_LINE, LARGEST_NOTE, LARGEST_CERTIFICATES = 1 << 20, 1 << 17, 1 << 18
 MOST_MALFORMED, MOST_OF_ONE_CODE, DEEPEST_FOLDER = 10_000, 1_000, 3
+MOST_IN_NO_LINES = 64 << 20  # bytes in lines that are too long, or hold a zero byte
+BLOCK = 4096
 RANK = ("note", "gap", "unproven", "incomplete", "tampered")
 
 
@@ -71,6 +73,43 @@ def has_hole(path, status):
         except OSError:
             return False
         return status.st_size - hole >= 512
+
+
+def read_small(path, most):
+    """The bytes of a small file; none of one that is longer, or has a hole, which costs whoever makes it nothing."""
+    status = os.lstat(path)
+    return b"" if status.st_size > most or status.st_size > BLOCK and has_hole(path, status) else path.read_bytes()
+
+
+def read_lines(path):
+    """A ledger as far as it is read: of a line that is too long as much as tells that it is."""
+    lines, in_no_lines = [], 0
+    with open(path, "rb") as file:
+        while piece := file.readline(LARGEST_LINE + 2):
+            if in_no_lines > MOST_IN_NO_LINES:
+                lines.append(b"?")
+                break
+            length, line = len(piece), piece
+            while len(piece) > 0 and not piece.endswith(b"\n") and in_no_lines + length <= MOST_IN_NO_LINES:
+                piece = file.readline(LARGEST_LINE)
+                length += len(piece)
+            line = line[:LARGEST_LINE + 1].removesuffix(b"\n")
+            if not piece.endswith(b"\n"):
+                lines.append(line)
+                break
+            lines.append(line + b"\n")
+            in_no_lines += length - 1 if length - 1 > LARGEST_LINE or b"\0" in line else 0
+    return b"".join(lines)
+
+
+def first_line(path):
+    """Nothing where it is not whole, too long, or holds a zero byte."""
+    line = b""
+    with open(path, "rb") as file:
+        while (piece := file.read(BLOCK)) and b"\n" not in line and b"\0" not in line and len(line) <= LARGEST_LINE:
+            line += piece
+    line, end, _ = line.partition(b"\n")
+    return line if end and b"\0" not in line and len(line) <= LARGEST_LINE else None
 
 
 class Torn:
@@ -278,7 +317,7 @@ class Folder:
         return not all(stat.S_ISDIR(mode) or stat.S_ISREG(mode) for mode in above)
 
     def read(self, name, most=None):
-        """The bytes of a regular file; None, and a finding, where there is none."""
+        """The bytes of a regular file, without `most` of a ledger; None, and a finding, where there is none."""
         path = self.path / name
         if self.leads_elsewhere(name):
             self.report("file-not-regular", name)
@@ -294,10 +333,8 @@ class Folder:
         if not stat.S_ISREG(status.st_mode):
             self.report("file-not-regular", name)
             return None
-        if most is not None and status.st_size > most:
-            return b""
         try:
-            return path.read_bytes()
+            return read_lines(path) if most is None else read_small(path, most)
         except OSError as e:
             self.report("file-unreadable", f"{name}: {e}")
             return None
@@ -428,51 +465,67 @@ class Folder:
 
     def judge_outside(self, notes, origins, ledger, whole):
         """Notes kept outside. `ledger` is None where there is none; `whole`: it is here to its end."""
-        seen = []
-        for path in notes:
-            name = path.name
-            try:
-                checkpoint = note.parse_checkpoint(path.read_bytes())
-            except note.Malformed as e:
-                self.report("outside-note-invalid", f"{name}: {e}")
-                continue
-            keys = [k for k in self.trust.devices if re.fullmatch(rf"kiroku/{re.escape(k.name)}/(log|[0-9]{{8}}T[0-9]{{6}}Z-[0-9a-f]{{8}})", checkpoint.origin)]
-            signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
-            if not signed:
-                self.report("outside-note-untrusted", name)
-                continue
-            if not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
-                self.report("outside-note-invalid", name)
-                continue
-            if checkpoint.size == 0:
-                self.report("outside-note-unchecked", name)
-                continue
-            both = [k.by_all(checkpoint) for k, _ in signed]
-            if False in both:
-                self.report("outside-note-invalid", name)
-                continue
-            seen.append((name, checkpoint, None in both))
-        for i, (name, one, alone) in enumerate(seen):
-            against = [others_alone for _, o, others_alone in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root]
-            if against:
-                self.report("outside-note-not-by-both" if alone or all(against) else "outside-notes-contradict", name)
-        for name, checkpoint, alone in seen:
-            def accuse(code, name=name, alone=alone):
-                self.report("outside-note-not-by-both" if alone else code, name)
-            known = ledger is not None and ledger.shows(checkpoint.size) and checkpoint.size <= ledger.known
-            if not origins:
-                self.report("outside-note-unchecked", name)
-            elif checkpoint.origin not in origins:
-                self.report("outside-note-of-other-origin", name)
-            elif known:
-                if ledger.root(checkpoint.size) == checkpoint.root:
-                    self.report("outside-note-holds", name)
+        alone, copies = [], {}   # those that are signed: the checkpoint, and whether keys beside Ed25519 are missing; of copies by copy
+        for kept in kept_outside(notes):
+            judged = self._judge_kept(kept)
+            if kept.copy is None:
+                if isinstance(judged, str):
+                    self.report(judged, kept.name)
                 else:
-                    accuse("outside-note-forked")
-            elif whole and checkpoint.size > len(ledger):
-                accuse("outside-note-rolled-back")
+                    alone.append((kept.name, *judged))
             else:
-                self.report("outside-note-unchecked", name)
+                copies.setdefault(kept.copy, []).append((kept, judged))
+        seen = alone + [(kept.name, *judged) for notes_of in copies.values() for kept, judged in notes_of if not isinstance(judged, str)]
+        for i, (name, one, lacks) in enumerate(seen):
+            against = [others_lack for _, o, others_lack in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root]
+            if against:
+                self.report("outside-note-not-by-both" if lacks or all(against) else "outside-notes-contradict", name)
+
+        def answer(checkpoint):
+            if not origins:
+                return "outside-note-unchecked"
+            if checkpoint.origin not in origins:
+                return "outside-note-of-other-origin"
+            if ledger is not None and ledger.shows(checkpoint.size) and checkpoint.size <= ledger.known:
+                return "outside-note-holds" if ledger.root(checkpoint.size) == checkpoint.root else "outside-note-forked"
+            return "outside-note-rolled-back" if whole and checkpoint.size > len(ledger) else "outside-note-unchecked"
+
+        def tell(name, code, lacks):
+            accuses = code in ("outside-note-forked", "outside-note-rolled-back")
+            self.report("outside-note-not-by-both" if lacks and accuses else code, name)
+        for name, checkpoint, lacks in alone:
+            tell(name, answer(checkpoint), lacks)
+        for copy, notes_of in copies.items():
+            answers = {}   # of each the newest note, one that is by all keys first
+            for kept, judged in notes_of:
+                if not isinstance(judged, str):
+                    answers.setdefault(answer(judged[0]), []).append((not judged[1], judged[0].size, kept.name))
+            told = [code for code in ("outside-note-forked", "outside-note-rolled-back") if code in answers]
+            told = told or [code for code in ("outside-note-holds", "outside-note-unchecked", "outside-note-of-other-origin") if code in answers][:1]
+            for code in told:
+                by_all, _, name = max(answers[code])
+                tell(name, code, not by_all)
+            if not told:
+                sized = [(kept.size, judged) for kept, judged in notes_of if kept.size is not None]
+                last = max(sized, key=lambda each: each[0], default=(0, ""))
+                self.report("outside-note-invalid" if last[0] == 0 else last[1], str(copy))
+
+    def _judge_kept(self, kept):
+        """Of a note kept outside its checkpoint, and whether it lacks a signature by a key beside Ed25519; a code where it says nothing."""
+        try:
+            checkpoint = note.parse_checkpoint(kept.data)
+        except note.Malformed:
+            return "outside-note-invalid"
+        keys = [k for k in self.trust.devices if re.fullmatch(rf"kiroku/{re.escape(k.name)}/(log|[0-9]{{8}}T[0-9]{{6}}Z-[0-9a-f]{{8}})", checkpoint.origin)]
+        signed = [(k, s) for k in keys for s in checkpoint.signatures if s[:2] == (k.name, k.id)]
+        if not signed:
+            return "outside-note-untrusted"
+        if not all(note.holds(k.public, checkpoint.text, s[2]) for k, s in signed):
+            return "outside-note-invalid"
+        if checkpoint.size == 0:
+            return "outside-note-unchecked"
+        both = [k.by_all(checkpoint) for k, _ in signed]
+        return "outside-note-invalid" if False in both else (checkpoint, None in both)
 
     def judge_proof(self, case_id, ledger, device=None, part=None):
         """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead.
@@ -519,14 +572,38 @@ class Folder:
         return tuple(vouched if each else 0 for each in by)
 
 
+@dataclasses.dataclass(frozen=True)
+class Kept:
+    """A note kept outside, by itself or in an earlier copy of a folder. `size`: what it states; None where it is none."""
+    name: str
+    data: bytes
+    copy: pathlib.Path | None
+    size: int | None
+    of_log: bool
+
+
+def kept_outside(given):
+    """All notes of what is given: files, folders, or what this gave."""
+    return [kept for each in given for kept in ([each] if isinstance(each, Kept) else _kept_in(pathlib.Path(each)))]
+
+
+def _kept_in(path):
+    def kept(file, data, copy):
+        try:
+            checkpoint = note.parse_checkpoint(data)
+        except note.Malformed:
+            return Kept(file.name, data, copy, None, False)
+        return Kept(file.name, data, copy, checkpoint.size, checkpoint.origin.endswith("/log"))
+    if not path.is_dir():
+        return [kept(path, path.read_bytes(), None)]
+    files = sorted(file for file in (path / "checkpoints").iterdir() if size_of_note(f"checkpoints/{file.name}") and not file.is_dir())
+    found = [kept(file, b"" if file.is_symlink() or not file.is_file() else read_small(file, LARGEST_NOTE), path) for file in files]
+    return [each for each in found if each.size is not None] or found[:1]
+
+
 def outside_notes(trust, of_logs):
     """The notes given that speak of logs, or the others."""
-    def speaks_of_log(path):
-        try:
-            return note.parse_checkpoint(path.read_bytes()).origin.endswith("/log")
-        except note.Malformed:
-            return False
-    return [path for path in trust.against if speaks_of_log(path) == of_logs]
+    return [kept for kept in kept_outside(trust.against) if kept.of_log == of_logs]
 
 
 def sha256_of(path):

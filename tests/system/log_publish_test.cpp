@@ -46,6 +46,17 @@ TEST_F(LogPublish, IsFollowedWithoutASecretLeaving) {
   EXPECT_EQ(told["kept"], told["shown"]);
 }
 
+TEST_F(LogPublish, GoesOnThoughAnOldCheckpointLiesUnderALargeNumber) {
+  EXPECT_EQ(publish().status, 0);
+  const fs::path notes = home() / "archive/log/checkpoints";
+  fs::copy(*fs::directory_iterator(notes), notes / "99999999.note");
+  EXPECT_FALSE(record().empty());
+  const ProcessResult published = publish();
+  EXPECT_EQ(published.status, 0) << published.out << published.err;
+  EXPECT_THAT(published.out, HasSubstr("of them new"));
+  EXPECT_THAT(published.out, HasSubstr("checkpoints/99999999.note in the log's folder is no checkpoint"));
+}
+
 TEST_F(LogPublish, ABackupThatWentOnIsNotPublishedAndWhoeverFollowsSeesIt) {
   fs::copy(home(), folder() / "backup", fs::copy_options::recursive);
   EXPECT_FALSE(record().empty());

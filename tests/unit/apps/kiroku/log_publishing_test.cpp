@@ -88,6 +88,25 @@ TEST_F(LogPublishingTest, ThatFailsIsTriedAgainAfterAMinuteAndToldEachTime) {
   EXPECT_EQ(checkpoint(), first);
 }
 
+TEST_F(LogPublishingTest, GoesOnThoughAnOldNoteLiesUnderALargeNumber) {
+  const std::filesystem::path notes = home_.log_folder() / "checkpoints";
+  std::filesystem::copy(notes / "00000002.note", notes / "99999999.note");
+  enter();
+  EXPECT_THAT(brought(), IsEmpty());
+  EXPECT_THAT(checkpoint(), HasSubstr("\n3\n"));
+}
+
+TEST_F(LogPublishingTest, TellsThatTheLogGoesOnWithoutCheckpoints) {
+  enter();
+  enter();
+  const std::filesystem::path notes = home_.log_folder() / "checkpoints";
+  std::filesystem::remove(notes / "00000003.note");
+  std::filesystem::remove(notes / "00000004.note");
+  EXPECT_THAT(brought(), ElementsAre(HasSubstr("the log was not published to its end. The log goes on beyond "
+                                               "that: 2 entries have no checkpoint yet")));
+  EXPECT_THAT(checkpoint(), HasSubstr("\n2\n"));
+}
+
 TEST_F(LogPublishingTest, IsNotDoneWhereNobodyWantsIt) {
   LogPublishing unwanted(home_, false, clock_);
   std::vector<std::string> problems;

@@ -1,11 +1,14 @@
 #include "archive/format/line_reader.h"
 
 #include <fstream>
+#include <span>
+#include <utility>
 
 #include <gtest/gtest.h>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/ledger_entry.h"
+#include "archive/format/limits.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::archive {
@@ -50,6 +53,87 @@ TEST(LineReader, KeepsOnlyTheBeginningOfALineThatIsTooLong) {
   EXPECT_FALSE(lines[0].too_long);
   EXPECT_EQ(lines[1], (Seen{longest, kMaximumLineBytes + 1, kMaximumLineBytes + 2, true, false}));
   EXPECT_EQ(lines[2], (Seen{"end", 2 * kMaximumLineBytes + 4, 3, false, false}));
+}
+
+/// So many lines that are holes but for their line feeds, and a line behind them.
+class Holes final : public crypto::ByteSource {
+ public:
+  Holes(std::uint64_t lines, std::uint64_t bytes_of_line) : lines_(lines), line_(bytes_of_line + 1) {}
+  [[nodiscard]] std::uint64_t size() const override { return lines_ * line_ + kEnd.size(); }
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
+    std::size_t done = 0;
+    for (; done < into.size() && offset + done < size(); ++done) {
+      const std::uint64_t at = offset + done;
+      const char c = at >= lines_ * line_ ? kEnd[at - lines_ * line_] : at % line_ + 1 == line_ ? '\n' : '\0';
+      into[done] = static_cast<std::byte>(c);
+    }
+    bytes_read += done;
+    return done;
+  }
+  mutable std::uint64_t bytes_read = 0;
+
+ private:
+  static constexpr std::string_view kEnd = "end\n";
+  std::uint64_t lines_, line_;
+};
+
+struct ReadThrough {
+  std::uint64_t lines = 0;
+  bool torn = false;
+  std::string last;
+};
+ReadThrough read_through(const Holes& holes) {
+  LineReader reader(holes);
+  ReadThrough all;
+  for (LedgerLine line; reader.next(line);) {
+    ++all.lines;
+    all.torn = line.torn;
+    all.last = line.text;
+  }
+  return all;
+}
+
+TEST(LineReader, OfManyLinesThatAreTooLongReadsNoMoreThanOfOne) {
+  const Holes holes(20, std::uint64_t{30} << 20U);
+  const ReadThrough all = read_through(holes);
+  EXPECT_EQ(all.lines, 3U);
+  EXPECT_TRUE(all.torn);
+  EXPECT_LT(holes.bytes_read, kMostBytesOfLine + kMaximumLineBytes);
+}
+
+TEST(LineReader, OfManyLinesOfZerosReadsNoMoreThanOfOne) {
+  const Holes holes(200, kMaximumLineBytes);
+  const ReadThrough all = read_through(holes);
+  EXPECT_EQ(all.lines, 66U);
+  EXPECT_TRUE(all.torn);
+  EXPECT_LT(holes.bytes_read, kMostBytesOfLine + 2 * kMaximumLineBytes);
+}
+
+TEST(LineReader, GoesOnBehindAFewOfEither) {
+  for (const auto& [lines, bytes] : {std::pair(2, 31U << 20U), std::pair(64, unsigned(kMaximumLineBytes))}) {
+    const ReadThrough all = read_through({std::uint64_t(lines), bytes});
+    EXPECT_EQ(all.lines, std::uint64_t(lines) + 1);
+    EXPECT_FALSE(all.torn);
+    EXPECT_EQ(all.last, "end");
+  }
+}
+
+TEST(LineReader, TheFirstLineAloneIsReadNoFurtherThanALineGoes) {
+  const auto first = [](const std::string& text) {
+    const test::TemporaryFolder folder;
+    std::ofstream(folder / "lines", std::ios::binary) << text;
+    return first_whole_line(real_reading().open_to_read(folder / "lines"));
+  };
+  EXPECT_EQ(first("ab\ncd\n"), "ab");
+  EXPECT_EQ(first("\n"), "");
+  EXPECT_EQ(first(""), std::nullopt);
+  EXPECT_EQ(first("ab"), std::nullopt);
+  const std::string longest(kMaximumLineBytes, 'x');
+  EXPECT_EQ(first(longest + "\n"), longest);
+  EXPECT_EQ(first(longest + "x\n"), std::nullopt);
+  const Holes holes(1, std::uint64_t{64} << 20U);
+  EXPECT_EQ(first_whole_line(holes), std::nullopt);
+  EXPECT_LE(holes.bytes_read, 4096U);
 }
 
 }  // namespace

@@ -261,19 +261,31 @@ TEST_F(LogHistories, ALogWithoutEntriesBeginsNothing) {
               HasSubstr("shows no entry"));
 }
 
-// Somebody's log that names a device in each line: keys are kept of few.
-TEST_F(LogHistories, OfALogWithAThousandDevicesFewAreKept) {
+// Somebody's log that names another device in each line: none of them hides that one signed two histories.
+TEST_F(LogHistories, OfALogWithManyDevicesTheOneThatSignedBothIsFound) {
   for (int i = 0; i < 200; ++i) log.exchange_key(i % 2 == 0 ? other_key : key);
   EXPECT_EQ(log.read().log.devices.size(), 2U);
-  WrittenLog many(folder / "many", "or3", key);
+  constexpr std::size_t kStrangers = 100;
   std::vector<crypto::SigningKey> keys;
-  for (std::size_t i = 0; i < SignedLog::kMostDevices + 20; ++i)
-    keys.push_back(crypto::SigningKey::generate());
+  for (std::size_t i = 0; i < kStrangers; ++i) keys.push_back(crypto::SigningKey::generate());
+  WrittenLog many(folder / "many", "or3", keys.front());
   for (const crypto::SigningKey& each : keys) many.exchange_key(each);
+  const crypto::SigningKey both = crypto::SigningKey::generate();
+  many.exchange_key(both);
+  many.add(opened("1"));
   const LogHistory read = many.read();
   EXPECT_TRUE(read.damage.empty());
-  EXPECT_EQ(read.log.devices.size(), SignedLog::kMostDevices);
-  EXPECT_EQ(read.log.checkpoints.size(), SignedLog::kMostDevices);
+  EXPECT_EQ(read.log.devices.size(), kStrangers + 1);
+  EXPECT_EQ(read.log.checkpoints.size(), kStrangers + 3);
+  WrittenLog plain(folder / "plain", "or3", both);
+  plain.add(opened("2"));
+  for (const auto& [one, other] :
+       {std::pair(plain.read(), many.read()), std::pair(many.read(), plain.read())}) {
+    const HistoryComparison compared = compare_histories(one, other, {});
+    EXPECT_EQ(compared.relation, HistoryRelation::kForked);
+    EXPECT_TRUE(compared.two_histories());
+    EXPECT_EQ(compared.first->device, plain.device());
+  }
 }
 
 TEST_F(LogHistories, WhatIsNoLogIsRefused) {
