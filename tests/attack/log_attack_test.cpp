@@ -714,7 +714,7 @@ TEST_F(ProofOfAnEnd, OfAnEndThatStandsUnderAnotherNameAloneThereIsNone) {
   });
   set_log(victim_.log(), lines);
   CarriedOnByAStranger(victim_.log(), end_of(case_id_, 3));
-  EXPECT_THAT([&] { prove(); },
+  EXPECT_THAT([&] { static_cast<void>(prove()); },
               ::testing::ThrowsMessage<Error>(::testing::HasSubstr("names another device")));
 }
 
