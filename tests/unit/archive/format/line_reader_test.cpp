@@ -1,5 +1,6 @@
 #include "archive/format/line_reader.h"
 
+#include <algorithm>
 #include <fstream>
 #include <span>
 #include <utility>
@@ -61,12 +62,14 @@ class Holes final : public crypto::ByteSource {
   Holes(std::uint64_t lines, std::uint64_t bytes_of_line) : lines_(lines), line_(bytes_of_line + 1) {}
   [[nodiscard]] std::uint64_t size() const override { return lines_ * line_ + kEnd.size(); }
   std::size_t read_at(std::uint64_t offset, std::span<std::byte> into) const override {
-    std::size_t done = 0;
-    for (; done < into.size() && offset + done < size(); ++done) {
-      const std::uint64_t at = offset + done;
-      const char c = at >= lines_ * line_ ? kEnd[at - lines_ * line_] : at % line_ + 1 == line_ ? '\n' : '\0';
-      into[done] = static_cast<std::byte>(c);
-    }
+    const std::size_t done =
+        offset < size() ? static_cast<std::size_t>(std::min<std::uint64_t>(into.size(), size() - offset)) : 0;
+    std::ranges::fill(into.first(done), std::byte{0});
+    for (std::uint64_t at = offset / line_ * line_ + line_ - 1; at < offset + done; at += line_)
+      into[at - offset] = std::byte{'\n'};
+    const std::uint64_t end = lines_ * line_;
+    for (std::uint64_t at = std::max(offset, end); at < offset + done; ++at)
+      into[at - offset] = static_cast<std::byte>(kEnd[at - end]);
     bytes_read += done;
     return done;
   }
