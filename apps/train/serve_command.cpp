@@ -123,7 +123,7 @@ void add_train_serve_command(Command& train) {
   command.option("--vertices", "N", request->vertices, "of the objects' meshes");
   command.option(
       "--organ", "FILE", request->organs,
-      "an organ of a CT beside objects A and B (docs/explanation/training.md); may stand several times");
+      "an organ of a CT beside objects A, B and C (docs/explanation/training.md); may stand several times");
   command.option("--damage", "PA", request->damage, "von Mises stress that counts as damage",
                  "100000, or what an organ's file says");
   command.option("--friction", "MU", request->friction,

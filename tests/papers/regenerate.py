@@ -230,6 +230,12 @@ class Regeneration:
                 self.out["commands"][command] = "left out: no time"
                 self.say(f"left out, no time: {command}")
                 continue
+            unbuilt = [name for name in re.findall(r"build/release/(\S+_(?:bench|test))\b", command) if not (self.build / name).exists()]
+            if unbuilt:
+                self.out["commands"][command] = "not built"
+                target = unbuilt[0].rsplit("/", 1)[-1]
+                self.say(f"not built: cmake --build --preset release --target {target}, for {command}", failed=True)
+                continue
             folder = work / str(number)
             folder.mkdir()
             began = time.monotonic()

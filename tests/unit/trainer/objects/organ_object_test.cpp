@@ -106,7 +106,7 @@ TEST(OrganObject, HasItsRegionsAndElasticitiesAtAnyResolution) {
 }
 
 TEST(OrganObject, CIsAGreatVeinAndAnAortaBesideIt) {
-  for (const unsigned vertices : {900U, 1800U}) {
+  for (const unsigned vertices : {900U, 1800U, 4000U}) {
     const OrganObject c = make_object(ObjectKind::kVessels, vertices);
     EXPECT_EQ(c.name, "c");
     EXPECT_NEAR(static_cast<double>(c.mesh.nodes.size()), static_cast<double>(vertices), 0.15 * vertices);
