@@ -74,12 +74,13 @@ class InStore final : public CaseCopy {
 
 class InFolder final : public CaseCopy {
  public:
-  InFolder(std::string name, fs::path folder) : name_(std::move(name)), folder_(std::move(folder)) {}
+  InFolder(std::string name, fs::path folder, bool of_one)
+      : name_(std::move(name)), folder_(std::move(folder)), is_of_one_(of_one) {}
   [[nodiscard]] std::string name() const override { return name_; }
   bool bring(const FileOfCase& file, const fs::path& into, const std::function<bool()>& fits) override {
     // What is not mounted has no files, which would read as if the copy had none.
     if (!archive::real_reading().exists(folder_)) throw Error(folder_.string() + " is not there");
-    const fs::path place = folder_ / file.appliance / file.case_id;
+    const fs::path place = (is_of_one_ ? folder_ : folder_ / file.appliance) / file.case_id;
     if (!archive::real_reading().is_folder(place)) return false;
     const archive::CaseFolder of_case = archive::CaseFolder::open(place);
     const archive::FileOpening opening = of_case.open_file(file.path);
@@ -103,6 +104,7 @@ class InFolder final : public CaseCopy {
  private:
   const std::string name_;
   const fs::path folder_;
+  const bool is_of_one_;  // appliance
 };
 
 }  // namespace
@@ -112,7 +114,11 @@ std::unique_ptr<CaseCopy> copy_in_store(std::string name, std::shared_ptr<Object
 }
 
 std::unique_ptr<CaseCopy> copy_in_folder(std::string name, fs::path folder) {
-  return std::make_unique<InFolder>(std::move(name), std::move(folder));
+  return std::make_unique<InFolder>(std::move(name), std::move(folder), false);
+}
+
+std::unique_ptr<CaseCopy> copy_in_archive(std::string name, fs::path archive) {
+  return std::make_unique<InFolder>(std::move(name), std::move(archive), true);
 }
 
 }  // namespace kiroku::fleet

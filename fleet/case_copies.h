@@ -36,5 +36,7 @@ class CaseCopy {
 std::unique_ptr<CaseCopy> copy_in_store(std::string name, std::shared_ptr<ObjectStore> store);
 /// A folder with <appliance>/<case>/<path> in it. No link below it is followed.
 std::unique_ptr<CaseCopy> copy_in_folder(std::string name, std::filesystem::path folder);
+/// An appliance's own archive, with <case>/<path> in it, whatever the appliance is called.
+std::unique_ptr<CaseCopy> copy_in_archive(std::string name, std::filesystem::path archive);
 
 }  // namespace kiroku::fleet

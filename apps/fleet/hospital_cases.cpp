@@ -114,8 +114,7 @@ archive::VerificationReport HospitalCases::verify(const std::filesystem::path& f
   const std::lock_guard guard(judging_);
   if (!judge_) judge_.emplace(configuration_, scratch_parent_);
   // As of now: the log must be newer than all that the case may name.
-  return judge_->judge(folder.parent_path().filename().string(), folder.filename().string(), utc_now())
-      .report;
+  return judge_->judge(folder.parent_path().filename().string(), folder.filename().string(), utc_now());
 }
 
 }  // namespace kiroku::apps

@@ -7,7 +7,7 @@
 #include "apps/common/json_output.h"
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
-#include "apps/fleet/scratch_folder.h"
+#include "apps/common/scratch_folder.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "fleet/catalogue/store_index.h"

@@ -36,7 +36,7 @@ fs::path StoredJudge::log_of(const std::string& appliance, UtcTime changed) {
 
 /// The case as the store has it, or has it once it was mended.
 fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std::string& case_id,
-                                        const fs::path& device, fleet::Mending& mending) {
+                                        const fs::path& device) {
   const fs::path folder = scratch_.path() / "cases";
   const auto fetch = [&](fleet::UnreadableObjects unreadable) {
     fs::remove_all(folder);
@@ -45,16 +45,16 @@ fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std:
   };
   if (!mending_) return fetch(fleet::UnreadableObjects::kThrow);
   fleet::FetchedCase fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
-  mending = mending_->mend(appliance, case_id, device, fetched);
+  done_ = mending_->mend(appliance, case_id, device, fetched);
   const auto is_mended = [&](std::string_view path) {
-    return std::ranges::find(mending.mended, path, &fleet::MendedFile::path) != mending.mended.end();
+    return std::ranges::find(done_.mended, path, &fleet::MendedFile::path) != done_.mended.end();
   };
   // By another ledger other files are the recorded ones.
   if (is_mended(archive::kLedgerFile) && !fetched.ledger_is_older) {
     fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
     fleet::Mending more = mending_->mend(appliance, case_id, device, fetched);
-    std::ranges::move(more.mended, std::back_inserter(mending.mended));
-    mending.left = std::move(more.left);
+    std::ranges::move(more.mended, std::back_inserter(done_.mended));
+    done_.left = std::move(more.left);
   }
   for (const auto& [path, why] : fetched.unreadable) {
     // What the store lists and does not give is no part of any verdict.
@@ -63,8 +63,9 @@ fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std:
   return fetched;
 }
 
-StoredJudgement StoredJudge::judge(const std::string& appliance, const std::string& case_id,
-                                   UtcTime changed) {
+archive::VerificationReport StoredJudge::judge(const std::string& appliance, const std::string& case_id,
+                                               UtcTime changed) {
+  done_ = {};
   // Whoever may write the catalogue's rows names no folder here.
   if (!archive::is_short_name(appliance) || !archive::is_case_id(case_id)) {
     throw UsageError("the catalogue has '" + printable(case_id) + "' of '" + printable(appliance) +
@@ -82,13 +83,12 @@ StoredJudgement StoredJudge::judge(const std::string& appliance, const std::stri
   judging.devices = {key.string()};
   for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
   for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
-  StoredJudgement judgement;
-  const fleet::FetchedCase there = fetched(appliance, case_id, key, judgement.mending);
+  const fleet::FetchedCase there = fetched(appliance, case_id, key);
   judging.log = log_of(appliance, changed).string();
   const VerifyExtras none;
-  judgement.report = Judge(judging, none).judge(there.folder).report;
+  archive::VerificationReport report = Judge(judging, none).judge(there.folder).report;
   fs::remove_all(there.folder.parent_path());
-  return judgement;
+  return report;
 }
 
 }  // namespace kiroku::apps

@@ -8,18 +8,13 @@
 #include <string>
 
 #include "apps/fleet/fleet_configuration.h"
-#include "apps/fleet/scratch_folder.h"
+#include "apps/common/scratch_folder.h"
 #include "apps/fleet/store_mending.h"
 #include "archive/verify/verifier.h"
 #include "base/utc_time.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::apps {
-
-struct StoredJudgement {
-  archive::VerificationReport report;
-  fleet::Mending mending;  // of the store, before it was judged
-};
 
 /// Not thread-safe.
 class StoredJudge {
@@ -33,17 +28,21 @@ class StoredJudge {
   /// By its appliance's key, the roots of [verification] and the appliance's log in the store. The log is
   /// fetched anew for a case that changed after it was; `changed` says when the case did. Throws StoreError,
   /// kiroku::Error; nothing is left behind.
-  StoredJudgement judge(const std::string& appliance, const std::string& case_id, UtcTime changed);
+  archive::VerificationReport judge(const std::string& appliance, const std::string& case_id,
+                                    UtcTime changed);
+  /// What was mended in the store before the last case was judged, also where it then could not be judged.
+  [[nodiscard]] const fleet::Mending& mending() const { return done_; }
 
  private:
   fleet::FetchedCase fetched(const std::string& appliance, const std::string& case_id,
-                             const std::filesystem::path& device, fleet::Mending& mending);
+                             const std::filesystem::path& device);
   std::filesystem::path log_of(const std::string& appliance, UtcTime changed);
 
   const FleetConfiguration& configuration_;
   fleet::ObjectStore store_;
   const ScratchFolder scratch_;
   std::optional<StoreMending> mending_;
+  fleet::Mending done_;
   std::map<std::string, UtcTime> logs_;  // when each was fetched
 };
 

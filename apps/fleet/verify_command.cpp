@@ -75,7 +75,6 @@ class Worker {
  private:
   void take(const fleet::Lease& lease) {
     fleet::Verification found;
-    mending_ = {};
     try {
       const fleet::LeaseKeeper keeper(lease, open_);
       found = verify(lease);
@@ -113,20 +112,19 @@ class Worker {
   }
 
   fleet::Verification verify(const fleet::Lease& lease) {
-    const StoredJudgement judged = judge_.judge(lease.appliance, lease.case_id, lease.changed);
-    mending_ = judged.mending;
-    verified_.add_mended(mending_.mended.size(), mending_.left.size());
-    return verification_of(judged.report, mending_);
+    const archive::VerificationReport report = judge_.judge(lease.appliance, lease.case_id, lease.changed);
+    return verification_of(report, judge_.mending());
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
-    for (const fleet::MendedFile& each : mending_.mended) {
+    verified_.add_mended(judge_.mending().mended.size(), judge_.mending().left.size());
+    for (const fleet::MendedFile& each : judge_.mending().mended) {
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
       print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": mended " + each.path + " from " +
                                       each.from + ", as version " + each.version);
     }
-    for (const fleet::UnmendedFile& each : mending_.left) {
+    for (const fleet::UnmendedFile& each : judge_.mending().left) {
       left.push_back({{"file", each.path}, {"why", each.why}});
       print_error("kiroku-fleet",
                   lease.appliance + "/" + lease.case_id + ": could not mend " + each.path + ": " + each.why);
@@ -151,8 +149,7 @@ class Worker {
   const std::function<fleet::FleetCatalogue()> open_ = [this] { return configuration_.open_catalogue(); };
   fleet::FleetCatalogue catalogue_;
   VerifiedCases verified_;
-  fleet::Mending mending_;  // of the case that was judged last
-  bool waited_ = false;     // for other workers, which is told once
+  bool waited_ = false;  // for other workers, which is told once
   nlohmann::ordered_json told_ = nlohmann::ordered_json::array();
 };
 

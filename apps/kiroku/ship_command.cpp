@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <iostream>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -11,14 +12,20 @@
 
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
+#include "apps/common/scratch_folder.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/log_publishing.h"
 #include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
+#include "apps/kiroku/user_name.h"
+#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/joined.h"
+#include "base/printable.h"
+#include "fleet/fetcher.h"
+#include "fleet/mender.h"
 #include "fleet/shipper.h"
 
 namespace kiroku::apps {
@@ -28,7 +35,7 @@ constexpr std::chrono::seconds kLookInterval{5};
 constexpr std::chrono::seconds kLongestPause{60};
 
 struct Request {
-  std::optional<std::string> home;
+  std::optional<std::string> home, mend, scratch;
   bool follow = false, status = false, probe = false, json = false;
 };
 
@@ -135,9 +142,55 @@ int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing)
   return kDone;
 }
 
+/// What the store has of a case, compared with what this device signed, and put again out of the archive.
+int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, const std::string& appliance) {
+  const std::string case_id = find_case(home, *request.mend).filename().string();
+  const ScratchFolder scratch(request.scratch);
+  const auto shared = std::make_shared<fleet::ObjectStore>(std::move(store));
+  std::vector<std::unique_ptr<fleet::CaseCopy>> copies;
+  copies.push_back(fleet::copy_in_archive("the appliance's archive", home.archive()));
+  fleet::Mender mender(shared, std::move(copies), scratch.path() / "mending");
+  const crypto::SigningKey key = home.signing_key();
+  const auto log = open_log(home, key);
+  fleet::Mending all;
+  // By another ledger other files are the recorded ones: then everything is looked at once more.
+  constexpr int kMostLooks = 2;
+  for (int look = 0; look < kMostLooks; ++look) {
+    std::filesystem::remove_all(scratch.path() / case_id);
+    const fleet::FetchedCase fetched =
+        fleet::fetch_case(*shared, appliance, case_id, scratch.path(), fleet::WhichVersions::kNewest,
+                          fleet::UnreadableObjects::kLeaveOut);
+    fleet::Mending now =
+        mender.mend(appliance, case_id, {home.device()}, fetched,
+                    [&](const std::string& what) { log->access(case_id, printable(what), user_name()); });
+    const bool has_other_ledger =
+        !fetched.ledger_is_older &&
+        std::ranges::find(now.mended, archive::kLedgerFile, &fleet::MendedFile::path) != now.mended.end();
+    std::ranges::move(now.mended, std::back_inserter(all.mended));
+    all.left = std::move(now.left);
+    if (!has_other_ledger) break;
+  }
+  if (request.json) {
+    nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
+    for (const fleet::MendedFile& each : all.mended)
+      mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
+    for (const fleet::UnmendedFile& each : all.left) left.push_back({{"file", each.path}, {"why", each.why}});
+    print_json({{"case", case_id}, {"mended", mended}, {"not_mended", left}});
+  } else {
+    for (const fleet::MendedFile& each : all.mended)
+      std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";
+    for (const fleet::UnmendedFile& each : all.left)
+      print_error("kiroku", "could not mend " + each.path + ": " + each.why);
+    if (all.mended.empty() && all.left.empty())
+      std::cout << "The store has what was signed of " << case_id << ": nothing is to be mended.\n";
+  }
+  return all.left.empty() ? kDone : kNoAnswer;
+}
+
 int run(const Request& request) {
-  if (int{request.follow} + int{request.status} + int{request.probe} > 1)
-    throw UsageError("give one of --follow, --status and --probe");
+  if (int{request.follow} + int{request.status} + int{request.probe} + int{request.mend.has_value()} > 1)
+    throw UsageError("give one of --follow, --status, --probe and --mend");
+  if (request.scratch && !request.mend) throw UsageError("--scratch is for --mend");
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
   const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
@@ -145,6 +198,7 @@ int run(const Request& request) {
                                    [&home] { require_same_log(home); }};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
+  if (request.mend) return mend(request, home, std::move(store), of.appliance);
   fleet::ShippingList list(shipping_list_file(home, of));
   fleet::Shipper shipper(store, list, terms);
   if (request.status) return tell_status(request, shipper.look(home.archive()), list);
@@ -181,16 +235,30 @@ void add_ship_command(Command& program) {
       "of its size, its SHA-256 and its lock. A copy of the store's prefix is an archive: kiroku-verify "
       "judges it "
       "alone. Recording never waits for the store.");
+  command.explain(
+      "--mend is for a case that is still here and of which the store lost bytes. It reads the whole case "
+      "from "
+      "the store, so its access key must be let do that. The damaged version stays; the recorded bytes "
+      "become a new one under the same lock. The appliance log states each object before it is put, and "
+      "afterwards. Exit status 3 says that something could not be mended.");
   const auto request = std::make_shared<Request>();
   command.flag("--follow", request->follow, "goes on until Ctrl-C, as kiroku-ship.service does");
   command.flag("--status", request->status,
                "only tells what is not in the store yet; asks nothing of the store");
   command.flag("--probe", request->probe,
                "only tries whether the store's locks hold, with an object of a minute");
+  command.option("--mend", "CASE", request->mend,
+                 "only compares what the store has of the case with what this device signed, and puts what "
+                 "differs again, out of the archive");
+  command.option("--scratch", "DIR", request->scratch, "where there is room for the whole case, for --mend",
+                 "the folder for temporary files");
+  command.writes("--scratch");
   command.flag("--json", request->json, "prints one JSON object instead");
   add_home_option(command, request->home);
   command.example("kiroku ship", "copies what is not there yet, once");
   command.example("kiroku ship --status", "what is not away yet, and since when");
+  command.example("kiroku ship --mend 20260805T091502Z-3f9c21ab",
+                  "what the store's disks have lost of a case");
   command.example("kiroku ship --probe", "whether this store's locks can be relied on");
   command.on_run([request] { return run(*request); });
 }

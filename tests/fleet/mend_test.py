@@ -14,9 +14,14 @@ import subprocess
 import sys
 import tempfile
 
-from fleet_test import Fleet, start, verdicts
+from fleet_test import Fleet, start
 from page_client import Server
 from ship_test import HERE, Appliance, Store, require
+
+sys.path.insert(0, str(HERE.parent / "foreign"))
+import age  # noqa: E402
+import case_writer  # noqa: E402
+import note  # noqa: E402
 
 BUCKET, COPIES = "recordings", "copies"
 
@@ -271,6 +276,31 @@ def a_legal_hold_goes_on(mending, place):
     require(place.headers(segment, new)["x-amz-object-lock-legal-hold"] == "OFF", "the hold is not lifted of what was mended")
 
 
+def an_appliance_mends_what_it_still_has(place):
+    segment, ledger = place.file("segments/endoscope/"), "ledger.jsonl"
+    require(json.loads(place.appliance.kiroku("ship", "--mend", place.case, "--json"))["mended"] == [], "what is whole was mended")
+    place.rot_wholly(segment)
+    place.rot_wholly(ledger)
+    told = json.loads(place.appliance.kiroku("ship", "--mend", place.case[:15], "--json"))
+    require({each["file"]: each["from"] for each in told["mended"]} == dict.fromkeys((ledger, segment), "the appliance's archive") and
+            told["not_mended"] == [], f"mended were {told}")
+    place.is_whole()
+    entries = json.loads(place.appliance.kiroku("log", "--json"))["entries"]
+    said = [each["what"] for each in entries if each["type"] == "access" and each["case"] == place.case]
+    require(f"mends {segment} from the appliance's archive" in said and said[-1].startswith(f"mended {segment} from"), f"the log says {said}")
+    require("nothing is to be mended" in place.appliance.kiroku("ship", "--mend", place.case), "it is mended again")
+    require(place.appliance.ask("ship", "--mend", place.case, "--follow").returncode == 2, "two things at once")
+    # What it has lost itself it cannot mend, and says so.
+    own, kept = place.folder / segment, (place.folder / segment).read_bytes()
+    place.rot_wholly(segment)
+    own.write_bytes(flipped(kept))
+    done = place.appliance.ask("ship", "--mend", place.case)
+    require(done.returncode == 3 and f"could not mend {segment}: no copy has the bytes" in done.stderr, f"told: {done.stdout}{done.stderr}")
+    own.write_bytes(kept)
+    place.appliance.kiroku("ship", "--mend", place.case)
+    place.is_whole()
+
+
 def the_page_plays_what_was_mended(programs, mending, place, folder):
     segment = place.file("segments/endoscope/")
     picture = f"{place.case}/streams/endoscope/frame.png?at_ns=500000000"
@@ -306,6 +336,39 @@ def the_page_plays_what_was_mended(programs, mending, place, folder):
         own.end()
 
 
+def a_signed_ledger_names_nothing_outside(mending, store, folder):
+    """An appliance that somebody has taken over signs what it likes: a file of another's, above its own folder."""
+    device = note.Signer("or-3", bytes(range(32)))
+    (mending.fleet.folder / "devices/or-3.pub").write_text(f"{device.key}\n")
+    reader = age.Identity(bytes(range(32)))
+    case = case_writer.Case("20260805T091502Z-3f9c21ab", device, 1785921302 * case_writer.SECOND,
+                            [case_writer.stream("room", "video", "video/mp2t", [reader.recipient])])
+    sealed = age.seal(b"pictures", [reader.public])
+    for number in range(2):
+        case.segment("room", number, number * case_writer.SECOND, (number + 1) * case_writer.SECOND, sealed, 10)
+    outside = "../../or-1/stolen"
+    case.find("segment").fields["file"] = outside
+    case.close(3 * case_writer.SECOND)
+    case.checkpoint()
+    written = case.write(folder / "or-3").folder
+    (written / "segments/room/00000000.ts.age").rename(mending.replica / "or-1/stolen")
+    missing = "segments/room/00000001.ts.age"
+    for file in written.rglob("*"):
+        path = str(file.relative_to(written))
+        if file.is_file() and path != missing:
+            store.put(BUCKET, f"or-3/{case.id}/{path}", file)
+    shutil.copytree(written, mending.replica / "or-3" / case.id)
+    mending.fleet.tell("index")
+    before = store.versions(BUCKET)
+    told = mending.fleet.tell("verify", status=3)
+    (one,) = [each for each in told["cases"] if each["appliance"] == "or-3"]
+    # What it truly lacks is found, and nothing locks it: it was put without Kiroku.
+    require(one["mended"] == [] and [each["file"] for each in one["not_mended"]] == [missing] and
+            "nothing locks" in one["not_mended"][0]["why"], f"told: {told}")
+    require(store.versions(BUCKET) == before, f"put were {set(store.versions(BUCKET)) - set(before)}")
+    require(not list(folder.rglob("stolen")) or [each.parent.name for each in folder.rglob("stolen")] == ["or-1"], "it was written elsewhere")
+
+
 def two_workers_mend_once(mending, place):
     segments = [f"segments/endoscope/{number:08}.ts.age" for number in range(3)]
     before = {path: place.versions(path) for path in segments}
@@ -337,10 +400,12 @@ def try_everything(programs, folder, store, connection):
     first, second = (Place(store, disks, appliance, case) for case in cases)
     rot_is_mended_from_whichever_copy_fits(mending, first, folder)
     a_legal_hold_goes_on(mending, first)
+    an_appliance_mends_what_it_still_has(second)
     the_page_plays_what_was_mended(programs, mending, first, folder)
     two_workers_mend_once(mending, first)
     a_ledger_is_mended_by_what_the_device_signed(mending, second, folder)
     what_cannot_be_mended_is_said(mending, second, folder)
+    a_signed_ledger_names_nothing_outside(mending, store, folder)
 
 
 def add_reader(folder, store):

@@ -18,7 +18,7 @@ class ScratchFolder {
   explicit ScratchFolder(const std::optional<std::string>& parent = {}) {
     const std::filesystem::path below =
         parent ? std::filesystem::path(*parent) : std::filesystem::temp_directory_path();
-    std::string name = (below / "kiroku-fleet-XXXXXX").string();
+    std::string name = (below / "kiroku-XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) throw IoError("make a folder in", below, errno);
     path_ = name;
   }
