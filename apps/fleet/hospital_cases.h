@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "apps/fleet/fleet_configuration.h"
 #include "apps/common/scratch_folder.h"
+#include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/stored_judge.h"
 #include "fleet/case_shelf.h"
 #include "fleet/store_connections.h"

@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/common/json_output.h"
+#include "apps/common/scratch_folder.h"
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
-#include "apps/common/scratch_folder.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "fleet/catalogue/store_index.h"

@@ -7,8 +7,8 @@
 #include <optional>
 #include <string>
 
-#include "apps/fleet/fleet_configuration.h"
 #include "apps/common/scratch_folder.h"
+#include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/store_mending.h"
 #include "archive/verify/verifier.h"
 #include "base/utc_time.h"
