@@ -499,7 +499,7 @@ struct Room::State {
       running.late_subject(subject);
       // The case after it has a patient of its own, whom the recorder may still look for.
       if (is_of_now(running)) {
-        case_subject.given_while_running();
+        case_subject.given_while_running(subject);
         keep_late_subject(running, subject, {});
       }
     }
@@ -718,6 +718,7 @@ struct Room::State {
         if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())
           tell_problem("case " + result.case_id + " ended by itself (" + result.close_reason + ")" + follows);
       }
+      if (!by_itself && result.close_reason != "shutdown") case_subject.ended(time.utc());
       if (!is_unfinished_operation(result.close_reason)) forget(result.case_id);
     }
     beat();
