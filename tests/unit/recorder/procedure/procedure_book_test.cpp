@@ -328,7 +328,7 @@ TEST(ProcedureBook, NothingIsTakenOfBytesThatAreNoBook) {
       try {
         const ProcedureBook read = ProcedureBook::imported(damaged);
         (void)read.list({{}, 12h}, kMorning);
-        refused += read.not_kept() > 0 ? 1 : 0;  // of what it belongs to, which is told
+        if (read.not_kept() > 0) ++refused;  // of what it belongs to, which is told
       } catch (const Error&) {
         ++refused;
       }
