@@ -713,12 +713,12 @@ struct Room::State {
         listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
       }
       if (listener.closed) listener.closed(result);
+      if (!by_itself && result.close_reason != "shutdown") case_subject.ended(time.utc());
       if (by_itself && result.close_reason != "sources-ended") {
         const std::chrono::nanoseconds lasted(result.last.now_ns - result.last.begins_ns);
         if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())
           tell_problem("case " + result.case_id + " ended by itself (" + result.close_reason + ")" + follows);
       }
-      if (!by_itself && result.close_reason != "shutdown") case_subject.ended(time.utc());
       if (!is_unfinished_operation(result.close_reason)) forget(result.case_id);
     }
     beat();

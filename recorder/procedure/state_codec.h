@@ -75,8 +75,9 @@ class StateReader {
   }
   void one(Bytes& bytes) { bytes = to_bytes(take(length())); }
   void one(ProcedureMoment& moment) {
+    const bool before = std::exchange(is_beyond_bounds_, false);
     within_bounds(moment);
-    if (std::exchange(is_beyond_bounds_, false)) refuse();
+    if (std::exchange(is_beyond_bounds_, before)) refuse();
   }
   /// As one(), but a time that none can be is noted: it costs what it belongs to alone.
   void within_bounds(ProcedureMoment& moment) {

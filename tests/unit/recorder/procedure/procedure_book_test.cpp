@@ -1000,6 +1000,51 @@ TEST(ProcedureBook, WhoeverLeftIsNotTakenByPlan) {
   }
 }
 
+// As hospitals send it: booked the week before, admitted to a ward, moved, corrected, discharged; by one
+// system or by two.
+TEST(ProcedureBook, AnOrdinaryDayNeedsNoQuestion) {
+  enum class Sends { kAll, kAppointments, kAppointmentsAndDischarges };
+  for (const Sends sends : {Sends::kAll, Sends::kAppointments, Sends::kAppointmentsAndDischarges}) {
+    ProcedureBook book;
+    book.watch({{"OR1"}, 12h});
+    const std::vector<std::string> patients{"1", "2", "3"};
+    for (std::size_t i = 0; i < patients.size(); ++i) {
+      const std::string& who = patients[i];
+      const UtcTime begin = kMorning + std::chrono::hours(2 * i);
+      book.take(told_by("PLAN", begin - 150h, booked(planned(who, "op " + who, begin))), kMorning - 60h);
+      if (sends == Sends::kAppointments) continue;
+      // The clinic of the day before, closed in the evening.
+      ProcedureMessage closed = of_visit("C" + who, leaving(who));
+      closed.places = {"CLINIC"};
+      book.take(told_by("HIS", kMorning - 30h, of_visit("C" + who, moved(who, "CLINIC"))), kMorning - 30h);
+      book.take(told_by("HIS", kMorning - 13h, closed), kMorning - 13h);
+      book.take(told_by("HIS", kMorning - 2h, of_visit("I" + who, moved(who, "WARD"))), kMorning - 2h);
+    }
+    for (std::size_t i = 0; i < patients.size(); ++i) {
+      const std::string& who = patients[i];
+      const UtcTime begin = kMorning + std::chrono::hours(2 * i) + 5min;
+      ProcedureMessage left = of_visit("I" + who, leaving(who));
+      left.places = {"WARD"};
+      if (sends == Sends::kAll)
+        book.take(told_by("HIS", begin - 10min, of_visit("I" + who, moved(who, "OR1"))), begin - 10min);
+      EXPECT_EQ(found(book, begin), who + " op " + who) << static_cast<int>(sends);
+      if (sends == Sends::kAll) {
+        book.take(told_by("HIS", begin + 5min, of_visit("I" + who, corrected(who, "OR1"))), begin + 5min);
+        EXPECT_EQ(found(book, begin + 6min), who + " op " + who) << "paused, and carried on";
+        book.take(told_by("HIS", begin + 70min, of_visit("I" + who, moved(who, "PACU"))), begin + 70min);
+        book.take(told_by("HIS", begin + 80min, of_visit("I" + who, corrected(who, "OR1"))), begin + 80min);
+      }
+      book.take(
+          told_by("PLAN", begin + 75min, planned(who, "op " + who, kMorning + std::chrono::hours(2 * i))),
+          begin + 75min);
+      if (sends != Sends::kAppointments) book.take(told_by("HIS", begin + 90min, left), begin + 90min);
+      if (sends != Sends::kAppointments)
+        book.take(told_by("HIS", begin + 92min, of_visit("I" + who, corrected(who, "WARD"))), begin + 92min);
+    }
+    EXPECT_EQ(book.not_kept(), 0U);
+  }
+}
+
 TEST(ProcedureBook, WhatIsPlannedLaterForSomebodyWhoLeftIsForAPersonToChoose) {
   ProcedureBook book;
   book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);

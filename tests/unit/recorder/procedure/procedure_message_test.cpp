@@ -272,7 +272,7 @@ TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
             (TimeSpan{*parse_utc("2026-08-04T22:00:00Z"), *parse_utc("2026-08-05T22:00:00Z")}));
   EXPECT_EQ(planned("2026080509").within,
             (TimeSpan{*parse_utc("2026-08-05T07:00:00Z"), *parse_utc("2026-08-05T08:00:00Z")}));
-  for (const char* time : {"05.08.2026 09:15", "soon", "9999"}) {
+  for (const char* time : {"05.08.2026 09:15", "soon", "1850"}) {
     EXPECT_TRUE(planned(time).is_time_unclear) << time;
     EXPECT_EQ(planned(time).within, std::nullopt) << time;
   }
