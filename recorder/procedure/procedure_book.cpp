@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/ascii.h"
+#include "recorder/procedure/window.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -764,16 +765,16 @@ std::optional<UtcTime::duration> ProcedureBook::nearest_unclear(const ProcedureR
   if (here.is_absent) {
     // Whoever states no time may mean about now.
     least = distance(at.by_this_clock(kept.received.at));
-    return least <= rule.window ? std::optional(UtcTime::duration::zero()) : std::nullopt;
+    return is_within(least, rule.window) ? std::optional(UtcTime::duration::zero()) : std::nullopt;
   }
   if (here.within) {
     least = least_distance(here.within, at.utc);
   } else if (kept.message.planned) {
     // The appointment says when it is, and not when it is here.
     const auto nearer = std::min(distance(planned(kept, at)), distance(planned_last(kept, at)));
-    if (nearer > rule.window) return {};
+    if (!is_within(nearer, rule.window)) return {};
   }
-  return least <= rule.window ? std::optional(least) : std::nullopt;
+  return is_within(least, rule.window) ? std::optional(least) : std::nullopt;
 }
 
 ProcedureData ProcedureBook::data_of(const Kept& kept, const PlannedHere& here) {
@@ -905,7 +906,7 @@ void ProcedureBook::forget_passed(const ProcedureMoment& now) {
 std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, ProcedureMoment at) const {
   std::vector<ProcedureData> all;
   std::set<std::string> placed;
-  const auto is_near = [&](UtcTime time) { return std::chrono::abs(at.utc - time) <= rule.window; };
+  const auto is_near = [&](UtcTime time) { return is_within(at.utc, time, rule.window); };
   for (const auto& [key, kept] : placed_) {
     const std::optional<Arrival> came_in = came(rule, kept);
     if (!came_in) continue;
@@ -975,7 +976,7 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, co
     const Kept& other = each.second;
     if (other.message.patient != message.patient || !concerns(rule, other.message)) return false;
     const UtcTime time = planned_here(rule, other, at).time;
-    return time < planned && went - time <= rule.window;
+    return time < planned && is_within(went - time, rule.window);
   });
   return has_earlier ? Standing::kDoubtful : Standing::kDone;
 }
@@ -1025,8 +1026,7 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData&
     const Kept& kept = each.second;
     if (!is_of_appointment(kept.message) || !concerns(rule, kept.message)) return false;
     if (likeness(message, kept.message) == Likeness::kNone) return false;
-    return !planned || !kept.message.planned ||
-           std::chrono::abs(*kept.message.planned - *planned) <= rule.window;
+    return !planned || !kept.message.planned || is_within(*kept.message.planned, *planned, rule.window);
   });
   return is_cancelled ? Standing::kDoubtful : Standing::kOpen;
 }
@@ -1111,7 +1111,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
       return {{}, Doubt::kLeftAlready};
   }
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
-    return time && std::chrono::abs(*time - at.utc) <= rule.window;
+    return time && is_within(*time, at.utc, rule.window);
   });
   ProcedureData appointment;
   if (chosen) {

@@ -7,6 +7,7 @@
 #include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "recorder/procedure/window.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -227,7 +228,8 @@ NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at
   NearestPlan found;
   const auto distance = [&](std::size_t i) { return std::chrono::abs(*times[i] - at); };
   for (std::size_t i = 0; i < times.size(); ++i) {
-    if (!times[i] || distance(i) > window || (found.index && distance(i) > distance(*found.index))) continue;
+    if (!times[i] || !is_within(distance(i), window) || (found.index && distance(i) > distance(*found.index)))
+      continue;
     if (found.index && distance(i) < distance(*found.index)) found.equally_near.clear();
     found.index = i;
     found.equally_near.push_back(i);

@@ -6,6 +6,8 @@
 #include <thread>
 #include <utility>
 
+#include "recorder/procedure/window.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -55,7 +57,7 @@ bool is_unclear(const WorklistAnswer& answer, const NearestPlan& plan, UtcTime a
   return std::ranges::any_of(answer.items, [&](const WorklistItem& item) {
     if (item.planned) return false;
     const UtcTime::duration least = least_distance(item.within, at);
-    if (least > window || (chosen != nullptr && least > std::chrono::abs(*chosen->planned - at)))
+    if (!is_within(least, window) || (chosen != nullptr && least > std::chrono::abs(*chosen->planned - at)))
       return false;
     if (chosen != nullptr && !item.is_left_out && may_be_same_patient(item.data, chosen->data)) return false;
     return standing_of(item, standing) != Standing::kDone;
@@ -286,7 +288,7 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
       state_->is_stale() ? ", " + state_->age_text() + " before, and has not answered since" : "";
   for (const WorklistItem& item : state_->newest.items) {
     if (item.is_left_out) continue;
-    if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
+    if (item.planned && !is_within(at, *item.planned, window)) continue;
     all.push_back(item.data);
     all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered) + old;
   }

@@ -558,6 +558,16 @@ TEST(ProcedureBook, WhatIsPlannedMoreThanAnHourAheadIsNotTakenByItself) {
   EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
 }
 
+// More nanoseconds from now than can be counted.
+TEST(ProcedureBook, WhatHasNoEndIsPlannedForNoTimeThatIsNear) {
+  ProcedureBook book;
+  book.take(planned("1", "no end", *parse_utc("9999-12-31T23:59:59Z")), kMorning);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
+  EXPECT_THAT(listed(book, kMorning), testing::IsEmpty());
+  book.take(planned("2", "second", kMorning), kMorning);
+  EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning)->chosen, HasSubstr("of 1 within"));
+}
+
 TEST(ProcedureBook, AFinishedAppointmentIsNotTaken) {
   ProcedureBook book;
   ProcedureMessage done = planned("1", "first", kMorning);
