@@ -89,6 +89,12 @@ StreamConfiguration read_stream(const toml::table& table, const TableReader& in,
   reader.refuse_unknown_keys();
   if (stream.name.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'name'");
   if (stream.source.empty()) reader.refuse(table.source(), "a [[room.stream]] needs a 'source'");
+  if (stream.is_video &&
+      recorder::parse_source_address(stream.source, recorder::Presence::kNotLookedAt).kind ==
+          recorder::SourceKind::kMonitors) {
+    reader.refuse(reader.find("source")->source(),
+                  "'source' is '" + stream.source + "', where monitors deliver: write kind = \"vitals\"");
+  }
   if (stream.also) check_also(stream, reader);
   if (!stream.is_video && !stream.microphone.empty()) {
     reader.refuse(reader.find("microphone")->source(), "'microphone' is for streams of kind video");

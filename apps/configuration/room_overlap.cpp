@@ -92,24 +92,13 @@ std::string listening_clash(const RoomConfiguration& room, const std::vector<Roo
 
 // --- Who comes into which room.
 
-std::vector<std::string_view> parts_of(std::string_view location) {
-  std::vector<std::string_view> parts;
-  for (;;) {
-    const std::size_t end = location.find('^');
-    parts.push_back(location.substr(0, end));
-    if (end == std::string_view::npos) return parts;
-    location.remove_prefix(end + 1);
-  }
-}
-
-/// Whether one message can name both: the same place, or "OR1" and the "OR1" of "SURGERY^OR1".
+/// Whether one message can name both: the same place, "OR1" and the "OR1" of "SURGERY^OR1", or "SURGERY^OR1"
+/// and the one of a hospital, "SURGERY^OR1^^HOSP".
 bool may_be_one_place(const std::string& a, const std::string& b) {
   const auto is_part = [](const std::string& part, const std::string& whole) {
-    return std::ranges::any_of(parts_of(whole), [&](std::string_view each) {
-      return !each.empty() && same_but_for_case(each, part);
-    });
+    return ("^" + lower_case(whole) + "^").find("^" + lower_case(part) + "^") != std::string::npos;
   };
-  return same_but_for_case(a, b) || is_part(a, b) || is_part(b, a);
+  return is_part(a, b) || is_part(b, a);
 }
 
 std::string place_overlap(const RoomConfiguration& room, const RoomConfiguration& other) {

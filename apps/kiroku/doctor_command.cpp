@@ -495,8 +495,8 @@ Check check_worklist(const RoomConfiguration& room) {
             answer.not_asked_for > 0 || answer.is_cut
                 ? "look at station_ae and modality in kiroku.toml; have whoever keeps the worklist compare "
                   "both; a case whose step cannot be chosen needs its patient typed in"
-                : "have whoever keeps the worklist shorten these steps; a case for one of them needs its "
-                  "patient typed in"};
+                : "have whoever keeps the worklist shorten these steps, or state their times; a case for one "
+                  "of them needs its patient typed in"};
   }
   return {Health::kGood, subject, lists, ""};
 }

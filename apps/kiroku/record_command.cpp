@@ -127,12 +127,16 @@ std::optional<Bytes> listed_subject(const recorder::WorklistOptions& worklist) {
     }
     const std::string left_out = recorder::left_out_of(answer);
     const recorder::Doubt doubt = recorder::doubt_of(answer, now, worklist.window);
-    problem = (doubt == recorder::Doubt::kTwoPlanned ? "the worklist lists two patients equally near to now ("
-               : doubt == recorder::Doubt::kTooEarly
-                   ? "the worklist lists nothing before more than an hour from now ("
-                   : "the worklist lists nothing that can be taken for now (") +
-              std::to_string(answer.items.size()) + " steps of these days" +
-              (left_out.empty() ? "" : "; " + left_out) + ")";
+    problem =
+        (doubt == recorder::Doubt::kTwoPlanned ? "the worklist lists two patients equally near to now ("
+         : doubt == recorder::Doubt::kTooEarly
+             ? "the worklist lists nothing before more than an hour from now ("
+         : doubt == recorder::Doubt::kTimeUnclear
+             ? "the worklist may plan a patient for now whose time it does not state, or not so that it "
+               "can be read ("
+             : "the worklist lists nothing that can be taken for now (") +
+        std::to_string(answer.items.size()) + " steps of these days" +
+        (left_out.empty() ? "" : "; " + left_out) + ")";
   }
   print_error("kiroku", "warning: " + problem + "; recording without patient and procedure");
   return {};

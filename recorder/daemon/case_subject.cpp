@@ -1,5 +1,7 @@
 #include "recorder/daemon/case_subject.h"
 
+#include <utility>
+
 namespace kiroku::recorder {
 namespace {
 
@@ -32,10 +34,16 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
   goes_on_ = goes_on;
   is_given_ = found.json.has_value();
   numbers_.clear();
+  if (found.json) {
+    is_about(data_of_subject(*found.json));
+  } else if (goes_on != GoesOn::kWithSubject) {
+    is_about({});
+  }
   if (found.json || goes_on != GoesOn::kNo || !source_) return found;
   if (const auto known = find()) {
     found.json = subject_json(*known);
     numbers_ = known->numbers;
+    is_about(known);
     found.state = SubjectState::kFound;
   }
   looked_for_ = !found.json;
@@ -68,7 +76,18 @@ std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   // A person may have given one meanwhile.
   if (!looked_for_.exchange(false)) return {};
   numbers_ = found->numbers;
+  is_about(found);
   return subject_json(*found);
+}
+
+void CaseSubject::ended(UtcTime now) {
+  std::optional<ProcedureData> about;
+  {
+    const std::lock_guard guard(about_mutex_);
+    about = std::exchange(about_, std::nullopt);
+  }
+  const bool names_somebody = about && (!about->patient_id.empty() || !about->patient.empty());
+  if (source_ && names_somebody) source_->ended(*about, now);
 }
 
 std::optional<ProcedureData> CaseSubject::find() const {

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -50,10 +51,19 @@ class CaseSubject {
   /// By which messages name the patient who was found last; none: nobody was, or none says so.
   [[nodiscard]] const std::vector<PatientNumber>& numbers() const { return numbers_; }
   /// A person gave one: nothing is looked for any more.
-  void given_while_running() { looked_for_ = false; }
+  void given_while_running(const Bytes& subject) {
+    looked_for_ = false;
+    is_about(data_of_subject(subject));
+  }
+  /// A person or a rule ended the case: what it was about is not taken for a later one by itself.
+  void ended(UtcTime now);
 
  private:
   [[nodiscard]] std::optional<ProcedureData> find() const;
+  void is_about(std::optional<ProcedureData> data) {
+    const std::lock_guard guard(about_mutex_);
+    about_ = std::move(data);
+  }
   std::vector<PatientNumber> numbers_;
 
   const std::shared_ptr<ProcedureSource> source_;
@@ -63,6 +73,8 @@ class CaseSubject {
   std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
   GoesOn goes_on_ = GoesOn::kNo;
   bool is_given_ = false;
+  std::mutex about_mutex_;
+  std::optional<ProcedureData> about_;  // guarded by it: as far as this process knows
 };
 
 }  // namespace kiroku::recorder

@@ -549,7 +549,7 @@ struct Room::State {
       running.late_subject(subject);
       // The case after it has a patient of its own, whom the recorder may still look for.
       if (is_of_now(running)) {
-        case_subject.given_while_running();
+        case_subject.given_while_running(subject);
         keep_late_subject(running, subject, {});
       }
     }
@@ -768,6 +768,7 @@ struct Room::State {
         listener.note("case " + result.case_id + " is closed (" + result.close_reason + ")");
       }
       if (listener.closed) listener.closed(result);
+      if (!by_itself && result.close_reason != "shutdown") case_subject.ended(time.utc());
       if (by_itself && result.close_reason != "sources-ended") {
         const std::chrono::nanoseconds lasted(result.last.now_ns - result.last.begins_ns);
         if (const std::string follows = take_error(result.case_id, lasted); !follows.empty())

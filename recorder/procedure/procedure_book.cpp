@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/ascii.h"
+#include "recorder/procedure/window.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -44,6 +45,19 @@ bool share_a_place(const std::vector<std::string>& one, const std::vector<std::s
          std::ranges::any_of(whole_places(other), [&](auto whole) { return has_any(one, whole); });
 }
 
+/// Both are stated, and differ.
+bool are_two_visits(const ProcedureMessage& one, const ProcedureMessage& other) {
+  return !one.visit.empty() && !other.visit.empty() && !read_alike(one.visit, other.visit);
+}
+
+/// Not another one for a name that is written in another way.
+bool is_another_name(const PersonName& one, const PersonName& other) {
+  if (one.empty() || other.empty()) return false;
+  const std::string given = lower_case(one.given), others = lower_case(other.given);
+  return !same_but_for_case(one.family, other.family) ||
+         (!given.starts_with(others) && !others.starts_with(given));
+}
+
 bool is_of_appointment(const ProcedureMessage& message) {
   return message.kind == ProcedureMessage::Kind::kAppointment ||
          message.kind == ProcedureMessage::Kind::kCancels;
@@ -74,13 +88,27 @@ void leave_identity(ProcedureMessage& message) {
 }  // namespace
 
 ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, const ProcedureMessage& other) {
-  if (one.patient == other.patient) return Likeness::kSure;
-  if (!share_a_number(one.numbers, other.numbers)) return Likeness::kNone;
+  const bool is_same_number = one.patient == other.patient;
+  if (!is_same_number && !share_a_number(one.numbers, other.numbers)) return Likeness::kNone;
   const std::string &born = one.data.birth_date, &others = other.data.birth_date;
-  if (!born.starts_with(others) && !others.starts_with(born)) return Likeness::kNone;
-  const bool same_birth = !born.empty() && !others.empty();
+  const bool births_differ = !born.starts_with(others) && !others.starts_with(born);
+  const bool has_issuer = !one.data.patient_id_issuer.empty() || !other.data.patient_id_issuer.empty();
+  const bool is_apart = !has_issuer && one.data.patient_id == other.data.patient_id &&
+                        !one.facility.empty() && !other.facility.empty() &&
+                        !same_but_for_case(one.facility, other.facility);
+  if (!is_same_number && births_differ) return Likeness::kNone;
+  if (births_differ && is_another_name(one.data.patient, other.data.patient)) {
+    // Whoever was not known by name is, as their own system says it where they are.
+    const bool is_corrected = has_issuer && !one.sender.empty() && one.sender == other.sender &&
+                              (one.is_of_record || other.is_of_record) && !are_two_visits(one, other) &&
+                              share_a_place(one.places, other.places);
+    return is_corrected ? Likeness::kSure : Likeness::kPerhaps;
+  }
+  if (is_same_number && !is_apart) return Likeness::kSure;
+  const bool same_birth = !births_differ && !born.empty() && !others.empty();
   const bool same_name = !one.data.patient.empty() && one.data.patient == other.data.patient;
-  return same_birth || same_name ? Likeness::kSure : Likeness::kPerhaps;
+  if (same_birth || same_name) return Likeness::kSure;
+  return is_apart && !is_same_number ? Likeness::kNone : Likeness::kPerhaps;
 }
 
 void ProcedureBook::take(ProcedureMessage message, ProcedureMoment received) {
@@ -103,6 +131,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     if (is_merging) rename(message, arrival);  // however late: it stays so
     message.replaces.clear();
     message.replaced_numbers.clear();
+    tell_apart(message, arrival);
   }
   for (const ProcedureMessage& message : messages) {
     if (message.kind == Kind::kLeaves || message.kind == Kind::kDeparts) {
@@ -125,7 +154,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     return !stays;
   });
   // An appointment that was another patient's before is theirs no more.
-  take_out_appointment(messages);
+  const std::optional<Arrival> booked = take_out_appointment(messages);
   for (ProcedureMessage& message : messages) {
     switch (message.kind) {
       case Kind::kPlaces:
@@ -138,20 +167,14 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
       case Kind::kDeparts:
         leave(std::move(message), arrival);
         break;
-      case Kind::kAppointment: {
-        const std::string key = key_of_appointment(message);
-        ended_.erase("\n" + key);  // key_of_ended()
-        appointments_.insert_or_assign(key, Kept{arrival, std::move(message)});
+      case Kind::kAppointment:
+        keep_appointment(std::move(message), arrival, booked);
         break;
-      }
-      case Kind::kCancels: {
-        const std::string key = key_of_ended(message);
-        message.data = {};
-        message.planned_places.clear();
-        ended_.insert_or_assign(key, Kept{arrival, std::move(message)});
+      case Kind::kCancels:
+        keep_cancelled(std::move(message), arrival);
         break;
-      }
       case Kind::kNothing:
+        if (message.leaves_unnamed) leave_unnamed(message);
         break;
     }
   }
@@ -162,12 +185,59 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
   forget_passed(received);
 }
 
+void ProcedureBook::keep_appointment(ProcedureMessage message, const Arrival& received,
+                                     const std::optional<Arrival>& booked) {
+  const std::string key = key_of_appointment(message);
+  ended_.erase("\n" + key);  // key_of_ended()
+  Kept kept{received, std::move(message)};
+  kept.booked = booked.value_or(received);
+  appointments_.insert_or_assign(key, std::move(kept));
+}
+
+void ProcedureBook::keep_cancelled(ProcedureMessage message, const Arrival& received) {
+  const std::string key = key_of_ended(message);
+  std::vector<std::string> places = std::move(message.places);
+  leave_identity(message);
+  message.places = std::move(places);
+  ended_.insert_or_assign(key, Kept{received, std::move(message)});
+}
+
+/// It may be whoever is in a place that it names.
+void ProcedureBook::leave_unnamed(const ProcedureMessage& message) {
+  ++strangers_left_;
+  for (auto& [patient, kept] : placed_) {
+    if (share_a_place(message.places, kept.message.places)) kept.doubt = Doubt::kNobodyNamed;
+  }
+}
+
+void ProcedureBook::tell_apart(ProcedureMessage& message, const Arrival& received) {
+  if (message.patient.empty()) return;
+  const auto known = placed_.find(message.patient);
+  if (known != placed_.end() && likeness(message, known->second.message) == Likeness::kSure) return;
+  bool is_another = false;
+  for (Messages* const messages : {&placed_, &appointments_, &ended_}) {
+    for (auto& [key, kept] : *messages) {
+      if (kept.message.patient != message.patient || likeness(message, kept.message) != Likeness::kPerhaps)
+        continue;
+      is_another = true;
+      // Who is meant by the number when somebody left, or came elsewhere, nobody can tell.
+      if (messages != &placed_ || is_of_appointment(message)) continue;
+      kept.doubt = Doubt::kOneNumber;
+      note_change("", received);
+      for (const auto& [place, came] : kept.since) note_change(place, received);
+    }
+  }
+  if (is_another) message.patient += "\n" + message.data.birth_date + "\n" + lower_case(message.facility);
+}
+
 template <typename Use>
 void ProcedureBook::with_each_arrival(const Use& use) {
   for (Messages* const messages : {&placed_, &appointments_, &ended_, &merged_}) {
     for (auto& [key, kept] : *messages) {
       use(kept.received);
       for (auto& [place, since] : kept.since) use(since);
+      for (auto& [place, went] : kept.gone) use(went.when);
+      if (kept.booked) use(*kept.booked);
     }
   }
   for (auto& [place, passed] : passed_) {
@@ -250,7 +320,8 @@ void ProcedureBook::doubt(const ProcedureMessage& message, const Arrival& receiv
     if (message.kind != Kind::kCancels && !message.is_over) return;
     for (auto& [key, kept] : appointments_) {
       if (!same_appointment(kept.message, message)) continue;
-      kept.is_in_doubt = is_news = true;
+      kept.doubt = Doubt::kToldLate;
+      is_news = true;
     }
   } else if (message.kind == Kind::kLeaves || message.kind == Kind::kDeparts || message.moves) {
     for (const std::string& patient : known_as(message, false)) {
@@ -261,7 +332,8 @@ void ProcedureBook::doubt(const ProcedureMessage& message, const Arrival& receiv
       // A move before they came is how they came.
       const bool is_since = message.happened && (!kept.moved || *message.happened > *kept.moved);
       if (message.kind == Kind::kPlaces && (!is_elsewhere || !is_since)) continue;
-      kept.is_in_doubt = is_news = true;
+      kept.doubt = Doubt::kToldLate;
+      is_news = true;
       note_change("", received);
       for (const auto& [place, came] : kept.since) note_change(place, received);
     }
@@ -345,55 +417,115 @@ std::vector<std::string> ProcedureBook::known_as(const ProcedureMessage& message
 void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
   const std::vector<std::string> known = known_as(message, false);
   const bool leaves = message.kind == ProcedureMessage::Kind::kLeaves;
-  if (known.empty() && leaves && !ended_.contains(message.patient)) ++strangers_left_;
-  bool is_gone = leaves;
+  if (known.empty() && leaves && has_left(message) != Likeness::kSure) ++strangers_left_;
+  bool is_gone = leaves, is_still_there = false;
+  const bool is_visit_known = std::ranges::any_of(known, [&](const std::string& patient) {
+    return read_alike(message.visit, placed_.find(patient)->second.message.visit);
+  });
+  std::map<std::string, Went> gone;
   for (const std::string& patient : known) {
     const auto found = placed_.find(patient);
+    Kept& kept = found->second;
+    const bool share = share_a_place(message.places, kept.message.places);
     // Whoever is seen off elsewhere, late, is where they came since.
-    const bool is_elsewhere =
-        !leaves && !message.places.empty() && !share_a_place(message.places, found->second.message.places);
-    if (is_elsewhere) continue;
-    pass(found->second, received);
-    add_numbers(message.numbers, found->second.message.numbers);
+    if (!leaves && !message.places.empty() && !share) continue;
+    // Whoever is discharged from another visit is where this one has them, as far as that goes.
+    if (are_two_visits(message, kept.message) && (message.is_of_record || !share)) {
+      if (leaves && !is_visit_known) kept.doubt = Doubt::kOtherVisit;
+      is_still_there = true;
+      continue;
+    }
+    pass(kept, received);
+    add_numbers(message.numbers, kept.message.numbers);
+    if (message.data.birth_date.empty()) message.data.birth_date = kept.message.data.birth_date;
+    if (message.data.patient.empty()) message.data.patient = kept.message.data.patient;
+    if (message.visit.empty()) message.visit = kept.message.visit;
+    gone.insert(kept.gone.begin(), kept.gone.end());
+    for (const auto& [place, came] : kept.since) gone.insert_or_assign(place, Went{received, true});
     placed_.erase(found);
     is_gone = true;
   }
-  if (!is_gone) return;
+  if (!is_gone || is_still_there) return;
+  gone.merge(take_back(message));
   leave_identity(message);
   const std::string key = key_of_ended(message);
-  ended_.insert_or_assign(key, Kept{received, std::move(message)});
+  Kept kept{received, std::move(message)};
+  kept.gone = std::move(gone);
+  ended_.insert_or_assign(key, std::move(kept));
+}
+
+ProcedureBook::Likeness ProcedureBook::has_left(const ProcedureMessage& message) const {
+  Likeness most = Likeness::kNone;
+  for (const auto& [key, kept] : ended_) {
+    if (is_of_appointment(kept.message) || are_two_visits(message, kept.message)) continue;
+    most = std::max(most, likeness(message, kept.message));
+  }
+  return most;
+}
+
+std::map<std::string, ProcedureBook::Went> ProcedureBook::take_back(const ProcedureMessage& message) {
+  std::map<std::string, Went> gone;
+  std::erase_if(ended_, [&](const auto& each) {
+    const Kept& kept = each.second;
+    if (is_of_appointment(kept.message) || likeness(message, kept.message) != Likeness::kSure) return false;
+    for (const auto& [place, went] : kept.gone) {
+      const auto [known, added] = gone.try_emplace(place, went);
+      if (!added && known->second.when.number < went.when.number) known->second = went;
+    }
+    return true;
+  });
+  return gone;
 }
 
 void ProcedureBook::place(ProcedureMessage message, const Arrival& received, bool is_in_doubt) {
-  auto known = placed_.find(message.patient);
+  auto known = of_visit(message);
   const auto others = known == placed_.end() ? known_as(message, true) : std::vector<std::string>();
   if (others.size() == 1) {
     // By another form of their number: they have not come as somebody else.
     known = placed_.find(others.front());
-    message.patient = known->first;
+    message.patient = known->second.message.patient;
     message.data.patient_id = known->second.message.data.patient_id;
     message.data.patient_id_issuer = known->second.message.data.patient_id_issuer;
   }
-  const bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
+  bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
+  Doubt doubt = is_in_doubt ? Doubt::kToldLate : Doubt::kNone;
+  const bool is_of_another = known != placed_.end() && says_where && !message.is_of_any_visit &&
+                             are_two_visits(message, known->second.message) &&
+                             !share_a_place(message.places, known->second.message.places);
+  if (is_of_another) {
+    // A record of another visit says nothing of now.
+    if (!message.moves) return;
+    set_aside(known, received);
+    known = placed_.end();
+  } else if (message.moves && says_where && (message.visit.empty() || message.is_of_any_visit)) {
+    drop_set_aside(message.patient, received);
+    known = placed_.find(message.patient);
+  }
   if (known == placed_.end()) {
     // A change of somebody's address, or a record that is begun, brings nobody into the room. Where every
     // message is about one room, an event of arriving does without a place.
     if (!says_where && !message.moves) return;
-    ended_.erase(message.patient);
+    // A correction of the record of somebody who left names the place where they were.
+    const Likeness had_left = message.moves ? Likeness::kNone : has_left(message);
+    if (had_left == Likeness::kSure) return;
+    if (had_left == Likeness::kPerhaps) doubt = Doubt::kLeftAlready;
     const std::optional<UtcTime> moved = message.moves ? message.happened : std::nullopt;
-    Kept kept{received, std::move(message), {}, is_in_doubt, moved};
+    Kept kept{received, std::move(message), {}, doubt, moved};
+    kept.gone = take_back(kept.message);
     note_change("", received);
     for (const std::string& place : kept.message.places) {
       kept.since.emplace(place, received);
+      kept.gone.erase(place);
       note_change(place, received);
     }
-    const std::string patient = kept.message.patient;
-    placed_.emplace(patient, std::move(kept));
+    const std::string key = key_of_placed(kept);
+    placed_.insert_or_assign(key, std::move(kept));
     return;
   }
   Kept& kept = known->second;
   add_numbers(message.numbers, kept.message.numbers);
   const bool arrives = message.moves && (says_where || kept.message.places.empty());
+  if (says_where && !arrives) says_where = leave_out_gone(message, kept);
   // Whoever only sends other facts (A08, A31) of somebody who was there before does not say that they came
   // anew, after whoever came since.
   bool comes = arrives;
@@ -407,22 +539,71 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
       if (!was_there || (arrives && other_came)) note_change(place, received);
       const bool stays = !arrives && other_came;
       since.emplace(place, stays ? before->second : received);
+      kept.gone.erase(place);
       comes = comes || !stays;
     }
     for (const auto& [place, came] : kept.since) {
-      if (!since.contains(place)) pass(place, came, received);
+      if (since.contains(place)) continue;
+      pass(place, came, received);
+      kept.gone.insert_or_assign(place, Went{received, arrives});
     }
     kept.since = std::move(since);
+    if (message.visit.empty()) message.visit = kept.message.visit;
   } else {
     if (arrives && !kept.moved) note_change("", received);
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
+    message.visit = kept.message.visit;
+    if (!kept.message.data.visit.empty()) message.data.visit = kept.message.data.visit;
   }
   if (comes) kept.received = received;
   if (arrives) kept.moved = message.happened;
   // Only who is said to have come anew is there for sure again.
-  kept.is_in_doubt = is_in_doubt || (kept.is_in_doubt && !arrives);
+  kept.doubt = doubt != Doubt::kNone ? doubt : arrives ? Doubt::kNone : kept.doubt;
   kept.message = std::move(message);
+}
+
+ProcedureBook::Messages::iterator ProcedureBook::of_visit(const ProcedureMessage& message) {
+  const auto known = placed_.find(message.patient);
+  if (known == placed_.end() || !are_two_visits(message, known->second.message)) return known;
+  const auto same = std::ranges::find_if(placed_, [&](const auto& each) {
+    const ProcedureMessage& other = each.second.message;
+    return other.patient == message.patient && read_alike(other.visit, message.visit);
+  });
+  return same == placed_.end() ? known : same;
+}
+
+void ProcedureBook::set_aside(Messages::iterator known, const Arrival& received) {
+  Kept aside = std::move(placed_.extract(known).mapped());
+  aside.doubt = Doubt::kOtherVisit;
+  aside.apart = "\nvisit\n" + aside.message.visit;
+  for (const auto& [place, came] : aside.since) note_change(place, received);
+  const std::string key = key_of_placed(aside);
+  placed_.insert_or_assign(key, std::move(aside));
+}
+
+void ProcedureBook::drop_set_aside(const std::string& patient, const Arrival& received) {
+  std::erase_if(placed_, [&](const auto& each) {
+    const bool is_meant = !each.second.apart.empty() && each.second.message.patient == patient;
+    if (is_meant) pass(each.second, received);
+    return is_meant;
+  });
+}
+
+bool ProcedureBook::leave_out_gone(ProcedureMessage& message, const Kept& kept) {
+  std::vector<std::string> here;
+  for (const std::string_view whole : whole_places(message.places)) {
+    const std::string place(whole);
+    const auto gone = kept.gone.find(place);
+    if (gone == kept.gone.end() || !gone->second.is_event || kept.since.contains(place))
+      here.push_back(place);
+  }
+  std::erase_if(message.places, [&](const std::string& place) {
+    return std::ranges::none_of(here, [&](const std::string& whole) {
+      return ("^" + whole + "^").find("^" + place + "^") != std::string::npos;
+    });
+  });
+  return !here.empty();
 }
 
 bool ProcedureBook::somebody_else_came(const std::string& patient, const std::string& place,
@@ -483,9 +664,11 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
       for (const auto& [place, came] : known->second.since) {
         if (!one.since.contains(place)) pass(place, came, received);
       }
-      one.is_in_doubt = one.is_in_doubt || known->second.is_in_doubt;
+      if (one.doubt == Doubt::kNone) one.doubt = known->second.doubt;
+      one.gone.insert(known->second.gone.begin(), known->second.gone.end());
     }
     give(one.message);
+    one.apart.clear();
     placed_.insert_or_assign(message.patient, std::move(one));
   }
   std::vector<Kept> moved;
@@ -509,41 +692,89 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
 }
 
 /// Whatever `by` changes or cancels; what it was called before, it is called still.
-void ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
+std::optional<ProcedureBook::Arrival> ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
+  std::optional<Arrival> booked;
   std::erase_if(appointments_, [&](const auto& each) {
     const ProcedureMessage& before = each.second.message;
     const bool is_meant = std::ranges::any_of(by, [&](const ProcedureMessage& message) {
       return is_of_appointment(message) && same_appointment(message, before);
     });
+    if (!is_meant) return false;
     for (ProcedureMessage& message : by) {
-      if (is_meant && message.placer.empty()) message.placer = before.placer;
-      if (is_meant && message.filler.empty()) message.filler = before.filler;
+      if (message.placer.empty()) message.placer = before.placer;
+      if (message.filler.empty()) message.filler = before.filler;
+      if (message.kind == ProcedureMessage::Kind::kCancels) {
+        // Many cancel by the number alone: what it was is not planned for that time and place any more.
+        if (message.places.empty()) message.places = before.places;
+        if (!message.planned) message.planned = before.planned;
+        add_numbers(message.numbers, before.numbers);
+      }
+      const bool is_moved = message.planned && message.planned != before.planned;
+      if (!message.books && !is_moved) booked = each.second.booked;
     }
-    return is_meant;
+    return true;
   });
+  return booked;
 }
 
 UtcTime ProcedureBook::planned_last(const Kept& kept, const ProcedureMoment& at) {
   UtcTime last = planned(kept, at);
-  for (const PlannedPlace& place : kept.message.planned_places)
+  if (kept.message.within) last = std::max(last, kept.message.within->latest);
+  for (const PlannedPlace& place : kept.message.planned_places) {
     last = std::max(last, place.planned.value_or(last));
+    if (place.within) last = std::max(last, place.within->latest);
+  }
   return last;
 }
 
 ProcedureBook::PlannedHere ProcedureBook::planned_here(const ProcedureRule& rule, const Kept& kept,
                                                        const ProcedureMoment& at) {
+  const ProcedureMessage& message = kept.message;
   std::optional<PlannedHere> here;
-  for (const PlannedPlace& place : kept.message.planned_places) {
+  for (const PlannedPlace& place : message.planned_places) {
     const bool is_here = rule.locations.empty() || std::ranges::any_of(place.spellings, [&](const auto& one) {
                            return is_of_room(rule, one);
                          });
     if (!is_here) continue;
-    const PlannedHere found{place.planned.value_or(planned(kept, at)), &place, place.is_time_unclear};
-    const bool is_unclear = found.is_unclear || (here && here->is_unclear);
-    if (!here || std::chrono::abs(found.time - at.utc) < std::chrono::abs(here->time - at.utc)) here = found;
+    const bool is_absent = !place.planned && !message.planned && !place.is_time_unclear;
+    const PlannedHere found{place.planned.value_or(planned(kept, at)), &place, place.is_time_unclear,
+                            place.within, is_absent};
+    if (!here) {
+      here = found;
+      continue;
+    }
+    const auto distance = [&](const PlannedHere& one) { return std::chrono::abs(one.time - at.utc); };
+    const PlannedHere& unclear = here->is_unclear ? *here : found;
+    const bool is_unclear = unclear.is_unclear;
+    const std::optional<TimeSpan> within = unclear.within;
+    if (distance(found) < distance(*here)) here = found;
     here->is_unclear = is_unclear;
+    here->within = within;
   }
-  return here.value_or(PlannedHere{planned(kept, at)});
+  if (here) return *here;
+  return {planned(kept, at), nullptr, message.is_time_unclear, message.within,
+          !message.planned && !message.is_time_unclear};
+}
+
+std::optional<UtcTime::duration> ProcedureBook::nearest_unclear(const ProcedureRule& rule, const Kept& kept,
+                                                                const ProcedureMoment& at) {
+  const PlannedHere here = planned_here(rule, kept, at);
+  if (!here.is_unclear && !here.is_absent) return {};
+  const auto distance = [&](UtcTime time) { return std::chrono::abs(time - at.utc); };
+  UtcTime::duration least = UtcTime::duration::zero();  // of a time of which nothing is known
+  if (here.is_absent) {
+    // Whoever states no time may mean about now.
+    least = distance(at.by_this_clock(kept.received.at));
+    return is_within(least, rule.window) ? std::optional(UtcTime::duration::zero()) : std::nullopt;
+  }
+  if (here.within) {
+    least = least_distance(here.within, at.utc);
+  } else if (kept.message.planned) {
+    // The appointment says when it is, and not when it is here.
+    const auto nearer = std::min(distance(planned(kept, at)), distance(planned_last(kept, at)));
+    if (!is_within(nearer, rule.window)) return {};
+  }
+  return is_within(least, rule.window) ? std::optional(least) : std::nullopt;
 }
 
 ProcedureData ProcedureBook::data_of(const Kept& kept, const PlannedHere& here) {
@@ -559,43 +790,129 @@ ProcedureData ProcedureBook::data_of(const Kept& kept, const PlannedHere& here) 
   return data;
 }
 
+bool ProcedureBook::is_watched(const std::string& place) const {
+  return std::ranges::any_of(
+      rules_, [&](const ProcedureRule& rule) { return rule.locations.empty() || is_of_room(rule, place); });
+}
+
+bool ProcedureBook::is_watched(const Kept& kept) const {
+  const auto is_place = [this](const std::string& place) { return is_watched(place); };
+  const auto is_key = [this](const auto& each) { return is_watched(each.first); };
+  const auto is_here = [&](const Kept& one) {
+    return std::ranges::any_of(one.message.places, is_place) || std::ranges::any_of(one.since, is_key) ||
+           std::ranges::any_of(one.gone, is_key);
+  };
+  if (is_here(kept)) return true;
+  const auto patient = placed_.find(kept.message.patient);
+  return patient != placed_.end() && &patient->second != &kept && is_here(patient->second);
+}
+
+void ProcedureBook::lose(LostPlaces& places, const Kept& kept, const ProcedureMoment& first,
+                         const ProcedureMoment& last) {
+  std::set<std::string> lost;
+  for (const std::string& place : kept.message.places) lost.insert(lower_case(place));
+  for (const auto& [place, went] : kept.gone) lost.insert(lower_case(place));
+  lost.insert("");  // of all places together
+  bool is_news = rules_.empty();
+  for (const std::string& place : lost) {
+    if (!rules_.empty() && !is_watched(place)) continue;
+    is_news = true;
+    if (places.size() >= kMostKept && !places.contains(place)) continue;
+    const auto [known, added] = places.try_emplace(place, Lost{first, last});
+    if (added) continue;
+    Lost& before = known->second;
+    if (first.since_boot < before.first.since_boot) before.first = first;
+    if (last.since_boot > before.last.since_boot) before.last = last;
+  }
+  if (is_news) ++not_kept_;
+}
+
+void ProcedureBook::lose(const Messages& messages, const Kept& kept, const ProcedureMoment& now) {
+  if (&messages == &merged_) return;
+  if (&messages == &placed_) {
+    lose(lost_placed_, kept, kept.received.at, kept.received.at);
+    return;
+  }
+  const ProcedureMoment& told = kept.received.at;
+  if (&messages == &ended_) {
+    lose(lost_planned_, kept, told, now);
+    return;
+  }
+  // Further than what arithmetic of times holds nobody plans.
+  constexpr std::chrono::hours kFurthest{24 * 3650};
+  const auto moment = [&](UtcTime time) {
+    const auto from_now = std::clamp<UtcTime::duration>(time - now.utc, -kLongestBefore, kFurthest);
+    return ProcedureMoment{now.utc + from_now, now.since_boot + from_now};
+  };
+  const bool is_unclear = kept.message.is_time_unclear && !kept.message.planned;
+  const UtcTime first = is_unclear ? now.utc : planned(kept, now);
+  lose(lost_planned_, kept, moment(first), moment(std::max(first, planned_last(kept, now))));
+}
+
+bool ProcedureBook::is_lost(const LostPlaces& places, const ProcedureRule& rule,
+                            const ProcedureMoment& at) const {
+  return std::ranges::any_of(places, [&](const auto& each) {
+    const auto& [place, lost] = each;
+    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    return is_meant && at.by_this_clock(lost.first) - rule.window <= at.utc &&
+           at.utc <= at.by_this_clock(lost.last) + rule.window;
+  });
+}
+
 void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
   const auto newest = [&now](const Kept& kept) {
     return std::max(now.by_this_clock(kept.received.at), planned_last(kept, now));
   };
   std::erase_if(messages, [&](const auto& each) { return now.utc - newest(each.second) > kLongestWindow; });
   while (messages.size() > kMostKept) {
-    messages.erase(std::min_element(messages.begin(), messages.end(), [](const auto& a, const auto& b) {
-      return a.second.received.number < b.second.received.number;
-    }));
+    // Of those that concern no watched room, the oldest; of none, the oldest of all.
+    auto oldest = messages.end(), oldest_of_all = messages.end();
+    const auto is_older = [&](auto one, auto than) {
+      return than == messages.end() || one->second.received.number < than->second.received.number;
+    };
+    for (auto each = messages.begin(); each != messages.end(); ++each) {
+      if (is_older(each, oldest_of_all)) oldest_of_all = each;
+      if (is_older(each, oldest) && !is_watched(each->second)) oldest = each;
+    }
+    const auto forgotten = oldest == messages.end() ? oldest_of_all : oldest;
+    if (rules_.empty() || oldest == messages.end()) lose(messages, forgotten->second, now);
+    messages.erase(forgotten);
   }
 }
 
 void ProcedureBook::forget_passed(const ProcedureMoment& now) {
+  // Those of no watched room before others.
+  const auto forget_oldest = [this](auto& of_places, const auto& age) {
+    while (of_places.size() > kMostKept) {
+      of_places.erase(std::ranges::min_element(of_places, {}, [&](const auto& each) {
+        return std::pair(each.first.empty() || is_watched(each.first), age(each.second));
+      }));
+    }
+  };
   std::erase_if(changes_,
                 [&](const auto& each) { return now.since_boot - each.second.since_boot > kLongestWindow; });
-  while (changes_.size() > kMostKept) {
-    changes_.erase(
-        std::ranges::min_element(changes_, {}, [](const auto& each) { return each.second.since_boot; }));
-  }
+  forget_oldest(changes_, [](const ProcedureMoment& at) { return at.since_boot; });
   std::erase_if(passed_, [&](const auto& each) {
     return now.utc - now.by_this_clock(each.second.went.at) > kLongestWindow;
   });
-  while (passed_.size() > kMostKept) {
-    passed_.erase(
-        std::ranges::min_element(passed_, {}, [](const auto& each) { return each.second.went.number; }));
+  forget_oldest(passed_, [](const Passed& passed) { return passed.went.number; });
+  for (LostPlaces* const places : {&lost_placed_, &lost_planned_}) {
+    std::erase_if(*places, [&](const auto& each) {
+      return now.since_boot - each.second.last.since_boot > kLongestWindow;
+    });
   }
 }
 
 std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, ProcedureMoment at) const {
   std::vector<ProcedureData> all;
   std::set<std::string> placed;
-  const auto is_near = [&](UtcTime time) { return std::chrono::abs(at.utc - time) <= rule.window; };
-  for (const auto& [patient, kept] : placed_) {
+  const auto is_near = [&](UtcTime time) { return is_within(at.utc, time, rule.window); };
+  for (const auto& [key, kept] : placed_) {
     const std::optional<Arrival> came_in = came(rule, kept);
     if (!came_in) continue;
     const UtcTime since = at.by_this_clock(came_in->at);
     if (!is_near(since)) continue;
+    const std::string& patient = kept.message.patient;
     placed.insert(patient);
     std::vector<ProcedureData> planned;
     std::vector<std::optional<UtcTime>> times;
@@ -613,12 +930,105 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
     const PlannedHere here = planned_here(rule, kept, at);
-    if (!is_near(here.time) && !here.is_unclear) continue;
+    const bool may_be_near =
+        here.is_unclear ? nearest_unclear(rule, kept, at).has_value() : is_near(here.time);
+    if (!may_be_near) continue;
     all.push_back(data_of(kept, here));
     all.back().chosen =
         "an appointment of which a message told at " + format_utc(at.by_this_clock(kept.received.at));
   }
   return all;
+}
+
+std::optional<ProcedureBook::Left> ProcedureBook::left(const ProcedureRule& rule,
+                                                       const ProcedureMessage& message) const {
+  std::optional<Left> last;
+  bool was_here = false;
+  const auto note = [&](const Left& one) {
+    was_here = was_here || one.is_from_here;
+    if (!last || last->when.number < one.when.number) last = one;
+  };
+  const auto look_at = [&](const Kept& kept, bool is_there) {
+    if (is_of_appointment(kept.message)) return;
+    const Likeness alike = likeness(message, kept.message);
+    if (alike == Likeness::kNone) return;
+    const bool is_sure = alike == Likeness::kSure;
+    if (!is_there) note({kept.received, rule.locations.empty(), is_sure, kept.message.visit});
+    for (const auto& [place, went] : kept.gone) {
+      if (is_of_room(rule, place)) note({went.when, true, is_sure, kept.message.visit});
+    }
+  };
+  for (const auto& [key, kept] : placed_) look_at(kept, true);
+  for (const auto& [key, kept] : ended_) look_at(kept, false);
+  if (last) last->is_from_here = was_here;
+  return last;
+}
+
+Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
+                                 UtcTime planned, const ProcedureMoment& at) const {
+  const UtcTime went = at.by_this_clock(left.when.at);
+  if (at.utc - went > rule.window) return Standing::kOpen;
+  if (!left.is_sure || went > at.utc) return Standing::kDoubtful;
+  if (planned <= went) return Standing::kDone;
+  if (!left.is_from_here || planned - went > kFurthestAhead) return Standing::kDoubtful;
+  // It went faster than it was planned, unless that was another one.
+  const bool has_earlier = std::ranges::any_of(appointments_, [&](const auto& each) {
+    const Kept& other = each.second;
+    if (other.message.patient != message.patient || !concerns(rule, other.message)) return false;
+    const UtcTime time = planned_here(rule, other, at).time;
+    return time < planned && is_within(went - time, rule.window);
+  });
+  return has_earlier ? Standing::kDoubtful : Standing::kDone;
+}
+
+Standing ProcedureBook::standing(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
+                                 const ProcedureMoment& at) const {
+  const std::optional<Left> gone = left(rule, kept.message);
+  if (!gone) return Standing::kOpen;
+  const Arrival& booked = kept.booked ? *kept.booked : kept.received;
+  if (booked.number > gone->when.number) {
+    // Booked anew; what is written up later is not.
+    return planned + kSameMoment >= at.by_this_clock(gone->when.at) ? Standing::kOpen : Standing::kDoubtful;
+  }
+  const bool is_other_visit =
+      !kept.message.visit.empty() && !gone->visit.empty() && !read_alike(kept.message.visit, gone->visit);
+  if (is_other_visit && !gone->is_from_here) return Standing::kOpen;
+  return standing(rule, *gone, kept.message, planned, at);
+}
+
+Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData& data,
+                                 std::optional<UtcTime> planned, const ProcedureMoment& at) const {
+  ProcedureMessage message;
+  message.patient = data.patient_id + "\n" + data.patient_id_issuer;
+  message.numbers = {{data.patient_id, data.patient_id_issuer, {}, {}}};
+  message.data = data;
+  message.visit = data.visit;
+  if (data.patient_id.empty()) return Standing::kOpen;
+  // A worklist says nothing of when it was booked; appointments do.
+  bool is_over = false;
+  for (const auto& [key, kept] : appointments_) {
+    if (!concerns(rule, kept.message) || likeness(message, kept.message) == Likeness::kNone) continue;
+    const UtcTime time = planned_here(rule, kept, at).time;
+    if (!kept.message.is_over && standing(rule, kept, time, at) == Standing::kOpen) return Standing::kOpen;
+    const bool is_that_one = planned && std::chrono::abs(time - *planned) <= kFurthestAhead;
+    is_over = is_over || (kept.message.is_over && is_that_one);
+  }
+  if (is_over) return Standing::kDone;
+  if (const std::optional<Left> gone = left(rule, message)) {
+    const bool is_other_visit =
+        !message.visit.empty() && !gone->visit.empty() && !read_alike(message.visit, gone->visit);
+    if (gone->is_from_here || !is_other_visit) {
+      const Standing stands = standing(rule, *gone, message, planned.value_or(at.utc), at);
+      if (stands != Standing::kOpen) return stands;
+    }
+  }
+  const bool is_cancelled = std::ranges::any_of(ended_, [&](const auto& each) {
+    const Kept& kept = each.second;
+    if (!is_of_appointment(kept.message) || !concerns(rule, kept.message)) return false;
+    if (likeness(message, kept.message) == Likeness::kNone) return false;
+    return !planned || !kept.message.planned || is_within(*kept.message.planned, *planned, rule.window);
+  });
+  return is_cancelled ? Standing::kDoubtful : Standing::kOpen;
 }
 
 ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at) const {
@@ -636,39 +1046,72 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     here_number = came_in->number;
   }
   if (const Doubt doubt = doubt_of_passed(rule, here_number, at); doubt != Doubt::kNone) return {{}, doubt};
-  if (here != nullptr && here->is_in_doubt) return {{}, Doubt::kToldLate};
+  if (here != nullptr && here->doubt != Doubt::kNone) return {{}, here->doubt};
+  if (is_lost(lost_placed_, rule, at)) return {{}, Doubt::kNotKept};
   std::vector<const Kept*> planned;
   std::vector<PlannedHere> in_room;
   std::vector<std::optional<UtcTime>> times;
-  bool is_unclear = false;
+  std::optional<UtcTime::duration> unclear;  // the nearest that one of them may be
+  const Kept* only_unclear = nullptr;        // of whoever is here
+  PlannedHere only_unclear_here{};
+  std::size_t unclear_count = 0;
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || kept.message.is_over) continue;
-    if (here != nullptr && (kept.is_in_doubt || kept.message.patient != here->message.patient)) continue;
+    const bool is_in_doubt = kept.doubt != Doubt::kNone;
+    if (here != nullptr && (is_in_doubt || kept.message.patient != here->message.patient)) continue;
     const PlannedHere its = planned_here(rule, kept, at);
-    // It may be planned for now, or not.
-    const bool may_be_near = std::chrono::abs(planned_last(kept, at) - at.utc) <= rule.window ||
-                             std::chrono::abs(ProcedureBook::planned(kept, at) - at.utc) <= rule.window;
-    is_unclear = is_unclear || (its.is_unclear && may_be_near);
-    if (here != nullptr && its.is_unclear) continue;
+    const bool is_unclear = its.is_unclear || (its.is_absent && here == nullptr);
+    if (is_unclear) {
+      const std::optional<UtcTime::duration> nearness = nearest_unclear(rule, kept, at);
+      if (!nearness) continue;
+      const bool is_nearer = here == nullptr && (!unclear || *nearness < *unclear);
+      if (is_nearer && standing(rule, kept, at.utc, at) != Standing::kDone) unclear = nearness;
+      only_unclear = &kept;
+      only_unclear_here = its;
+      ++unclear_count;
+      continue;
+    }
     planned.push_back(&kept);
     in_room.push_back(its);
     times.emplace_back(its.time);
   }
-  if (here == nullptr && is_unclear) return {{}, Doubt::kTimeUnclear};
-  const NearestPlan plan = nearest(times, at.utc, rule.window);
+  NearestPlan plan = nearest(times, at.utc, rule.window);
+  // Of whoever left since it was booked nothing is still to come: what is next counts.
+  for (bool is_changed = here == nullptr; is_changed && plan.index;) {
+    is_changed = false;
+    for (const std::size_t each : plan.equally_near) {
+      if (standing(rule, *planned[each], *times[each], at) != Standing::kDone) continue;
+      times[each].reset();
+      is_changed = true;
+    }
+    if (is_changed) plan = nearest(times, at.utc, rule.window);
+  }
+  // Whoever is here has one, though it does not say when.
+  if (here != nullptr && !plan.index && unclear_count == 1) {
+    planned.push_back(only_unclear);
+    in_room.push_back(only_unclear_here);
+    times.emplace_back(at.utc);
+    plan = nearest(times, at.utc, rule.window);
+  }
   const auto chosen = plan.index;
   if (here == nullptr) {
+    const bool may_be_unclear =
+        unclear && (!chosen || *unclear <= std::chrono::abs(*times[*chosen] - at.utc));
+    if (may_be_unclear) return {{}, Doubt::kTimeUnclear};
+    if (is_lost(lost_planned_, rule, at)) return {{}, Doubt::kNotKept};
     if (!chosen) return {};
     // Which of two patients it is nobody can tell.
     const bool is_anybodys = std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
       return planned[each]->message.patient != planned[*chosen]->message.patient;
     });
     if (is_anybodys) return {{}, Doubt::kTwoPlanned};
-    if (planned[*chosen]->is_in_doubt) return {{}, Doubt::kToldLate};
+    if (planned[*chosen]->doubt != Doubt::kNone) return {{}, planned[*chosen]->doubt};
     if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
+    if (standing(rule, *planned[*chosen], *times[*chosen], at) == Standing::kDoubtful)
+      return {{}, Doubt::kLeftAlready};
   }
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
-    return std::chrono::abs(*time - at.utc) <= rule.window;
+    return time && is_within(*time, at.utc, rule.window);
   });
   ProcedureData appointment;
   if (chosen) {

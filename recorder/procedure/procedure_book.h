@@ -47,7 +47,8 @@ struct ProcedureMoment {
 /// patient is worse than none: what leaves two possible is said to.
 class ProcedureBook {
  public:
-  static constexpr std::size_t kMostKept = 2000;           // of each kind; the oldest go
+  /// Of each kind. Of more the oldest go, those that concern no watched room before others.
+  static constexpr std::size_t kMostKept = 2000;
   static constexpr std::chrono::hours kLongestWindow{72};  // and what is older than that
   /// Two times of a sender that are less apart are of one moment: some state minutes alone, and their clock
   /// may be corrected.
@@ -56,13 +57,17 @@ class ProcedureBook {
   static constexpr std::chrono::hours kLongestBehind{1};
   static constexpr std::size_t kMostSenders = 64;
 
+  /// Whoever is in a place of this rule is kept before others, with what is planned for them. Where something
+  /// that concerns one is forgotten all the same, choose() takes nobody while it would count.
+  void watch(const ProcedureRule& rule) { rules_.push_back(rule); }
+
   void take(ProcedureMessage message, ProcedureMoment received);
   /// All that one message says, of each of its patients: an appointment is of these from then on.
   void take_all(std::vector<ProcedureMessage> messages, ProcedureMoment received);
 
   /// For a case that begins at `at`. If messages within the window placed one patient in the room, it is that
   /// patient, completed by their appointment; if nobody is there, the appointment planned nearest to `at`
-  /// (one without a time counts as planned when its message came) that is not over. Nobody wherever it is not
+  /// that is not over, and of nobody who left since it was booked (standing()). Nobody wherever it is not
   /// sure whom they mean: then it says why. Whoever was there earlier counts until a message says that they
   /// went.
   [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
@@ -70,6 +75,10 @@ class ProcedureBook {
                                                   const ProcedureMoment& at) const {
     return choose(rule, at).data;
   }
+
+  /// What messages say of a procedure that something else plans in the rule's room, as a worklist does.
+  [[nodiscard]] Standing standing(const ProcedureRule& rule, const ProcedureData& data,
+                                  std::optional<UtcTime> planned, const ProcedureMoment& at) const;
 
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
@@ -85,30 +94,68 @@ class ProcedureBook {
   /// are planned no more. Nobody can tell what is so now: choose() does not take them any more.
   [[nodiscard]] std::uint64_t ended_late() const { return ended_late_; }
 
+  /// So many that concern a watched room were forgotten, as there were too many, or cannot be read by
+  /// imported().
+  [[nodiscard]] std::uint64_t not_kept() const { return not_kept_; }
+
   [[nodiscard]] std::size_t size() const { return placed_.size() + appointments_.size(); }
 
   /// All of it, for a recorder that starts anew on the running machine, whose times since the boot it holds.
   [[nodiscard]] Bytes exported() const;
-  /// What exported() gave. Throws kiroku::Error for anything else, and for what another version wrote.
+  /// What exported() gave. Throws kiroku::Error for anything else, and for what another version wrote. What
+  /// has a time that none can be costs itself alone (not_kept()).
   static ProcedureBook imported(ByteView bytes);
 
  private:
   struct AsBytes;  // procedure_book_state.cpp
+  enum class Likeness { kNone, kPerhaps, kSure };
   struct Arrival {
     std::uint64_t number = 0;  // in the order of messages; what one message says arrives at once
     ProcedureMoment at;
     std::string sender = {};  // and by its clock:
     std::optional<UtcTime> happened = {};
   };
+  /// From a place where somebody was.
+  struct Went {
+    Arrival when;
+    bool is_event = false;  // of the patient: not by a record that names another place now
+  };
   struct Kept {
     Arrival received;
     ProcedureMessage message;
     /// Of a patient who is placed: when they came to each of the message's places.
     std::map<std::string, Arrival> since = {};
-    bool is_in_doubt = false;  // a message that came late, or may have, says otherwise
+    Doubt doubt = Doubt::kNone;  // a message that is not followed says otherwise
     /// By the sender's clock: when an event last said that they went where they are.
     std::optional<UtcTime> moved = {};
+    /// Of a patient who is placed or has left: the places where they were before, and are no more.
+    std::map<std::string, Went> gone = {};
+    /// Of an appointment: when it was booked, or moved to another time.
+    std::optional<Arrival> booked = {};
+    /// Of a patient who is placed, where another visit has placed them elsewhere since: behind their number.
+    std::string apart = {};
   };
+  /// Whoever left, as far as an appointment of theirs goes.
+  struct Left {
+    Arrival when;
+    bool is_from_here = false;  // from the rule's room
+    bool is_sure = false;       // it is that patient
+    std::string visit;
+  };
+  /// The last time that the patient whom the message names left the room, or the hospital.
+  [[nodiscard]] std::optional<Left> left(const ProcedureRule& rule, const ProcedureMessage& message) const;
+  /// Of an appointment in the rule's room that is planned for `planned`.
+  [[nodiscard]] Standing standing(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
+                                  const ProcedureMoment& at) const;
+  /// Of what is planned for somebody who left since it was booked.
+  [[nodiscard]] Standing standing(const ProcedureRule& rule, const Left& left,
+                                  const ProcedureMessage& message, UtcTime planned,
+                                  const ProcedureMoment& at) const;
+  /// Those who left, and who may be the one whom the message names: no more then, as they are back.
+  std::map<std::string, Went> take_back(const ProcedureMessage& message);
+  [[nodiscard]] Likeness has_left(const ProcedureMessage& message) const;
+  /// One number may be of two patients: the one of whom less is known goes by another key from then on.
+  void tell_apart(ProcedureMessage& message, const Arrival& received);
   /// When the patient came to the rule's room; nothing where they are not there.
   static std::optional<Arrival> came(const ProcedureRule& rule, const Kept& kept);
   /// Of those who were at a place and are there no more, the last one to come, and the last one to go.
@@ -129,13 +176,26 @@ class ProcedureBook {
   static std::string key_of_appointment(const ProcedureMessage& message) {
     return message.appointment + "\n" + message.patient;
   }
+  static std::string key_of_placed(const Kept& kept) { return kept.message.patient + kept.apart; }
   static std::string key_of_ended(const ProcedureMessage& message) {
     return message.kind == ProcedureMessage::Kind::kCancels ? "\n" + key_of_appointment(message)
                                                             : message.patient;
   }
   /// So long ago, at most, comes what is told late: it is forgotten at once then.
   static constexpr std::chrono::hours kLongestBefore = 2 * kLongestWindow;
-  static void forget_old(Messages& messages, const ProcedureMoment& now);
+  /// Where something was that is not kept, and when it counted, at first and at last.
+  struct Lost {
+    ProcedureMoment first, last;
+  };
+  using LostPlaces = std::map<std::string, Lost>;  // by place, in lower case
+  void lose(LostPlaces& places, const Kept& kept, const ProcedureMoment& first, const ProcedureMoment& last);
+  /// One of `messages`, which are placed_, appointments_, ended_ or merged_, was forgotten.
+  void lose(const Messages& messages, const Kept& kept, const ProcedureMoment& now);
+  [[nodiscard]] bool is_lost(const LostPlaces& places, const ProcedureRule& rule,
+                             const ProcedureMoment& at) const;
+  [[nodiscard]] bool is_watched(const std::string& place) const;
+  [[nodiscard]] bool is_watched(const Kept& kept) const;
+  void forget_old(Messages& messages, const ProcedureMoment& now);
   void forget_passed(const ProcedureMoment& now);
   /// When the appointment is planned by the clock of `at`.
   static UtcTime planned(const Kept& kept, const ProcedureMoment& at) {
@@ -143,11 +203,16 @@ class ProcedureBook {
   }
   /// The last of the times that it states, of whatever place.
   static UtcTime planned_last(const Kept& kept, const ProcedureMoment& at);
+  /// How near to `at` an appointment may be planned whose time is unclear; nothing where it is not near.
+  static std::optional<UtcTime::duration> nearest_unclear(const ProcedureRule& rule, const Kept& kept,
+                                                          const ProcedureMoment& at);
   /// When it is planned in the rule's room: of several times there, the nearest to `at`.
   struct PlannedHere {
     UtcTime time;
     const PlannedPlace* place = nullptr;  // null: it states nothing of this room alone
-    bool is_unclear = false;              // it states a time that cannot be read
+    bool is_unclear = false;              // it states a time that cannot be read, or no hour
+    std::optional<TimeSpan> within = {};  // of that one
+    bool is_absent = false;               // it states no time at all
   };
   static PlannedHere planned_here(const ProcedureRule& rule, const Kept& kept, const ProcedureMoment& at);
   /// What it says of the procedure there.
@@ -157,8 +222,8 @@ class ProcedureBook {
   void watch_clock(const ProcedureMessage& message, const ProcedureMoment& received);
   /// As one that comes now, or as one before what its sender told of later things.
   Arrival arrival_of(const ProcedureMessage& message, const ProcedureMoment& received);
-  enum class Likeness { kNone, kPerhaps, kSure };
-  /// Whether two messages name one patient, by other forms of a number or by other numbers.
+  /// Whether two messages name one patient, by other forms of a number or by other numbers. One number is of
+  /// two where both birth and name differ; without an issuer it is one of who sends it (MSH-4).
   static Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other);
   /// Whether the same sender told later things of the same patient, or appointment, already.
   [[nodiscard]] Likeness lateness(const ProcedureMessage& message) const;
@@ -172,15 +237,28 @@ class ProcedureBook {
   void rename(ProcedureMessage& message, const Arrival& received);
   void leave(ProcedureMessage message, const Arrival& received);
   void place(ProcedureMessage message, const Arrival& received, bool is_in_doubt);
+  /// Whom it is about: of several visits of a patient that one.
+  Messages::iterator of_visit(const ProcedureMessage& message);
+  /// Another visit places the patient elsewhere: they may be there, or here.
+  void set_aside(Messages::iterator known, const Arrival& received);
+  void drop_set_aside(const std::string& patient, const Arrival& received);
+  /// Of the places that a record names those that an event took the patient from. Whether any is left.
+  static bool leave_out_gone(ProcedureMessage& message, const Kept& kept);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
-  void take_out_appointment(std::vector<ProcedureMessage>& by);
+  /// When it was booked, where the change leaves it at its time.
+  std::optional<Arrival> take_out_appointment(std::vector<ProcedureMessage>& by);
+  void keep_appointment(ProcedureMessage message, const Arrival& received,
+                        const std::optional<Arrival>& booked);
+  void keep_cancelled(ProcedureMessage message, const Arrival& received);
+  void leave_unnamed(const ProcedureMessage& message);
 
   struct SenderClock {
     UtcTime newest;                                    // told
     std::optional<Clock::Duration> behind_since = {};  // since boot
   };
-  std::uint64_t arrivals_ = 0, strangers_left_ = 0, ended_late_ = 0;
+  std::uint64_t arrivals_ = 0, strangers_left_ = 0, ended_late_ = 0, not_kept_ = 0;
+  std::vector<ProcedureRule> rules_;
   std::map<std::string, SenderClock> clocks_;  // by sender
   Messages placed_;                            // by patient
   Messages appointments_;                      // by appointment and patient
@@ -188,6 +266,7 @@ class ProcedureBook {
   Messages merged_;  // by what the patient was called before
   std::map<std::string, Passed> passed_;            // by place, in lower case; "" of all places together
   std::map<std::string, ProcedureMoment> changes_;  // likewise
+  LostPlaces lost_placed_, lost_planned_;
 };
 
 }  // namespace kiroku::recorder

@@ -10,7 +10,9 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 4;
+constexpr std::uint64_t kVersion = 5;
+/// Which knows one doubt alone, no visits, and nothing of where somebody was before.
+constexpr std::uint64_t kVersionOfOneDoubt = 4;
 /// Which knows nothing of the times of single places, and of when somebody came to a room or left it.
 constexpr std::uint64_t kVersionOfOneTime = 3;
 /// Which knows nothing of doubts, of mergers and of whoever was in a room before, either. Both are read once,
@@ -64,7 +66,8 @@ void members(Codec& codec, Time& time) {
   // With a moment's bounds.
   ProcedureMoment moment{time.value_or(UtcTime{}), Clock::Duration::zero()};
   bool is_there = time.has_value();
-  codec.all(is_there, moment);
+  codec.one(is_there);
+  codec.within_bounds(moment);
   if constexpr (Codec::kReads) time = is_there ? std::optional(moment.utc) : std::nullopt;
 }
 
@@ -84,8 +87,9 @@ void members(Codec& codec, Numbers& numbers) {
 
 template <typename Codec, Is<PlannedPlace> Place>
 void members(Codec& codec, Place& place) {
-  auto& [spellings, planned, is_time_unclear, planned_text, location, description, code, coding_system] =
-      place;
+  // Without `within`, which stands at the end of what is kept: versions before had none.
+  auto& [spellings, planned, is_time_unclear, planned_text, location, description, code, coding_system,
+         within] = place;
   members(codec, spellings);
   members(codec, planned);
   codec.all(is_time_unclear, planned_text, location, description, code, coding_system);
@@ -103,9 +107,10 @@ void members(Codec& codec, Places& places) {
 
 template <typename Codec, Is<ProcedureMessage> Message>
 void members(Codec& codec, Message& message) {
-  // Without planned_places, which stand at the end of what is kept: versions before had none.
+  // Without planned_places and what follows, which stand at the end of what is kept (later_members()).
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
-         placer, filler, is_over, places, planned, data, planned_places] = message;
+         placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
+         visit, is_of_any_visit, is_of_record, books, leaves_unnamed] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -120,6 +125,29 @@ void members(Codec& codec, Message& message) {
   members(codec, places);
   members(codec, planned);
   members(codec, data);
+}
+
+template <typename Codec, Is<std::optional<TimeSpan>> Span>
+void members(Codec& codec, Span& span) {
+  std::optional<UtcTime> earliest, latest;
+  if constexpr (!Codec::kReads) {
+    if (span) earliest = span->earliest;
+    if (span) latest = span->latest;
+  }
+  members(codec, earliest);
+  members(codec, latest);
+  if constexpr (Codec::kReads) {
+    span.reset();
+    if (earliest && latest) span = TimeSpan{*earliest, *latest};
+  }
+}
+
+/// Without what an event says of itself alone.
+template <typename Codec, Is<ProcedureMessage> Message>
+void later_members(Codec& codec, Message& message) {
+  codec.all(message.is_time_unclear, message.facility, message.visit, message.is_of_record);
+  members(codec, message.within);
+  for (auto& place : message.planned_places) members(codec, place.within);
 }
 
 }  // namespace
@@ -137,7 +165,7 @@ struct ProcedureBook::AsBytes {
 
   template <typename Codec, Is<Kept> One>
   static void kept(Codec& codec, One& one, std::uint64_t version) {
-    auto& [received, message, since, is_in_doubt, moved] = one;
+    auto& [received, message, since, doubt, moved, gone, booked, apart] = one;
     arrival(codec, received);
     members(codec, message);
     if constexpr (Codec::kReads) {
@@ -156,10 +184,67 @@ struct ProcedureBook::AsBytes {
       }
     }
     if (version > kOlderVersion) {
+      bool is_in_doubt = doubt != Doubt::kNone;
       codec.one(is_in_doubt);
+      if constexpr (Codec::kReads) doubt = is_in_doubt ? Doubt::kToldLate : Doubt::kNone;
       members(codec, moved);
     }
     if (version > kVersionOfOneTime) members(codec, message.planned_places);
+    if (version > kVersionOfOneDoubt) later_kept(codec, one);
+  }
+
+  template <typename Codec, Is<Kept> One>
+  static void later_kept(Codec& codec, One& one) {
+    later_members(codec, one.message);
+    codec.one(one.apart);
+    bool is_booked = one.booked.has_value();
+    codec.one(is_booked);
+    if constexpr (Codec::kReads) {
+      one.doubt = static_cast<Doubt>(codec.number_below(static_cast<std::uint64_t>(Doubt::kNotKept) + 1));
+      if (is_booked) arrival(codec, one.booked.emplace(Arrival{0, UtcTime{}}));
+      for (std::size_t left = codec.length(); left > 0; --left) {
+        std::string place;
+        Went went{Arrival{0, UtcTime{}}};
+        codec.all(place, went.is_event);
+        arrival(codec, went.when);
+        if (!one.gone.emplace(std::move(place), went).second) StateReader::refuse();
+      }
+    } else {
+      codec.one(static_cast<std::uint64_t>(one.doubt));
+      if (is_booked) arrival(codec, *one.booked);
+      codec.one(static_cast<std::uint64_t>(one.gone.size()));
+      for (const auto& [place, went] : one.gone) {
+        codec.all(place, went.is_event);
+        arrival(codec, went.when);
+      }
+    }
+  }
+
+  /// What was told late may have happened before the boot.
+  static void write(StateWriter& writer, const ProcedureMoment& at) {
+    writer.one(ProcedureMoment{at.utc + kLongestBefore, at.since_boot + kLongestBefore});
+  }
+  static ProcedureMoment read(StateReader& reader) {
+    ProcedureMoment later{UtcTime{}};
+    reader.one(later);
+    return {later.utc - kLongestBefore, later.since_boot - kLongestBefore};
+  }
+
+  static void write(StateWriter& writer, const LostPlaces& places) {
+    writer.one(static_cast<std::uint64_t>(places.size()));
+    for (const auto& [place, lost] : places) {
+      writer.one(place);
+      write(writer, lost.first);
+      write(writer, lost.last);
+    }
+  }
+  static void read(StateReader& reader, LostPlaces& places) {
+    for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
+      std::string place;
+      reader.one(place);
+      const ProcedureMoment first = read(reader), last = read(reader);
+      if (!places.emplace(std::move(place), Lost{first, last}).second) StateReader::refuse();
+    }
   }
 
   template <typename Codec, Is<Passed> One>
@@ -187,17 +272,25 @@ struct ProcedureBook::AsBytes {
     for (const auto& [key, one] : messages) kept(writer, one, kVersion);
   }
 
+  /// What has a time that none can be is forgotten, alone.
   template <typename KeyOf>
   static Messages read(StateReader& reader, std::uint64_t version, std::uint64_t arrivals,
-                       const KeyOf& key_of) {
+                       const KeyOf& key_of, std::vector<Kept>& lost) {
     Messages messages;
     for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
       Kept one{Arrival{0, UtcTime{}}, {}, {}};
       kept(reader, one, version);
-      bool is_known = one.received.number <= arrivals;
-      for (const auto& [place, came] : one.since) is_known = is_known && came.number <= arrivals;
-      std::string key = key_of(one.message);
-      if (!is_known || !messages.emplace(std::move(key), std::move(one)).second) StateReader::refuse();
+      const auto is_of_book = [&](const Arrival& each) { return each.number <= arrivals; };
+      bool is_known = is_of_book(one.received) && (!one.booked || is_of_book(*one.booked));
+      for (const auto& [place, came] : one.since) is_known = is_known && is_of_book(came);
+      for (const auto& [place, went] : one.gone) is_known = is_known && is_of_book(went.when);
+      std::string key = key_of(one);
+      if (!is_known || messages.contains(key)) StateReader::refuse();
+      if (reader.was_beyond_bounds()) {
+        lost.push_back(std::move(one));
+      } else {
+        messages.emplace(std::move(key), std::move(one));
+      }
     }
     return messages;
   }
@@ -224,9 +317,10 @@ Bytes ProcedureBook::exported() const {
   writer.one(static_cast<std::uint64_t>(changes_.size()));
   for (const auto& [place, at] : changes_) {
     writer.one(place);
-    // What was told late may have happened before the boot.
-    writer.one(ProcedureMoment{at.utc + kLongestBefore, at.since_boot + kLongestBefore});
+    AsBytes::write(writer, at);
   }
+  AsBytes::write(writer, lost_placed_);
+  AsBytes::write(writer, lost_planned_);
   return writer.take();
 }
 
@@ -237,12 +331,13 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   if (version > kVersion || version < kOlderVersion) StateReader::refuse();
   ProcedureBook book;
   reader.one(book.arrivals_);
-  const auto read = [&](const auto& key_of) {
-    return AsBytes::read(reader, version, book.arrivals_, key_of);
+  std::vector<Kept> lost_placed, lost_planned;
+  const auto read = [&](const auto& key_of, std::vector<Kept>& lost) {
+    return AsBytes::read(reader, version, book.arrivals_, key_of, lost);
   };
-  book.placed_ = read([](const auto& message) { return message.patient; });
-  book.appointments_ = read(key_of_appointment);
-  book.ended_ = read(key_of_ended);
+  book.placed_ = read(key_of_placed, lost_placed);
+  book.appointments_ = read([](const Kept& kept) { return key_of_appointment(kept.message); }, lost_planned);
+  book.ended_ = read([](const Kept& kept) { return key_of_ended(kept.message); }, lost_planned);
   for (std::int64_t left = reader.number_below(kMostSenders + 1); left > 0; --left) {
     std::string sender;
     SenderClock shown{};
@@ -251,7 +346,7 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
     book.clocks_.insert_or_assign(std::move(sender), shown);
   }
   if (version > kOlderVersion) {
-    book.merged_ = read([](const auto& message) { return message.replaces; });
+    book.merged_ = read([](const Kept& kept) { return kept.message.replaces; }, lost_planned);
     for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
       std::string place;
       Passed one{Arrival{0, UtcTime{}}, Arrival{0, UtcTime{}}};
@@ -264,13 +359,21 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   if (version > kVersionOfOneTime) {
     for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
       std::string place;
-      ProcedureMoment later{UtcTime{}};
-      reader.all(place, later);
-      const ProcedureMoment at{later.utc - kLongestBefore, later.since_boot - kLongestBefore};
+      reader.one(place);
+      const ProcedureMoment at = AsBytes::read(reader);
       if (!book.changes_.emplace(std::move(place), at).second) StateReader::refuse();
     }
   }
+  if (version > kVersionOfOneDoubt) {
+    AsBytes::read(reader, book.lost_placed_);
+    AsBytes::read(reader, book.lost_planned_);
+  }
   reader.require_end();
+  for (const Kept& each : lost_placed) book.lose(book.lost_placed_, each, each.received.at, each.received.at);
+  for (const Kept& each : lost_planned) {
+    const ProcedureMoment& at = each.received.at;
+    book.lose(book.lost_planned_, each, at, {at.utc + kLongestWindow, at.since_boot + kLongestWindow});
+  }
   return book;
 }
 

@@ -4,8 +4,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/foreign_json.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
+#include "recorder/procedure/window.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -94,6 +96,51 @@ Bytes subject_json(const ProcedureData& data) {
   return to_bytes(subject.dump(1, ' ', false, ordered_json::error_handler_t::replace) + "\n");
 }
 
+ProcedureData data_of_subject(ByteView subject) {
+  ProcedureData data;
+  try {
+    const nlohmann::json all = parse_foreign_json(text_of(subject));
+    const auto take = [&all](const char* part, const char* key, std::string& into) {
+      const auto object = all.find(part);
+      if (object == all.end() || !object->is_object()) return;
+      const auto value = object->find(key);
+      if (value != object->end() && value->is_string()) into = value->get<std::string>();
+    };
+    take("patient", "id", data.patient_id);
+    take("patient", "id_issuer", data.patient_id_issuer);
+    take("patient", "family", data.patient.family);
+    take("patient", "given", data.patient.given);
+    take("patient", "name", data.patient.as_sent);
+    take("patient", "birth_date", data.birth_date);
+    take("procedure", "description", data.description);
+    take("procedure", "accession", data.accession);
+    take("procedure", "study_uid", data.study_uid);
+    take("procedure", "planned", data.planned);
+  } catch (const std::exception&) {
+    return {};  // what a person wrote may be anything
+  }
+  return data;
+}
+
+bool may_be_same_procedure(const ProcedureData& one, const ProcedureData& other) {
+  ProcedureData same = other;
+  // Two systems may write one number in two ways.
+  if (may_be_one({one.patient_id, one.patient_id_issuer, {}, {}},
+                 {other.patient_id, other.patient_id_issuer, {}, {}})) {
+    same.patient_id = one.patient_id;
+    same.patient_id_issuer = one.patient_id_issuer;
+  }
+  if (!may_be_same_patient(one, same)) return false;
+  // As precise, and with a zone or without one, as each system writes it.
+  constexpr std::size_t kToMinutes = 16;
+  const std::size_t length = std::min({kToMinutes, one.planned.size(), other.planned.size()});
+  if (one.planned.substr(0, length) != other.planned.substr(0, length)) return false;
+  for (const auto member : {&ProcedureData::accession, &ProcedureData::study_uid}) {
+    if (!(one.*member).empty() && !(other.*member).empty()) return one.*member == other.*member;
+  }
+  return true;
+}
+
 void add_unknown(std::vector<ProcedureData>& list, std::vector<ProcedureData> more) {
   for (ProcedureData& each : more) {
     const bool is_known = std::ranges::any_of(list, [&](const ProcedureData& other) {
@@ -147,9 +194,33 @@ std::string_view words_of(Doubt doubt) {
       return "what is planned nearest to its beginning lies more than an hour ahead, and a person must "
              "choose";
     case Doubt::kTimeUnclear:
-      return "a message plans a patient here at a time that cannot be read, and a person must choose";
+      return "a patient may be planned now whose time is not stated or cannot be read, and a person must "
+             "choose";
+    case Doubt::kLeftAlready:
+      return "whoever is planned nearest to its beginning has left before, or it was called off, and a "
+             "person "
+             "must choose";
+    case Doubt::kRecordedAlready:
+      return "what is planned nearest to its beginning was recorded here before, and a person must choose";
+    case Doubt::kOtherVisit:
+      return "a message about another visit of the patient says that they left or are elsewhere, and a "
+             "person "
+             "must choose";
+    case Doubt::kOneNumber:
+      return "messages give the patient's number to somebody of another name and birth, too, and a person "
+             "must choose";
+    case Doubt::kNobodyNamed:
+      return "somebody left the room whom the message does not name, and a person must choose";
+    case Doubt::kNotKept:
+      return "messages told more of this room than is kept, or some of it cannot be read any more, and a "
+             "person must choose";
   }
   return "";
+}
+
+UtcTime::duration least_distance(const std::optional<TimeSpan>& within, UtcTime at) {
+  if (!within || (within->earliest <= at && at <= within->latest)) return UtcTime::duration::zero();
+  return at < within->earliest ? within->earliest - at : at - within->latest;
 }
 
 NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at,
@@ -157,7 +228,8 @@ NearestPlan nearest(const std::vector<std::optional<UtcTime>>& times, UtcTime at
   NearestPlan found;
   const auto distance = [&](std::size_t i) { return std::chrono::abs(*times[i] - at); };
   for (std::size_t i = 0; i < times.size(); ++i) {
-    if (!times[i] || distance(i) > window || (found.index && distance(i) > distance(*found.index))) continue;
+    if (!times[i] || !is_within(distance(i), window) || (found.index && distance(i) > distance(*found.index)))
+      continue;
     if (found.index && distance(i) < distance(*found.index)) found.equally_near.clear();
     found.index = i;
     found.equally_near.push_back(i);

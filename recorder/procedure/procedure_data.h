@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -61,6 +62,11 @@ bool may_be_same_patient(const ProcedureData& one, const ProcedureData& other);
 
 /// The subject file's text (docs/reference/format-streams.md): one JSON object, what is empty left out.
 Bytes subject_json(const ProcedureData& data);
+/// What a subject file says of patient and procedure, as far as it is written so.
+ProcedureData data_of_subject(ByteView subject);
+/// Whether nothing says that they are two procedures of two patients, or of one: accession number, study or
+/// planned time tell two of one patient apart.
+bool may_be_same_procedure(const ProcedureData& one, const ProcedureData& other);
 
 /// Adds those of `more` that are not the same patient's same procedure as one that is there already.
 void add_unknown(std::vector<ProcedureData>& list, std::vector<ProcedureData> more);
@@ -76,17 +82,37 @@ std::string iso_date(std::string_view digits);
 /// hardly that patient.
 inline constexpr std::chrono::hours kFurthestAhead{1};
 
+/// Within which a time lies of which no more is said: a day, an hour.
+struct TimeSpan {
+  UtcTime earliest, latest;
+  bool operator==(const TimeSpan&) const = default;
+};
+/// How near to `at` a time may lie of which no more is known than `within`; absent: nothing is.
+UtcTime::duration least_distance(const std::optional<TimeSpan>& within, UtcTime at);
+
+/// What is known of whoever something is planned for: nothing against it; a person must say whether it is
+/// still to come; or it is over, or they have left since.
+enum class Standing { kOpen, kDoubtful, kDone };
+/// Of a procedure, and of when it is planned. Null: each is open.
+using StandingOf = std::function<Standing(const ProcedureData& data, std::optional<UtcTime> planned)>;
+
 /// Why nobody is taken by itself although somebody may be meant: a person chooses.
 enum class Doubt {
   kNone,
-  kTwoPlanned,     // two patients are planned equally near
-  kSeveralThere,   // several were placed in the room, and none of them has left
-  kMayBeGone,      // somebody came after the one who is left, and was seen off alone
-  kLeftMeanwhile,  // somebody has left the room since the case began
-  kToldLate,       // a message that came late says that they left, or are planned no more
-  kTwoWays,        // messages and worklist name two patients
-  kTooEarly,       // what is planned nearest lies more than kFurthestAhead ahead
-  kTimeUnclear,    // an appointment states a time for this room that cannot be read
+  kTwoPlanned,       // two patients are planned equally near
+  kSeveralThere,     // several were placed in the room, and none of them has left
+  kMayBeGone,        // somebody came after the one who is left, and was seen off alone
+  kLeftMeanwhile,    // somebody has left the room since the case began
+  kToldLate,         // a message that came late says that they left, or are planned no more
+  kTwoWays,          // messages and worklist name two patients
+  kTooEarly,         // what is planned nearest lies more than kFurthestAhead ahead
+  kTimeUnclear,      // an appointment or a step may be meant whose time is not stated, or cannot be read
+  kLeftAlready,      // whoever is planned nearest left before, or what is planned was called off
+  kRecordedAlready,  // what is planned nearest was recorded here, and its case was ended
+  kOtherVisit,       // a message of another visit says that the patient left or is elsewhere
+  kOneNumber,        // messages give the patient's number to somebody else, too
+  kNobodyNamed,      // somebody left the room whom the message does not name
+  kNotKept,          // more was told of this room than is kept, or it cannot be read any more
 };
 /// Half a sentence without anything of a patient; "" of kNone.
 std::string_view words_of(Doubt doubt);

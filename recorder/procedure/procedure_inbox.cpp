@@ -48,7 +48,7 @@ Listening listening_at(const std::string& listen) {
 std::size_t kept_bytes(const ProcedureMessage& message) {
   std::size_t bytes = subject_json(message.data).size() + message.sender.size() + message.patient.size() +
                       message.replaces.size() + message.appointment.size() + message.placer.size() +
-                      message.filler.size();
+                      message.filler.size() + message.facility.size() + message.visit.size();
   for (const std::string& place : message.places) bytes += place.size();
   for (const PlannedPlace& each : message.planned_places) {
     for (const std::string& place : each.spellings) bytes += place.size();
@@ -105,6 +105,11 @@ struct ProcedureInbox::State {
       since = its_since;
       taken = its_taken;
       refused = its_refused;
+      if (book.not_kept() > 0) {
+        complain(std::to_string(book.not_kept()) +
+                 " of what was known before this start cannot be read: a person must choose whom cases are "
+                 "about in the rooms that it concerns");
+      }
     } catch (const Error& error) {
       complain(std::string("what was known before this start cannot be used: ") + error.what());
     }
@@ -132,7 +137,7 @@ struct ProcedureInbox::State {
     const Hl7Parse parsed = parse_hl7_message(bytes);
     std::string answer = "AA", why;
     std::optional<std::vector<ProcedureMessage>> messages;
-    std::optional<std::uint64_t> strangers, late;
+    std::optional<std::uint64_t> strangers, late, lost, unclear;
     bool is_kept_now = false;
     if (!parsed.message) {
       answer = "AE";
@@ -161,10 +166,16 @@ struct ProcedureInbox::State {
       const std::lock_guard guard(mutex);
       ++(messages ? taken : refused);
       if (messages && !repeated.is_repeated(*parsed.message, bytes)) {
-        const std::uint64_t strangers_before = book.strangers_left(), late_before = book.ended_late();
+        const std::uint64_t strangers_before = book.strangers_left(), late_before = book.ended_late(),
+                            lost_before = book.not_kept();
+        const bool is_unclear = std::ranges::any_of(*messages, [](const ProcedureMessage& each) {
+          return each.kind == ProcedureMessage::Kind::kAppointment && each.is_time_unclear;
+        });
+        if (is_unclear) unclear = times_unclear.add("");
         book.take_all(std::move(*messages), now);
         if (book.strangers_left() != strangers_before) strangers = strangers_left.add("");
         if (book.ended_late() != late_before) late = ended_late.add("");
+        if (book.not_kept() != lost_before) lost = not_kept.add("");
         is_news = true;
         is_kept_now = !kept_at || time.now() - *kept_at >= kKeepEvery;
       }
@@ -179,6 +190,14 @@ struct ProcedureInbox::State {
     if (strangers) {
       complain("a patient left whom no message had placed under any of the numbers that it names (" +
                std::to_string(*strangers) + " so far): whoever is known to be in a room may be gone");
+    }
+    if (lost) {
+      complain("more is told than is kept, and something that concerns a room was forgotten (" +
+               std::to_string(*lost) + " so far): a person must choose whom its cases are about");
+    }
+    if (unclear) {
+      complain("an appointment states a time that cannot be read, or no hour (" + std::to_string(*unclear) +
+               " so far): no patient is taken by plan where it may be meant");
     }
     const bool is_to_sender = parsed.message && listening.senders.takes(*parsed.message);
     return {make_acknowledgement(parsed.message.get(), answer, why, now.utc), is_to_sender};
@@ -217,7 +236,7 @@ struct ProcedureInbox::State {
   ProcedureBook book;
   RepeatedMessages repeated;
   std::uint64_t taken = 0, refused = 0;
-  Tally strangers_left, ended_late;
+  Tally strangers_left, ended_late, not_kept, times_unclear;
   std::optional<ProcedureMoment> since;  // from which on messages are known
   bool is_news = false;                  // something is not kept yet
   std::optional<Clock::Time> kept_at;
@@ -293,6 +312,17 @@ ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at) co
   return choice;
 }
 
+void ProcedureInbox::watch(const ProcedureRule& rule) {
+  const std::lock_guard guard(state_->mutex);
+  state_->book.watch(rule);
+}
+
+Standing ProcedureInbox::standing(const ProcedureRule& rule, const ProcedureData& data,
+                                  std::optional<UtcTime> planned, UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.standing(rule, data, planned, state_->moment(at));
+}
+
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   return state_->book.list(rule, state_->moment(at));
@@ -309,16 +339,19 @@ ProcedureWay ProcedureInbox::way() const {
   if (!state_->server) {
     return {"hl7", false, state_->problem.empty() ? "does not wait for messages yet" : state_->problem};
   }
-  const std::uint64_t strangers = state_->server->refused(), late = state_->book.ended_late();
+  const std::uint64_t strangers = state_->server->refused(), late = state_->book.ended_late(),
+                      lost = state_->book.not_kept();
   const std::string since = state_->known_since({state_->time.utc(), state_->time.since_boot()});
-  return {"hl7", true,
-          "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
-              std::to_string(state_->refused) + " refused" +
-              (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers") +
-              (since.empty() ? "" : "; messages before " + since + " are not known") +
-              (late == 0 ? ""
-                         : "; messages that said too late that somebody left or is planned no more: " +
-                               std::to_string(late))};
+  return {
+      "hl7", true,
+      "waits for messages at " + state_->where + "; " + std::to_string(state_->taken) + " taken, " +
+          std::to_string(state_->refused) + " refused" +
+          (strangers == 0 ? "" : ", " + std::to_string(strangers) + " connections of strangers") +
+          (since.empty() ? "" : "; messages before " + since + " are not known") +
+          (lost == 0 ? "" : "; forgotten or not to be read of what concerns rooms: " + std::to_string(lost)) +
+          (late == 0 ? ""
+                     : "; messages that said too late that somebody left or is planned no more: " +
+                           std::to_string(late))};
 }
 
 std::uint16_t ProcedureInbox::port() const {

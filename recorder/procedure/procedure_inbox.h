@@ -44,6 +44,9 @@ class ProcedureInbox {
   void end();
 
   /// As those of ProcedureBook.
+  void watch(const ProcedureRule& rule);
+  [[nodiscard]] Standing standing(const ProcedureRule& rule, const ProcedureData& data,
+                                  std::optional<UtcTime> planned, UtcTime at) const;
   [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, UtcTime at) const;
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const {
     return choose(rule, at).data;

@@ -20,43 +20,63 @@
 namespace kiroku::recorder {
 namespace {
 
-// Events of HL7 v2.5, chapter 3. Of the pending ones (A05, A14 to A16, and their cancelling) PV1 says where
-// the patient is to be, or was to be; of those of somebody who goes away (A09, A32) it says where they were.
-// Who is on leave (A21, or back no more: A53) is nowhere in the hospital.
+// Events of HL7 v2.5, chapter 3. Of those of somebody who goes away (A09, A32) PV1 says where they were. Who
+// is on leave (A21, or back no more: A53) is nowhere in the hospital. Of all others but A08 it says nothing
+// of now: of the pending ones (A05, A14 to A16) it says where the patient is to be, and of the rest (A31,
+// A54, A60) it is what some system had on record.
 constexpr std::array<std::string_view, 6> kLeaving{"A03", "A11", "A21", "A23", "A29", "A53"};
 constexpr std::array<std::string_view, 2> kDeparting{"A09", "A32"};
 constexpr std::array<std::string_view, 12> kMoving{"A01", "A02", "A04", "A06", "A07", "A10",
                                                    "A12", "A13", "A17", "A22", "A33", "A52"};
-constexpr std::array<std::string_view, 8> kPending{"A05", "A14", "A15", "A16", "A25", "A26", "A27", "A38"};
-constexpr std::array<std::string_view, 22> kOfPersons{"A18", "A24", "A28", "A30", "A31", "A34", "A35", "A36",
-                                                      "A37", "A39", "A40", "A41", "A42", "A43", "A44", "A45",
-                                                      "A46", "A47", "A48", "A49", "A50", "A51"};
+/// Whoever they move is there, whatever the number of the visit: A06 and A07 change it.
+constexpr std::array<std::string_view, 3> kOfAnyVisit{"A06", "A07", "A10"};
 /// Of these MRG-1 is what the patient was called before; of others it is the number of an account or a visit.
 constexpr std::array<std::string_view, 8> kRenaming{"A18", "A30", "A34", "A36", "A39", "A40", "A46", "A47"};
 constexpr std::array<std::string_view, 4> kCancelling{"S15", "S16", "S17", "S26"};
+
+/// Behind the number of an account, which is no patient's.
+constexpr std::string_view kOfAccount = "\naccount";
+constexpr std::size_t kPlaceComponents = 3;  // point of care, room, bed
 
 bool is_one_of(std::string_view event, std::span<const std::string_view> events) {
   return std::ranges::find(events, event) != events.end();
 }
 
+/// Whether a status (CE) says so in its code or its words, or in another system's: codes are each hospital's
+/// own.
+template <typename Says>
+bool status_says(const Hl7Field& status, const Says& says) {
+  constexpr std::array<std::size_t, 4> kTexts{1, 2, 4, 5};
+  return std::ranges::any_of(
+      kTexts, [&](std::size_t each) { return says(lower_case(status.component(each).text())); });
+}
+
 /// Whether the system that keeps the appointment calls it off (SCH-25, table 0278): many send S14 with that.
-bool is_called_off(const std::string& status) {
-  const std::string word = lower_case(status);
-  return word.starts_with("cancel") || word == "dc" || word == "deleted" || word == "noshow";
+bool is_called_off(const Hl7Field& status) {
+  return status_says(status, [](const std::string& word) {
+    constexpr std::array<std::string_view, 8> kWords{"can",    "canc",    "dc",      "deleted",
+                                                     "noshow", "no show", "no-show", "discontinued"};
+    return word.starts_with("cancel") || std::ranges::find(kWords, word) != kWords.end();
+  });
 }
 
 /// Whether it was kept, and is done with.
-bool is_finished(const std::string& status) {
-  const std::string word = lower_case(status);
-  return word.starts_with("complete") || word == "finished" || word == "done";
+bool is_finished(const Hl7Field& status) {
+  return status_says(status, [](const std::string& word) {
+    return word.starts_with("complete") || word == "finished" || word == "done";
+  });
 }
+
+/// What a time may be: "no end" is the last second before it.
+constexpr UtcTime kEndOfTimes{std::chrono::seconds(253'402'300'800)};
+bool is_a_time(UtcTime time) { return time >= UtcTime{} && time < kEndOfTimes + std::chrono::days(1); }
 
 /// Belongs to the whole appointment, though it stands behind a patient.
 bool is_of_resources(std::string_view name) { return name == "RGS" || name.starts_with("AI"); }
 
 /// How long is one of a unit in which an offset is stated (CE): those of ISO+ and UCUM, and words for them.
 /// HL7 has an empty one mean seconds. Nothing for any other.
-std::optional<std::chrono::seconds> length_of(const std::string& unit) {
+std::optional<std::chrono::seconds> length_of_unit(const std::string& unit) {
   using std::chrono::hours;
   using std::chrono::minutes;
   using std::chrono::seconds;
@@ -111,6 +131,7 @@ class Reader {
         event_(event_of(message)) {
     constexpr std::size_t kShort = 14;
     const std::string sender = message.sender();
+    out_.facility = message.header().field(4).component(1).text();
     if (!sender.empty()) out_.sender = crypto::to_hex(crypto::sha256(bytes_of(sender))).substr(0, kShort);
   }
 
@@ -138,14 +159,23 @@ class Reader {
         out_.kind = Kind::kAppointment;
       }
     } else if (!out_.patient.empty()) {
-      const bool says_nothing_of_now =
-          event.empty() || is_one_of(event, kPending) || is_one_of(event, kOfPersons);
-      out_.kind = is_one_of(event, kLeaving)     ? Kind::kLeaves
-                  : is_one_of(event, kDeparting) ? Kind::kDeparts
-                  : says_nothing_of_now          ? Kind::kFacts
-                                                 : Kind::kPlaces;
       out_.moves = is_one_of(event, kMoving);
+      out_.is_of_record = event == "A08";
+      out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
+      out_.kind = is_one_of(event, kLeaving)        ? Kind::kLeaves
+                  : is_one_of(event, kDeparting)    ? Kind::kDeparts
+                  : out_.moves || out_.is_of_record ? Kind::kPlaces
+                                                    : Kind::kFacts;
+      // Whoever was discharged is nowhere, whatever place their record names still.
+      if (out_.kind == Kind::kPlaces && event != "A13" && is_discharged()) {
+        out_.kind = Kind::kDeparts;
+        out_.moves = false;
+        out_.places.clear();
+      }
+    } else {
+      out_.leaves_unnamed = is_one_of(event, kLeaving) || is_one_of(event, kDeparting);
     }
+    out_.books = event == "S12" || event == "S13";
     // What is told of somebody's record may name when they came.
     if (!out_.moves) out_.happened = out_.told;
     const bool is_renamed = is_one_of(event, kRenaming) && !out_.patient.empty();
@@ -167,6 +197,14 @@ class Reader {
       if (event.empty() && segment.name() == "EVN") event = segment.field(1).component(1).text();
     }
     return event;
+  }
+
+  /// PV1-45 of before it was told.
+  [[nodiscard]] bool is_discharged() const {
+    if (discharged_.is_unclear) return true;
+    const std::optional<UtcTime> since =
+        discharged_.within ? std::optional(discharged_.within->earliest) : discharged_.at;
+    return since && (!out_.told || *since <= *out_.told);
   }
 
   void read_times() {
@@ -216,23 +254,28 @@ class Reader {
 
   void add_place(const Hl7Field& field, std::size_t components) {
     if (out_.places.size() > kMostPlaces) return;
-    std::string joined;
+    std::string joined, with_facility;
     for (std::size_t i = 1; i <= components; ++i) {
       const std::string part = first_subcomponent(field.component(i));
       if (!part.empty() && !field.component(i).empty()) out_.places.push_back(part);
       joined += (i == 1 ? "" : "^") + part;
     }
+    // PL.4: two hospitals may have a room of one name.
+    if (components == kPlaceComponents && !field.component(4).empty())
+      with_facility = joined + "^" + first_subcomponent(field.component(4));
     while (joined.ends_with('^')) joined.pop_back();
     if (joined.empty()) return;
+    if (!with_facility.empty()) out_.places.push_back(with_facility);
     out_.places.push_back(joined);
     if (out_.data.location.empty()) out_.data.location = joined;
   }
 
-  /// A time that a message states of something planned.
+  /// A time that a message states of something planned: one of them, or nothing.
   struct Stated {
     std::optional<UtcTime> at;
     std::string text;
-    bool is_unclear = false;
+    bool is_unclear = false;              // it cannot be read
+    std::optional<TimeSpan> within = {};  // a day alone, or another time without its minute
   };
   [[nodiscard]] Stated stated(const Hl7Field& field) const {
     Stated stated;
@@ -241,8 +284,19 @@ class Reader {
       stated.is_unclear = !field.component(1).empty();
       return stated;
     }
-    const bool is_instant = time->is_instant() && time->utc(assumed_zone_) >= UtcTime{};
-    if (is_instant) stated.at = time->utc(assumed_zone_);
+    const bool is_instant = time->is_instant();
+    Hl7Time end = *time;
+    end.local += length_of(time->precision);
+    const TimeSpan within{time->utc(assumed_zone_), end.utc(assumed_zone_)};
+    if (!is_a_time(within.earliest) || !is_a_time(within.latest)) {
+      stated.is_unclear = true;
+      return stated;
+    }
+    if (is_instant) {
+      stated.at = within.earliest;
+    } else {
+      stated.within = within;
+    }
     if (is_instant && !time->zone && stated_zone_) {
       time->zone = std::chrono::duration_cast<std::chrono::minutes>(assumed_zone_.at(time->local));
     }
@@ -250,11 +304,27 @@ class Reader {
     return stated;
   }
 
-  void plan(const Hl7Field& field) {
-    const Stated time = stated(field);
-    if (time.text.empty() || out_.planned) return;
-    out_.data.planned = time.text;
-    out_.planned = time.at;
+  /// How long the time is that is stated so, at most.
+  static std::chrono::hours length_of(Hl7Time::Precision precision) {
+    using Precision = Hl7Time::Precision;
+    using std::chrono::hours;
+    return hours(precision == Precision::kYear    ? 366 * 24
+                 : precision == Precision::kMonth ? 31 * 24
+                 : precision == Precision::kDay   ? 24
+                 : precision == Precision::kHour  ? 1
+                                                  : 0);
+  }
+
+  void plan(const Hl7Field& field) { take_time(stated(field)); }
+  /// The first one that says when stands, else the first one that says something.
+  void take_time(const Stated& time) {
+    if (out_.planned) return;
+    if (time.at || (time.within && !out_.within)) {
+      out_.data.planned = time.text;
+      out_.planned = time.at;
+      out_.within = time.within;
+    }
+    out_.is_time_unclear = !time.at && (out_.is_time_unclear || time.is_unclear || time.within);
   }
 
   struct Service {
@@ -287,16 +357,17 @@ class Reader {
   /// Nothing where it says nothing.
   [[nodiscard]] std::optional<Stated> moment_of(const Needed& needed) const {
     const Stated& own = needed.time;
-    if (own.at || own.is_unclear || (!own.text.empty() && !out_.planned)) return own;
+    if (own.at || own.is_unclear) return own;
     // A day alone says no more than the appointment does, or something else.
-    if (!own.text.empty() && !out_.data.planned.starts_with(own.text)) return Stated{{}, own.text, true};
+    if (own.within && !(out_.planned && out_.data.planned.starts_with(own.text)))
+      return Stated{{}, own.text, true, own.within};
     if (needed.offset.component(1).empty()) return {};
     const std::optional<double> amount = parse_decimal(needed.offset.component(1).raw());
     if (amount && *amount == 0) return {};
     Stated stated;
     const std::string code = needed.unit.component(1).text(), words = needed.unit.component(2).text();
-    std::optional<std::chrono::seconds> unit = length_of(code.empty() ? words : code);
-    if (!unit && !words.empty()) unit = length_of(words);
+    std::optional<std::chrono::seconds> unit = length_of_unit(code.empty() ? words : code);
+    if (!unit && !words.empty()) unit = length_of_unit(words);
     // Beyond a year it is none of an appointment's, and beyond what a time can hold.
     constexpr double kMostSeconds = 366.0 * 24 * 3600;
     const double seconds = amount && unit ? *amount * static_cast<double>(unit->count()) : kMostSeconds + 1;
@@ -304,7 +375,12 @@ class Reader {
       stated.is_unclear = true;
       return stated;
     }
-    stated.at = *out_.planned + std::chrono::microseconds(std::llround(seconds * 1e6));
+    const UtcTime moved = *out_.planned + std::chrono::microseconds(std::llround(seconds * 1e6));
+    if (moved < UtcTime{} || moved >= kEndOfTimes) {
+      stated.is_unclear = true;
+      return stated;
+    }
+    stated.at = moved;
     stated.text = format_utc(*stated.at).substr(0, 19) + "+00:00";
     return stated;
   }
@@ -323,15 +399,16 @@ class Reader {
 
   /// Once all is read: what an appointment's offsets count from may stand behind them.
   void plan_places() {
-    if (!out_.planned && !services_.empty()) take_time_of(services_.front().needed);
-    if (!out_.planned && !places_.empty()) take_time_of(places_.front().needed);
+    if (!services_.empty()) take_time(services_.front().needed.time);
+    if (!places_.empty()) take_time(places_.front().needed.time);
     for (PlaceOfGroup& each : places_) {
       PlannedPlace& place = each.place;
       const auto its_service = std::ranges::find(services_, each.group, &ServiceOfGroup::group);
       std::optional<Stated> time = moment_of(each.needed);
       if (!time && its_service != services_.end()) time = moment_of(its_service->needed);
-      if (!time) time = Stated{out_.planned, out_.data.planned, false};
+      if (!time) time = Stated{out_.planned, out_.data.planned, out_.is_time_unclear, out_.within};
       place.planned = time->at;
+      place.within = time->within;
       place.is_time_unclear = time->is_unclear;
       place.planned_text = time->text;
       if (its_service != services_.end() && !its_service->service.empty()) {
@@ -342,12 +419,6 @@ class Reader {
       out_.planned_places.push_back(std::move(place));
     }
   }
-  void take_time_of(const Needed& needed) {
-    if (needed.time.text.empty()) return;
-    out_.data.planned = needed.time.text;
-    out_.planned = needed.time.at;
-  }
-
   /// Of AIL and AIG: `components` of the third field name the place.
   void planned_place(const Hl7Segment& segment, std::size_t components, std::size_t time) {
     for (const Hl7Field& one : segment.field(3).repetitions()) {
@@ -374,6 +445,9 @@ class Reader {
     data.patient_id = chosen.component(1).text();
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
     out_.patient = key_of(chosen);
+    // Some name whoever leaves by their account alone.
+    if (const std::string account = key_of(pid.field(18)); out_.patient.empty() && !account.empty())
+      out_.patient = account + std::string(kOfAccount);
     add_numbers(out_.numbers, numbers_of(pid, message_.separators()));
     data.patient = name(pid.field(5), 1);
     if (const auto born = parse_hl7_time(pid.field(7).component(1).raw())) {
@@ -398,7 +472,7 @@ class Reader {
     if (is_taken_out || (group_taken_out_ && is_of_resources(name))) return;
     // Or says of it that it is called off (table 0278).
     const std::size_t status_field = name == "AIS" ? 10 : name == "AIL" ? 12 : name == "AIG" ? 14 : 0;
-    if (status_field > 0 && is_called_off(segment.field(status_field).component(1).text())) return;
+    if (status_field > 0 && is_called_off(segment.field(status_field))) return;
     if (name == "PID") {
       read_patient(segment);
     } else if (name == "MRG") {
@@ -408,16 +482,18 @@ class Reader {
       take_numbers(out_.replaced_numbers, segment.field(1), false, message_.separators());
       take_numbers(out_.replaced_numbers, segment.field(4), false, message_.separators());
     } else if (name == "PV1") {
-      add_place(segment.field(11), 3);  // temporary location first: the operating room of an in-patient
+      add_place(segment.field(11),
+                kPlaceComponents);  // temporary location first: the operating room of an in-patient
       const bool departs = is_one_of(event_, kDeparting);
-      if (departs) add_place(segment.field(43), 3);  // the prior temporary one
+      if (departs) add_place(segment.field(43), kPlaceComponents);  // the prior temporary one
       // Whoever departs from the operating room keeps their bed: it is not what they depart from then.
       if (!departs || out_.places.empty()) {
-        add_place(segment.field(3), 3);
-        if (departs) add_place(segment.field(6), 3);
+        add_place(segment.field(3), kPlaceComponents);
+        if (departs) add_place(segment.field(6), kPlaceComponents);
       }
       add_staff("attending", segment.field(7));
-      out_.data.visit = segment.field(19).component(1).text();
+      out_.data.visit = out_.visit = segment.field(19).component(1).text();
+      discharged_ = stated(segment.field(45));
     } else if (name == "PR1") {
       procedure(service(segment.field(3), segment.field(4).text()));
       plan(segment.field(5));
@@ -427,16 +503,15 @@ class Reader {
       out_.filler = segment.field(2).component(1).text();
       out_.appointment = out_.filler.empty() ? out_.placer : out_.filler;
       plan(segment.field(11).component(4));
-      const std::string status = segment.field(25).component(1).text();
-      called_off_ = is_called_off(status);
-      out_.is_over = is_finished(status);
+      called_off_ = is_called_off(segment.field(25));
+      out_.is_over = is_finished(segment.field(25));
     } else if (name == "TQ1") {
       plan(segment.field(7));
     } else if (name == "AIS") {
       services_.push_back({group_, service(segment.field(3), ""), needed(segment, 4)});
       procedure(services_.back().service);
     } else if (name == "AIL") {
-      planned_place(segment, 3, 6);
+      planned_place(segment, kPlaceComponents, 6);
     } else if (name == "AIG") {
       planned_place(segment, 2, 8);
     } else if (name == "AIP") {
@@ -451,6 +526,7 @@ class Reader {
   const AssumedZone assumed_zone_;
   const std::string event_;
   bool called_off_ = false, group_taken_out_ = false;
+  Stated discharged_;  // PV1-45
   std::size_t group_ = 0;
   std::vector<ServiceOfGroup> services_;
   std::vector<PlaceOfGroup> places_;
@@ -467,7 +543,8 @@ bool is_of_procedures(const std::string& type) {
 bool has_its_numbers(const ProcedureMessage& message) {
   const auto has = [](const std::vector<PatientNumber>& numbers, const std::string& key) {
     return key.empty() || std::ranges::any_of(numbers, [&](const PatientNumber& each) {
-             return key == each.number + "\n" + each.issuer;
+             const std::string named = each.number + "\n" + each.issuer;
+             return key == named || (each.is_of_account && key == named + std::string(kOfAccount));
            });
   };
   return has(message.numbers, message.patient) && has(message.replaced_numbers, message.replaces);

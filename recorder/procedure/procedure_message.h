@@ -21,16 +21,18 @@ struct PlannedPlace {
   bool is_time_unclear = false;                  // a time or an offset is stated that cannot be read
   std::string planned_text, location;            // as ProcedureData has them
   std::string description, code, coding_system;  // "": those of the appointment
+  std::optional<TimeSpan> within = {};           // all that is stated of an unclear time
 };
 
 struct ProcedureMessage {
   enum class Kind {
-    kPlaces,  // the patient is here now, or what is known of them has changed: ADT^A01, A02, A04, A06 to A08,
-              // A10, …
-    kFacts,  // what is known of the patient has changed, and nothing of where they are: ADT^A28, A31, A40, …;
-             // or where they may come to be, or may no more: ADT^A05, A14 to A16, A25 to A27, A38
-    kLeaves,       // the patient is gone: ADT^A03, A11, A23, A29, on leave: A21, A53
-    kDeparts,      // gone from the places that it names: ADT^A09, A32; naming none, from where they were
+    kPlaces,  // the patient is here now: ADT^A01, A02, A04, A06, A07, A10, A12, A13, A17, A22, A33, A52; or
+              // is known to be: A08
+    kFacts,   // every other event of ADT: what is known of the patient has changed, or where they may come to
+              // be, and nothing of where they are
+    kLeaves,  // the patient is gone: ADT^A03, A11, A23, A29, on leave: A21, A53
+    kDeparts,  // gone from the places that it names: ADT^A09, A32; naming none, from where they were: also
+               // where PV1-45 says that they were discharged
     kAppointment,  // a procedure is planned: SIU^S12, S13, S14, S18 to S24
     kCancels,      // it is planned no more: SIU^S15, S16, S17, S26, or SCH-25 says so
     kNothing,      // names no patient, or no appointment: a blocked slot
@@ -56,6 +58,16 @@ struct ProcedureMessage {
   std::optional<UtcTime> planned;  // when the appointment begins
   ProcedureData data;
   std::vector<PlannedPlace> planned_places;  // in their order
+  /// A time is stated that cannot be read, or that says no hour: then it lies `within`.
+  bool is_time_unclear = false;
+  std::optional<TimeSpan> within = {};
+  std::string facility = {};  // MSH-4: a number without an issuer is a number there
+  std::string visit = {};     // PV1-19
+  /// The patient goes, or is elsewhere, whatever visit they were there for: ADT^A06, A07, A10.
+  bool is_of_any_visit = false;
+  bool is_of_record = false;    // it corrects the record, and is no event of the patient: ADT^A08
+  bool books = false;           // the appointment is booked, or moved to another time: SIU^S12, S13
+  bool leaves_unnamed = false;  // of kNothing: somebody left or departed whom it does not name
 };
 
 /// "ADT^A01", "SIU^S12".

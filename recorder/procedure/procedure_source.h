@@ -2,6 +2,7 @@
 // called from any thread.
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,6 +37,10 @@ class ProcedureSource {
   /// done with there, as far as is known: what was recorded before is of somebody else. Nothing where nothing
   /// says so. Returns at once.
   [[nodiscard]] virtual std::optional<Clock::Duration> changed_at() const { return {}; }
+  /// A person or a rule ended the case about it at `at`. What is planned so is taken for another case only if
+  /// that one begins within kGoesOnWithin: after a pause it goes on. Later a person chooses it again.
+  virtual void ended(const ProcedureData& /*data*/, UtcTime /*at*/) {}
+  static constexpr std::chrono::minutes kGoesOnWithin{10};
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}
   [[nodiscard]] virtual std::vector<ProcedureWay> ways() const = 0;

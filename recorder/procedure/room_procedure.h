@@ -2,7 +2,11 @@
 // called from any thread.
 #pragma once
 
+#include <algorithm>
 #include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
 
 #include "recorder/procedure/procedure_inbox.h"
 #include "recorder/procedure/procedure_source.h"
@@ -13,12 +17,15 @@ namespace kiroku::recorder {
 class RoomProcedure : public ProcedureSource {
  public:
   /// Either may be null. Several rooms may share an inbox.
-  RoomProcedure(std::shared_ptr<const ProcedureInbox> inbox, ProcedureRule rule,
+  RoomProcedure(const std::shared_ptr<ProcedureInbox>& inbox, ProcedureRule rule,
                 std::unique_ptr<Worklist> worklist)
-      : inbox_(std::move(inbox)), rule_(std::move(rule)), worklist_(std::move(worklist)) {}
+      : inbox_(inbox), rule_(std::move(rule)), worklist_(std::move(worklist)) {
+    if (inbox) inbox->watch(rule_);
+  }
 
   /// Where both know the same patient, the worklist completes what the messages say. Where the messages leave
-  /// it in doubt who is there, or plan another patient than the worklist does, nobody is taken.
+  /// it in doubt who is there, or plan another patient than the worklist does, nobody is taken. No step is of
+  /// somebody who left, as messages say, nor what ended() was told of: a person chooses that again.
   [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override { return choose(at).data; }
   [[nodiscard]] Doubt doubt(UtcTime at) const override { return choose(at).doubt; }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const override {
@@ -33,6 +40,12 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] std::optional<Clock::Duration> changed_at() const override {
     return inbox_ ? inbox_->changed_at(rule_) : std::nullopt;
   }
+  void ended(const ProcedureData& data, UtcTime at) override {
+    const std::lock_guard guard(mutex_);
+    std::erase_if(ended_, [&](const auto& each) { return at - each.second > ProcedureBook::kLongestWindow; });
+    if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
+    ended_.emplace_back(data, at);
+  }
   void hurry() override {
     if (worklist_) worklist_->hurry();
   }
@@ -44,22 +57,46 @@ class RoomProcedure : public ProcedureSource {
   }
 
  private:
+  static constexpr std::size_t kMostEnded = 500;
+
   [[nodiscard]] ProcedureChoice choose(UtcTime at) const {
+    ProcedureChoice choice = choose_of_both(at);
+    if (choice.data && choice.is_by_plan && was_recorded(*choice.data, at))
+      return {{}, Doubt::kRecordedAlready};
+    return choice;
+  }
+  [[nodiscard]] ProcedureChoice choose_of_both(UtcTime at) const {
     ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at) : ProcedureChoice();
     // What is planned for later says nothing of now.
     const bool is_open = told.doubt == Doubt::kNone || told.doubt == Doubt::kTooEarly;
     if (!worklist_ || !is_open) return told;
-    std::optional<ProcedureData> listed = worklist_->find(at);
+    const StandingOf standing = [&](const ProcedureData& data, std::optional<UtcTime> planned) {
+      // Of whom messages plan, they say when.
+      if (!planned && told.data && may_be_planned_for_both(*told.data, data)) return Standing::kDone;
+      return inbox_ ? inbox_->standing(rule_, data, planned, at) : Standing::kOpen;
+    };
+    std::optional<ProcedureData> listed = worklist_->find(at, standing);
     if (!told.data) {
-      if (listed) return {std::move(listed)};
-      const Doubt doubt = worklist_->doubt(at);
+      if (listed) return {std::move(listed), Doubt::kNone, true};
+      const Doubt doubt = worklist_->doubt(at, standing);
       return {{}, doubt == Doubt::kNone ? told.doubt : doubt};
     }
-    if (!listed) return told;
+    if (!listed) {
+      // It may be another patient's whose time is not known, or who is not known to be there still.
+      const Doubt doubt = told.is_by_plan ? worklist_->doubt(at, standing) : Doubt::kNone;
+      const bool is_in_doubt = doubt == Doubt::kTimeUnclear;
+      return is_in_doubt ? ProcedureChoice{{}, doubt} : told;
+    }
     if (told.is_by_plan && !may_be_planned_for_both(*told.data, *listed)) return {{}, Doubt::kTwoWays};
     if (!told.data->patient_id.empty() && may_be_same_patient(*listed, *told.data))
       complete(*told.data, *listed);
     return told;
+  }
+  [[nodiscard]] bool was_recorded(const ProcedureData& data, UtcTime at) const {
+    const std::lock_guard guard(mutex_);
+    return std::ranges::any_of(ended_, [&](const auto& each) {
+      return std::chrono::abs(at - each.second) > kGoesOnWithin && may_be_same_procedure(data, each.first);
+    });
   }
   /// Two systems may write one number in two ways.
   static bool may_be_planned_for_both(const ProcedureData& one, const ProcedureData& other) {
@@ -77,6 +114,8 @@ class RoomProcedure : public ProcedureSource {
   const std::shared_ptr<const ProcedureInbox> inbox_;
   const ProcedureRule rule_;
   const std::unique_ptr<Worklist> worklist_;
+  mutable std::mutex mutex_;
+  std::vector<std::pair<ProcedureData, UtcTime>> ended_;  // guarded by it; the oldest first
 };
 
 }  // namespace kiroku::recorder

@@ -32,6 +32,7 @@ class StateWriter {
     one(static_cast<std::uint64_t>(moment.utc.time_since_epoch().count()));
     one(static_cast<std::uint64_t>(moment.since_boot.count()));
   }
+  void within_bounds(const ProcedureMoment& moment) { one(moment); }
   [[nodiscard]] Bytes take() { return std::move(bytes_); }
 
  private:
@@ -74,12 +75,24 @@ class StateReader {
   }
   void one(Bytes& bytes) { bytes = to_bytes(take(length())); }
   void one(ProcedureMoment& moment) {
+    const bool before = std::exchange(is_beyond_bounds_, false);
+    within_bounds(moment);
+    if (std::exchange(is_beyond_bounds_, before)) refuse();
+  }
+  /// As one(), but a time that none can be is noted: it costs what it belongs to alone.
+  void within_bounds(ProcedureMoment& moment) {
     // The year 10000 and a week: "no end" is planned for the last second before, in whatever zone.
     constexpr std::uint64_t kLatest_us = 253'402'300'800'000'000 + 7 * 86'400'000'000ULL;
     constexpr std::uint64_t kLongest_ns = 3'153'600'000'000'000'000U;  // a hundred years since the boot
-    moment = {UtcTime(UtcTime::duration(number_below(kLatest_us))),
-              Clock::Duration(number_below(kLongest_ns))};
+    std::uint64_t utc = 0, since_boot = 0;
+    all(utc, since_boot);
+    const bool is_one = utc < kLatest_us && since_boot < kLongest_ns;
+    is_beyond_bounds_ = is_beyond_bounds_ || !is_one;
+    moment = {UtcTime(UtcTime::duration(is_one ? static_cast<std::int64_t>(utc) : 0)),
+              Clock::Duration(is_one ? static_cast<std::int64_t>(since_boot) : 0)};
   }
+  /// Whether that was so since it was asked last.
+  [[nodiscard]] bool was_beyond_bounds() { return std::exchange(is_beyond_bounds_, false); }
   /// Of a list whose members have a byte at least.
   [[nodiscard]] std::size_t length() { return static_cast<std::size_t>(number_below(left_.size() + 1)); }
   [[nodiscard]] std::int64_t number_below(std::uint64_t bound) {
@@ -102,6 +115,7 @@ class StateReader {
   }
 
   ByteView left_;
+  bool is_beyond_bounds_ = false;
 };
 
 }  // namespace kiroku::recorder

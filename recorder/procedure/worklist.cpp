@@ -6,6 +6,8 @@
 #include <thread>
 #include <utility>
 
+#include "recorder/procedure/window.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -16,11 +18,27 @@ constexpr std::chrono::minutes kSmallestStep{1};
 // For so long one question may go on (ask_worklist()).
 constexpr std::chrono::minutes kLongestQuestion{1};
 
-NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
+Standing standing_of(const WorklistItem& item, const StandingOf& standing) {
+  return standing && !item.is_left_out ? standing(item.data, item.planned) : Standing::kOpen;
+}
+
+/// The nearest of those that are not done with.
+NearestPlan nearest_plan(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window,
+                         const StandingOf& standing) {
   std::vector<std::optional<UtcTime>> times;
   times.reserve(answer.items.size());
   for (const WorklistItem& item : answer.items) times.push_back(item.planned);
-  return nearest(times, at, window);
+  NearestPlan plan = nearest(times, at, window);
+  for (bool is_changed = true; is_changed && plan.index;) {
+    is_changed = false;
+    for (const std::size_t each : plan.equally_near) {
+      if (standing_of(answer.items[each], standing) != Standing::kDone) continue;
+      times[each].reset();
+      is_changed = true;
+    }
+    if (is_changed) plan = nearest(times, at, window);
+  }
+  return plan;
 }
 
 /// Whether nobody can tell whose the nearest step is.
@@ -32,6 +50,38 @@ bool is_anybodys(const WorklistAnswer& answer, const NearestPlan& plan) {
   });
 }
 
+/// Whether a step of another patient whose time cannot be read may be as near.
+bool is_unclear(const WorklistAnswer& answer, const NearestPlan& plan, UtcTime at,
+                std::chrono::nanoseconds window, const StandingOf& standing) {
+  const WorklistItem* const chosen = plan.index ? &answer.items[*plan.index] : nullptr;
+  return std::ranges::any_of(answer.items, [&](const WorklistItem& item) {
+    if (item.planned) return false;
+    const UtcTime::duration least = least_distance(item.within, at);
+    if (!is_within(least, window) || (chosen != nullptr && least > std::chrono::abs(*chosen->planned - at)))
+      return false;
+    if (chosen != nullptr && !item.is_left_out && may_be_same_patient(item.data, chosen->data)) return false;
+    return standing_of(item, standing) != Standing::kDone;
+  });
+}
+
+struct StepChoice {
+  std::optional<std::size_t> index;
+  Doubt doubt = Doubt::kNone;
+};
+StepChoice choose_step(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window,
+                       const StandingOf& standing) {
+  const NearestPlan plan = nearest_plan(answer, at, window, standing);
+  if (is_unclear(answer, plan, at, window, standing)) return {{}, Doubt::kTimeUnclear};
+  if (!plan.index) return {};
+  if (is_anybodys(answer, plan))
+    return {{}, plan.equally_near.size() > 1 ? Doubt::kTwoPlanned : Doubt::kNone};
+  if (answer.is_cut) return {};
+  if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
+  if (standing_of(answer.items[*plan.index], standing) == Standing::kDoubtful)
+    return {{}, Doubt::kLeftAlready};
+  return {plan.index};
+}
+
 }  // namespace
 
 std::string left_out_of(const WorklistAnswer& answer) {
@@ -40,6 +90,12 @@ std::string left_out_of(const WorklistAnswer& answer) {
   if (const auto count = std::ranges::count(answer.items, true, &WorklistItem::is_left_out); count > 0) {
     add(std::to_string(count) + (count == 1 ? " step says" : " steps say") +
         " more of a patient and a procedure than is kept, and cannot be chosen");
+  }
+  if (const auto count = std::ranges::count(
+          answer.items, false, [](const WorklistItem& item) { return item.planned.has_value(); });
+      count > 0) {
+    add(std::to_string(count) + (count == 1 ? " step states" : " steps state") +
+        " no time, or one that cannot be read: no other is taken that is not nearer");
   }
   if (answer.not_asked_for > 0) {
     add(std::to_string(answer.not_asked_for) +
@@ -55,21 +111,18 @@ std::string left_out_of(const WorklistAnswer& answer) {
 }
 
 std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime asked, UtcTime at,
-                                          std::chrono::nanoseconds window) {
-  const std::vector<WorklistItem>& items = answer.items;
-  const NearestPlan plan = nearest_plan(answer, at, window);
-  if (!plan.index || plan.is_far_ahead || answer.is_cut || is_anybodys(answer, plan)) return {};
-  ProcedureData data = items[*plan.index].data;
-  data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(items.size()) +
+                                          std::chrono::nanoseconds window, const StandingOf& standing) {
+  const std::optional<std::size_t> chosen = choose_step(answer, at, window, standing).index;
+  if (!chosen) return {};
+  ProcedureData data = answer.items[*chosen].data;
+  data.chosen = "the worklist's step nearest to the beginning, of " + std::to_string(answer.items.size()) +
                 " that it listed at " + format_utc(asked);
   return data;
 }
 
-Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window) {
-  const NearestPlan plan = nearest_plan(answer, at, window);
-  if (!plan.index) return Doubt::kNone;
-  if (is_anybodys(answer, plan)) return plan.equally_near.size() > 1 ? Doubt::kTwoPlanned : Doubt::kNone;
-  return plan.is_far_ahead && !answer.is_cut ? Doubt::kTooEarly : Doubt::kNone;
+Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window,
+               const StandingOf& standing) {
+  return choose_step(answer, at, window, standing).doubt;
 }
 
 struct Worklist::State {
@@ -213,17 +266,17 @@ Worklist::Worklist(WorklistOptions options, Tell tell, const Clock& clock)
 
 Worklist::~Worklist() = default;
 
-std::optional<ProcedureData> Worklist::find(UtcTime at) const {
+std::optional<ProcedureData> Worklist::find(UtcTime at, const StandingOf& standing) const {
   const std::lock_guard guard(state_->mutex);
   const auto window = state_->options.window;
   if (!state_->may_choose(at)) return {};
-  return nearest_step(state_->newest, *state_->answered, at, window);
+  return nearest_step(state_->newest, *state_->answered, at, window, standing);
 }
 
-Doubt Worklist::doubt(UtcTime at) const {
+Doubt Worklist::doubt(UtcTime at, const StandingOf& standing) const {
   const std::lock_guard guard(state_->mutex);
   if (!state_->may_choose(at)) return Doubt::kNone;
-  return doubt_of(state_->newest, at, state_->options.window);
+  return doubt_of(state_->newest, at, state_->options.window, standing);
 }
 
 std::vector<ProcedureData> Worklist::list(UtcTime at) const {
@@ -235,7 +288,7 @@ std::vector<ProcedureData> Worklist::list(UtcTime at) const {
       state_->is_stale() ? ", " + state_->age_text() + " before, and has not answered since" : "";
   for (const WorklistItem& item : state_->newest.items) {
     if (item.is_left_out) continue;
-    if (item.planned && std::chrono::abs(at - *item.planned) > window) continue;
+    if (item.planned && !is_within(at, *item.planned, window)) continue;
     all.push_back(item.data);
     all.back().chosen = "a step that the worklist listed at " + format_utc(*state_->answered) + old;
   }

@@ -31,11 +31,14 @@ struct WorklistOptions {
 
 /// One scheduled procedure step.
 struct WorklistItem {
-  std::optional<UtcTime> planned;  // by this machine's time zone, or the one that the item states
+  /// By this machine's time zone, or the one that the item states; absent: it cannot be read, or is not
+  /// stated.
+  std::optional<UtcTime> planned;
   ProcedureData data;
   /// It says more of a patient and a procedure than is kept, so that `data` is empty. It keeps its place: no
   /// other step is taken for it.
   bool is_left_out = false;
+  std::optional<TimeSpan> within = {};  // all that it says of when it is planned, where `planned` is absent
 };
 
 inline constexpr std::size_t kMostWorklistItems = 500;  // of one answer
@@ -61,11 +64,13 @@ std::string left_out_of(const WorklistAnswer& answer);
 
 /// Of the answer to a question asked at `asked`, the step planned nearest to `at` and within the window.
 /// Nothing if none is, where that one is left out or more than kFurthestAhead ahead, where steps of two
-/// patients are equally near, and of an answer that was cut: nobody can tell then whose it is.
+/// patients are equally near, where one whose time cannot be read may be as near, and of an answer that was
+/// cut: nobody can tell then whose it is. Steps that are done with, by `standing`, are passed over.
 std::optional<ProcedureData> nearest_step(const WorklistAnswer& answer, UtcTime asked, UtcTime at,
-                                          std::chrono::nanoseconds window);
-/// Why it is nothing: steps of two patients are equally near, or that step lies too far ahead.
-Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window);
+                                          std::chrono::nanoseconds window, const StandingOf& standing = {});
+/// Why it is nothing: one of these, or `standing` leaves that step in doubt.
+Doubt doubt_of(const WorklistAnswer& answer, UtcTime at, std::chrono::nanoseconds window,
+               const StandingOf& standing = {});
 
 /// Asks again and again, from a thread of its own; after failures at longer intervals, up to five minutes.
 /// Every function may be called from any thread.
@@ -81,10 +86,10 @@ class Worklist {
 
   /// Of the last answer the step planned nearest to `at`. Nothing once the answer is older than
   /// kMostRefreshes of its options and no newer one came: steps may be called off or moved meanwhile.
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const;
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at, const StandingOf& standing = {}) const;
   static constexpr int kMostRefreshes = 3;
   /// Why it gives nothing although it lists somebody.
-  [[nodiscard]] Doubt doubt(UtcTime at) const;
+  [[nodiscard]] Doubt doubt(UtcTime at, const StandingOf& standing = {}) const;
   /// All steps of that answer planned within the window around `at`, while it is not older than the window: a
   /// person chooses, to whom way() and `chosen` say how old it is.
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const;

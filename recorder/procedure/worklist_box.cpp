@@ -91,6 +91,8 @@ json json_of(const PersonName& name) { return {name.family, name.given, name.as_
 json json_of(const WorklistItem& item) {
   json out{{"patient", json_of(item.data.patient)}, {"staff", json::array()}, {"at", nullptr}};
   if (item.planned) out["at"] = item.planned->time_since_epoch().count();
+  if (item.within) out["from"] = item.within->earliest.time_since_epoch().count();
+  if (item.within) out["to"] = item.within->latest.time_since_epoch().count();
   for_each_text([&](const char* name, std::string ProcedureData::*member) { out[name] = item.data.*member; });
   for (const StaffMember& member : item.data.staff)
     out["staff"].push_back({member.role, member.id, json_of(member.name)});
@@ -107,11 +109,11 @@ PersonName name_from(const json& value) {
   return {text_from(value.at(0)), text_from(value.at(1)), text_from(value.at(2))};
 }
 
-std::optional<UtcTime> planned_from(const json& value) {
-  const json& at = value.at("at");
-  if (!at.is_number_integer()) return {};
+std::optional<UtcTime> time_from(const json& value, const char* key) {
+  const auto at = value.find(key);
+  if (at == value.end() || !at->is_number_integer()) return {};
   constexpr std::int64_t kLatestUs = std::int64_t{1} << 58;
-  const auto at_us = at.get<std::int64_t>();
+  const auto at_us = at->get<std::int64_t>();
   if (at_us < -kLatestUs || at_us > kLatestUs) throw Error("a time is none");
   return UtcTime(UtcTime::duration(at_us));
 }
@@ -132,7 +134,9 @@ ProcedureData data_from(const json& value) {
 /// A step that says more than is kept costs itself alone.
 WorklistItem item_from(const json& value) {
   WorklistItem item;
-  item.planned = planned_from(value);
+  item.planned = time_from(value, "at");
+  const std::optional<UtcTime> earliest = time_from(value, "from"), latest = time_from(value, "to");
+  if (earliest && latest) item.within = TimeSpan{*earliest, *latest};
   try {
     item.data = data_from(value);
   } catch (const std::exception&) {
@@ -284,7 +288,13 @@ void run_worklist_box() {
     for (const WorklistItem& item : answer.items) {
       json one = json_of(item);
       // Without what it says: read as left out.
-      if (text_of_json(one).size() > kLongestItem) one = {{"at", one["at"]}};
+      if (text_of_json(one).size() > kLongestItem) {
+        json times = json::object();
+        for (const char* const key : {"at", "from", "to"}) {
+          if (one.contains(key)) times[key] = one[key];
+        }
+        one = std::move(times);
+      }
       items.push_back(std::move(one));
     }
     const std::string said = text_of_json({{"items", std::move(items)},

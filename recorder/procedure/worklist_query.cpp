@@ -120,39 +120,56 @@ PersonName person(const std::string& as_sent) {
   return name;
 }
 
-/// ±HHMM of (0008,0201).
+/// ±HHMM of (0008,0201): from -1200 to +1400.
 std::optional<std::chrono::minutes> stated_zone(const std::string& offset) {
   if (offset.size() != 5 || (offset[0] != '+' && offset[0] != '-') ||
       offset.find_first_not_of("0123456789", 1) != std::string::npos) {
     return {};
   }
-  const auto minutes =
-      std::chrono::hours(std::stoi(offset.substr(1, 2))) + std::chrono::minutes(std::stoi(offset.substr(3)));
-  return offset[0] == '-' ? -minutes : minutes;
+  constexpr int kMostMinutes = 59;
+  const int minutes = std::stoi(offset.substr(3));
+  const auto zone = std::chrono::hours(std::stoi(offset.substr(1, 2))) + std::chrono::minutes(minutes);
+  if (minutes > kMostMinutes || zone > std::chrono::hours(offset[0] == '-' ? 12 : 14)) return {};
+  return offset[0] == '-' ? -zone : zone;
 }
 
-/// DA and TM (HH[MM[SS[.F…]]]) of a step; nothing where they say no hour.
-std::optional<UtcTime> moment(const std::string& date, const std::string& time, const std::string& zone) {
-  const auto digits = [](const std::string& all, std::size_t from, std::size_t count) {
-    const std::string part = from < all.size() ? all.substr(from, count) : "";
-    return part.size() == count && part.find_first_not_of("0123456789") == std::string::npos ? std::stoi(part)
-                                                                                             : -1;
+/// The digits of "20260805" and of "2026.08.05", as ACR-NEMA wrote it; "" for anything else.
+std::string plain_date(const std::string& date) {
+  std::string plain = date;
+  if (date.size() == 10 && date[4] == '.' && date[7] == '.')
+    plain = date.substr(0, 4) + date.substr(5, 2) + date.substr(8);
+  return plain.size() == 8 && plain.find_first_not_of("0123456789") == std::string::npos ? plain : "";
+}
+
+/// HH, HHMM or HHMMSS of a time with or without a fraction, or as ACR-NEMA wrote it ("12:36:26"); "" for
+/// anything else.
+std::string plain_time(const std::string& time) {
+  constexpr std::size_t kLongestFraction = 6;
+  constexpr std::string_view kDigits = "0123456789";
+  const std::size_t dot = std::min(time.find('.'), time.size());
+  std::string plain = time.substr(0, dot);
+  const std::string fraction = dot == time.size() ? "" : time.substr(dot + 1);
+  const bool has_colons =
+      (plain.size() == 5 || plain.size() == 8) && plain[2] == ':' && (plain.size() == 5 || plain[5] == ':');
+  if (has_colons) std::erase(plain, ':');
+  const bool is_one = (plain.size() == 2 || plain.size() == 4 || plain.size() == 6) &&
+                      plain.find_first_not_of(kDigits) == std::string::npos &&
+                      fraction.find_first_not_of(kDigits) == std::string::npos;
+  const bool is_fraction =
+      dot == time.size() || (plain.size() == 6 && !fraction.empty() && fraction.size() <= kLongestFraction);
+  if (!is_one || !is_fraction) return "";
+  const auto below = [&plain](std::size_t at, int bound) {
+    return at >= plain.size() || std::stoi(plain.substr(at, 2)) < bound;
   };
-  const int year = digits(date, 0, 4), month = digits(date, 4, 2), day = digits(date, 6, 2);
-  const int hour = digits(time, 0, 2);
-  const std::chrono::year_month_day on{std::chrono::year(year),
-                                       std::chrono::month(static_cast<unsigned>(std::max(month, 0))),
-                                       std::chrono::day(static_cast<unsigned>(std::max(day, 0)))};
-  if (date.size() != 8 || year < 0 || !on.ok() || hour < 0) return {};
-  const int minute = std::max(0, digits(time, 2, 2)), second = std::max(0, digits(time, 4, 2));
-  if (const auto offset = stated_zone(zone)) {
-    return UtcTime(std::chrono::sys_days(on)) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
-           std::chrono::seconds(second) - *offset;
-  }
+  return below(0, 24) && below(2, 60) && below(4, 61) ? plain : "";
+}
+
+/// A moment of this machine's clocks.
+std::optional<UtcTime> local_moment(const std::chrono::year_month_day& on, int hour, int minute, int second) {
   std::tm here{};
-  here.tm_year = year - 1900;
-  here.tm_mon = month - 1;
-  here.tm_mday = day;
+  here.tm_year = static_cast<int>(on.year()) - 1900;
+  here.tm_mon = static_cast<int>(static_cast<unsigned>(on.month())) - 1;
+  here.tm_mday = static_cast<int>(static_cast<unsigned>(on.day()));
   here.tm_hour = hour;
   here.tm_min = minute;
   here.tm_sec = second;
@@ -160,6 +177,37 @@ std::optional<UtcTime> moment(const std::string& date, const std::string& time, 
   const std::time_t seconds = std::mktime(&here);
   if (seconds == -1) return {};
   return UtcTime(std::chrono::seconds(seconds));
+}
+
+/// When DA and TM (HH[MM[SS[.F…]]]) of a step plan it, by the zone that it states; where that cannot be read,
+/// within which time, if the day can.
+void take_moment(WorklistItem& item, const std::string& date, const std::string& time,
+                 const std::string& zone) {
+  constexpr std::chrono::hours kDay{24}, kFarthestZone{14};
+  const std::string day = plain_date(date), clock = plain_time(time);
+  if (day.empty()) return;
+  const auto part = [](const std::string& of, std::size_t from, std::size_t count) {
+    return from < of.size() ? std::stoi(of.substr(from, count)) : 0;
+  };
+  const std::chrono::year_month_day on{std::chrono::year(part(day, 0, 4)),
+                                       std::chrono::month(static_cast<unsigned>(part(day, 4, 2))),
+                                       std::chrono::day(static_cast<unsigned>(part(day, 6, 2)))};
+  if (!on.ok()) return;
+  const UtcTime begin{std::chrono::sys_days(on)};
+  const auto since = std::chrono::hours(part(clock, 0, 2)) + std::chrono::minutes(part(clock, 2, 2)) +
+                     std::chrono::seconds(part(clock, 4, 2));
+  const auto offset = stated_zone(zone);
+  if (!zone.empty() && !offset) {
+    const UtcTime first = begin + (clock.empty() ? std::chrono::seconds(0) : since);
+    item.within = TimeSpan{first - kFarthestZone, (clock.empty() ? first + kDay : first) + kFarthestZone};
+  } else if (clock.empty()) {
+    const auto midnight = offset ? std::optional(begin - *offset) : local_moment(on, 0, 0, 0);
+    if (midnight) item.within = TimeSpan{*midnight, *midnight + kDay};
+  } else if (offset) {
+    item.planned = begin + since - *offset;
+  } else {
+    item.planned = local_moment(on, part(clock, 0, 2), part(clock, 2, 2), part(clock, 4, 2));
+  }
 }
 
 /// "2026-08-05T09:15" of a date and a time, for people.
@@ -248,8 +296,9 @@ WorklistItem read_item(DcmDataset& answer) {
   staff("referring", words(&answer, DCM_ReferringPhysicianName));
   const std::string date = text(step, DCM_ScheduledProcedureStepStartDate);
   const std::string time = text(step, DCM_ScheduledProcedureStepStartTime);
-  data.planned = planned_text(date, time);
-  item.planned = moment(date, time, text(&answer, DCM_TimezoneOffsetFromUTC));
+  const std::string day = plain_date(date), clock = plain_time(time);
+  data.planned = planned_text(day.empty() ? date : day, clock);
+  take_moment(item, date, time, text(&answer, DCM_TimezoneOffsetFromUTC));
   return item;
 }
 

@@ -10,6 +10,7 @@ namespace kiroku::recorder {
 namespace {
 
 constexpr std::size_t kPlaceComponents = 3;  // point of care, room, bed
+constexpr std::size_t kFacility = 4;
 
 std::vector<Hl7Field> subcomponents(const Hl7Field& component, const Hl7Separators& separators) {
   std::vector<Hl7Field> parts;
@@ -50,6 +51,10 @@ std::string add_place(const Hl7Field& field, const Hl7Separators& separators,
     whole += (number == 1 ? "" : "^") + full;
     short_one += (number == 1 ? "" : "^") + first;
   }
+  // PL.4: two hospitals may have a bed of one name.
+  const std::string facility =
+      field.component(kFacility).empty() ? "" : first_subcomponent(field.component(kFacility), separators);
+  if (!facility.empty() && !without_end(short_one, '^').empty()) add(short_one + "^" + facility);
   whole = without_end(whole, '^');
   add(whole);
   add(without_end(short_one, '^'));

@@ -47,5 +47,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     book.take_all(messages, UtcTime{});
   }
+  // Whatever was taken is known after a start.
+  const Bytes kept = book.exported();
+  const ProcedureBook again = ProcedureBook::imported(kept);
+  require(again.not_kept() == 0 && again.exported() == kept);
   return 0;
 }

@@ -303,9 +303,18 @@ TEST(Configuration, TwoRoomsHaveNoPlaceInCommon) {
   EXPECT_THAT(refusal(two_rooms(hl7("\"SURGERY^OR1\""), hl7("\"OR1\""))), HasSubstr("in common"));
   EXPECT_THAT(refusal(two_rooms(hl7("\"OR1\""), hl7("\"OR1\"", 2577))), HasSubstr("in common"));
   EXPECT_EQ(refusal(two_rooms(hl7(""), hl7("", 2577))), "accepted") << "each has an address of its own";
+  EXPECT_EQ(refusal(two_rooms(hl7("\"OR1^^^NORTH\""), hl7("\"OR1^^^SOUTH\""))), "accepted");
+  EXPECT_THAT(refusal(two_rooms(hl7("\"SURGERY^OR1\""), hl7("\"surgery^OR1^^SOUTH\""))),
+              HasSubstr("have one of their 'locations' in common"));
   EXPECT_THAT(refusal(two_rooms(hl7(""), hl7(""))), HasSubstr("room 'or-2' has no 'locations'"));
   EXPECT_THAT(refusal(two_rooms(hl7("\"OR1\""), hl7(""))), HasSubstr("room 'or-2' has no 'locations'"));
   EXPECT_THAT(refusal(two_rooms(hl7(""), hl7("\"OR2\""))), HasSubstr("room 'or-1' has no 'locations'"));
+}
+
+TEST(Configuration, MonitorsAreNoVideo) {
+  EXPECT_THAT(refusal("[[room]]\nname = \"a\"\n[[room.stream]]\nname = \"vitals\"\n"
+                      "source = \"mllp://127.0.0.1:2575\"\n"),
+              HasSubstr("where monitors deliver: write kind = \"vitals\""));
 }
 
 TEST(Configuration, TwoThatWaitAtOneAddressAreRefused) {

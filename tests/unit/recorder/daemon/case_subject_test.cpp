@@ -24,6 +24,7 @@ class KnownProcedure : public ProcedureSource {
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
   [[nodiscard]] Doubt doubt(UtcTime) const override { return doubts; }
   void hurry() override { ++hurried; }
+  void ended(const ProcedureData& data, UtcTime) override { ended_of.push_back(data.patient_id); }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "the server does not answer"}};
   }
@@ -32,6 +33,7 @@ class KnownProcedure : public ProcedureSource {
   std::optional<ProcedureBook> book;  // in its place
   bool fails = false;
   Doubt doubts = Doubt::kNone;
+  std::vector<std::string> ended_of;
   mutable int asked = 0;
   int hurried = 0;
 };
@@ -64,6 +66,25 @@ TEST_F(CaseSubjectTest, WhatIsKnownIsFound) {
   EXPECT_EQ(found.state, SubjectState::kFound);
   EXPECT_EQ(found.json, subject_json(somebody()));
   EXPECT_EQ(subject.why_missing(), std::nullopt);
+}
+
+TEST_F(CaseSubjectTest, TellsWhomAnEndedCaseWasAbout) {
+  source->known = somebody();
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  subject.ended({});
+  subject.ended({});
+  EXPECT_THAT(source->ended_of, ElementsAre("4711")) << "once";
+  subject.at_beginning({}, to_bytes(R"({"patient":{"id":"12"}})"), GoesOn::kNo);
+  subject.ended({});
+  source->known.reset();
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  subject.ended({});
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  subject.given_while_running(to_bytes(R"({"patient":{"id":"13"}})"));
+  subject.ended({});
+  subject.at_beginning({}, to_bytes("{}"), GoesOn::kNo);
+  subject.ended({});
+  EXPECT_THAT(source->ended_of, ElementsAre("4711", "12", "13")) << "of whom anything is known";
 }
 
 TEST_F(CaseSubjectTest, ACaseThatCarriesOnAnotherTakesItsSubject) {
@@ -158,7 +179,7 @@ TEST_F(CaseSubjectTest, SaysThatWhatIsPlannedLiesTooFarAhead) {
 
 TEST_F(CaseSubjectTest, StopsLookingWhereAPersonGaveOneWhileTheCaseRan) {
   subject.at_beginning({}, {}, GoesOn::kNo);
-  subject.given_while_running();
+  subject.given_while_running(to_bytes("{}"));
   source->known = somebody();
   EXPECT_EQ(subject.late(Clock::Time(1h)), std::nullopt);
 }

@@ -284,6 +284,14 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   book.take(placed("1", {"OR1"}), kMorning);
   Bytes bytes = book.exported();
   constexpr std::size_t kCount = 8;  // bytes
+  // Nothing was lost, of two kinds; and of each patient stand there: three flags, two times, three texts,
+  // a doubt, and an empty list of places.
+  bytes.resize(bytes.size() - 2 * kCount);
+  constexpr std::size_t kChanges = kCount + 2 * (kCount + 16) + 3,
+                        kLater = 3 + 2 * 17 + 3 * kCount + 2 * kCount;
+  bytes.erase(bytes.end() - kChanges - 5 * kCount - kLater, bytes.end() - kChanges - 5 * kCount);
+  bytes.at(0) = std::byte{4};
+  EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
   // Two changes, of "or1" and of all places: each a text and a moment.
   bytes.resize(bytes.size() - kCount - 2 * (kCount + 16) - 3);
   // And of each patient an empty list of places.
@@ -318,7 +326,9 @@ TEST(ProcedureBook, NothingIsTakenOfBytesThatAreNoBook) {
       Bytes damaged = whole;
       damaged[at] ^= static_cast<std::byte>(changed);
       try {
-        (void)ProcedureBook::imported(damaged).list({{}, 12h}, kMorning);
+        const ProcedureBook read = ProcedureBook::imported(damaged);
+        (void)read.list({{}, 12h}, kMorning);
+        if (read.not_kept() > 0) ++refused;  // of what it belongs to, which is told
       } catch (const Error&) {
         ++refused;
       }
@@ -451,8 +461,9 @@ TEST(ProcedureBook, APatientWhoseNumberIsMergedIsOnePatient) {
   ProcedureMessage gone = placed("new", {});
   gone.kind = Kind::kLeaves;
   book.take(gone, kMorning + 3h);
-  EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning + 4h)->chosen, HasSubstr("appointment"))
-      << "whoever left is not in the room by an earlier number";
+  EXPECT_EQ(found(book, kMorning + 4h), "nobody")
+      << "whoever left is not in the room by an earlier number, nor is their appointment still to come";
+  EXPECT_EQ(doubt(book, kMorning + 4h), Doubt::kNone);
 }
 
 TEST(ProcedureBook, OfAnAppointmentOfTwoPatientsNeitherIsTaken) {
@@ -545,6 +556,16 @@ TEST(ProcedureBook, WhatIsPlannedMoreThanAnHourAheadIsNotTakenByItself) {
   book.take(placed("2", {"OR1"}), kMorning);
   EXPECT_EQ(found(book, kMorning), "2 afternoon") << "who is there is there";
   EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
+}
+
+// More nanoseconds from now than can be counted.
+TEST(ProcedureBook, WhatHasNoEndIsPlannedForNoTimeThatIsNear) {
+  ProcedureBook book;
+  book.take(planned("1", "no end", *parse_utc("9999-12-31T23:59:59Z")), kMorning);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
+  EXPECT_THAT(listed(book, kMorning), testing::IsEmpty());
+  book.take(planned("2", "second", kMorning), kMorning);
+  EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning)->chosen, HasSubstr("of 1 within"));
 }
 
 TEST(ProcedureBook, AFinishedAppointmentIsNotTaken) {
@@ -946,6 +967,429 @@ TEST(ProcedureBook, AnAppointmentCompletesThePatientInTheRoom) {
   book.take(leaving("2"), kMorning);
   book.take(placed("7", {"OR1"}), kMorning + 1min);
   EXPECT_EQ(found(book, kMorning + 1min), "7 ") << "an emergency: nobody else's appointment";
+}
+
+ProcedureMessage with_kind(ProcedureMessage message, Kind kind) {
+  message.kind = kind;
+  return message;
+}
+/// S12 or S13.
+ProcedureMessage booked(ProcedureMessage message) {
+  message.books = true;
+  return message;
+}
+/// A08.
+ProcedureMessage corrected(const std::string& patient, const std::string& place) {
+  ProcedureMessage message = placed(patient, {place});
+  message.is_of_record = true;
+  return message;
+}
+ProcedureMessage of_visit(const std::string& visit, ProcedureMessage message) {
+  message.visit = message.data.visit = visit;
+  return message;
+}
+
+// They came, were operated on, and left: their appointment was the nearest one still.
+TEST(ProcedureBook, WhoeverLeftIsNotTakenByPlan) {
+  for (const ProcedureMessage& message : {leaving("1"), moved("1", "PACU"), placed("1", {"PACU"}),
+                                          with_kind(placed("1", {"OR1"}), Kind::kDeparts)}) {
+    ProcedureBook book;
+    book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);
+    book.take(booked(planned("2", "second", kMorning + 90min)), kMorning - 20h);
+    book.take(moved("1", "WARD"), kMorning - 2h);
+    book.take(moved("1", "OR1"), kMorning);
+    EXPECT_EQ(found(book, kMorning + 5min), "1 first");
+    book.take(message, kMorning + 35min);
+    EXPECT_EQ(found(book, kMorning + 40min), "2 second");
+    EXPECT_EQ(found(ProcedureBook::imported(book.exported()), kMorning + 40min), "2 second");
+    // Its record goes on being changed; that is no booking.
+    book.take(planned("1", "first", kMorning), kMorning + 41min);
+    EXPECT_EQ(found(book, kMorning + 42min), "2 second");
+    book.take(booked(planned("1", "again", kMorning + 50min)), kMorning + 45min);
+    EXPECT_EQ(found(book, kMorning + 50min), "1 again") << "booked since";
+  }
+}
+
+// As hospitals send it: booked the week before, admitted to a ward, moved, corrected, discharged; by one
+// system or by two.
+TEST(ProcedureBook, AnOrdinaryDayNeedsNoQuestion) {
+  enum class Sends { kAll, kAppointments, kAppointmentsAndDischarges };
+  for (const Sends sends : {Sends::kAll, Sends::kAppointments, Sends::kAppointmentsAndDischarges}) {
+    ProcedureBook book;
+    book.watch({{"OR1"}, 12h});
+    const std::vector<std::string> patients{"1", "2", "3"};
+    for (std::size_t i = 0; i < patients.size(); ++i) {
+      const std::string& who = patients[i];
+      const UtcTime begin = kMorning + std::chrono::hours(2 * i);
+      book.take(told_by("PLAN", begin - 150h, booked(planned(who, "op " + who, begin))), kMorning - 60h);
+      if (sends == Sends::kAppointments) continue;
+      // The clinic of the day before, closed in the evening.
+      ProcedureMessage closed = of_visit("C" + who, leaving(who));
+      closed.places = {"CLINIC"};
+      book.take(told_by("HIS", kMorning - 30h, of_visit("C" + who, moved(who, "CLINIC"))), kMorning - 30h);
+      book.take(told_by("HIS", kMorning - 13h, closed), kMorning - 13h);
+      book.take(told_by("HIS", kMorning - 2h, of_visit("I" + who, moved(who, "WARD"))), kMorning - 2h);
+    }
+    for (std::size_t i = 0; i < patients.size(); ++i) {
+      const std::string& who = patients[i];
+      const UtcTime begin = kMorning + std::chrono::hours(2 * i) + 5min;
+      ProcedureMessage left = of_visit("I" + who, leaving(who));
+      left.places = {"WARD"};
+      if (sends == Sends::kAll)
+        book.take(told_by("HIS", begin - 10min, of_visit("I" + who, moved(who, "OR1"))), begin - 10min);
+      EXPECT_EQ(found(book, begin), who + " op " + who) << static_cast<int>(sends);
+      if (sends == Sends::kAll) {
+        book.take(told_by("HIS", begin + 5min, of_visit("I" + who, corrected(who, "OR1"))), begin + 5min);
+        EXPECT_EQ(found(book, begin + 6min), who + " op " + who) << "paused, and carried on";
+        book.take(told_by("HIS", begin + 70min, of_visit("I" + who, moved(who, "PACU"))), begin + 70min);
+        book.take(told_by("HIS", begin + 80min, of_visit("I" + who, corrected(who, "OR1"))), begin + 80min);
+      }
+      book.take(
+          told_by("PLAN", begin + 75min, planned(who, "op " + who, kMorning + std::chrono::hours(2 * i))),
+          begin + 75min);
+      if (sends != Sends::kAppointments) book.take(told_by("HIS", begin + 90min, left), begin + 90min);
+      if (sends != Sends::kAppointments)
+        book.take(told_by("HIS", begin + 92min, of_visit("I" + who, corrected(who, "WARD"))), begin + 92min);
+    }
+    EXPECT_EQ(book.not_kept(), 0U);
+  }
+}
+
+TEST(ProcedureBook, WhatIsPlannedLaterForSomebodyWhoLeftIsForAPersonToChoose) {
+  ProcedureBook book;
+  book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);
+  book.take(booked(planned("1", "second", kMorning + 3h)), kMorning - 20h);
+  book.take(booked(planned("1", "tomorrow", kMorning + 24h)), kMorning - 20h);
+  book.take(booked(planned("2", "other", kMorning + 4h)), kMorning - 20h);
+  book.take(moved("1", "OR1"), kMorning);
+  book.take(leaving("1"), kMorning + 1h);
+  EXPECT_EQ(doubt(book, kMorning + 3h), Doubt::kLeftAlready);
+  EXPECT_NE(words_of(Doubt::kLeftAlready), "");
+  EXPECT_EQ(found(book, kMorning + 4h), "2 other");
+  EXPECT_EQ(found(book, kMorning + 24h), "1 tomorrow") << "longer ago than the window";
+  book.take(moved("1", "OR1"), kMorning + 3h);
+  EXPECT_EQ(found(book, kMorning + 3h), "1 second");
+}
+
+// It went faster than it was planned.
+TEST(ProcedureBook, WhoeverLeftBeforeTheirPlannedTimeIsDoneAllTheSame) {
+  ProcedureBook book;
+  book.take(booked(planned("1", "first", kMorning + 1h)), kMorning - 20h);
+  book.take(booked(planned("2", "second", kMorning + 90min)), kMorning - 20h);
+  book.take(moved("1", "OR1"), kMorning);
+  book.take(moved("1", "PACU"), kMorning + 50min);
+  EXPECT_EQ(found(book, kMorning + 55min), "2 second");
+}
+
+// They were in the clinic the day before, or are admitted anew on the day itself.
+TEST(ProcedureBook, WhoeverLeftElsewhereBeforeIsPlannedStill) {
+  ProcedureBook book;
+  book.take(booked(planned("1", "first", kMorning)), kMorning - 60h);
+  book.take(of_visit("V1", moved("1", "CLINIC")), kMorning - 22h);
+  book.take(of_visit("V1", leaving("1")), kMorning - 20h);
+  EXPECT_EQ(found(book, kMorning), "1 first");
+  ProcedureBook again = book;
+  again.take(of_visit("V1", moved("1", "CLINIC")), kMorning - 3h);
+  again.take(of_visit("V1", leaving("1")), kMorning - 2h);
+  EXPECT_EQ(doubt(again, kMorning), Doubt::kLeftAlready) << "two hours before";
+  ProcedureBook other = again;
+  again.take(of_visit("V2", moved("1", "WARD")), kMorning - 1h);
+  EXPECT_EQ(found(again, kMorning), "1 first");
+  other.take(of_visit("V2", planned("1", "first", kMorning)), kMorning - 1h);
+  EXPECT_EQ(found(other, kMorning), "1 first") << "the appointment is of another visit";
+}
+
+TEST(ProcedureBook, TellsWhatItKnowsOfAWorklistsStep) {
+  const ProcedureRule rule{{"OR1"}, 12h};
+  ProcedureData step;
+  step.patient_id = "1";
+  step.birth_date = "1950-01-01";
+  const auto stands = [&](const ProcedureBook& book, UtcTime at) {
+    return book.standing(rule, step, kMorning, at);
+  };
+  const PatientNumber number{"1", "H", "", "MR"};
+  ProcedureBook book;
+  EXPECT_EQ(stands(book, kMorning), Standing::kOpen);
+  book.take(with_numbers(moved("", "WARD"), {number}), kMorning - 1h);
+  EXPECT_EQ(stands(book, kMorning), Standing::kOpen);
+  book.take(with_numbers(moved("", "OR1"), {number}), kMorning);
+  ProcedureBook gone = book;
+  gone.take(with_numbers(leaving(""), {number}), kMorning + 1h);
+  EXPECT_EQ(stands(gone, kMorning + 2h), Standing::kDone);
+  ProcedureBook unsure = book;
+  unsure.take(with_numbers(leaving(""), {number}, ""), kMorning + 1h);
+  EXPECT_EQ(stands(unsure, kMorning + 2h), Standing::kDone) << "their birth is known from before";
+  gone.take(with_numbers(booked(planned("", "again", kMorning + 2h)), {number}), kMorning + 90min);
+  EXPECT_EQ(stands(gone, kMorning + 2h), Standing::kOpen);
+  ProcedureBook cancelled;
+  cancelled.take(with_numbers(planned("", "A", kMorning), {number}), kMorning - 2h);
+  ProcedureMessage call_off = with_numbers(with_kind(planned("", "A", {}), Kind::kCancels), {number});
+  call_off.places.clear();
+  cancelled.take(call_off, kMorning - 1h);
+  EXPECT_EQ(stands(cancelled, kMorning), Standing::kDoubtful) << "the list may not know it yet";
+  EXPECT_EQ(stands(ProcedureBook::imported(cancelled.exported()), kMorning), Standing::kDoubtful);
+  cancelled.take(with_numbers(planned("", "B", kMorning), {number}), kMorning - 1h);
+  EXPECT_EQ(stands(cancelled, kMorning), Standing::kOpen) << "booked anew";
+  ProcedureBook over;
+  ProcedureMessage done = with_numbers(planned("", "A", kMorning), {number});
+  done.is_over = true;
+  over.take(done, kMorning + 1h);
+  EXPECT_EQ(stands(over, kMorning + 1h), Standing::kDone);
+}
+
+// Systems correct the record of whoever was discharged, and leave its place as it was.
+TEST(ProcedureBook, ACorrectionBringsNobodyBackWhoLeft) {
+  for (const ProcedureMessage& message :
+       {leaving("1"), moved("1", "WARD"), with_kind(placed("1", {"OR1"}), Kind::kDeparts)}) {
+    ProcedureBook book;
+    book.take(moved("1", "OR1"), kMorning);
+    book.take(message, kMorning + 40min);
+    book.take(booked(planned("2", "second", kMorning + 70min)), kMorning + 41min);
+    book.take(corrected("1", "OR1"), kMorning + 50min);
+    EXPECT_EQ(found(book, kMorning + 1h), "2 second");
+    book.take(facts("1"), kMorning + 51min);
+    ProcedureBook other = ProcedureBook::imported(book.exported());
+    other.take(corrected("1", "OR1"), kMorning + 55min);
+    EXPECT_EQ(found(other, kMorning + 1h), "2 second") << "after an upgrade";
+    other.take(moved("1", "OR1"), kMorning + 58min);
+    EXPECT_EQ(found(other, kMorning + 1h), "1 ") << "came again";
+    other.take(corrected("1", "OR1"), kMorning + 59min);
+    EXPECT_EQ(found(other, kMorning + 1h), "1 ");
+  }
+  // Where nothing but corrections is sent, they move patients, also back.
+  ProcedureBook book;
+  for (const std::string place : {"OR1", "PACU", "OR1"}) book.take(corrected("1", place), kMorning);
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
+  // Of another stay they say where that one is.
+  ProcedureBook stays;
+  stays.take(of_visit("V1", moved("1", "OR1")), kMorning - 10h);
+  stays.take(of_visit("V1", leaving("1")), kMorning - 9h);
+  stays.take(of_visit("V2", corrected("1", "OR1")), kMorning);
+  EXPECT_EQ(found(stays, kMorning), "1 ");
+}
+
+ProcedureMessage on_a_day(ProcedureMessage message, UtcTime from, UtcTime to) {
+  message.planned.reset();
+  message.is_time_unclear = true;
+  message.within = TimeSpan{from, to};
+  return message;
+}
+
+TEST(ProcedureBook, AnAppointmentByDayAloneIsNotPlannedForWhenItsMessageCame) {
+  const auto on = [](std::chrono::hours days) {
+    return on_a_day(planned("2", "day alone", {}), kMorning - 7h + days, kMorning + 17h + days);
+  };
+  ProcedureBook book;
+  book.take(on(7 * 24h), kMorning);
+  EXPECT_EQ(found(book, kMorning), "nobody");
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kNone) << "next week";
+  EXPECT_THAT(listed(book, kMorning), testing::IsEmpty());
+  book.take(planned("1", "first", kMorning - 10min), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 first");
+  book.take(placed("9", {"OR9"}), kMorning + 6 * 24h);
+  EXPECT_EQ(doubt(book, kMorning + 7 * 24h), Doubt::kTimeUnclear) << "kept until then";
+  EXPECT_THAT(listed(book, kMorning + 7 * 24h), testing::ElementsAre("2 day alone"));
+  ProcedureBook today;
+  today.take(on(0h), kMorning - 1h);
+  today.take(planned("1", "first", kMorning), kMorning - 1h);
+  EXPECT_EQ(doubt(today, kMorning), Doubt::kTimeUnclear);
+  EXPECT_EQ(doubt(ProcedureBook::imported(today.exported()), kMorning), Doubt::kTimeUnclear);
+  EXPECT_EQ(found(today, kMorning - 8h), "nobody");
+  today.take(placed("2", {"OR1"}), kMorning);
+  EXPECT_EQ(found(today, kMorning), "2 day alone") << "who is there has one today";
+  ProcedureBook tomorrow;
+  tomorrow.take(on(24h), kMorning);
+  tomorrow.take(planned("1", "first", kMorning + 8h), kMorning);
+  EXPECT_EQ(found(tomorrow, kMorning + 8h), "1 first") << "nearer than any time of tomorrow";
+}
+
+TEST(ProcedureBook, AnAppointmentWhoseTimeCannotBeReadMayBeMeantAtAnyTime) {
+  ProcedureMessage unclear = planned("2", "in words", {});
+  unclear.is_time_unclear = true;
+  ProcedureBook book;
+  book.take(unclear, kMorning - 20h);
+  book.take(planned("1", "first", kMorning), kMorning - 20h);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kTimeUnclear);
+  EXPECT_EQ(doubt(book, kMorning, {"OR2"}), Doubt::kNone);
+  unclear.is_over = true;
+  book.take(unclear, kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 first");
+  ProcedureBook without;
+  without.take(planned("2", "no time", {}), kMorning);
+  EXPECT_EQ(doubt(without, kMorning + 1h), Doubt::kTimeUnclear);
+  EXPECT_EQ(doubt(without, kMorning + 13h), Doubt::kNone);
+}
+
+// A hospital sends all of its outpatients.
+TEST(ProcedureBook, WhoeverIsInAWatchedRoomIsKeptBeforeOthers) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  const auto fill = [&book](const std::string& place) {
+    for (std::size_t i = 0; i <= ProcedureBook::kMostKept; ++i) {
+      const std::string number = place + std::to_string(i);
+      book.take(moved(number, place), kMorning + 2min);
+      book.take(planned(number, number, kMorning + 1h, place), kMorning + 2min);
+      book.take(leaving(place + "-" + number), kMorning + 2min);
+    }
+  };
+  book.take(planned("1", "first", kMorning + 5h), kMorning);
+  book.take(planned("1", "elsewhere", kMorning + 5h, "XRAY"), kMorning);
+  book.take(moved("3", "OR1"), kMorning);
+  book.take(leaving("3"), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
+  book.take(planned("2", "second", kMorning + 3min), kMorning);
+  fill("CLINIC");
+  EXPECT_EQ(found(book, kMorning + 3min), "1 first");
+  EXPECT_EQ(book.not_kept(), 0U);
+  book.take(corrected("3", "OR1"), kMorning + 3min);
+  EXPECT_EQ(found(book, kMorning + 3min), "1 first") << "who left is known still";
+  book.take(leaving("1"), kMorning + 4min);
+  EXPECT_EQ(found(book, kMorning + 5min), "2 second");
+}
+
+TEST(ProcedureBook, WhereMoreIsToldOfARoomThanIsKeptNobodyIsTaken) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  for (std::size_t i = 0; i <= ProcedureBook::kMostKept; ++i)
+    book.take(planned(std::to_string(i), "A" + std::to_string(i), kMorning + std::chrono::minutes(i)),
+              kMorning);
+  EXPECT_EQ(book.not_kept(), 1U);
+  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kNotKept);
+  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), kMorning + 1h), Doubt::kNotKept);
+  EXPECT_EQ(found(book, kMorning + 13h), "780 A780") << "it would not count any more";
+  book.take(moved("x", "OR1"), kMorning);
+  EXPECT_EQ(found(book, kMorning + 1h), "x ") << "who is there is there";
+}
+
+TEST(ProcedureBook, AnotherVisitTakesNobodyOutOfTheRoom) {
+  const auto after = [](ProcedureMessage message) {
+    ProcedureBook book;
+    book.take(booked(planned("2", "second", kMorning + 80min)), kMorning - 1h);
+    book.take(of_visit("V2", moved("1", "OR1")), kMorning);
+    if (message.kind != Kind::kDeparts) message.places = {"CLINIC"};
+    book.take(of_visit("V1", std::move(message)), kMorning + 55min);
+    return book;
+  };
+  EXPECT_EQ(doubt(after(leaving("1")), kMorning + 1h), Doubt::kOtherVisit);
+  EXPECT_EQ(found(after(corrected("1", "CLINIC")), kMorning + 1h), "1 ") << "a record says nothing of now";
+  ProcedureMessage discharged = with_kind(placed("1", {}), Kind::kDeparts);
+  discharged.is_of_record = true;
+  EXPECT_EQ(found(after(discharged), kMorning + 1h), "1 ");
+  ProcedureBook book = after(moved("1", "CLINIC"));
+  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOtherVisit);
+  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), kMorning + 1h), Doubt::kOtherVisit);
+  EXPECT_EQ(found(book, kMorning + 1h, {"CLINIC"}), "1 ") << "who came there";
+  ProcedureBook arrived = book, left = book;
+  arrived.take(of_visit("V2", moved("1", "OR1")), kMorning + 1h);
+  EXPECT_EQ(found(arrived, kMorning + 1h), "1 ");
+  ProcedureMessage gone = of_visit("V2", leaving("1"));
+  gone.places = {"OR1"};
+  left.take(gone, kMorning + 1h);
+  EXPECT_EQ(found(left, kMorning + 1h), "2 second");
+  book.take(moved("1", "PACU"), kMorning + 1h);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 second") << "who is moved whatever the visit is nowhere else";
+  // The number of the visit changes with its kind (A06), and they are where it says.
+  ProcedureMessage admitted = moved("1", "WARD");
+  admitted.is_of_any_visit = true;
+  EXPECT_EQ(found(after(admitted), kMorning + 1h), "2 second");
+}
+
+// An outpatient's visit is closed days later, or never.
+TEST(ProcedureBook, WhoeverComesForANewVisitIsThere) {
+  ProcedureBook book;
+  book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);
+  book.take(of_visit("V1", moved("1", "CLINIC")), kMorning - 20h);
+  book.take(of_visit("V2", moved("1", "WARD")), kMorning - 2h);
+  book.take(of_visit("V2", moved("1", "OR1")), kMorning - 5min);
+  EXPECT_EQ(found(book, kMorning), "1 first");
+  ProcedureMessage closed = of_visit("V1", leaving("1"));
+  closed.places = {"CLINIC"};
+  book.take(closed, kMorning);
+  EXPECT_EQ(found(book, kMorning + 1min), "1 first") << "that visit was known, and was elsewhere";
+}
+
+ProcedureMessage person(ProcedureMessage message, const std::string& name, const std::string& born,
+                        const std::string& facility = "H1") {
+  message.patient = "123\n";
+  message.data.patient_id = "123";
+  message.numbers = {{"123", "", "", "MR"}};
+  message.data.patient = {name, "X", name + "^X"};
+  message.data.birth_date = born;
+  message.facility = facility;
+  message.sender = facility;
+  return message;
+}
+
+// Two hospitals, or one by mistake, gave one number to two people.
+TEST(ProcedureBook, OneNumberOfTwoPeopleSeesNobodyOff) {
+  for (const std::string facility : {"H1", "H2"}) {
+    for (const Kind kind : {Kind::kLeaves, Kind::kFacts, Kind::kPlaces}) {
+      ProcedureBook book;
+      book.take(person(moved("", "OR1"), "Right", "1980-01-01"), kMorning);
+      book.take(booked(planned("q", "next", kMorning + 80min)), kMorning);
+      ProcedureMessage other = person(with_kind(placed("", {"CLINIC"}), kind), "Zed", "1950-05-05", facility);
+      other.moves = kind == Kind::kPlaces;
+      book.take(other, kMorning + 55min);
+      EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOneNumber);
+      EXPECT_EQ(book.list({{"OR1"}, 12h}, kMorning + 1h).front().patient.family, "Right");
+      book.take(person(moved("", "OR1"), "Right", "1980-01-01"), kMorning + 1h);
+      EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 1h).value().patient.family, "Right");
+      book.take(person(leaving(""), "Right", "1980-01-01"), kMorning + 1h);
+      EXPECT_EQ(found(book, kMorning + 1h), "q next");
+    }
+  }
+  // Without a name or a birth, the number alone is the sender's own.
+  ProcedureBook book;
+  book.take(person(moved("", "OR1"), "Right", "1980-01-01"), kMorning);
+  ProcedureMessage stranger = person(leaving(""), "", "", "H2");
+  stranger.data.patient = {};
+  book.take(stranger, kMorning);
+  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOneNumber);
+  ProcedureMessage scheduler = person(leaving(""), "Right", "1980-01-01", "PLAN");
+  book.take(scheduler, kMorning);
+  EXPECT_EQ(book.size(), 0U) << "name and birth agree";
+}
+
+// An emergency comes without a name.
+TEST(ProcedureBook, ACorrectedNameIsNoOtherPatient) {
+  ProcedureBook book;
+  ProcedureMessage unknown = person(moved("", "OR1"), "Unknown", "1900-01-01");
+  ProcedureMessage named = person(corrected("", "OR1"), "Right", "1980-01-01");
+  for (ProcedureMessage* each : {&unknown, &named}) {
+    each->patient = "123\nH";
+    each->data.patient_id_issuer = each->numbers.front().issuer = "H";
+  }
+  book.take(unknown, kMorning);
+  book.take(named, kMorning + 10min);
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 1h).value().patient.family, "Right");
+  ProcedureMessage married = person(corrected("", "OR1"), "Wright", "1980-01-01");
+  married.patient = named.patient;
+  book.take(married, kMorning + 20min);
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 1h).value().patient.family, "Wright");
+}
+
+TEST(ProcedureBook, SomebodyWhoIsNotNamedMayHaveLeftTheRoom) {
+  ProcedureBook book;
+  book.take(moved("1", "OR1"), kMorning);
+  ProcedureMessage unnamed = placed("", {"OR1"});
+  unnamed.kind = Kind::kNothing;
+  unnamed.leaves_unnamed = true;
+  book.take(unnamed, kMorning + 1h);
+  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kNobodyNamed);
+  EXPECT_EQ(book.strangers_left(), 1U);
+}
+
+// One that was planned beyond the year 10000 took all of them away at a start.
+TEST(ProcedureBook, ATimeThatNoneCanBeCostsItselfAlone) {
+  ProcedureBook book;
+  book.take(moved("1", "OR1"), kMorning);
+  ProcedureMessage beyond = planned("2", "no end", *parse_utc("9999-12-31T23:59:00Z") + 300 * 24h, "OR2");
+  book.take(beyond, kMorning);
+  const ProcedureBook read = ProcedureBook::imported(book.exported());
+  EXPECT_EQ(found(read, kMorning + 1h), "1 ");
+  EXPECT_EQ(read.not_kept(), 1U);
+  EXPECT_EQ(doubt(read, kMorning + 1h, {"OR2"}), Doubt::kNotKept);
+  EXPECT_EQ(ProcedureBook::imported(read.exported()).exported(), read.exported());
 }
 
 TEST(ProcedureBook, ForgetsWhatIsOldAndTheOldestOfTooMany) {

@@ -206,6 +206,75 @@ TEST_F(ProcedureInboxTest, NobodyOfATrainingSystemIsInTheRoom) {
   EXPECT_THAT(told, Not(HasSubstr("3 such")));
 }
 
+// It tells of before, as if it were now.
+TEST_F(ProcedureInboxTest, NobodyOfARestoredArchiveIsInTheRoom) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC", {});
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  for (const char* mode : {"P^R", "P^A", "p^r"}) {
+    std::string restored = kInOr1;
+    restored.replace(restored.find("|P|"), 3, std::string("|") + mode + "|");
+    EXPECT_THAT(answer(client, restored), HasSubstr("AR|77|messages for or from an archive (MSH-11")) << mode;
+  }
+  EXPECT_EQ(inbox.find({{"OR1"}, 12h}, utc_now()), std::nullopt);
+  std::string loaded = kInOr1;
+  loaded.replace(loaded.find("|P|"), 3, "|P^I|");
+  EXPECT_EQ(answer(client, loaded), "AA|77\r") << "what is so now";
+}
+
+TEST_F(ProcedureInboxTest, TellsOfATimeThatCannotBeRead) {
+  ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",
+                       [this](const std::string& sentence) { tell(sentence); });
+  inbox.tend();
+  MllpClient client("127.0.0.1", inbox.port());
+  EXPECT_EQ(answer(client,
+                   "MSH|^~\\&|PLAN|HOSP|||2026||SIU^S12|5|P|2.5\rSCH|P1|F1|||||||||^^^5.8.2026\r"
+                   "PID|1||4711^^^H\rAIL|1||OR1\r"),
+            "AA|5\r");
+  EXPECT_EQ(inbox.choose({{"OR1"}, 12h}, utc_now()).doubt, Doubt::kTimeUnclear);
+  const std::lock_guard guard(mutex);
+  EXPECT_THAT(told, HasSubstr("an appointment states a time that cannot be read, or no hour (1 so far)"));
+  EXPECT_THAT(told, Not(HasSubstr("4711")));
+}
+
+// Whatever is taken is known after a start: an appointment of "no end" took all of it away.
+TEST_F(ProcedureInboxTest, WhateverIsTakenIsKnownAfterAStart) {
+  test::MovedClock time;
+  Bytes kept;
+  const auto keep = [&kept](ByteView state) { kept = to_bytes(state); };
+  const auto tells = [this](const std::string& sentence) { tell(sentence); };
+  {
+    ProcedureInbox first("mllp://127.0.0.1:0", tells, time, {{}, keep});
+    first.tend();
+    MllpClient client("127.0.0.1", first.port());
+    EXPECT_EQ(answer(client, adt("A01", "1", "4711", "OR1")), "AA|1\r");
+    int number = 2;
+    for (const std::string begin : {"99991231235900", "99991231235959-1200", "9999", "19700101",
+                                    "19700101000000-1400", "99991231", "197001010000+1400", "0001", "x"}) {
+      for (const std::string offset : {"", "300|d", "-300|d", "366|d", "1|min", "x|d"}) {
+        const std::string id = std::to_string(number++);
+        EXPECT_EQ(answer(client, "MSH|^~\\&|PLAN|HOSP|||" + begin + "||SIU^S12|" + id + "|P|2.5\rSCH|P" + id +
+                                     "|F" + id + "|||||||||^^^" + begin + "\rPID|1||" + id + "^^^H||||" +
+                                     begin + "\rPV1|1|I|OR2\rAIL|1||OR2|||" + (number % 2 == 0 ? begin : "") +
+                                     "|" + offset + "\r"),
+                  "AA|" + id + "\r");
+        EXPECT_EQ(answer(client, "MSH|^~\\&|ADT|HOSP|||" + begin + "||ADT^A02|" + id + "a|P|2.5\rEVN|A02|" +
+                                     begin + "||||" + begin + "\rPID|1||" + id + "^^^H\rPV1|1|I|OR3" +
+                                     std::string(42, '|') + begin + "\r"),
+                  "AA|" + id + "a\r");
+      }
+    }
+    time.move(2s);
+    first.tend();
+  }
+  told.clear();
+  ProcedureInbox second("mllp://127.0.0.1:0", tells, time, {kept, keep});
+  second.tend();
+  EXPECT_EQ(second.find({{"OR1"}, 12h}, time.utc()).value_or(ProcedureData()).patient_id, "4711");
+  EXPECT_EQ(told, "");
+  EXPECT_THAT(second.way().state, HasSubstr("109 taken, 0 refused"));
+}
+
 // The event of the first one is not that of the second one's patient.
 TEST_F(ProcedureInboxTest, NothingIsTakenOfAFrameOfSeveralMessages) {
   ProcedureInbox inbox("mllp://127.0.0.1:0?zone=UTC",

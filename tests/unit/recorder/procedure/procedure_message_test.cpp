@@ -97,6 +97,45 @@ TEST(ProcedureMessage, KnowsWhoLeavesAndWhatIsCancelled) {
 TEST(ProcedureMessage, WhatIsPendingOrOfAPersonPlacesNobody) {
   for (const char* event : {"A05", "A14", "A15", "A25", "A26", "A27", "A38", "A28", "A31", "A40", "A47"})
     EXPECT_EQ(read(adt(event)).kind, Kind::kFacts) << event;
+  // What another system has on record of somebody is no event of theirs.
+  for (const char* event : {"A54", "A55", "A60", "A61", "A20", "Z01"})
+    EXPECT_EQ(read(adt(event)).kind, Kind::kFacts) << event;
+}
+
+TEST(ProcedureMessage, WhoeverWasDischargedIsGone) {
+  const auto with_end = [](const std::string& event, const std::string& end) {
+    return read(adt(event, "PV1|1|I|OR1||||||||||||||||V7" + std::string(26, '|') + end + "\r"));
+  };
+  const ProcedureMessage gone = with_end("A08", "202608050700");
+  EXPECT_EQ(gone.kind, Kind::kDeparts);
+  EXPECT_THAT(gone.places, IsEmpty());
+  EXPECT_TRUE(gone.is_of_record);
+  EXPECT_EQ(gone.visit, "V7");
+  for (const char* end : {"20260804", "2026080507", "yesterday"})
+    EXPECT_EQ(with_end("A08", end).kind, Kind::kDeparts) << end;
+  for (const char* end : {"", "\"\"", "202608051700", "20260806"})
+    EXPECT_EQ(with_end("A08", end).kind, Kind::kPlaces) << end;
+  EXPECT_EQ(with_end("A13", "202608050700").kind, Kind::kPlaces) << "that is what it cancels";
+}
+
+TEST(ProcedureMessage, WhoeverIsNamedByTheirAccountAloneIsSomebody) {
+  const std::string named = "PID|1" + std::string(17, '|') + "ACC1^^^H\rPV1|1|I|OR1\r";
+  const auto of = [](const std::string& event, const std::string& more) {
+    return read("MSH|^~\\&|A||||2026||ADT^" + event + "|1|P|2.5\r" + more);
+  };
+  EXPECT_EQ(of("A03", named).kind, Kind::kLeaves);
+  EXPECT_TRUE(has_its_numbers(of("A03", named)));
+  EXPECT_NE(of("A03", named).patient, of("A03", "PID|1||ACC1^^^H\r").patient) << "no patient's number";
+  const ProcedureMessage nobody = of("A03", "PID|1||||Doe^John\rPV1|1|I|OR1\r");
+  EXPECT_EQ(nobody.kind, Kind::kNothing);
+  EXPECT_TRUE(nobody.leaves_unnamed);
+  EXPECT_FALSE(of("A08", "PID|1||||Doe^John\rPV1|1|I|OR1\r").leaves_unnamed);
+}
+
+TEST(ProcedureMessage, APlaceMayBeNamedWithItsHospital) {
+  EXPECT_THAT(read(adt("A02", "PV1|1|I|SURGERY^OR1^^HOSP&1.2\r")).places,
+              ElementsAre("SURGERY", "OR1", "SURGERY^OR1^^HOSP", "SURGERY^OR1"));
+  EXPECT_THAT(read(kAppointment).places, Contains("SURGERY^OR1^^HOSP"));
 }
 
 TEST(ProcedureMessage, WhoDepartsNamesWhereTheyWere) {
@@ -214,6 +253,9 @@ TEST(ProcedureMessage, AnAppointmentThatItsStatusCallsOffIsCancelled) {
   EXPECT_EQ(with_status("S14", "NOSHOW"), Kind::kCancels);
   EXPECT_EQ(with_status("S14", "Booked"), Kind::kAppointment);
   EXPECT_EQ(with_status("S14", "COMPLETE"), Kind::kAppointment);
+  for (const char* status :
+       {"CAN^Cancelled^L", "X^Canceled", "7^^L^CANCELLED", "9^^L^Z^Cancelled", "CAN", "N^No show"})
+    EXPECT_EQ(with_status("S14", status), Kind::kCancels) << status;
 }
 
 TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
@@ -222,8 +264,19 @@ TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
   };
   EXPECT_EQ(planned("202608050915").planned, parse_utc("2026-08-05T07:15:00Z"));
   EXPECT_EQ(planned("202608050915").data.planned, "2026-08-05T09:15");
+  EXPECT_FALSE(planned("202608050915").is_time_unclear);
   EXPECT_EQ(planned("20260805").planned, std::nullopt);
   EXPECT_EQ(planned("20260805").data.planned, "2026-08-05");
+  EXPECT_TRUE(planned("20260805").is_time_unclear);
+  EXPECT_EQ(planned("20260805").within,
+            (TimeSpan{*parse_utc("2026-08-04T22:00:00Z"), *parse_utc("2026-08-05T22:00:00Z")}));
+  EXPECT_EQ(planned("2026080509").within,
+            (TimeSpan{*parse_utc("2026-08-05T07:00:00Z"), *parse_utc("2026-08-05T08:00:00Z")}));
+  for (const char* time : {"05.08.2026 09:15", "soon", "1850"}) {
+    EXPECT_TRUE(planned(time).is_time_unclear) << time;
+    EXPECT_EQ(planned(time).within, std::nullopt) << time;
+  }
+  EXPECT_FALSE(planned("").is_time_unclear) << "nothing is stated";
 }
 
 // HL7 v2 chapter 2, MSH-7: a zone that is stated there holds throughout the message.
@@ -256,6 +309,11 @@ std::vector<std::string> plan_of(const ProcedureMessage& message) {
   return out;
 }
 
+PlannedPlace plan_places_of(const std::string& begin, const std::string& place) {
+  return read("MSH|^~\\&|P||||2026||SIU^S12|2|P|2.5\rSCH|P1|F77|||||||||^^^" + begin + "\rPID|1||7\r" + place)
+      .planned_places.front();
+}
+
 // HL7 v2 chapter 10: AIS-4 to 6, AIG-8 to 10, AIL-6 to 8.
 TEST(ProcedureMessage, EachPlaceOfAnAppointmentHasItsOwnTime) {
   const auto plan = [](const std::string& resources) {
@@ -281,7 +339,22 @@ TEST(ProcedureMessage, EachPlaceOfAnAppointmentHasItsOwnTime) {
   EXPECT_THAT(plan("AIL|1||OR1|||20260805\rAIL|2||OR2|||\"\"\r"), ElementsAre("OR1 08:00", "OR2 08:00"));
   EXPECT_THAT(plan("AIL|1||OR1~OR2|||202608050900\rAIL|2||OR3|||||||||Cancelled\r"),
               ElementsAre("OR1 09:00", "OR2 09:00"));
+  EXPECT_THAT(plan("AIL|1||OR1|||||||||CAN^Cancelled^L\rAIL|2||OR2\r"), ElementsAre("OR2 08:00"));
   EXPECT_THAT(plan("RGS|1\rAIS|1||K35\rRGS|2\rAIL|1||OR1\r"), ElementsAre("OR1 08:00"));
+  // Beyond what a time can be.
+  const auto far = [](const std::string& begin, const std::string& offset) {
+    const ProcedureMessage message = read("MSH|^~\\&|P||||2026||SIU^S12|2|P|2.5\rSCH|P1|F77|||||||||^^^" +
+                                          begin + "\rPID|1||7\rAIL|1||OR1||||" + offset + "|d\r");
+    return message.planned_places.front();
+  };
+  EXPECT_TRUE(far("99991231235900", "300").is_time_unclear);
+  EXPECT_TRUE(far("19700102", "-300").is_time_unclear);
+  EXPECT_TRUE(far("197001021200+0000", "-300").is_time_unclear);
+  EXPECT_EQ(far("99991231235900", "300").planned, std::nullopt);
+  const PlannedPlace day = plan_places_of("20260805", "AIL|1||OR1\r");
+  EXPECT_TRUE(day.is_time_unclear);
+  EXPECT_EQ(day.within->latest - day.within->earliest, std::chrono::hours(24));
+  EXPECT_TRUE(plan_places_of("", "AIL|1||OR1|||20260805\r").within.has_value());
   EXPECT_EQ(read("MSH|^~\\&|P||||2026||SIU^S12|2|P|2.5\rSCH|P1|F77\rPID|1||7\r"
                  "AIL|1||OR1|||20260805120000+0000\r")
                 .planned,

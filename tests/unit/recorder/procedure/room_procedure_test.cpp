@@ -81,5 +81,48 @@ TEST_F(RoomProcedureTest, WhereMessagesAndWorklistPlanTwoPatientsNeitherIsTaken)
   EXPECT_EQ(found(), "W1") << "both plan the same patient";
 }
 
+// Messages said that they left; the list names them still.
+TEST_F(RoomProcedureTest, AStepOfWhoeverLeftTheRoomIsNotTaken) {
+  adt("A02", "W1");
+  EXPECT_EQ(found(), "W1");
+  adt("A03", "W1");
+  EXPECT_NE(found(), "W1");
+}
+
+TEST_F(RoomProcedureTest, WhatWasRecordedHereIsForAPersonToChooseAgain) {
+  const UtcTime now = utc_now();
+  const std::optional<ProcedureData> step = room->find(now);
+  ASSERT_TRUE(step);
+  room->ended(*step, now - 5min);
+  EXPECT_EQ(found(), "W1") << "it goes on after a pause";
+  EXPECT_EQ(room->find(now + 6min), std::nullopt);
+  EXPECT_EQ(room->doubt(now + 6min), Doubt::kRecordedAlready);
+  EXPECT_THAT(room->list(now), testing::SizeIs(1)) << "a person chooses";
+  adt("A02", "W1");
+  EXPECT_EQ(room->find(now + 6min).value_or(ProcedureData()).patient_id, "W1") << "who is there is there";
+}
+
+TEST(Procedures, AreTheSameUnlessSomethingTellsThemApart) {
+  ProcedureData one;
+  one.patient_id = "0077";
+  one.accession = "A1";
+  one.planned = "2026-08-05T09:15:00+02:00";
+  EXPECT_TRUE(may_be_same_procedure(one, data_of_subject(subject_json(one))));
+  const auto with = [&](std::string ProcedureData::*member, const std::string& text) {
+    ProcedureData other = one;
+    other.*member = text;
+    return may_be_same_procedure(one, other);
+  };
+  EXPECT_TRUE(with(&ProcedureData::patient_id, "77"));
+  EXPECT_TRUE(with(&ProcedureData::planned, "2026-08-05T09:15"));
+  EXPECT_TRUE(with(&ProcedureData::planned, ""));
+  EXPECT_TRUE(with(&ProcedureData::accession, ""));
+  EXPECT_FALSE(with(&ProcedureData::patient_id, "78"));
+  EXPECT_FALSE(with(&ProcedureData::planned, "2026-08-05T14:00"));
+  EXPECT_FALSE(with(&ProcedureData::accession, "A2"));
+  EXPECT_EQ(data_of_subject(to_bytes("[1, {")), ProcedureData());
+  EXPECT_EQ(data_of_subject(to_bytes("{\"patient\": 7}")), ProcedureData());
+}
+
 }  // namespace
 }  // namespace kiroku::recorder

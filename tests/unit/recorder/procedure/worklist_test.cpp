@@ -144,6 +144,82 @@ TEST_F(WorklistTest, AStepThatSaysMoreThanIsKeptCostsItselfAlone) {
   EXPECT_THAT(told[0], HasSubstr("the worklist of RIS: 1 step says more"));
 }
 
+WorklistItem item_of(const std::string& patient, std::optional<UtcTime> planned,
+                     std::optional<TimeSpan> within = {}) {
+  WorklistItem item;
+  item.data.patient_id = patient;
+  item.planned = planned;
+  item.within = within;
+  return item;
+}
+
+// It was passed over, and another patient's was taken.
+TEST(WorklistStep, OneWhoseTimeCannotBeReadKeepsOthersFromBeingTaken) {
+  const UtcTime now = *parse_utc("2026-08-05T09:00:00Z"), day = *parse_utc("2026-08-05T00:00:00Z");
+  const auto of = [&](const std::vector<WorklistItem>& items) {
+    WorklistAnswer answer;
+    answer.items = items;
+    const auto step = nearest_step(answer, now, now, 12h);
+    return step ? step->patient_id : doubt_of(answer, now, 12h) == Doubt::kTimeUnclear ? "unclear" : "none";
+  };
+  const TimeSpan today{day, day + 24h}, tomorrow{day + 24h, day + 48h}, next_week{day + 168h, day + 192h};
+  const WorklistItem near = item_of("1", now - 10min);
+  EXPECT_EQ(of({near}), "1");
+  EXPECT_EQ(of({near, item_of("2", {}, today)}), "unclear");
+  EXPECT_EQ(of({near, item_of("2", {})}), "unclear");
+  EXPECT_EQ(of({item_of("2", {}, today)}), "unclear");
+  EXPECT_EQ(of({near, item_of("2", {}, tomorrow)}), "1");
+  EXPECT_EQ(of({item_of("2", {}, next_week)}), "none");
+  EXPECT_EQ(of({near, item_of("1", {}, today)}), "1") << "the same patient's";
+  WorklistItem left_out = item_of("", {}, today);
+  left_out.is_left_out = true;
+  EXPECT_EQ(of({near, left_out}), "unclear");
+  WorklistAnswer answer;
+  answer.items = {near, item_of("2", {}, today)};
+  EXPECT_THAT(left_out_of(answer), HasSubstr("1 step states no time, or one that cannot be read"));
+}
+
+TEST(WorklistStep, OneThatIsDoneWithIsPassedOver) {
+  const UtcTime now = *parse_utc("2026-08-05T09:00:00Z");
+  WorklistAnswer answer;
+  answer.items = {item_of("1", now - 10min), item_of("2", now + 30min)};
+  const auto with = [&](Standing standing) {
+    return [standing](const ProcedureData& data, std::optional<UtcTime>) {
+      return data.patient_id == "1" ? standing : Standing::kOpen;
+    };
+  };
+  EXPECT_EQ(nearest_step(answer, now, now, 12h, with(Standing::kOpen)).value().patient_id, "1");
+  EXPECT_EQ(nearest_step(answer, now, now, 12h, with(Standing::kDone)).value().patient_id, "2");
+  EXPECT_EQ(nearest_step(answer, now, now, 12h, with(Standing::kDoubtful)), std::nullopt);
+  EXPECT_EQ(doubt_of(answer, now, 12h, with(Standing::kDoubtful)), Doubt::kLeftAlready);
+}
+
+TEST_F(WorklistTest, ReadsTimesStrictlyAndAsAcrNemaWroteThem) {
+  const std::string day = local(now, "%Y%m%d");
+  struct Case {
+    std::string date, time, planned;  // "09:15:20"; "day", "any"
+  };
+  const std::vector<Case> cases{
+      {day, "0915", "09:15:00"}, {day, "091520", "09:15:20"},   {day, "091520.123456", "09:15:20"},
+      {day, "09", "09:00:00"},   {day, "09:15:20", "09:15:20"}, {day, "09:15", "09:15:00"},
+      {day, "", "day"},          {day, "9:15", "day"},          {day, "0960", "day"},
+      {day, "2400", "day"},      {day, "915", "day"},           {day, "09:1520", "day"},
+      {day, "noon", "day"}};
+  for (std::size_t i = 0; i < cases.size(); ++i)
+    server.add(std::to_string(i), "A^A", cases[i].date, cases[i].time);
+  server.start();
+  const WorklistAnswer answer = ask_worklist(options(), now);
+  ASSERT_THAT(answer.items, SizeIs(cases.size())) << answer.problem;
+  for (const WorklistItem& item : answer.items) {
+    const Case& stated = cases.at(std::stoul(item.data.patient_id));
+    const std::string read = item.planned ? local(*item.planned, "%H:%M:%S") : item.within ? "day" : "any";
+    EXPECT_EQ(read, stated.planned) << stated.date << " " << stated.time;
+    if (!item.within) continue;
+    EXPECT_EQ(local(item.within->earliest, "%Y%m%d%H%M"), day + "0000");
+  }
+  EXPECT_THAT(left_out_of(answer), HasSubstr("7 steps state no time, or one that cannot be read"));
+}
+
 // Together they are longer than an answer of the box may be.
 TEST_F(WorklistTest, ManyLongStepsTakeNoOtherAway) {
   constexpr int kLong = 75;

@@ -256,6 +256,10 @@ TEST(Hl7Vitals, WhatIsOfOtherPlacesIsAcknowledgedAndNotRecorded) {
   }
   EXPECT_EQ(samples_in(vitals.take(of_bed("3", "^^ICU&7", "", "72"), 2, kNow, "a")), 1U);
   EXPECT_EQ(vitals.elsewhere(), 2U);
+  Hl7Vitals of_hospital(std::chrono::minutes(0), {}, PlaceList::parse("SURG^OR1^^NORTH", "s"));
+  EXPECT_EQ(samples_in(of_hospital.take(of_bed("5", "SURG^OR1^^NORTH&1.2", "", "72"), 1, kNow, "a")), 1U);
+  for (const char* place : {"SURG^OR1^^SOUTH", "SURG^OR1"})
+    EXPECT_EQ(samples_in(of_hospital.take(of_bed(place, place, "", "72"), 2, kNow, "a")), 0U) << place;
   // Nor is what it refuses of another place kept.
   std::string moved = of_bed("4", "ICU^BED9", "4711", "1");
   moved.replace(moved.find("ORU^R01^ORU_R01"), 15, "ADT^A01");
@@ -317,6 +321,10 @@ TEST(Hl7Vitals, TrainingAndDebuggingAreRefusedAndTold) {
   EXPECT_THAT(told, ElementsAre(1U, 1U, 0U, 1U)) << "the first, second and fourth";
   EXPECT_EQ(vitals.take(in_mode("5", "P^T"), 1, kNow, "a").answer, "AA") << "production, at intervals";
   EXPECT_EQ(vitals.take(in_mode("6", ""), 1, kNow, "a").answer, "AA");
+  const auto restored = vitals.take(in_mode("7", "P^R"), 1, kNow, "a");
+  EXPECT_EQ(restored.answer, "AR") << "of before";
+  EXPECT_EQ(samples_in(restored), 0U);
+  EXPECT_THAT(notices_in(restored), Contains("archived-message"));
 }
 
 TEST(Hl7Vitals, NothingIsTakenOfAFrameOfSeveralMessages) {
