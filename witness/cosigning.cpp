@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <optional>
-#include <ranges>
 #include <string_view>
 #include <utility>
 
@@ -153,7 +152,8 @@ LogToShow read_log_to_show(const fs::path& folder, const crypto::VerifierKey& de
     return size > all.size() && !std::ranges::binary_search(before, size);
   });
   LogToShow log;
-  for (const std::uint64_t size : sizes | std::views::reverse) {
+  std::ranges::reverse(sizes);
+  for (const std::uint64_t size : sizes) {
     auto own = own_note(folder, size, device);
     if (!own) {
       if (log.others.size() < kMostOthers) log.others.push_back(archive::note_path(size));

@@ -46,7 +46,7 @@ bool LineReader::next(LedgerLine& line) {
     const std::string_view rest = std::string_view(buffer_).substr(at_);
     if (wasted_ > kMostBytesOfLine) {
       line.bytes = 1;
-      gave_up_ = line.torn = true;
+      gave_up_ = line.torn = line.too_long = true;
       return true;
     }
     const std::size_t end = rest.find('\n');

@@ -17,7 +17,7 @@ struct LedgerLine {
   std::uint64_t bytes = 0;   // of the whole line, without LF
   bool too_long = false;     // longer than the format's kMaximumLineBytes
   /// The file ends before an LF: the last line of a write that did not finish. So does one with which more
-  /// than kMostBytesOfLine stand in lines that are none: no further line is read.
+  /// than kMostBytesOfLine stand in lines that are none, which counts as too long: no further line is read.
   bool torn = false;
 };
 

@@ -159,7 +159,7 @@ TEST_F(LogBesideACopy, ThatNobodySignedIsNotCompared) {
   fs::remove_all(copy() / archive::kCheckpointsFolder);
   fs::create_directory(copy() / archive::kCheckpointsFolder);
   put(3, junk(3));
-  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("unproven\noutside-note-invalid - -"));
+  EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("unproven\noutside-note-untrusted - -"));
   put(3, "nothing");
   EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("unproven\noutside-note-invalid - -"));
 }

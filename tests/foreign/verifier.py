@@ -87,7 +87,7 @@ def read_lines(path):
     with open(path, "rb") as file:
         while piece := file.readline(LARGEST_LINE + 2):
             if in_no_lines > MOST_IN_NO_LINES:
-                lines.append(b"?")
+                lines.append(bytes(LARGEST_LINE + 1))
                 break
             length, line = len(piece), piece
             while len(piece) > 0 and not piece.endswith(b"\n") and in_no_lines + length <= MOST_IN_NO_LINES:
