@@ -23,7 +23,9 @@ std::string without_blanks(const std::string& text) {
 }
 
 void add(PatientIds& ids, const std::string& id) {
-  if (!id.empty() && std::ranges::find(ids, id) == ids.end()) ids.push_back(id);
+  if (id.empty()) return;
+  if (std::ranges::none_of(ids, [&](const std::string& each) { return recorder::read_alike(each, id); }))
+    ids.push_back(id);
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 
 namespace kiroku::apps {
 
-/// Patients' numbers, each once; none where none is stated.
+/// Patients' numbers, each once but for case and leading zeros; none where none is stated.
 using PatientIds = std::vector<std::string>;
 
 /// Of a folder of DICOM files, or of one series in it; none of what is no folder. kiroku::Error as

@@ -156,7 +156,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the first token of an outside authority is entered more than two minutes, by the case clock, behind "
      "the beginning of what was recorded: that this is no older rests on the recorder's word"},
     {"segments-entered-late", Severity::kNote,
-     "a counted segment is entered behind an outside token that was entered more than two minutes, by the "
+     "a segment that is of no marks is entered behind an outside token that was entered more than two "
+     "minutes, by the "
      "case clock, after the segment ends: that it is no older rests on the recorder's word"},
     {"authority-clock-set", Severity::kNote,
      "the same of one outside authority, while another one's clock went on as the case clock did, and not as "

@@ -55,7 +55,7 @@ nlohmann::json ask_recorder(const std::filesystem::path& socket, const nlohmann:
                             std::optional<std::chrono::seconds> patience) {
   require_socket_path(socket);
   const Descriptor peer = connect_to(socket, patience);
-  const std::string question = request.dump() + "\n";
+  const std::string question = request.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
   for (std::size_t sent = 0; sent < question.size();) {
     const ssize_t count = ::send(peer.number(), question.data() + sent, question.size() - sent, MSG_NOSIGNAL);
     if (count < 0 && errno == EINTR) continue;

@@ -32,6 +32,11 @@ std::string without_padding(const std::string& text) {
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kPadding) + 1 - begin);
 }
 
+/// In which no character depends on the file's character set (PS3.5 6.1.2): of others the bytes say nothing.
+bool is_plain(const std::string& text) {
+  return std::ranges::all_of(text, [](char c) { return c >= ' ' && c <= '~'; });
+}
+
 /// Elements of a DICOM file up to the patient's number (PS3.5 7.1, 7.5; PS3.10 7.1), in little endian and not
 /// deflated, as nearly every one is. What is another, or damaged, says nothing.
 class PatientReader {
@@ -146,7 +151,7 @@ std::vector<std::string> patients_of_plan(const fs::path& seal) {
     const fs::path picture = seal.parent_path() / text("name");
     if (!fs::is_regular_file(picture, failed)) continue;
     const std::string patient = PatientReader(picture).patient_id();
-    if (!patient.empty() && std::ranges::find(patients, patient) == patients.end())
+    if (!patient.empty() && is_plain(patient) && std::ranges::find(patients, patient) == patients.end())
       patients.push_back(patient);
   }
   return patients;

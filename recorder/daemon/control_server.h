@@ -5,9 +5,9 @@
 //
 //   {"do":"status"}                                  {"ok":true,"rooms":[…],…}
 //   {"do":"start","room":"or-1","subject":{…}}       {"ok":true,"case":"…"}
-//       also "plan":"<hash of the sealed plan that the case follows>", and "plan_patients":["…"], whose CT it
-//       was made on: "warning" of the answer says where the case is about another patient or instead of
-//       "subject" "procedure":"<key of one that was listed>","by":"<who chose it>"
+//       instead of "subject" also "procedure":"<key of one that was listed>","by":"<who chose it>"; also
+//       "plan":"<hash of the sealed plan that the case follows>", and "plan_patients":["…"], whose CT it was
+//       made on: "warning" of the answer says where the case is about another patient
 //   {"do":"procedures","room":"or-1"}                {"ok":true,"procedures":[{"key":"…","subject":{…}}],
 //                                                     "ways":[…]}
 //   {"do":"subject","room":"or-1","subject":{…}}     {"ok":true,"case":"…"}

@@ -80,6 +80,16 @@ TEST_F(PatientsOfPlan, AreReadFromThePicturesOfItsCt) {
   EXPECT_THAT(of(many), SizeIs(kMostPlanPatients));
 }
 
+// What begins a case sends them as JSON, and no case is kept from beginning by a number.
+TEST_F(PatientsOfPlan, InACharacterSetOfTheFilesOwnSayNothing) {
+  const Writer with;
+  const auto id = [&](const std::string& text) { return dicom(kExplicit, with(0x10, 0x20, "LO", text)); };
+  EXPECT_THAT(of({id("\xC4"
+                     "7"),
+                  id("A\n1"), id("B 2")}),
+              ElementsAre("B 2"));
+}
+
 TEST_F(PatientsOfPlan, AreTheFilesOwnAndNotThoseOfItsSequences) {
   const Writer with, without{false};
   const std::string end = with(0xFFFE, 0xE00D, "", ""), last = with(0xFFFE, 0xE0DD, "", "");
