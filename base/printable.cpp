@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <cstdio>
+#include <utility>
 
 #include "base/error.h"
 
@@ -26,6 +27,7 @@ constexpr std::array kMisleading{
     Range{0x200b, 0x200f},    // zero-width space and joiners, marks of direction
     Range{0x2028, 0x202e},    // line and paragraph separators, embeddings and overrides
     Range{0x2060, 0x206f},    // word joiner, invisible operators, isolates, deprecated formats
+    Range{0x2800, 0x2800},    // a braille pattern without a dot
     Range{0x3164, 0x3164},    // Hangul filler
     Range{0xd800, 0xdfff},    // surrogates
     Range{0xfdd0, 0xfdef},    // noncharacters
@@ -72,25 +74,57 @@ std::string visible(const Character& character) {
                          : escape("\\x{%02X}", static_cast<std::uint8_t>(character.bytes[0]));
 }
 
+// Of which a selector shows a variant: signs that are drawn as a picture or as a letter.
+constexpr std::array kSigns{
+    Range{0x00a9, 0x00a9}, Range{0x00ae, 0x00ae},   Range{0x203c, 0x203c}, Range{0x2049, 0x2049},
+    Range{0x2100, 0x27ff}, Range{0x2801, 0x2bff},   Range{0x3030, 0x3030}, Range{0x303d, 0x303d},
+    Range{0x3297, 0x3299}, Range{0x1f000, 0x1faff},
+};
+// Likewise: ideographs, as Japanese names have them.
+constexpr std::array kIdeographs{
+    Range{0x3005, 0x3007},
+    Range{0x3400, 0x9fff},
+    Range{0xf900, 0xfaff},
+    Range{0x20000, 0x3fffd},
+};
+
+template <std::size_t kSize>
+bool is_in(const std::array<Range, kSize>& ranges, char32_t character) {
+  const auto* range = std::ranges::lower_bound(ranges, character, {}, &Range::last);
+  return range != ranges.end() && range->first <= character;
+}
+
+bool is_ideographic_selector(char32_t character) { return character >= 0xe0100 && character <= 0xe01ef; }
+bool is_selector(char32_t character) {
+  return (character >= 0xfe00 && character <= 0xfe0f) || is_ideographic_selector(character);
+}
+
+/// Behind `before`, 0 at the beginning: a selector of a variant is seen behind what has variants alone.
+bool misleads_behind(char32_t before, char32_t character) {
+  if (!is_selector(character)) return misleads(character);
+  return !is_in(kIdeographs, before) && (is_ideographic_selector(character) || !is_in(kSigns, before));
+}
+
 }  // namespace
 
 bool misleads(char32_t character) {
   if ((character & 0xfffeU) == 0xfffe) return true;  // the last two of each plane are no characters
-  const auto* range = std::ranges::lower_bound(kMisleading, character, {}, &Range::last);
-  return range != kMisleading.end() && range->first <= character;
+  return is_in(kMisleading, character);
 }
 
 std::string printable(std::string_view text) {
   std::string out;
+  char32_t before = 0;
   while (!text.empty()) {
     const Character character = first_of(text);
     if (character.value == U'\n' || character.value == U'\t') {
       out += ' ';
-    } else if (!character.value || misleads(*character.value)) {
+    } else if (!character.value || misleads_behind(before, *character.value)) {
       out += visible(character);
     } else {
       out += character.bytes;
     }
+    before = character.value.value_or(0);
     text.remove_prefix(character.bytes.size());
   }
   return out;
@@ -98,11 +132,12 @@ std::string printable(std::string_view text) {
 
 std::string printable_json(std::string_view json) {
   std::string out;
+  char32_t before = 0;
   while (!json.empty()) {
     const Character character = first_of(json);
     const char32_t value = character.value.value_or(0);
     // White space between tokens is below U+0020; within strings JSON has none of these.
-    if (value < 0x20 || !misleads(value)) {
+    if (value < 0x20 || !misleads_behind(std::exchange(before, value), value)) {
       out += character.bytes;
     } else if (value < 0x10000) {
       out += escape("\\u%04x", static_cast<unsigned>(value));
@@ -116,9 +151,11 @@ std::string printable_json(std::string_view json) {
 }
 
 std::optional<std::string> first_unprintable(std::string_view text) {
+  char32_t before = 0;
   while (!text.empty()) {
     const Character character = first_of(text);
-    if (!character.value || misleads(*character.value)) return visible(character);
+    if (!character.value || misleads_behind(std::exchange(before, *character.value), *character.value))
+      return visible(character);
     text.remove_prefix(character.bytes.size());
   }
   return std::nullopt;

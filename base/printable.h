@@ -11,8 +11,9 @@ namespace kiroku {
 
 /// Whether a character is obeyed, or cannot be seen: C0, DEL and C1 (Unicode category Cc), marks and
 /// overrides of direction, line and paragraph separators, zero-width characters, invisible fillers, tags,
-/// noncharacters. Letters of any script, combining accents and variation selectors (which Japanese names
-/// need) are not among them.
+/// noncharacters, a braille pattern without a dot. Letters of any script and combining accents are not among
+/// them. Nor are variation selectors, which Japanese names need; the functions below take one for such a
+/// character where it does not stand behind an ideograph or a sign.
 bool misleads(char32_t character);
 
 /// Fit for one line of a terminal, a report or a journal: a line feed or tab becomes a space, a character

@@ -43,6 +43,13 @@ const Example kMisleading[] = {
     {"\u2068", "\\u{2068}"},
     {"\u2069", "\\u{2069}"},
     {"\u3164", "\\u{3164}"},
+    {"\u2800", "\\u{2800}"},
+    // selectors of variants of what has none
+    {"an\ufe00na", "an\\u{FE00}na"},
+    {"\ufe0f", "\\u{FE0F}"},
+    {"anna\U000e0100", "anna\\u{E0100}"},
+    {"葛\U000e0100\U000e0101城", "葛\U000e0100\\u{E0101}城"},
+    {"❤\U000e0100", "❤\\u{E0100}"},
     {"\ufeff", "\\u{FEFF}"},
     {"\uffa0", "\\u{FFA0}"},
     {"\ufff9", "\\u{FFF9}"},
@@ -72,6 +79,7 @@ const std::string kHarmless[] = {
     "جراحة",
     "Ελλάδα, Москва, 서울",
     "clip ✓ \U0001f600 ❤\ufe0f",
+    "神\ufe00",
     "1\u00a0234,5\u202fµm ½ € ‰ – “quoted”",
     "\ufffd",  // what stands for a character that was lost
 };

@@ -8,6 +8,9 @@ describe('Texts of others', () => {
     expect(printable('\x1b[2J\x9b\x7f')).toBe('\\u{001B}[2J\\u{009B}\\u{007F}');
     expect(printable('\u2066\u061c\u2028\ufeff')).toBe('\\u{2066}\\u{061C}\\u{2028}\\u{FEFF}');
     expect(printable('\u{e0041}')).toBe('\\u{E0041}');
+    expect(printable('an\ufe00na\u2800')).toBe('an\\u{FE00}na\\u{2800}');
+    expect(printable('葛\u{e0100}\u{e0101}城')).toBe('葛\u{e0100}\\u{E0101}城');
+    expect(printable('❤\u{e0100}')).toBe('❤\\u{E0100}');
   });
 
   it('stay as they are in every script', () => {
