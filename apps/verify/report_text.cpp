@@ -515,6 +515,10 @@ std::string report_text(const VerificationReport& report, const std::string& cas
                              counted(report.files, "file", "files") + " (" + format_bytes(report.bytes) +
                              "), " + counted(report.checkpoints, "checkpoint", "checkpoints") + ", " +
                              counted(report.tokens, "time-stamp", "time-stamps"));
+  if (report.left_by_systems > 0) {
+    out += line("", std::string(report.left_by_systems == 1 ? "beside these lies " : "beside these lie ") +
+                        counted(report.left_by_systems, "file", "files") + " that nobody recorded");
+  }
   if (report.evidence)
     out += line("evidence", evidence_words(*report.evidence, report.entries, report.excerpt.has_value()));
   if (log.empty()) {

@@ -72,7 +72,8 @@ class ExcerptVerification {
     }
     // Without the lines nothing says what is named.
     if (!rules_.gave_up() && !lines_unread_) {
-      check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+      left_ =
+          check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
     }
     rules_.check_device_file();
     return report();
@@ -352,7 +353,8 @@ class ExcerptVerification {
     report.in_log = in_log_;
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfAnExcerpt;
-    report.bytes = bytes_in(listing_);
+    report.bytes = bytes_in(listing_) - left_.bytes;
+    report.left_by_systems = left_.files;
     report.contents = files_.contents();
     report.rekeyed_segments = files_.rekeyed();
     report.rekeyed_opened = files_.rekeyed_opened();
@@ -429,6 +431,7 @@ class ExcerptVerification {
   ExcerptDocument document_;
   FindingList findings_, by_log_;
   std::vector<ListedFile> listing_;
+  LeftBySystems left_;
   std::set<std::string> present_;
   std::set<std::string> selected_files_;
   std::vector<NamedFile> selected_segments_;  // the same, with what their entries state

@@ -69,8 +69,9 @@ std::optional<TokenName> token_of_path(std::string_view path) {
   return name ? parse_token_name(*name) : std::nullopt;
 }
 
-void check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
-                        const std::function<NameJudgement(const ListedFile&)>& judge) {
+LeftBySystems check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
+                                 const std::function<NameJudgement(const ListedFile&)>& judge) {
+  LeftBySystems left;
   std::unordered_map<std::string, std::string_view> seen;
   for (const ListedFile& file : listing) {
     const auto [other, fresh] = seen.emplace(lower_case(file.path), file.path);
@@ -107,12 +108,16 @@ void check_folder_names(const std::vector<ListedFile>& listing, FindingList& fin
         if (plain && is_left_by_a_system(file)) {
           findings.add("file-of-a-system", {file.path},
                        "nobody recorded " + file.path + ": operating systems leave such files behind");
+          const bool is_file = file.kind == ListedFile::Kind::kRegular;
+          left.files += is_file ? 1U : 0U;
+          left.bytes += is_file ? file.bytes : 0U;
         } else if (plain) {
           findings.add("file-unnamed", {file.path}, "nothing names " + file.path);
         }
         break;
     }
   }
+  return left;
 }
 
 }  // namespace kiroku::archive

@@ -2,6 +2,7 @@
 // thread-safe.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string_view>
@@ -21,9 +22,15 @@ enum class NameJudgement {
   kUnnamed
 };
 
+/// Files that operating systems left (file-of-a-system): nobody recorded them, and they can be as long as
+/// somebody likes.
+struct LeftBySystems {
+  std::uint64_t files = 0, bytes = 0;
+};
+
 /// Judges every name of a listing. ASCII case alone counts for clashes: every name of the format is ASCII.
-void check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
-                        const std::function<NameJudgement(const ListedFile&)>& judge);
+LeftBySystems check_folder_names(const std::vector<ListedFile>& listing, FindingList& findings,
+                                 const std::function<NameJudgement(const ListedFile&)>& judge);
 
 /// "checkpoints/00000042.note", of a size above 0.
 bool is_note_path(std::string_view path);

@@ -609,7 +609,7 @@ void LogWalk::note_root(const std::string& case_id, const KnownRoot& root) {
 }
 
 void LogWalk::check_names() {
-  check_folder_names(listing_, *findings_, [this](const ListedFile& file) {
+  contents_.left = check_folder_names(listing_, *findings_, [this](const ListedFile& file) {
     const bool is_folder = file.kind == ListedFile::Kind::kFolder;
     const bool own_folder = is_folder && (file.path == kCheckpointsFolder || file.path == kConsentsFolder);
     const bool of_consent = !is_folder && hash_of_consent_path(file.path) &&

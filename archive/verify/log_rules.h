@@ -20,6 +20,7 @@
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/consent_rules.h"
 #include "archive/verify/finding_list.h"
+#include "archive/verify/folder_names.h"
 #include "archive/verify/outside_notes.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
@@ -80,6 +81,7 @@ struct LoggedCase {
 /// What a walk over a log gives.
 struct LogContents {
   std::map<std::string, LoggedCase> cases;
+  LeftBySystems left;
   /// Of the entries about these cases those that nobody signed before another followed: the machine stopped
   /// at that moment, or somebody who can write to the disk made them up, and the next start signed them with
   /// its own. They prove nothing against a case either.

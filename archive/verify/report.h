@@ -209,6 +209,8 @@ struct VerificationReport {
   /// only where that is more than usual (segments-entered-late).
   std::optional<std::int64_t> entered_late_ns;
   std::uint64_t entries = 0, files = 0, bytes = 0, tokens = 0, checkpoints = 0;
+  /// Files of operating systems, which nobody recorded, beside those; they are not among `files` and `bytes`.
+  std::uint64_t left_by_systems = 0;
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read

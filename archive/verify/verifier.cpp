@@ -301,7 +301,7 @@ class CaseVerification {
 
   void judge_names() {
     find_not_entered();
-    check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
+    left_ = check_folder_names(listing_, findings_, [&](const ListedFile& file) { return judge_name(file); });
     for (const ListedFile& file : listing_) {
       if (file.kind == ListedFile::Kind::kRegular && rules_.erased(file.path)) {
         findings_.add("erased-file-present", {file.path},
@@ -334,7 +334,8 @@ class CaseVerification {
     report.close_entry = rules_.close_entry();
     report.proved_entries = log_proof_.entries_proved(rules_.device());
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfACase;
-    report.bytes = bytes_in(listing_);
+    report.bytes = bytes_in(listing_) - left_.bytes;
+    report.left_by_systems = left_.files;
     report.contents = files_.contents();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
@@ -357,6 +358,7 @@ class CaseVerification {
   FindingList findings_, by_log_;
   std::vector<ListedFile> listing_;
   std::set<std::string> not_entered_;
+  LeftBySystems left_;
   CheckpointRules checkpoints_;
   FileChecker files_;
   CaseRules rules_;
@@ -583,7 +585,9 @@ VerificationReport verify_log(const std::filesystem::path& folder, const VerifyO
     report.signatures = log.signatures;
     report.signed_entries = log.signed_entries;
     report.files = log.checkpoints + 1;
-    report.bytes = bytes_in(opened.list());
+    const std::uint64_t all_bytes = bytes_in(opened.list());  // listed anew: it may have grown, or shrunk
+    report.bytes = all_bytes - std::min(all_bytes, log.left.bytes);
+    report.left_by_systems = log.left.files;
     report.opened = log.begins;
   } catch (const Error& error) {
     // Two notes that contradict each other prove a fork also where the log is gone.

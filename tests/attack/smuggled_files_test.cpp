@@ -134,6 +134,23 @@ INSTANTIATE_TEST_SUITE_P(
                true}),
     name_of);
 
+// They can be as long as somebody likes, and take no room.
+TEST(FilesOfASystem, AreNotCountedAmongWhatWasRecorded) {
+  constexpr std::uintmax_t kTerabyte = std::uintmax_t{1} << 40U;
+  AttackedCase victim;
+  const archive::VerificationReport sound = victim.verify();
+  EXPECT_EQ(sound.left_by_systems, 0U);
+  fs::create_directories(victim / "segments/@eaDir/more");
+  write_file(victim / "segments/@eaDir/big", "x");
+  fs::resize_file(victim / "segments/@eaDir/big", kTerabyte);
+  write_file(victim / "Thumbs.db", "x");
+  const archive::VerificationReport report = victim.verify();
+  EXPECT_EQ(report.verdict, archive::Verdict::kIntact) << details(report);
+  EXPECT_EQ(report.bytes, sound.bytes);
+  EXPECT_EQ(report.files, sound.files);
+  EXPECT_EQ(report.left_by_systems, 2U);
+}
+
 // What operating systems leave in folders that they show or copy accuses nobody; nothing else may use that.
 TEST(FilesOfASystem, AreANoteAndNothingElseIs) {
   AttackedCase victim;

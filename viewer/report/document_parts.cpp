@@ -21,7 +21,9 @@ std::string verdict_sentence(const ReportInput& input, Brackets brackets) {
   if (is_of_later_version(input.verification)) return say(language, "verdict.newer.sentence");
   switch (input.verification.verdict) {
     case Verdict::kIntact:
-      return say(language, "verdict.intact.sentence");
+      return say(language, input.verification.left_by_systems == 0
+                               ? TextKey("verdict.intact.sentence")
+                               : TextKey("verdict.intact.sentence.beside"));
     case Verdict::kIntactWithGaps:
       return say(language, brackets == Brackets::kBelow ? TextKey("verdict.gaps.sentence")
                                                         : TextKey("verdict.gaps.sentence.elsewhere"));
@@ -226,6 +228,10 @@ Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   if (verdict == Verdict::kTampered || is_of_later_version(input.verification)) return statement;
   if (input.verification.excerpt && input.verification.excerpt->with_gaps)
     statement.remarks.push_back(say(input.language, "verdict.excerpt.gaps"));
+  if (const std::uint64_t beside = input.verification.left_by_systems; beside > 0) {
+    statement.remarks.push_back(
+        say(input.language, beside == 1 ? TextKey("beside.one") : TextKey("beside.many"), {grouped(beside)}));
+  }
   statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));

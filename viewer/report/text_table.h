@@ -27,6 +27,23 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "Everything in this record is as it was recorded: nothing was changed, nothing was removed, nothing was "
      "added.",
      "この記録は、記録されたときのままです。変更・削除・追加はありません。"},
+    {"verdict.intact.sentence.beside",
+     "Everything in this record is as it was recorded: nothing was changed, nothing was removed.",
+     "この記録は、記録されたときのままです。変更・削除はありません。"},
+    {"beside.one",
+     "Beside it lies {0} file that nobody recorded, of a kind that operating systems leave behind. It is no "
+     "part "
+     "of the record, and is not counted.",
+     "ほかに、誰も記録していないファイルが {0} "
+     "個あります（オペレーティングシステムが残す種類のもの）。記録の一"
+     "部ではなく、数に入れていません。"},
+    {"beside.many",
+     "Beside it lie {0} files that nobody recorded, of a kind that operating systems leave behind. They are "
+     "no "
+     "part of the record, and are not counted.",
+     "ほかに、誰も記録していないファイルが {0} "
+     "個あります（オペレーティングシステムが残す種類のもの）。記録の一"
+     "部ではなく、数に入れていません。"},
     {"verdict.gaps", "INTACT, WITH STATED GAPS", "改変なし（欠落の記載あり）"},
     {"verdict.gaps.sentence",
      "What is in this record is as it was recorded. Some of what happened is not in it, or is not there any "

@@ -40,6 +40,15 @@ TEST(ReportText, SaysWhichBracketsHaveOneLimitAlone) {
   EXPECT_THAT(told(after), HasSubstr("2 brackets, none with two limits; entries 0 to 81 without an earlier"));
 }
 
+TEST(ReportText, SaysHowManyFilesLieThereThatNobodyRecorded) {
+  archive::VerificationReport report = stamped_late();
+  EXPECT_THAT(told(report), Not(HasSubstr("nobody recorded")));
+  report.left_by_systems = 1;
+  EXPECT_THAT(told(report), HasSubstr("             beside these lies 1 file that nobody recorded\n"));
+  report.left_by_systems = 2;
+  EXPECT_THAT(told(report), HasSubstr("             beside these lie 2 files that nobody recorded\n"));
+}
+
 TEST(ReportText, SaysBesideTheTimeWhatItIsNotWorth) {
   const auto with = [](std::string_view code) {
     archive::VerificationReport report = stamped_late();

@@ -616,6 +616,22 @@ TEST_F(ReportDocument, OfACaseInWhichNothingWasRecordedDoesNotSayYes) {
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr(asked + "! Could not be checked"));
 }
 
+TEST_F(ReportDocument, BesideWhichFilesOfASystemLieDoesNotSayThatNothingWasAdded) {
+  ReportInput in = input();
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("nothing was added"));
+  for (const std::uint64_t files : {1, 2}) {
+    in.verification.left_by_systems = files;
+    in.verification.findings = {
+        {"file-of-a-system", archive::Severity::kNote, "segments/@eaDir/big", {}, {}, "nobody recorded it"}};
+    const std::string beside = files == 1 ? "Beside it lies 1 file that nobody recorded"
+                                          : "Beside it lie 2 files that nobody recorded";
+    for (const std::string& text : {test::text_of(make_report(in)), test::text_of(make_certificate(in))}) {
+      EXPECT_THAT(text, Not(HasSubstr("nothing was added")));
+      EXPECT_THAT(text, HasSubstr(beside));
+    }
+  }
+}
+
 TEST_F(ReportDocument, OfACaseWithoutStreamsSaysThatNothingWasRecorded) {
   ReportInput in = input();
   in.verification.streams.clear();
