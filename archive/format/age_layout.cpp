@@ -1,5 +1,6 @@
 #include "archive/format/age_layout.h"
 
+#include <algorithm>
 #include <string>
 
 namespace kiroku::archive {
@@ -23,6 +24,35 @@ std::optional<Bytes> age_header_text(const crypto::ByteSource& file) {
 std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file) {
   const std::optional<Bytes> header = age_header_text(file);
   return header ? std::optional<std::uint64_t>(header->size()) : std::nullopt;
+}
+
+bool is_age_header(std::string_view text) {
+  constexpr std::string_view kStanza = "-> ";
+  constexpr std::string_view kMac = "--- ";
+  constexpr std::size_t kMacDigits = 43;  // base64 of 32 bytes, without padding
+  if (!text.starts_with(kAgeFirstLine) || !text.substr(kAgeFirstLine.size()).starts_with(kStanza)) {
+    return false;
+  }
+  const std::size_t last = text.find("\n" + std::string(kMac));
+  if (last == std::string_view::npos) {
+    return false;
+  }
+  const std::string_view mac = text.substr(last + 1 + kMac.size());
+  return mac.size() == kMacDigits + 1 && mac.ends_with('\n') &&
+         std::ranges::all_of(mac.substr(0, kMacDigits), [](char digit) {
+           return (digit >= 'A' && digit <= 'Z') || (digit >= 'a' && digit <= 'z') ||
+                  (digit >= '0' && digit <= '9') || digit == '+' || digit == '/';
+         });
+}
+
+bool has_age_form(const crypto::ByteSource& file) {
+  const std::optional<Bytes> header = age_header_text(file);
+  if (!header || !is_age_header(text_of(*header)) || file.size() <= header->size() + kAgeNonceBytes) {
+    return false;
+  }
+  const std::uint64_t last =
+      (file.size() - header->size() - kAgeNonceBytes) % (kAgeChunkBytes + kAgeTagBytes);
+  return last == 0 || last > kAgeTagBytes;
 }
 
 }  // namespace kiroku::archive

@@ -25,5 +25,12 @@ std::optional<Bytes> age_header_text(const crypto::ByteSource& file);
 /// Length of the header text, up to and with the line "--- <MAC>"; nothing if the file does not begin with
 /// one. Throws kiroku::IoError.
 std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file);
+/// Whether a text that age_header_text() gave is a header as anybody can see it: a stanza follows the first
+/// line, and the last line has a MAC.
+bool is_age_header(std::string_view text);
+/// Whether a file has the form of one that holds something: a header, and behind its nonce chunks, the last
+/// of which holds something. What is in them, or whether anybody can open them, nobody sees. Throws
+/// kiroku::IoError.
+bool has_age_form(const crypto::ByteSource& file);
 
 }  // namespace kiroku::archive

@@ -60,6 +60,7 @@ std::optional<TokenName> parse_token_name(std::string_view name);
 
 /// Media type of streams of lines: vital signs, marks.
 inline constexpr std::string_view kLinesMedia = "application/jsonl";
+inline constexpr std::string_view kLinesProfile = "jsonl";
 /// Extension of a stream's plaintext: "video/mp2t" ts, "video/x-matroska" mkv, "application/jsonl" jsonl;
 /// nothing for a media type that format 1 does not have.
 std::optional<std::string_view> extension_of_media(std::string_view media);

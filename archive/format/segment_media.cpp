@@ -28,6 +28,12 @@ std::optional<std::string_view> media_of_profile(std::string_view profile) {
   return found == kProfiles.end() ? std::nullopt : std::optional(found->second);
 }
 
+bool is_of_the_format(const StreamInfo& stream) {
+  if (stream.kind == "video") return media_of_profile(stream.profile) == stream.media;
+  const bool has_lines = stream.kind == "vitals" || stream.kind == "events";
+  return has_lines && stream.media == kLinesMedia && stream.profile == kLinesProfile;
+}
+
 std::vector<std::string> extensions_of(const StreamInfo& stream) {
   std::vector<std::string> extensions{stream.extension};
   if (stream.kind != "video") return extensions;

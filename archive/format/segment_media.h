@@ -16,6 +16,9 @@ namespace kiroku::archive {
 /// profile.
 std::optional<std::string_view> media_of_profile(std::string_view profile);
 
+/// Whether the format has a stream of such a kind, media and profile (docs/reference/format.md, `open`).
+bool is_of_the_format(const StreamInfo& stream);
+
 /// Extensions of plaintext that segments of the stream may have: its own first.
 std::vector<std::string> extensions_of(const StreamInfo& stream);
 

@@ -7,6 +7,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
+#include "archive/format/segment_media.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -33,6 +34,13 @@ constexpr std::int64_t kWallClockDiffersUs = 60 * kUsPerSecond;
 constexpr std::int64_t kFirstStampLateNs = 120'000'000'000;
 // As much as of the first token: nobody gains more by the one than by the other.
 constexpr std::int64_t kEnteredLateNs = kFirstStampLateNs;
+
+/// As anybody can see it: "age1…", of whichever kind.
+bool is_age_recipient(const std::string& text) {
+  constexpr std::string_view kBegin = "age1";
+  return text.starts_with(kBegin) && text.size() > kBegin.size() &&
+         std::ranges::all_of(text, [](char c) { return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9'); });
+}
 
 std::string at_entry(std::uint64_t number) { return "entry " + std::to_string(number); }
 
@@ -216,6 +224,7 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   clock_zero_ = entry.at.utc -
                 std::chrono::floor<std::chrono::microseconds>(std::chrono::nanoseconds(entry.at.mono_ns));
   for (const StreamInfo& each : open.streams) {
+    judge_form(each, number);
     StreamRules& its =
         streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_)).first->second;
     if (scope_.from_open) its.begin_at_open();
@@ -241,14 +250,29 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
   }
 }
 
+void CaseRules::judge_form(const StreamInfo& stream, std::uint64_t number) {
+  if (!is_of_the_format(stream)) {
+    findings_->add("stream-form-unknown", in_ledger(number),
+                   "open says of " + stream.name + " that it is of kind " + stream.kind + ", holds " +
+                       stream.media + " and has the profile \"" + shortened(stream.profile) +
+                       "\", which the format does not have together");
+  }
+  if (std::ranges::none_of(stream.recipients, is_age_recipient)) {
+    findings_->add("stream-for-nobody", in_ledger(number),
+                   "open names nobody for whom " + stream.name +
+                       " is sealed: no age recipient is among its " +
+                       std::to_string(stream.recipients.size()) + " recipients");
+  }
+}
+
 void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) {
   StreamRules* its = stream(segment.stream, number);
   if (its == nullptr || !its->take(segment, number)) {
     return;
   }
   named_.insert(segment.file.file);
-  const bool as_it_comes = its->info()->timing == "arrival" && segment.counted;
-  if (as_it_comes && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
+  // What recovery finds it takes to end by its own time, too.
+  if (its->info()->timing == "arrival" && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
     findings_->add("segment-in-future", {std::string(kLedgerFile), number},
                    at_entry(number) + " was written before segment " + std::to_string(segment.index) +
                        " of " + segment.stream +
@@ -258,8 +282,8 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     first_checked_segment_ = first_checked_segment_.value_or(number);
     last_checked_segment_ = number;
     oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
-    // Whether a film was read from a file rests on the recorder's word, too.
-    if (segment.counted && !its->is_of_marks()) {
+    // Whether a film was read from a file, or was found, rests on the recorder's word, too.
+    if (!its->is_of_marks()) {
       take_timed(segment, number);
     }
     files_->check(
@@ -273,10 +297,17 @@ void CaseRules::take_timed(const SegmentEntry& segment, std::uint64_t number) {
   if (last_token_ == 0) {
     return;
   }
-  const EndedFirst its{std::max(segment.span.end_ns, recorded_from_ns()), number};
-  EndedFirst& first = ended_first_behind_token_.try_emplace(last_token_, its).first->second;
+  const Ended its{std::max(segment.span.end_ns, recorded_from_ns()), number};
+  Ended& first = ended_first_behind_token_.try_emplace(last_token_, its).first->second;
   if (its.end_ns < first.end_ns) {
     first = its;
+  }
+  // A film from a file may lie ahead of the case clock.
+  if (!segment.counted && streams_.at(segment.stream).info()->timing == "arrival") {
+    Ended& last = found_last_behind_token_.try_emplace(last_token_, its).first->second;
+    if (its.end_ns > last.end_ns) {
+      last = its;
+    }
   }
 }
 
@@ -422,6 +453,7 @@ void CaseRules::finish(std::optional<std::int64_t> lines_begin_ns) {
   judge_wall_clock();
   judge_first_stamp();
   judge_late_entries();
+  judge_found();
 }
 
 // No recorder begins a case without one, and no rule of a stream asks for what is not named.
@@ -512,7 +544,7 @@ void CaseRules::judge_late_entries() {
   auto next = outside.begin();
   const StampedToken* before = nullptr;
   const StampedToken* its_token = nullptr;
-  EndedFirst worst;
+  Ended worst;
   for (const auto& [token, first] : ended_first_behind_token_) {
     for (; next != outside.end() && next->entry <= token; ++next) {
       before = &*next;
@@ -530,6 +562,35 @@ void CaseRules::judge_late_entries() {
                        its_token->file +
                        " was entered, behind which it stands: that it is no older than it says rests on the "
                        "recorder's word");
+  }
+}
+
+// Behind `recovered` no clock is compared with those of the tokens before it, so whoever makes film up may
+// let the case clock go on as they like there. What was found is older than a token over it all the same.
+void CaseRules::judge_found() {
+  const std::vector<StampedToken>& outside = tokens_.outside();  // in the ledger's order
+  for (const auto& [token, last] : found_last_behind_token_) {
+    const auto behind = std::ranges::upper_bound(outside, token, {}, &StampedToken::entry);
+    // One that came before the crash may be entered after it: it is over what is before.
+    const auto after = std::find_if(behind, outside.end(), [entry = last.entry](const StampedToken& each) {
+      return each.checkpoint > entry;
+    });
+    if (behind == outside.begin() || after == outside.end()) {
+      continue;
+    }
+    const StampedToken& before = *std::prev(behind);
+    const std::int64_t passed_us = std::max<std::int64_t>(0, (after->gen_time - before.gen_time).count());
+    // Slews move the case clock by no more than an eighth.
+    const std::int64_t most_us = passed_us + passed_us / 8 + kEnteredLateNs / kNsPerUs;
+    if ((last.end_ns - before.entered_ns) / kNsPerUs > most_us) {
+      findings_->add("segment-in-future", {std::string(kLedgerFile), last.entry},
+                     "the segment of " + at_entry(last.entry) + ", which recovery found, is stated to end " +
+                         std::to_string((last.end_ns - before.entered_ns) / kNsPerUs / kUsPerSecond) +
+                         " s after " + before.file + " was entered, and only " +
+                         std::to_string(passed_us / kUsPerSecond) + " s passed from there to " + after->file +
+                         ", which is over it");
+      return;
+    }
   }
 }
 

@@ -101,6 +101,8 @@ class CaseRules {
   void judge_age_at_first_stamp(const StampedToken& first);
   /// Where film is entered behind an outside token that came more than that after it ends.
   void judge_late_entries();
+  /// Where found film is longer than the time between the outside tokens around it.
+  void judge_found();
   [[nodiscard]] bool is_pre_rolled() const { return opening_ && opening_->begins_ns > 0; }
   /// Whether one of the streams is of more than marks.
   void judge_streams();
@@ -110,8 +112,10 @@ class CaseRules {
   void count_broken_line(std::uint64_t number);
   void check_common(const CaseEntry& entry, std::uint64_t number, const LedgerLine& line);
   void take_open(const OpenEntry& open, const CaseEntry& entry, std::uint64_t number);
+  /// Whether it is a stream as the format has them, and for anybody.
+  void judge_form(const StreamInfo& stream, std::uint64_t number);
   void take_segment(const SegmentEntry& segment, std::uint64_t number);
-  /// Of one whose times its recorder states, but for marks.
+  /// Of one that is of no marks.
   void take_timed(const SegmentEntry& segment, std::uint64_t number);
   void take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::uint64_t number);
   /// What the latest clock entries state of a slew.
@@ -138,18 +142,19 @@ class CaseRules {
   std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
   std::optional<std::uint64_t> first_checked_segment_, last_checked_segment_;
-  // Where the oldest segment within the scope begins, of counted ones but those of marks, and of all before
-  // each token.
+  // Where the oldest segment within the scope begins, of all but those of marks, and of all before each
+  // token.
   std::optional<std::int64_t> oldest_timed_ns_, oldest_ns_;
   std::map<std::uint64_t, std::int64_t> oldest_before_token_;
   std::optional<std::int64_t> age_at_first_stamp_ns_, entered_late_ns_;
-  struct EndedFirst {
+  struct Ended {
     std::int64_t end_ns = 0;
     std::uint64_t entry = 0;
   };
   std::uint64_t last_token_ = 0;  // the latest entry of a token, whether that holds or not
-  // Of counted segments within the scope, but those of marks, by the token in front of their entries.
-  std::map<std::uint64_t, EndedFirst> ended_first_behind_token_;
+  // Of segments within the scope, but those of marks, by the token in front of their entries: the one that
+  // ended first, and of found ones the one that ended last.
+  std::map<std::uint64_t, Ended> ended_first_behind_token_, found_last_behind_token_;
   std::set<std::uint64_t> unsigned_aftermath_;  // missed tokens and erasures behind close
   std::uint64_t claims_ = 0;                    // entries up to the last that is about no token
   std::uint64_t last_claim_ = 0;  // the last entry that says more than what became of the case since

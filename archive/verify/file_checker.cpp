@@ -9,6 +9,7 @@
 #include "archive/format/sealed_file.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "base/saturated_sum.h"
 #include "crypto/age_file.h"
 
 namespace kiroku::archive {
@@ -141,6 +142,7 @@ void FileChecker::check_one(const FileJob& job) {
     }
     if (job.segment && hashed->fits) {
       count_held(job);
+      judge_form(job, *opening.file);
     }
     if (job.segment && options_->identities != nullptr) {
       const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, hashed->new_header);
@@ -181,7 +183,7 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
     }
     const std::optional<std::string> original = read_small(*header.file, kMaximumAgeHeaderBytes);
     std::optional<Bytes> new_header = age_header_text(file);
-    if (!original || !new_header) {
+    if (!original || !new_header || !is_age_header(*original) || !is_age_header(text_of(*new_header))) {
       findings_->add("file-hash-differs", place,
                      job.expected.file + " or the header beside it is no age file");
       return std::nullopt;
@@ -218,6 +220,16 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
   ++files_;
   bytes_ += hashed.trail->end();
   return hashed;
+}
+
+// Whoever holds no key sees a hash that fits, and believes that something can be opened.
+void FileChecker::judge_form(const FileJob& job, const ReadableFile& file) {
+  const SegmentEntry& segment = *job.segment;
+  if (segment.complete && segment.counted && segment.frames > 0 && !has_age_form(file)) {
+    findings_->add("segment-not-sealed", {job.expected.file, job.entry},
+                   job.expected.file + " is no sealed (age) file with anything in it, and its entry states " +
+                       digits(segment.frames) + " frames or samples: no key can open it");
+  }
 }
 
 // A file that takes no room on a disk can be as long as one likes, and so can one file under many names: what
@@ -409,9 +421,9 @@ void FileChecker::count_held(const FileJob& job) {
   held.span.end_ns = std::max(first ? segment.span.end_ns : held.span.end_ns, segment.span.end_ns);
   ++held.segments;
   ++contents_.segments;
-  held.frames += segment.frames;
-  held.dropped += segment.dropped;
-  held.bytes += segment.file.bytes;
+  held.frames = saturated_sum(held.frames, segment.frames);
+  held.dropped = saturated_sum(held.dropped, segment.dropped);
+  held.bytes = saturated_sum(held.bytes, segment.file.bytes);
 }
 
 bool FileChecker::new_header_fits(const Hashed& hashed) const {

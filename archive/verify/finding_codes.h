@@ -175,10 +175,14 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a token could not be judged under the trusted roots; another over the same checkpoint is valid"},
     // -- streams
     {"stream-unknown", Severity::kTampered, "an entry names a stream that open does not"},
+    {"stream-form-unknown", Severity::kTampered,
+     "open names a stream of a kind, media and profile that the format does not have together"},
     {"segment-name-differs", Severity::kTampered, "a segment's file is not named by its stream and index"},
     {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
     {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
     {"segment-hole", Severity::kTampered, "time between two segments of a stream that no gap accounts for"},
+    {"stream-for-nobody", Severity::kUnproven,
+     "open names no age recipient of a stream: whatever is in it, nobody is said to be able to open it"},
     {"no-stream", Severity::kUnproven,
      "open names no stream but of marks: nothing of an operation was recorded, and nothing says why"},
     {"stream-empty", Severity::kUnproven, "a stream holds nothing in the whole case, and no gap says why"},
@@ -193,16 +197,20 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"erased-never-recorded", Severity::kTampered,
      "segments are stated to be erased that the ledger never had"},
     {"segment-in-future", Severity::kUnproven,
-     "a counted segment of a stream that is recorded as it comes ends more than 2 s after its entry was "
-     "written"},
+     "a segment of a stream that is recorded as it comes ends more than 2 s after its entry was written, or, "
+     "found by recovery, is longer than the time between the outside time-stamps around it"},
     {"segment-too-long", Severity::kUnproven,
-     "a counted segment of a stream that is recorded as it comes lasts more than 11 s, which no recorder "
-     "writes"},
+     "a segment of a stream that is recorded as it comes, or one that recovery found, lasts more than 11 s, "
+     "which no recorder writes"},
+    {"segment-not-sealed", Severity::kUnproven,
+     "a complete segment that is said to hold frames or samples is no age file with anything in it: no key "
+     "can open it"},
     {"segment-cut-unexplained", Severity::kTampered,
      "an incomplete segment without recovered, gap or close between it and its neighbours"},
     {"segment-uncounted-unexplained", Severity::kTampered,
      "an entry states no counts of its segment, and no recovered stands before it"},
-    {"totals-differ", Severity::kTampered, "close states other totals than the segments add up to"},
+    {"totals-differ", Severity::kTampered,
+     "close states other totals than the segments add up to, of an excerpt less than its lines show"},
     {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
     {"segment-not-for-recipient", Severity::kTampered,
      "open names a recipient of the stream, whose identity was given and does not open a segment of it"},

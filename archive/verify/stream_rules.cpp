@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
+#include "base/saturated_sum.h"
 
 namespace kiroku::archive {
 
@@ -109,9 +110,9 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     report_.span.start_ns = segment.span.start_ns;
   }
   ++report_.segments;
-  report_.frames += segment.frames;
-  report_.dropped += segment.dropped;
-  report_.bytes += segment.file.bytes;
+  report_.frames = saturated_sum(report_.frames, segment.frames);
+  report_.dropped = saturated_sum(report_.dropped, segment.dropped);
+  report_.bytes = saturated_sum(report_.bytes, segment.file.bytes);
   report_.span.end_ns = std::max(report_.span.end_ns, segment.span.end_ns);
   count_filling(segment, entry);
   if (segment.dropped > 0 && !first_dropped_entry_) {
@@ -195,17 +196,22 @@ void StreamRules::take_recovered() {
 }
 
 void StreamRules::check_totals(const StreamTotal* stated, std::uint64_t entry) {
-  if (!from_open_) {
-    return;
-  }
-  const StreamTotal real{report_.segments, report_.frames, report_.dropped, report_.bytes};
-  const bool same = stated != nullptr && stated->segments == real.segments && stated->frames == real.frames &&
-                    stated->dropped == real.dropped && stated->bytes == real.bytes;
-  if (!same) {
+  // Of lines that begin in the midst the indexes tell how many segments there are.
+  const std::uint64_t segments =
+      from_open_ ? report_.segments : std::max(report_.segments, next_index_.value_or(0));
+  const StreamTotal real{segments, report_.frames, report_.dropped, report_.bytes};
+  const auto fits = [this](std::uint64_t has, std::uint64_t shown) {
+    return from_open_ ? has == shown : has >= shown;
+  };
+  const bool all_fit = stated != nullptr && fits(stated->segments, real.segments) &&
+                       fits(stated->frames, real.frames) && fits(stated->dropped, real.dropped) &&
+                       fits(stated->bytes, real.bytes);
+  if (!all_fit) {
     findings_->add("totals-differ", {std::string(kLedgerFile), entry},
                    "close states for " + report_.info.name + " " +
                        (stated == nullptr ? std::string("nothing") : totals_text(*stated)) +
-                       " where its entries add up to " + totals_text(real));
+                       (from_open_ ? " where its entries add up to " : " where the lines show ") +
+                       totals_text(real));
   }
 }
 
@@ -247,7 +253,9 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
     fillings_.push_back({entry, segment.index, segment.frames + segment.dropped, segment.span.start_ns,
                          duration_ns, segment.frames > 0});
   }
-  if (!of_marks_ && info_->timing == "arrival" && segment.counted && duration_ns > kLongestCountedSegmentNs) {
+  // Recovery bounds whatever it finds; a counted film from a file has the lengths that its file has.
+  const bool is_bounded = !segment.counted || (!of_marks_ && info_->timing == "arrival");
+  if (is_bounded && duration_ns > kLongestSegmentNs) {
     findings_->add("segment-too-long", {std::string(kLedgerFile), entry},
                    "segment " + digits(segment.index) + " of " + report_.info.name + " lasts " +
                        in_seconds(duration_ns) + " s, which no recorder writes");
@@ -315,7 +323,7 @@ void StreamRules::check_fillings() {
                        " s. Its source sent less, or what it sent did not arrive");
     return;
   }
-  const double all_frames = double(report_.frames + report_.dropped);
+  const double all_frames = double(report_.frames) + double(report_.dropped);
   const double all_seconds = std::accumulate(
       fillings_.begin(), fillings_.end(), 0.0,
       [](double sum, const Filling& each) { return sum + double(each.duration_ns) / kNsPerSecond; });

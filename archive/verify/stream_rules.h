@@ -36,7 +36,8 @@ inline constexpr std::int64_t kLateBeginToleranceNs = 2'000'000'000;
 inline constexpr std::int64_t kGapBeyondEndToleranceNs = 2'000'000'000;
 inline constexpr std::int64_t kEarlyEndToleranceNs = 10'000'000'000;
 /// Format 1 has segments of 10 s at most, whatever is in them; the last frame is shown until the next one.
-inline constexpr std::int64_t kLongestCountedSegmentNs = 11'000'000'000;
+/// Recovery, which does not know when a file that it found ended, takes 10 s at most, too.
+inline constexpr std::int64_t kLongestSegmentNs = 11'000'000'000;
 /// Monitors send a value a minute, or more often.
 inline constexpr std::int64_t kLongestUntoldSilenceNs = 60'000'000'000;
 
@@ -55,7 +56,7 @@ class StreamRules {
   void take_interruption();
   /// `recovered`, after which segments may stand that nobody could count.
   void take_recovered();
-  /// Totals of `close` against what was seen, where all of it was.
+  /// Totals of `close` against what was seen: the sums, where all of it was; else no less than what was.
   void check_totals(const StreamTotal* stated, std::uint64_t entry);
   /// `recorded`: from the case's beginning to its `close`, where that was seen.
   /// `lines_begin_ns`: of an excerpt that leaves lines out before its own, the case clock of the first.

@@ -24,6 +24,9 @@ LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
 EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}
 CONTAINERS = {"mpeg2": "ts", "uncompressed": "mkv", "lossless": "mkv"}
+FORMS = ([("video", "video/mp2t", "mpeg2")] + [("video", "video/x-matroska", profile) for profile in ("uncompressed", "lossless")]
+         + [(kind, "application/jsonl", "jsonl") for kind in ("vitals", "events")])
+CHUNK, TAG, NONCE = 65536, 16, 16   # of age
 AFTERMATH = ("token", "token-missed", "erased")
 CARRIES_ON = re.compile(r"operator; carries on case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}), ([1-9][0-9]*) entries, root ([0-9a-f]{64})")
 ANNOUNCES = re.compile(r"recovered; to be carried on as case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8})")
@@ -112,7 +115,7 @@ class Stream:
             self.fillings.append((frames + segment["dropped"], duration))
             if frames > 0 and duration > SEAM:
                 self.with_pictures.append((segment["start_ns"], segment["end_ns"]))
-        if not self.of_marks and self.info["timing"] == "arrival" and counted and duration > LONGEST_SEGMENT:
+        if (not counted or not self.of_marks and self.info["timing"] == "arrival") and duration > LONGEST_SEGMENT:
             self.report("segment-too-long", segment["file"])
         if not self.of_pictures and not self.of_marks:
             if frames > 0 or not counted:
@@ -264,7 +267,9 @@ class Entries:
         self.largest_checkpoint, self.missed_after_close, self.restating, self.token_hashes = 0, False, set(), {}
         self.clocks, self.first_comparisons = ClockRules(self.report), {}
         self.last_checked = self.oldest = None     # of the segments that were chosen until now: the last line, the earliest beginning
-        self.oldest_timed, self.last_token, self.entered_behind = None, None, []   # of counted ones but those of marks; (end, line of the token before)
+        self.oldest_timed, self.last_token = None, None
+        self.entered_behind = []   # of all but those of marks: (end, line of the token before)
+        self.found_behind = {}     # of found ones that were recorded as they came, by that line: the last (end, line)
 
     @property
     def origin(self):
@@ -308,6 +313,11 @@ class Entries:
         if number != 0:
             return
         self.opening = entry
+        for info in entry["streams"]:
+            if (info["kind"], info["media"], info["profile"]) not in FORMS:
+                self.report("stream-form-unknown", info["name"])
+            if not any(re.fullmatch("age1[a-z0-9]+", recipient) for recipient in info["recipients"]):
+                self.report("stream-for-nobody", info["name"])
         self.streams = {info["name"]: Stream(info, self.whole_case, self.from_open, self.report) for info in entry["streams"]}
         try:
             self.device = note.parse_key(entry["device"])
@@ -327,15 +337,18 @@ class Entries:
         if stream is None or not stream.take(entry):
             return
         self.named.add(entry["file"])
-        if stream.info["timing"] == "arrival" and "time_base" in entry and entry["end_ns"] - self.last_mono > FUTURE:
+        if stream.info["timing"] == "arrival" and entry["end_ns"] - self.last_mono > FUTURE:
             self.report("segment-in-future", entry["file"])
         if self.wanted(entry):
             self.last_checked = number
             self.oldest = min(entry["start_ns"], entry["start_ns"] if self.oldest is None else self.oldest)
-            if "time_base" in entry and not stream.of_marks:
+            if not stream.of_marks:
                 self.oldest_timed = min(entry["start_ns"], entry["start_ns"] if self.oldest_timed is None else self.oldest_timed)
                 if self.last_token:
-                    self.entered_behind.append((max(entry["end_ns"], self.recorded_from), self.last_token))
+                    its = (max(entry["end_ns"], self.recorded_from), self.last_token)
+                    self.entered_behind.append(its)
+                    if "time_base" not in entry and stream.info["timing"] == "arrival" and its[0] > self.found_behind.get(self.last_token, (-1,))[0]:
+                        self.found_behind[self.last_token] = (its[0], number)
             self.checked.append((entry, stream, entry["index"]))
 
     def _gap(self, number, entry):
@@ -377,7 +390,10 @@ class Entries:
         self.clocks.closed_ns = entry["mono_ns"]
         for name, stream in self.streams.items():
             stream.interrupt()
-            if self.from_open and entry["totals"].get(name) != stream.totals():
+            stated, shown = entry["totals"].get(name), stream.totals()
+            if not self.from_open:
+                shown["segments"] = max(shown["segments"], stream.next_index or 0)
+            if stated is None or any(stated[key] != shown[key] if self.from_open else stated[key] < shown[key] for key in shown):
                 self.report("totals-differ", name)
         for name in entry["totals"]:
             self._stream(name, number)
@@ -432,7 +448,7 @@ class Entries:
         if valid:
             self.valid_checkpoints.add(size)
             if kind == "outside" and size > 0:
-                self.outside.append((number, size, root, self.oldest, entry["mono_ns"]))
+                self.outside.append((number, size, root, self.oldest, entry["mono_ns"], gen))
             if timed.earliest_ns is not None and not timed.stands and not self.recovered and kind == "outside" and authority not in self.first_comparisons:
                 round_trip = timed.latest_ns - timed.earliest_ns
                 half = (round_trip + 1) // 2 + entry["accuracy_ns"] + (SECOND if whole else 0)
@@ -503,9 +519,9 @@ class Entries:
         for gen, middle, half in self.first_comparisons.values():
             if self.opening and abs(gen - first_zero_ns(self.opening) - middle) - half > WALL_CLOCK:
                 self.report("clock-differs", "by more than a minute")
-        outside = [(number, size, oldest, mono_ns) for number, size, root, oldest, mono_ns in self.outside if root not in were_set]
+        outside = [(number, size, oldest, mono_ns, gen) for number, size, root, oldest, mono_ns, gen in self.outside if root not in were_set]
         if self.whole_case:
-            alone_after = self.close is not None and outside and min(size for _, size, _, _ in outside) > self.close
+            alone_after = self.close is not None and outside and min(size for _, size, *_ in outside) > self.close
         else:
             alone_after = self.last_checked is not None and outside and outside[0][0] > self.last_checked
         if alone_after:
@@ -515,10 +531,17 @@ class Entries:
             if oldest and outside[0][3] - min(oldest) > FIRST_STAMP_LATE:
                 self.report("first-stamped-late", f"line {outside[0][0]}")
         for end_ns, token in self.entered_behind:
-            entered = [mono_ns for number, _, _, mono_ns in outside if number <= token]
+            entered = [mono_ns for number, _, _, mono_ns, _ in outside if number <= token]
             if entered and entered[-1] - end_ns > FIRST_STAMP_LATE:
                 self.report("segments-entered-late", f"behind line {token}")
                 break
+        for token, (end_ns, its_line) in self.found_behind.items():
+            before, after = [each for each in outside if each[0] <= token][-1:], [each for each in outside if each[0] > token and each[1] > its_line][:1]
+            if before and after:
+                passed_us = max(0, after[0][4] - before[0][4]) // 1000
+                if (end_ns - before[0][3]) // 1000 > passed_us + passed_us // 8 + FIRST_STAMP_LATE // 1000:
+                    self.report("segment-in-future", f"behind line {token}")
+                    break
 
     @property
     def recorded_from(self):
@@ -585,7 +608,10 @@ class Entries:
             digest = sha256_of(path)
         if digest != expected["sha256"]:
             self.report("file-hash-differs", name)
-        elif is_rekeyed:
+            return
+        if stream is not None and expected["complete"] and expected.get("frames", expected.get("samples", 0)) > 0 and not holds_something(path, status.st_size):
+            self.report("segment-not-sealed", name)
+        if is_rekeyed:
             self.report("rekeyed-not-opened", name)
 
     def check_device_file(self):
@@ -621,13 +647,25 @@ class Entries:
 
 def header_length(path):
     """Bytes of an age header: up to the end of the line that begins with `--- `."""
-    data = path.read_bytes()[:65536]
-    found = re.match(rb"age-encryption\.org/v1\n(?:[^\n]*\n)*?--- [A-Za-z0-9+/]{43}\n", data)
+    with open(path, "rb") as file:
+        found = re.match(HEADER, file.read(65536))
     return found.end() if found else None
 
 
 def is_header(data):
-    return len(data) <= 65536 and bool(re.fullmatch(rb"age-encryption\.org/v1\n(?:[^\n]*\n)*?--- [A-Za-z0-9+/]{43}\n", data))
+    return len(data) <= 65536 and bool(re.fullmatch(HEADER, data))
+
+
+HEADER = rb"age-encryption\.org/v1\n-> [^\n]*\n(?:(?!--- )[^\n]*\n)*--- [A-Za-z0-9+/]{43}\n"
+
+
+def holds_something(path, size):
+    """Whether a file has the form of an age file with something in it, as anybody sees without a key."""
+    header = header_length(path)
+    if header is None or size <= header + NONCE:
+        return False
+    last = (size - header - NONCE) % (CHUNK + TAG)
+    return last == 0 or last > TAG
 
 
 @functools.lru_cache(maxsize=None)

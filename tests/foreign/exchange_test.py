@@ -109,14 +109,18 @@ class Exchange(unittest.TestCase):
         shutil.rmtree(folder)
         return answers
 
-    def of_the_scripts(self, given, folder):
-        """Exit status and last line of the page's script that fits."""
+    def said_by_the_scripts(self, given, folder):
+        """What the page's script that fits says."""
         page = (HERE.parents[1] / "docs/how-to/verify-with-stock-tools.md").read_text("utf-8")
         kind = " excerpt" if (given.path / "excerpt.json").exists() else ""
         (folder / "verify.sh").write_text(re.search(rf"^```bash{kind}\n(.*?)^```$", page, re.M | re.S)[1], "utf-8")
         (folder / "roots.pem").write_text("".join(given.roots))
         (folder / "device").write_text("".join(f"{key}\n" for key in given.devices))
-        done = subprocess.run(["bash", folder / "verify.sh", given.path, folder / "roots.pem", folder / "device"], capture_output=True, text=True, timeout=10 * LONGEST_WAIT_S)
+        return subprocess.run(["bash", folder / "verify.sh", given.path, folder / "roots.pem", folder / "device"], capture_output=True, text=True, timeout=10 * LONGEST_WAIT_S)
+
+    def of_the_scripts(self, given, folder):
+        """Exit status and last line."""
+        done = self.said_by_the_scripts(given, folder)
         return done.returncode, (done.stdout.splitlines() or [done.stderr])[-1]
 
     def test_the_scripts_with_stock_tools_take_shared_tokens_and_refuse_forged_ones(self):
@@ -146,6 +150,44 @@ class Exchange(unittest.TestCase):
                  "excerpt_of_the_last_seconds", "excerpt_of_a_file", "excerpt_from_the_middle")
         usual = {"excerpt_of_a_camera_that_fell_silent", "excerpt_from_within_a_hole", "excerpt_from_within_a_gap"}
         self.ask_the_scripts(usual, lacking | forged | dict.fromkeys(whole, "INTACT EXCERPT"), dict.fromkeys(lacking, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 4))
+
+    def test_the_scripts_with_stock_tools_ask_what_was_found_and_what_is_sealed(self):
+        doubted = {"old_film_that_is_said_to_be_found": "written before its segment could end", "old_film_that_is_said_to_be_found_in_one_piece": "of more than 11 s",
+                   "old_film_that_is_said_to_be_found_an_hour_later": "longer than the time between the outside tokens around it",
+                   "sealed_for_nobody": "names nobody", "sealed_for_everybody": "names nobody", "excerpt_of_what_is_sealed_for_nobody": "names nobody",
+                   "excerpt_of_what_was_erased": "was erased"}
+        unsealed = dict.fromkeys(("empty_files_in_place_of_films", "texts_in_place_of_films", "headers_in_place_of_films", "headers_and_nonces_in_place_of_films",
+                                  "sealed_nothings_in_place_of_films", "films_behind_headers_that_are_none", "films_whose_last_chunk_is_too_short",
+                                  "excerpt_of_empty_files_in_place_of_films"), "is no sealed file with anything in it")
+        forged = {"profile_that_is_none_of_its_media": "of a form that nobody knows", "camera_that_is_called_marks": "of a form that nobody knows",
+                  "excerpt_of_a_profile_that_is_none_of_its_media": "of a form that nobody knows", "excerpt_whose_totals_are_those_of_its_lines": "less than the lines show",
+                  "excerpt_whose_totals_have_fewer_frames_than_its_lines": "less than the lines show", "excerpt_whose_totals_leave_a_stream_out": "less than the lines show"}
+        whole = {"power_cut": "INTACT WITH GAPS", "film_that_was_found_a_day_later": "INTACT WITH GAPS",
+                 "token_of_before_the_crash_that_is_entered_behind_what_was_found": "INTACT WITH GAPS", "old_film_that_is_said_to_be_found_behind_a_later_token": "INTACT WITH GAPS",
+                 "films_that_end_with_a_whole_chunk": "INTACT"}
+        parts = {"excerpt_of_the_second_half": "INTACT EXCERPT", "excerpt_that_goes_on_behind_the_end": "from 6000000000 to 20190000000 ns"}
+        usual = {"old_film_that_is_said_to_be_found", "old_film_that_is_said_to_be_found_an_hour_later", "sealed_for_nobody", "empty_files_in_place_of_films",
+                 "excerpt_of_a_profile_that_is_none_of_its_media", "excerpt_whose_totals_are_those_of_its_lines", "excerpt_of_what_was_erased", "film_that_was_found_a_day_later",
+                 "excerpt_that_goes_on_behind_the_end"}
+        self.ask_the_scripts(usual, doubted | unsealed | forged | whole | parts,
+                             dict.fromkeys(doubted | unsealed, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 0) | dict.fromkeys(parts, 4))
+
+    def test_the_scripts_with_stock_tools_take_an_embedded_authority_for_the_recorder_s_own(self):
+        folder = self.scratch / "embedded"
+        by_name = stamp.Authority(folder / "by-name", "embedded", root_name="Kiroku embedded time-stamping CA")
+        by_policy = stamp.Authority(folder / "by-policy", "embedded", policy="2.25.197830237812365870224498532130945381713")
+        for authority, own in ((self.world.outside, False), (by_name, True), (by_policy, True)):
+            with self.subTest(authority.folder.name):
+                at = folder / f"of {authority.folder.name}"
+                at.mkdir()
+                world = dataclasses.replace(self.world, folder=at, outside=authority)
+                for given in (world.write(world.sound()), forgeries.sound_excerpt(world)):
+                    report = json.loads(self.ask("kiroku-verify", "--json", *self.given_as_options(given, at), given.path).stdout)
+                    self.assertEqual(report["time"], "self-issued" if own else "external")
+                    said = self.said_by_the_scripts(given, at)
+                    self.assertRegex(said.stdout.splitlines()[-1], "^INTACT")
+                    self.assertEqual(said.stdout.count("self-issued, so the recorder says that they existed") > 0, own, said.stdout)
+                    self.assertEqual(said.stdout.count(": they existed") > 0, not own, said.stdout)
 
     def test_the_scripts_with_stock_tools_know_no_later_version(self):
         later = dict.fromkeys(("case_of_a_later_version", "excerpt_of_a_later_version", "excerpt_of_a_case_of_a_later_version"), "names a later version of the format")

@@ -323,7 +323,74 @@ def power_cut(world):
     case.checkpoint()
     case.token(world.outside, 15_200 * MS, gen_ns=15_190 * MS)
     case.checkpoint()
-    return world.write(case)
+    return world.write(case, never=BOUNDS_OF_FOUND_FILM)
+
+
+BOUNDS_OF_FOUND_FILM = ["segment-in-future", "segment-too-long", "segments-entered-late", "first-stamped-late"]
+
+
+def found(world, case, seconds, length, at):
+    """Film of so many seconds, in segments of that length, that a recovery at `at` is said to find."""
+    case.add("recovered", at, boot_id=w.BOOT_ID, after="crash", truncated="")
+    for i in range(seconds // length):
+        for name in ("endoscope", "vitals"):
+            entry = case.segment(name, i, length * i * SECOND, length * (i + 1) * SECOND, world.seal(f"{name} 0", f"{name} 0\n".encode()), 0, mono_ns=at)
+            for key in ("first_pts", "time_base", "frames", "samples", "dropped"):
+                entry.fields.pop(key, None)
+    return case
+
+
+@reaches("segment-in-future")
+def old_film_that_is_said_to_be_found(world):
+    """An hour of it, in a case of less than a second."""
+    return world.write(world.end(found(world, world.begin(), 3600, 10, 200 * MS), 300 * MS))
+
+
+@reaches("segment-too-long")
+def old_film_that_is_said_to_be_found_in_one_piece(world):
+    return world.write(world.end(found(world, world.begin(), 60, 60, 60 * SECOND), 60_100 * MS), never=["segment-in-future", "segments-entered-late"])
+
+
+@reaches("segment-in-future")
+def old_film_that_is_said_to_be_found_an_hour_later(world):
+    """By the case clock, which nothing bounds over a crash; by the authority's no second passed."""
+    return world.write(world.end(found(world, world.begin(), 3600, 10, 3600 * SECOND), 3600_100 * MS, gen_ns=400 * MS), never=["segment-too-long", "segments-entered-late"])
+
+
+@reaches("recovered")
+def token_of_before_the_crash_that_is_entered_behind_what_was_found(world):
+    """It says nothing of film that came after it."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    found_at = 300 * SECOND
+    case.add("recovered", found_at, boot_id=w.BOOT_ID, after="crash", truncated="")
+    for name in ("endoscope", "vitals"):
+        for i in range(2, 16):
+            entry = case.segment(name, i, 10 * (i - 1) * SECOND, 10 * i * SECOND, world.seal(f"{name} 0", f"{name} 0\n".encode()), 0, mono_ns=found_at)
+            for key in ("first_pts", "time_base", "frames", "samples", "dropped"):
+                entry.fields.pop(key, None)
+        case.add("gap", found_at, stream=name, start_ns=150 * SECOND, end_ns=found_at, cause="interrupted")
+    case.token(world.outside, found_at, gen_ns=10 * SECOND, asked=False)
+    return world.write(world.end(case, found_at + 100 * MS), never=BOUNDS_OF_FOUND_FILM)
+
+
+@reaches("segments-entered-late", "recovered")
+def old_film_that_is_said_to_be_found_behind_a_later_token(world):
+    case = world.begin()
+    case.checkpoint()
+    case.token(world.outside, 200_100 * MS, gen_ns=200_090 * MS)
+    return world.write(world.end(found(world, case, 200, 10, 200_200 * MS), 200_300 * MS), never=["segment-in-future", "segment-too-long"])
+
+
+@reaches("recovered", "segment-uncounted")
+def film_that_was_found_a_day_later(world):
+    case = world.begin()
+    at = 86_400 * SECOND
+    found(world, case, 20, 10, at)
+    for name in ("endoscope", "vitals"):
+        case.add("gap", at, stream=name, start_ns=20 * SECOND, end_ns=at, cause="interrupted")
+    return world.write(world.end(case, at + 100 * MS), never=BOUNDS_OF_FOUND_FILM)
 
 
 @reaches("clock-stepped")
@@ -1094,6 +1161,114 @@ def gap_of_no_stream(world):
     case = world.sound()
     case.steps.insert(case.steps.index(case.find("mark")), Entry("gap", 10_500 * MS, {"stream": "ghost", "start_ns": 0, "end_ns": 1, "cause": "paused"}))
     return world.write(case)
+
+
+@reaches("stream-form-unknown")
+def profile_that_is_none_of_its_media(world):
+    streams = world.streams()
+    streams[0]["profile"] = "lossless"
+    return world.write(world.sound(streams=streams))
+
+
+@reaches("stream-form-unknown")
+def camera_that_is_called_marks(world):
+    streams = world.streams()
+    streams[0]["kind"] = "events"
+    return world.write(world.sound(streams=streams))
+
+
+@reaches("stream-form-unknown")
+def excerpt_of_a_profile_that_is_none_of_its_media(world):
+    streams = world.streams()
+    streams[0]["profile"] = "lossless"
+    return excerpt_of(world, world.sound(streams=streams), 6 * SECOND, 9 * SECOND, 0)
+
+
+@reaches("stream-for-nobody")
+def sealed_for_nobody(world):
+    streams = world.streams()
+    streams[0]["recipients"] = []
+    return world.write(world.sound(streams=streams))
+
+
+@reaches("stream-for-nobody")
+def sealed_for_everybody(world):
+    streams = world.streams()
+    streams[1]["recipients"] = ["everybody", "age1", "AGE1QQQQ"]
+    return world.write(world.sound(streams=streams))
+
+
+@reaches("stream-for-nobody")
+def excerpt_of_what_is_sealed_for_nobody(world):
+    streams = world.streams()
+    streams[0]["recipients"] = []
+    return excerpt_of(world, world.sound(streams=streams), 6 * SECOND, 9 * SECOND, 0)
+
+
+def in_place_of_films(world, change):
+    """Files that are no sealed films, of which the ledger states frames."""
+    for name in ("endoscope", "vitals"):
+        for i in range(4):
+            world.sealed[f"{name} {i}"] = change(age.seal(f"{name} {i}\n".encode(), [world.reader.public]))
+    return world.sound()
+
+
+def _header_of(sealed):
+    return sealed[:sealed.index(b"\n", sealed.index(b"\n---") + 1) + 1]
+
+
+@reaches("segment-not-sealed")
+def empty_files_in_place_of_films(world):
+    return world.write(in_place_of_films(world, lambda sealed: b""))
+
+
+@reaches("segment-not-sealed")
+def texts_in_place_of_films(world):
+    return world.write(in_place_of_films(world, lambda sealed: b"no film\n"))
+
+
+@reaches("segment-not-sealed")
+def headers_in_place_of_films(world):
+    return world.write(in_place_of_films(world, _header_of))
+
+
+@reaches("segment-not-sealed")
+def headers_and_nonces_in_place_of_films(world):
+    return world.write(in_place_of_films(world, lambda sealed: _header_of(sealed) + bytes(16)))
+
+
+@reaches("segment-not-sealed")
+def sealed_nothings_in_place_of_films(world):
+    return world.write(in_place_of_films(world, lambda sealed: age.seal(b"", [world.reader.public])))
+
+
+@reaches("segment-not-sealed")
+def films_behind_headers_that_are_none(world):
+    return world.write(in_place_of_films(world, lambda sealed: sealed.replace(b"\n--- ", b"\n--- -", 1)))
+
+
+@reaches("segment-not-sealed")
+def films_whose_last_chunk_is_too_short(world):
+    return world.write(in_place_of_films(world, lambda sealed: _header_of(sealed) + bytes(16 + 65_552 + 16)))
+
+
+@reaches()
+def films_that_end_with_a_whole_chunk(world):
+    return world.write(in_place_of_films(world, lambda sealed: age.seal(bytes(65_536), [world.reader.public])), never=["segment-not-sealed"])
+
+
+@reaches("segment-not-sealed")
+def excerpt_of_empty_files_in_place_of_films(world):
+    return excerpt_of(world, in_place_of_films(world, lambda sealed: b""), 6 * SECOND, 9 * SECOND, 0)
+
+
+@reaches("file-hash-differs")
+def rekeyed_from_an_empty_file(world):
+    def change(document, files):
+        files["segments/endoscope/00000001.ts.age.header"] = b""
+        files["segments/endoscope/00000001.ts.age"] = age.header(bytes(16), [world.reader.public], [bytes([7] * 32)])
+    written = in_place_of_films(world, lambda sealed: b"").write(world.folder / "whole")
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", 6 * SECOND, 9 * SECOND, ["endoscope"], 2, len(written.lines), change=change))
 
 
 @reaches("segment-name-differs")
@@ -3594,6 +3769,50 @@ def excerpt_of_all_lines_with_other_totals(world):
     case = world.sound()
     case.find("close").fields["totals"]["vitals"]["frames"] += 1
     return excerpt_of(world, case, 6 * SECOND, 9 * SECOND, None)
+
+
+def excerpt_of_totals(world, **less):
+    """Of the case's second half; `close` states less of both streams than its lines show."""
+    case = world.sound()
+    for name in ("endoscope", "vitals"):
+        case.find("close").fields["totals"][name] |= less
+    return excerpt_of(world, case, 10 * SECOND, 20 * SECOND, 1)
+
+
+@reaches("totals-differ")
+def excerpt_whose_totals_are_those_of_its_lines(world):
+    return excerpt_of_totals(world, segments=2)
+
+
+@reaches("totals-differ")
+def excerpt_whose_totals_have_fewer_frames_than_its_lines(world):
+    return excerpt_of_totals(world, frames=9)
+
+
+@reaches("totals-differ")
+def excerpt_whose_totals_leave_a_stream_out(world):
+    case = world.sound()
+    del case.find("close").fields["totals"]["vitals"]
+    return excerpt_of(world, case, 10 * SECOND, 20 * SECOND, 1, streams=("endoscope",))
+
+
+@reaches()
+def excerpt_of_the_second_half(world):
+    return world.given(excerpt_of(world, world.sound(), 10 * SECOND, 20 * SECOND, 1).path, never=["totals-differ"])
+
+
+@reaches("segments-erased")
+def excerpt_of_what_was_erased(world):
+    def change(document, files):
+        for i in (0, 1):
+            files.pop(f"segments/vitals/{i:08d}.jsonl.age", None)
+    written = erased(world, removed=False).write(world.folder / "whole")
+    return world.given(w.write_excerpt(written, world.folder / "excerpt", 3 * SECOND, 18 * SECOND, ["endoscope", "vitals"], 2, len(written.lines), change=change))
+
+
+@reaches()
+def excerpt_that_goes_on_behind_the_end(world):
+    return excerpt_of(world, world.sound(), 6 * SECOND, 36_000 * SECOND, 0)
 
 
 @reaches("segment-out-of-order")

@@ -65,7 +65,7 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
     info.kind = stream.kind;
     info.media = stream.media;
     info.source = "synthetic:" + stream.name;
-    info.profile = stream.kind == "video" ? "mpeg2" : "jsonl";
+    info.profile = stream.kind != "video" ? "jsonl" : stream.media == "video/mp2t" ? "mpeg2" : "lossless";
     info.purpose = stream.name;
     info.recipients = {recipients.at(0)->to_string()};
     options.streams.push_back(info);

@@ -190,10 +190,14 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "信頼するルートの下で判定できないタイムスタンプがあるが、同じチェックポイントに対する別のものは有効であ"
      "る。"},
     {"stream-unknown", Check::kLedger, "項目が、開始項目にない系統を指している。"},
+    {"stream-form-unknown", Check::kLedger,
+     "開始項目の系統に、形式にない種類・媒体・方式の組み合わせがある。"},
     {"segment-name-differs", Check::kStreams, "区間ファイルの名前が、系統と番号に合わない。"},
     {"segment-out-of-order", Check::kStreams, "区間の番号が、その系統の次の番号でない。"},
     {"segment-overlap", Check::kStreams, "区間が、前の区間の終わりより前に始まっている。"},
     {"segment-hole", Check::kStreams, "同じ系統の区間の間に、欠落の記載のない空白がある。"},
+    {"stream-for-nobody", Check::kContents,
+     "開始項目に、系統を開ける者（age の受取人）が一人も記載されていない。"},
     {"no-stream", Check::kStreams,
      "開始項目に映像やバイタルサインの系統が一つもない。手術については何も記録されておらず、その理由の記載も"
      "ない。"},
@@ -207,13 +211,19 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"erased-never-recorded", Check::kFiles,
      "台帳に一度も記載されていない区間が、消去されたと記入されている。"},
     {"segment-in-future", Check::kStreams,
-     "到着時に記録される系統の区間が、その項目が書かれた時より 2 秒を超えて後に終わる。"},
+     "到着時に記録される系統の区間が、その項目が書かれた時より 2 秒を超えて後に終わるか、復旧で見つかった区間"
+     "が、前後の外部のタイムスタンプの間の時間より長い。"},
     {"segment-too-long", Check::kStreams,
-     "届くままに記録されるストリームの区間が 11 秒を超える。記録装置はこのような区間を書かない。"},
+     "届くままに記録される系統の区間、または復旧で見つかった区間が 11 秒を超える。記録装置はこのような区間を"
+     "書かない。"},
+    {"segment-not-sealed", Check::kContents,
+     "フレームまたは値があると記載された区間のファイルが、中身のある封印（age）ファイルでない。どの鍵でも開け"
+     "ない。"},
     {"segment-cut-unexplained", Check::kStreams, "途中で断たれた区間があり、その理由の記載がない。"},
     {"segment-uncounted-unexplained", Check::kStreams,
      "区間のフレーム数の記載がなく、その前に復旧の記載もない。"},
-    {"totals-differ", Check::kStreams, "終了項目の合計が、区間の合計と異なる。"},
+    {"totals-differ", Check::kStreams,
+     "終了項目の合計が、区間の合計と異なる（抜粋では、その行が示すものより少ない）。"},
     {"segment-undecryptable", Check::kContents, "ハッシュ値の正しい区間が復号できない。"},
     {"segment-not-for-recipient", Check::kContents,
      "開始項目に系統の受取人として記載された者の鍵で、その系統の区間が開かない。"},

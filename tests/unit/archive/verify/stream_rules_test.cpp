@@ -1,5 +1,7 @@
 #include "archive/verify/stream_rules.h"
 
+#include <algorithm>
+#include <optional>
 #include <random>
 
 #include <gmock/gmock.h>
@@ -479,6 +481,75 @@ TEST(StreamRules, TellsOfASegmentThatNoRecorderWrites) {
   EXPECT_THAT(codes_of(room(), {{0, 60 * kSecond}}, {}, 11 * kSecond), testing::IsEmpty());
   EXPECT_THAT(codes_of(room(), {{0, 60 * kSecond}}, {}, 30 * kSecond),
               testing::ElementsAre("segment-too-long", "segment-too-long"));
+}
+
+// Nobody knows when what recovery found was recorded, but recovery bounds it.
+TEST(StreamRules, TellsOfAFoundSegmentThatNoRecoveryStates) {
+  StreamInfo file = room();
+  file.timing = "source";
+  StreamInfo marks = monitor();
+  marks.kind = "events";
+  for (const StreamInfo& info : {room(), monitor(), file, marks}) {
+    for (const std::int64_t length : {10 * kSecond, 12 * kSecond}) {
+      FindingList findings;
+      StreamRules rules(info, true, findings);
+      rules.take_recovered();
+      SegmentEntry found = segment(0, {0, length});
+      found.file.file = segment_path("room", 0, info.extension);
+      found.counted = false;
+      rules.take(found, 1);
+      std::vector<std::string> codes;
+      for (const Finding& each : findings.take()) codes.push_back(each.code);
+      EXPECT_EQ(std::ranges::count(codes, "segment-too-long"), length > 10 * kSecond ? 1 : 0) << info.kind;
+    }
+  }
+}
+
+// Else a case could state as many frames as it likes by the rest that is left.
+TEST(StreamRules, CountsThatAddUpToMoreThanANumberHoldsAreNoFew) {
+  constexpr std::uint64_t kMost = (std::uint64_t{1} << 53U) - 1;
+  constexpr std::uint64_t kSegments = 2'049;
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < kSegments; ++i) {
+    const auto at_ns = static_cast<std::int64_t>(i) * kSecond;
+    SegmentEntry entry = segment(i, {at_ns, at_ns + kSecond});
+    entry.frames = entry.dropped = entry.file.bytes = kMost;
+    rules.take(entry, i);
+  }
+  EXPECT_EQ(rules.report().frames, UINT64_MAX);
+  const std::uint64_t rest = kSegments * kMost;  // of what a number holds
+  const StreamTotal stated{kSegments, rest, rest, rest};
+  rules.check_totals(&stated, kSegments);
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) codes.push_back(each.code);
+  EXPECT_THAT(codes, testing::ElementsAre("totals-differ"));
+}
+
+// An excerpt's maker chooses its lines, and `close` says how many segments the case has.
+TEST(StreamRules, TotalsAreNoLessThanThePartThatIsShown) {
+  const auto codes = [](std::optional<StreamTotal> stated) {
+    FindingList findings;
+    StreamRules rules(room(), false, findings);
+    for (std::uint64_t i = 2; i < 4; ++i) {
+      const auto at_ns = static_cast<std::int64_t>(i) * kSecond;
+      SegmentEntry entry = segment(i, {at_ns, at_ns + kSecond});
+      entry.frames = entry.dropped = entry.file.bytes = 5;
+      rules.take(entry, i);
+    }
+    rules.check_totals(stated ? &*stated : nullptr, 9);
+    std::vector<std::string> found;
+    for (const Finding& each : findings.take()) found.push_back(each.code);
+    return found;
+  };
+  EXPECT_THAT(codes(StreamTotal{4, 10, 10, 10}), testing::IsEmpty());
+  EXPECT_THAT(codes(StreamTotal{99, 900, 900, 900}), testing::IsEmpty());
+  for (const auto& stated :
+       {std::optional(StreamTotal{3, 10, 10, 10}), std::optional(StreamTotal{4, 9, 10, 10}),
+        std::optional(StreamTotal{4, 10, 9, 10}), std::optional(StreamTotal{4, 10, 10, 9}),
+        std::optional<StreamTotal>()}) {
+    EXPECT_THAT(codes(stated), testing::ElementsAre("totals-differ"));
+  }
 }
 
 // What a stream is called is chosen by whoever holds the device key.
