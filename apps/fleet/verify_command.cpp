@@ -131,7 +131,7 @@ class Worker {
     }
     if (const std::uint64_t more = judge_.mending().more_left; more > 0)
       print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": could not mend " +
-                                      counted(more, "more object", "more objects"));
+                                      std::to_string(more) + " more of its files");
     if (request_.json) {
       told_.push_back({{"appliance", lease.appliance},
                        {"case", lease.case_id},
