@@ -264,7 +264,7 @@ def a_ledger_ends_with_its_last_line(mending, place, folder):
     place.is_whole()
     for version in place.versions("ledger.jsonl"):
         if place.disks.has(place.key("ledger.jsonl"), version):
-            place.disks.rot(place.key("ledger.jsonl"), version, lambda _: of_other_hash(ledger.read_bytes()))
+            place.disks.rot(place.key("ledger.jsonl"), version, of_other_hash)
     place.store.put(COPIES, place.key("ledger.jsonl"), body)
     mended, left = mending.verify(place.case, "intact")
     require(mended == {"ledger.jsonl": "the copy 'replica'"} and not left, f"mended {mended}, left {left}")
@@ -515,7 +515,7 @@ def cases_from_before_a_key_are_mended(mending, store, folder):
     for version in store.versions(BUCKET)[f"or-4/{after.case.id}/{notes[0]}"]:
         store.ask("DELETE", f"/{BUCKET}/or-4/{after.case.id}/{notes[0]}?versionId={version}")
     for version in store.versions(BUCKET).get(f"or-4/{after.case.id}/{notes[0]}", []):
-        Disks(folder / "ceph").rot(f"or-4/{after.case.id}/{notes[0]}", version, lambda _: b"no note")
+        Disks(folder / "ceph").rot(f"or-4/{after.case.id}/{notes[0]}", version, flipped)
     text, _, lines = (after.folder / notes[0]).read_bytes().rpartition(b"\n\n")
     store.put(BUCKET, f"or-4/{after.case.id}/{notes[0]}", body)
     body.write_bytes(text + b"\n\n" + b"".join(lines.splitlines(keepends=True)[:2]))
