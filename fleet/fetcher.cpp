@@ -4,10 +4,12 @@
 #include <cerrno>
 #include <charconv>
 #include <fcntl.h>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
 #include <unistd.h>
+#include <utility>
 
 #include "archive/format/case_layout.h"
 #include "archive/format/consent_layout.h"
@@ -94,6 +96,40 @@ class NewFile {
   Descriptor file_;
   crypto::Sha256 hash_;
   std::uint64_t size_ = 0;
+};
+
+/// Which segments `erased` lines name: a ledger may have as many of these lines as of segments.
+class ErasedSegments {
+ public:
+  void add(const archive::ErasedEntry& entry) {
+    if (entry.first_index <= entry.last_index)
+      streams_[entry.stream].emplace_back(entry.first_index, entry.last_index);
+  }
+  /// Before has() is asked.
+  void join() {
+    for (auto& [stream, ranges] : streams_) {
+      std::ranges::sort(ranges);
+      std::vector<Range> joined;
+      for (const Range& each : ranges) {
+        if (joined.empty() || each.first > joined.back().second) {
+          joined.push_back(each);
+        } else {
+          joined.back().second = std::max(joined.back().second, each.second);
+        }
+      }
+      ranges = std::move(joined);
+    }
+  }
+  [[nodiscard]] bool has(const archive::SegmentEntry& segment) const {
+    const auto ranges = streams_.find(segment.stream);
+    if (ranges == streams_.end()) return false;
+    const auto behind = std::ranges::upper_bound(ranges->second, segment.index, {}, &Range::first);
+    return behind != ranges->second.begin() && segment.index <= std::prev(behind)->second;
+  }
+
+ private:
+  using Range = std::pair<std::uint64_t, std::uint64_t>;  // the first and the last index
+  std::map<std::string, std::vector<Range>> streams_;
 };
 
 /// One case on its way into a folder.
@@ -358,28 +394,37 @@ class Fetching {
 
   void take_what_the_ledger_names() {
     const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
-                          std::optional<std::uint64_t> bytes, std::uint64_t entry = 0) {
-      const auto taken = hashes_.find(path);
-      if (taken != hashes_.end() && taken->second == crypto::to_hex(sha256)) return;
+                          std::optional<std::uint64_t> bytes, std::uint64_t line = 0) {
       // What has no such name was never in a store, and must not be sought or put under it.
       const bool may_be_there = is_name_below(path) && is_place_of_file(path, false);
       if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
+      // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
-      const bool fits = take_version_of(path, sha256, bytes, "the ledger names");
-      if (result_.unfit.size() < kMostUnfit) result_.unfit.push_back({path, sha256, bytes, entry, fits});
+      const auto taken = hashes_.find(path);
+      if (taken != hashes_.end() && taken->second == crypto::to_hex(sha256)) return;
+      const std::uint64_t most = bytes ? UINT64_MAX : archive::kMaximumTokenBytes;
+      const bool fits = take_version_of(path, sha256, bytes, "the ledger names", most);
+      if (result_.unfit.size() < kMostUnfit) result_.unfit.push_back({path, sha256, bytes, line, fits});
     };
     try {
       const archive::CaseReader reader = archive::CaseReader::open(folder_);
       if (reader.opening().subject)
         want(reader.opening().subject->file, reader.opening().subject->sha256,
              reader.opening().subject->bytes);
+      ErasedSegments erased;
+      reader.for_each([&](const archive::CaseEntry& entry) {
+        if (const auto* each = std::get_if<archive::ErasedEntry>(&entry.body)) erased.add(*each);
+      });
+      erased.join();
+      std::uint64_t line = 0;
       reader.for_each([&](const archive::CaseEntry& entry) {
         if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
-          if (!reader.is_erased(*segment) || versions_.contains(segment->file.file))
-            want(segment->file.file, segment->file.sha256, segment->file.bytes, entry.seq);
+          if (versions_.contains(segment->file.file) || !erased.has(*segment))
+            want(segment->file.file, segment->file.sha256, segment->file.bytes, line);
         } else if (const auto* token = std::get_if<archive::TokenEntry>(&entry.body)) {
-          want(token->file, token->sha256, std::nullopt, entry.seq);
+          want(token->file, token->sha256, std::nullopt, line);
         }
+        ++line;
       });
     } catch (const StoreError&) {
       throw;

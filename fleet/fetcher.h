@@ -23,8 +23,8 @@ struct UnfitFile {
   std::string path;
   crypto::Sha256Digest sha256{};       // as the ledger has it,
   std::optional<std::uint64_t> bytes;  // where it says how many
-  std::uint64_t entry = 0;             // number of the line that names it
-  bool older_fits = false;             // an older version is what the ledger names, and was taken
+  std::uint64_t entry = 0;  // which line names it, from 0; what it states of itself is not believed
+  bool older_fits = false;  // an older version is what the ledger names, and was taken
 };
 
 struct FetchedCase {

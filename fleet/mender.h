@@ -2,6 +2,7 @@
 // does. Nothing is removed. Not thread-safe.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -30,9 +31,13 @@ struct UnmendedFile {
 struct Mending {
   std::vector<MendedFile> mended;
   std::vector<UnmendedFile> left;
+  std::uint64_t more_left = 0;    // beyond those that are named
+  bool has_other_ledger = false;  // put in place of the one that was looked at
+  [[nodiscard]] std::uint64_t left_count() const { return left.size() + more_left; }
 };
 
-/// States a deed about a case, durably, before it returns; throws kiroku::Error where that cannot be.
+/// States a deed about a case, durably, before it returns; throws kiroku::Error where that cannot be. What
+/// could not be mended need not be stated where that is known already.
 using StateMending = std::function<void(const std::string& what)>;
 
 class Mender {
@@ -43,10 +48,10 @@ class Mender {
          std::filesystem::path scratch, const Clock& clock = Clock::system());
 
   /// Looks at a case that was fetched with UnreadableObjects::kLeaveOut, and mends what does not fit. The
-  /// ledger counts as far as the largest checkpoint that one of `devices` signed reaches. Where the ledger
-  /// itself was mended, nothing else was looked at: fetch the case anew. Mended files are in the folder, too.
-  /// `state` hears of each file before it is put, and once it was. Throws StoreError where the store is away,
-  /// kiroku::IoError.
+  /// ledger counts as far as the largest checkpoint that one of `devices` signed reaches. Where the result
+  /// has another ledger, nothing else was looked at: fetch the case anew. Mended files are in the folder,
+  /// too. `state` hears of each file before it is put, and once it was; then of the first that stay, and how
+  /// many more do. Throws StoreError where the store is away, kiroku::IoError.
   Mending mend(const std::string& appliance, const std::string& case_id,
                const std::vector<crypto::VerifierKey>& devices, const FetchedCase& fetched,
                const StateMending& state);

@@ -4,6 +4,7 @@
 
 #include "apps/common/format.h"
 #include "apps/kiroku/kept_log.h"
+#include "apps/kiroku/stated_mending.h"
 #include "apps/verify/verify_command.h"
 #include "base/printable.h"
 
@@ -46,10 +47,13 @@ StoreMending::StoreMending(const FleetConfiguration& configuration, const fs::pa
 fleet::Mending StoreMending::mend(const std::string& appliance, const std::string& case_id,
                                   const fs::path& device, const fleet::FetchedCase& fetched) {
   std::unique_ptr<archive::ApplianceLog> log;
+  const std::string case_name = appliance + "~" + case_id;
+  StatedMending stated(home_.log_folder(), case_name);
   return mender_.mend(appliance, case_id, load_device_keys(device.string()), fetched,
                       [&](const std::string& what) {
                         if (!log) log = open_log(home_, key_);
-                        log->access(appliance + "~" + case_id, printable(what), "kiroku-fleet");
+                        if (stated.is_news(printable(what)))
+                          log->access(case_name, printable(what), "kiroku-fleet");
                       });
 }
 

@@ -50,11 +50,12 @@ fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std:
     return std::ranges::find(done_.mended, path, &fleet::MendedFile::path) != done_.mended.end();
   };
   // By another ledger other files are the recorded ones.
-  if (is_mended(archive::kLedgerFile) && !fetched.ledger_is_older) {
+  if (done_.has_other_ledger) {
     fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
     fleet::Mending more = mending_->mend(appliance, case_id, device, fetched);
     std::ranges::move(more.mended, std::back_inserter(done_.mended));
     done_.left = std::move(more.left);
+    done_.more_left = more.more_left;
   }
   for (const auto& [path, why] : fetched.unreadable) {
     // What the store lists and does not give is no part of any verdict.

@@ -49,7 +49,7 @@ fleet::Verification verification_of(const archive::VerificationReport& report,
       found.detail += (found.detail.empty() ? "" : "; ") + counted(count, "object", "objects") + what;
   };
   tell(mending.mended.size(), " mended in the store");
-  tell(mending.left.size(), " could not be mended");
+  tell(mending.left_count(), " could not be mended");
   return found;
 }
 

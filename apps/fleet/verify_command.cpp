@@ -118,7 +118,7 @@ class Worker {
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
-    verified_.add_mended(judge_.mending().mended.size(), judge_.mending().left.size());
+    verified_.add_mended(judge_.mending().mended.size(), judge_.mending().left_count());
     for (const fleet::MendedFile& each : judge_.mending().mended) {
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
       print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": mended " + each.path + " from " +
@@ -129,6 +129,9 @@ class Worker {
       print_error("kiroku-fleet",
                   lease.appliance + "/" + lease.case_id + ": could not mend " + each.path + ": " + each.why);
     }
+    if (const std::uint64_t more = judge_.mending().more_left; more > 0)
+      print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": could not mend " +
+                                      std::to_string(more) + " more of its files");
     if (request_.json) {
       told_.push_back({{"appliance", lease.appliance},
                        {"case", lease.case_id},

@@ -17,6 +17,7 @@
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/log_publishing.h"
+#include "apps/kiroku/stated_mending.h"
 #include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/user_name.h"
@@ -152,6 +153,7 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
   fleet::Mender mender(shared, std::move(copies), scratch.path() / "mending");
   const crypto::SigningKey key = home.signing_key();
   const auto log = open_log(home, key);
+  StatedMending stated(home.log_folder(), case_id);
   fleet::Mending all;
   // By another ledger other files are the recorded ones: then everything is looked at once more.
   constexpr int kMostLooks = 2;
@@ -161,14 +163,13 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
         fleet::fetch_case(*shared, appliance, case_id, scratch.path(), fleet::WhichVersions::kNewest,
                           fleet::UnreadableObjects::kLeaveOut);
     fleet::Mending now =
-        mender.mend(appliance, case_id, {home.device()}, fetched,
-                    [&](const std::string& what) { log->access(case_id, printable(what), user_name()); });
-    const bool has_other_ledger =
-        !fetched.ledger_is_older &&
-        std::ranges::find(now.mended, archive::kLedgerFile, &fleet::MendedFile::path) != now.mended.end();
+        mender.mend(appliance, case_id, {home.device()}, fetched, [&](const std::string& what) {
+          if (stated.is_news(printable(what))) log->access(case_id, printable(what), user_name());
+        });
     std::ranges::move(now.mended, std::back_inserter(all.mended));
     all.left = std::move(now.left);
-    if (!has_other_ledger) break;
+    all.more_left = now.more_left;
+    if (!now.has_other_ledger) break;
   }
   if (request.json) {
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
@@ -181,6 +182,8 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
       std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";
     for (const fleet::UnmendedFile& each : all.left)
       print_error("kiroku", "could not mend " + each.path + ": " + each.why);
+    if (all.more_left > 0)
+      print_error("kiroku", "could not mend " + std::to_string(all.more_left) + " more of its files");
     if (all.mended.empty() && all.left.empty())
       std::cout << "The store has what was signed of " << case_id << ": nothing is to be mended.\n";
   }

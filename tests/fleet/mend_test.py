@@ -6,6 +6,7 @@ Usage: tests/fleet/mend_test.py PROGRAMS
 
 Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is not installed.
 """
+import datetime
 import hashlib
 import json
 import pathlib
@@ -218,6 +219,95 @@ def a_ledger_is_mended_by_what_the_device_signed(mending, place, folder):
     place.is_whole()
 
 
+def entry_like(line, **fields):
+    """A line that says what another says, but for these fields."""
+    return json.dumps({**json.loads(line), **fields}, separators=(",", ":")).encode() + b"\n"
+
+
+def only_signed_lines_name_anything(mending, place, folder):
+    """Somebody with the appliance's key to the store has X as an older version, and a line that names it behind the signed ones."""
+    path = place.file("segments/endoscope/")
+    ledger, body = place.folder / "ledger.jsonl", folder / "body"
+    wrong = flipped((place.folder / path).read_bytes())
+    for each in (wrong, (place.folder / path).read_bytes()):
+        body.write_bytes(each)
+        place.store.put(BUCKET, place.key(path), body)
+    (line,) = [each for each in ledger.read_bytes().splitlines() if path.encode() in each]
+    body.write_bytes(ledger.read_bytes() + entry_like(line, seq=3, sha256=hashlib.sha256(wrong).hexdigest()))
+    place.store.put(BUCKET, place.key("ledger.jsonl"), body)
+    before = place.versions(path)
+    for looks, expected in enumerate(({"ledger.jsonl": "an older version"}, {})):
+        mended, left = mending.verify(place.case, "intact")
+        require(mended == expected and not left, f"look {looks}: mended {mended}, left {left}")
+    require(place.versions(path) == before, "a line that nobody signed named a segment")
+    place.is_whole()
+    # What a device enters behind the end, and may die before it signs that, is not taken for somebody else's.
+    token = [each for each in ledger.read_bytes().splitlines() if b'"type":"token"' in each][-1]
+    body.write_bytes(ledger.read_bytes() + entry_like(token, seq=len(ledger.read_bytes().splitlines())))
+    place.store.put(BUCKET, place.key("ledger.jsonl"), body)
+    before = place.store.versions(BUCKET)
+    done = json.loads(mending.fleet.ask("verify", "--all", "--json").stdout)
+    (one,) = [each for each in done["cases"] if each["case"] == place.case]
+    require(one["mended"] == [] and [each["file"] for each in one["not_mended"]] == ["ledger.jsonl"] and
+            "may have died before it signed" in one["not_mended"][0]["why"], f"told: {one}")
+    require(place.store.versions(BUCKET) == before, "something was put")
+    place.store.put(BUCKET, place.key("ledger.jsonl"), ledger)
+
+
+def a_ledger_ends_with_its_last_line(mending, place, folder):
+    """Bytes without a line's end behind true lines are none of the case's, in the store and in copies."""
+    ledger, body = place.folder / "ledger.jsonl", folder / "body"
+    body.write_bytes(ledger.read_bytes() + b"x" * 100_000)
+    place.store.put(BUCKET, place.key("ledger.jsonl"), body)
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {"ledger.jsonl": "an older version"} and not left, f"mended {mended}, left {left}")
+    place.is_whole()
+    for version in place.versions("ledger.jsonl"):
+        if place.disks.has(place.key("ledger.jsonl"), version):
+            place.disks.rot(place.key("ledger.jsonl"), version, of_other_hash)
+    place.store.put(COPIES, place.key("ledger.jsonl"), body)
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {"ledger.jsonl": "the copy 'replica'"} and not left, f"mended {mended}, left {left}")
+    place.is_whole()
+
+
+def the_log_says_each_thing_once(mending, place, folder):
+    """Whoever may put makes as many names as they like: few are stated, with how many there are, and once."""
+    body = folder / "body"
+    body.write_text("no note")
+    names = [f"checkpoints/{90_000_000 + number:08}.note" for number in range(30)]
+    for name in names:
+        place.store.put(BUCKET, place.key(name), body)
+    before = len(mending.deeds())
+    done = mending.fleet.ask("verify", "--all", "--json")
+    (one,) = [each for each in json.loads(done.stdout)["cases"] if each["case"] == place.case]
+    require({each["file"] for each in one["not_mended"]} == set(names) and one["mended"] == [], f"told: {one}")
+    said = mending.deeds()[before:]
+    require(len(said) == 21 and said[-1] == "could not mend more: 10 other files", f"the log says {said}")
+    mending.fleet.ask("verify", "--all", "--json")
+    require(len(mending.deeds()) == before + len(said), f"the log repeats {mending.deeds()[before + len(said):]}")
+    # What is another one than it said is stated.
+    for version in place.versions(names[0]):
+        place.store.ask("DELETE", f"/{BUCKET}/{place.key(names[0])}?versionId={version}")
+    mending.fleet.ask("verify", "--all", "--json")
+    said = mending.deeds()[before + len(said):]
+    require(len(said) == 2 and said[-1] == "could not mend more: 9 other files", f"the log says {said}")
+    for name in names[1:]:
+        for version in place.versions(name):
+            place.store.ask("DELETE", f"/{BUCKET}/{place.key(name)}?versionId={version}")
+    mending.require_signed()
+
+
+def an_appliance_says_what_it_cannot_mend(place):
+    """No line names the device's key beside a case: where the store lost it, the case is not told to be whole."""
+    place.rot("device.pub", None)
+    done = place.appliance.ask("ship", "--mend", place.case)
+    require(done.returncode == 3 and "could not mend device.pub" in done.stderr and "nothing is to be mended" not in done.stdout,
+            f"told: {done.returncode} {done.stdout}{done.stderr}")
+    place.store.put(BUCKET, place.key("device.pub"), place.folder / "device.pub")
+    require("nothing is to be mended" in place.appliance.kiroku("ship", "--mend", place.case), "it is told to lack something")
+
+
 def what_cannot_be_mended_is_said(mending, place, folder):
     segment = place.file("segments/endoscope/")
     copy = mending.replica / "or-1" / place.case / segment
@@ -369,6 +459,70 @@ def a_signed_ledger_names_nothing_outside(mending, store, folder):
     require(not list(folder.rglob("stolen")) or [each.parent.name for each in folder.rglob("stolen")] == ["or-1"], "it was written elsewhere")
 
 
+def cases_from_before_a_key_are_mended(mending, store, folder):
+    """A device that got an ML-DSA key, and one in hardware, has sound cases that it signed by Ed25519 alone."""
+    root = hashlib.sha256(b"").hexdigest()
+    keys = {"ml_dsa_seed": bytes([9] * 32), "hardware_seed": bytes([7] * 32)}
+    now = note.Signer("or-4", bytes([4] * 32), since=9, hardware_since=9, **keys)
+    (mending.fleet.folder / "devices/or-4.identity").write_text(now.identity.identity)
+    reader = age.Identity(bytes(range(32)))
+    sealed = age.seal(b"pictures", [reader.public])
+
+    def written(case_id, signer, log_size):
+        case = case_writer.Case(case_id, signer, 1785921302 * case_writer.SECOND,
+                                [case_writer.stream("room", "video", "video/mp2t", [reader.recipient])], (log_size, root))
+        for number in range(2):
+            case.segment("room", number, number * case_writer.SECOND, (number + 1) * case_writer.SECOND, sealed, 10)
+            case.checkpoint()
+        case.close(3 * case_writer.SECOND)
+        case.checkpoint()
+        return case.write(folder / "or-4")
+
+    def put(made, without):
+        retention = folder / "retention"
+        ends = (datetime.datetime.now(datetime.timezone.utc) + datetime.timedelta(days=1)).strftime("%Y-%m-%dT%H:%M:%SZ")
+        retention.write_text(f"<Retention><Mode>COMPLIANCE</Mode><RetainUntilDate>{ends}</RetainUntilDate></Retention>")
+        for file in made.folder.rglob("*"):
+            path = str(file.relative_to(made.folder))
+            if file.is_file() and path not in without:
+                store.put(BUCKET, f"or-4/{made.case.id}/{path}", file)
+        store.send(f"{BUCKET}/or-4/{made.case.id}/ledger.jsonl?retention=", retention)
+        shutil.copytree(made.folder, mending.replica / "or-4" / made.case.id)
+        mending.fleet.tell("index")
+
+    def told_of(made):
+        told = json.loads(mending.fleet.ask("verify", "--all", "--json").stdout)
+        (one,) = [each for each in told["cases"] if each["case"] == made.case.id and each["appliance"] == "or-4"]
+        return {each["file"]: each["from"] for each in one["mended"]}, {each["file"]: each["why"] for each in one["not_mended"]}
+
+    missing, replica = "segments/room/00000001.ts.age", "the copy 'replica'"
+    before = written("20260805T091502Z-00000001", note.Signer("or-4", bytes([4] * 32)), 5)
+    put(before, {missing})
+    require(told_of(before) == ({missing: replica}, {}), f"of a case from before the key: {told_of(before)}")
+    require(told_of(before) == ({}, {}), f"of the same case: {told_of(before)}")
+    # A case that is not from before, and whose notes somebody puts without what the ML-DSA key signed: the true ones are mended back.
+    after = written("20260805T091502Z-00000002", now, 12)
+    put(after, {missing})
+    notes = sorted(f"checkpoints/{size:08}.note" for size in after.notes)
+    body = folder / "body"
+    for path in notes:
+        text, _, lines = (after.folder / path).read_bytes().rpartition(b"\n\n")
+        body.write_bytes(text + b"\n\n" + lines.splitlines(keepends=True)[0])
+        store.put(BUCKET, f"or-4/{after.case.id}/{path}", body)
+    require(told_of(after) == ({missing: replica, **dict.fromkeys(notes, "an older version")}, {}), f"of stripped notes: {told_of(after)}")
+    # A copy whose line by hardware is gone is taken only where no other has it.
+    body.write_text("no note")
+    for version in store.versions(BUCKET)[f"or-4/{after.case.id}/{notes[0]}"]:
+        store.ask("DELETE", f"/{BUCKET}/or-4/{after.case.id}/{notes[0]}?versionId={version}")
+    for version in store.versions(BUCKET).get(f"or-4/{after.case.id}/{notes[0]}", []):
+        Disks(folder / "ceph").rot(f"or-4/{after.case.id}/{notes[0]}", version, flipped)
+    text, _, lines = (after.folder / notes[0]).read_bytes().rpartition(b"\n\n")
+    store.put(BUCKET, f"or-4/{after.case.id}/{notes[0]}", body)
+    body.write_bytes(text + b"\n\n" + b"".join(lines.splitlines(keepends=True)[:2]))
+    store.put(COPIES, f"or-4/{after.case.id}/{notes[0]}", body)
+    require(told_of(after) == ({notes[0]: replica}, {}), f"of a copy without hardware's line: {told_of(after)}")
+
+
 def two_workers_mend_once(mending, place):
     segments = [f"segments/endoscope/{number:08}.ts.age" for number in range(3)]
     before = {path: place.versions(path) for path in segments}
@@ -403,9 +557,14 @@ def try_everything(programs, folder, store, connection):
     an_appliance_mends_what_it_still_has(second)
     the_page_plays_what_was_mended(programs, mending, first, folder)
     two_workers_mend_once(mending, first)
+    an_appliance_says_what_it_cannot_mend(first)
+    only_signed_lines_name_anything(mending, first, folder)
+    a_ledger_ends_with_its_last_line(mending, first, folder)
+    the_log_says_each_thing_once(mending, first, folder)
     a_ledger_is_mended_by_what_the_device_signed(mending, second, folder)
     what_cannot_be_mended_is_said(mending, second, folder)
     a_signed_ledger_names_nothing_outside(mending, store, folder)
+    cases_from_before_a_key_are_mended(mending, store, folder)
 
 
 def add_reader(folder, store):

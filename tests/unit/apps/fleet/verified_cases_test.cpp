@@ -124,11 +124,14 @@ TEST(VerifiedCases, WhatWasMendedIsToldAndWhatCouldNotBeNeedsAPerson) {
   EXPECT_EQ(cases.summary(), "1 case verified; 2 objects mended in the store; 1 object could not be mended");
   archive::VerificationReport report;
   report.verdict = Verdict::kIntact;
-  const fleet::Mending mending{{{"tokens/00000002.own.tsr", {}, "an older version", "v2"}},
-                               {{"segments/room/00000000.ts.age", "no copy has the bytes"}}};
+  fleet::Mending mending{{{"tokens/00000002.own.tsr", {}, "an older version", "v2"}},
+                         {{"segments/room/00000000.ts.age", "no copy has the bytes"}}};
   EXPECT_EQ(verification_of(report, mending).detail,
             "1 object mended in the store; 1 object could not be mended");
   EXPECT_FALSE(verification_of(report, mending).alarm);
+  mending.more_left = 1'000;
+  EXPECT_EQ(verification_of(report, mending).detail,
+            "1 object mended in the store; 1001 objects could not be mended");
 }
 
 }  // namespace
