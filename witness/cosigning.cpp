@@ -172,8 +172,10 @@ LogToShow read_log_to_show(const fs::path& folder, const crypto::VerifierKey& de
         static_cast<std::uint64_t>(to_be_followed.end() - std::ranges::lower_bound(to_be_followed, size));
     return log;
   }
+  // They may have been taken away while the log was read.
   throw Error("no checkpoint of the log in " + folder.string() + " is by " + printable(device.name()) +
-              " for its log: " + log.others.front() + " is none; 'kiroku log --verify' says more");
+              " for its log" + (log.others.empty() ? "" : ": " + log.others.front() + " is none") +
+              "; 'kiroku log --verify' says more");
 }
 
 bool is_rest_unsigned(const LogToShow& log) { return log.unsigned_ > 1; }

@@ -184,18 +184,47 @@ class NoteKeeper {
 };
 
 Descriptor open_for_others(const fs::path& file) {
-  return Descriptor(::open(file.c_str(), O_WRONLY | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644));
+  return Descriptor(::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644));
+}
+
+std::optional<std::string> remembered_in(const fs::path& file) {
+  try {
+    const archive::FileReading& files = archive::real_reading();
+    if (!files.exists(file)) return std::nullopt;
+    return archive::read_small(files.open_to_read(file), archive::kMaximumNoteBytes);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+/// How many entries of its log the device signed there; 0: it is no such note.
+std::uint64_t size_of_own(const std::string& note, const crypto::VerifierKey& device) {
+  const auto stated = crypto::Checkpoint::parse(crypto::open_note(note, {device}).text);
+  return stated && stated->origin == archive::log_origin(device.name()) ? stated->size : 0;
+}
+
+/// Of the home's processes one at a time. Whoever may read the file can lock it, and holds nobody up for
+/// long.
+void wait_for_turn(const Descriptor& file) {
+  constexpr std::chrono::seconds kPatience{1};
+  constexpr std::chrono::milliseconds kPause{1};
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (::flock(file.number(), LOCK_EX | LOCK_NB) != 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(kPause);
 }
 
 /// As it stands, and without a flush: other processes see it at once, and what a power cut takes of it the
-/// note in the archive tells.
-void write_for_others(const fs::path& file, const std::string& text) {
+/// note in the archive tells. Not where `is_newer` says so of what another process wrote meanwhile.
+void write_for_others(const fs::path& file, const std::string& text,
+                      const std::function<bool(const std::string& there)>& is_newer) {
   Descriptor opened = open_for_others(file);
   if (!opened && errno == EACCES && ::unlink(file.c_str()) == 0) {
     // Root ran a command.
     opened = open_for_others(file);
   }
   if (!opened) return;
+  wait_for_turn(opened);
+  if (const auto there = remembered_in(file); there && is_newer(*there)) return;
   std::string_view rest = text;
   while (!rest.empty()) {
     const ssize_t count =
@@ -213,17 +242,16 @@ void write_for_others(const fs::path& file, const std::string& text) {
 archive::LogMemory memory_of(const Home& home) {
   constexpr std::chrono::milliseconds kMoment{250};
   const fs::path file = home.folder() / "last-signed.note";
-  const auto written =
-      std::make_shared<NewestDone>([file](const std::string& note) { write_for_others(file, note); });
-  return {.newest = [file]() -> std::optional<std::string> {
-            try {
-              const archive::FileReading& files = archive::real_reading();
-              if (!files.exists(file)) return std::nullopt;
-              return archive::read_small(files.open_to_read(file), archive::kMaximumNoteBytes);
-            } catch (const Error&) {
-              return std::nullopt;
-            }
-          },
+  const crypto::VerifierKey device = home.device();
+  // Whoever waits for a slow disk no longer has the log's turn. What was there when the log was opened may be
+  // of another log, which had more entries.
+  const std::string at_first = remembered_in(file).value_or("");
+  const auto written = std::make_shared<NewestDone>([=](const std::string& note) {
+    write_for_others(file, note, [&](const std::string& there) {
+      return there != at_first && size_of_own(there, device) > size_of_own(note, device);
+    });
+  });
+  return {.newest = [file] { return remembered_in(file); },
           .keep = [written](std::string_view note) { written->give(note, kMoment); }};
 }
 

@@ -162,16 +162,20 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
   // Whoever could write to a copy can have put any number of notes there that nobody signed.
   if (std::ranges::adjacent_find(notes, differ) == notes.end()) return;
   std::erase_if(notes, [&](Judged* note) { return !is_signed(*note); });
-  const Judged* told = nullptr;
-  for (std::size_t i = 1; i < notes.size(); ++i) {
-    const bool is_of_a_copy = notes[i - 1]->copy != nullptr || notes[i]->copy != nullptr;
-    if (!is_of_a_copy || !differ(notes[i - 1], notes[i])) continue;
-    // One that accuses is enough.
-    if (told == nullptr || (told->alone && !notes[i - 1]->alone && !notes[i]->alone)) {
-      tell_contradiction(*notes[i - 1], *notes[i]);
-      told = notes[i - 1]->alone ? notes[i - 1] : notes[i];
-    }
-  }
+  // Of two that differ one differs from any third. One pair that accuses is enough, and those by all keys do:
+  // whatever lies between them.
+  const auto tell_two_of = [&](const auto& wanted) {
+    const auto in_copy = std::ranges::find_if(
+        notes, [&](const Judged* note) { return note->copy != nullptr && wanted(note); });
+    if (in_copy == notes.end()) return false;
+    const auto other = std::ranges::find_if(
+        notes, [&](const Judged* note) { return wanted(note) && differ(note, *in_copy); });
+    if (other == notes.end()) return false;
+    tell_contradiction(**std::min(in_copy, other), **std::max(in_copy, other));
+    return true;
+  };
+  if (!tell_two_of([](const Judged* note) { return !note->alone; }))
+    tell_two_of([](const Judged*) { return true; });
 }
 
 void OutsideNotes::reached(std::uint64_t size, const RootTest& fits, bool tree_known) {

@@ -1,6 +1,8 @@
 #include "archive/writing/appliance_log.h"
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <deque>
@@ -10,6 +12,7 @@
 #include <map>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "archive/format/boot_quote.h"
@@ -142,9 +145,12 @@ std::string found_deed(std::uint64_t from, std::uint64_t to) {
 
 constexpr std::string_view kSha256Ends = ", sha256 ";
 
-std::string set_aside_deed(std::uint64_t from, const std::string& sha256) {
-  return "set aside what stood from entry " + std::to_string(from) + " on, which this device did not sign" +
-         std::string(kSha256Ends) + sha256;
+std::string set_aside_deed(std::uint64_t from, const SetAside& kept) {
+  const std::string what = kept.kept == kept.stood ? "what"
+                                                   : std::to_string(kept.kept) + " of the " +
+                                                         std::to_string(kept.stood) + " bytes that";
+  return "set aside " + what + " stood from entry " + std::to_string(from) +
+         " on, which this device did not sign" + std::string(kSha256Ends) + kept.sha256;
 }
 
 std::string left_aside_deed(std::uint64_t from, const std::string& sha256) {
@@ -382,7 +388,10 @@ struct ApplianceLog::State {
   /// Has the log state the attestation key with a first quote, or takes note of why not. Once for each
   /// object: a TPM that does not answer must not hold up each entry.
   void state_attestation_locked() {
+    bool came_between = false;
     ledger->append([&](std::uint64_t size) {
+      came_between = size != looked_at;
+      if (came_between) return std::vector<std::string>();
       crypto::BootAttester::Answer answer = quote(*attester(), size);
       if (!answer.quote) {
         not_attested = std::move(answer.why);
@@ -392,7 +401,8 @@ struct ApplianceLog::State {
       return std::vector{to_line(LogEntry{
           size, machine_now(), DeviceAttestationEntry{own_keys.attestation, to_stated(*answer.quote)}})};
     });
-    looked_at = ledger->size();
+    // The lines are looked at before the next ones, and the key is stated with another entry.
+    if (!came_between) looked_at = ledger->size();
   }
 
   /// The entries that must come first (a boot, keys, a cut made good), then `body` if there is one.
@@ -434,16 +444,19 @@ struct ApplianceLog::State {
   /// entering that, a file beside the log is all that tells of them. Whoever can write to the archive makes
   /// such files, too: the entry says no more than that one lies there, and few are told of at a time.
   void take_up_untold_locked() {
-    constexpr std::size_t kMost = 16;
+    constexpr std::size_t kMost = 16, kMostLookedAt = 4096;
     try {
-      std::vector<UntoldAside> untold = untold_asides(files, folder.parent_path(), kMost);
+      std::vector<UntoldAside> untold = untold_asides(files, folder.parent_path(), kMostLookedAt);
       std::erase_if(untold, [&](const UntoldAside& each) {
         return std::ranges::any_of(unstated, [&](const Unstated& coming) {
           return coming.kept && coming.kept->file == each.kept.file;
         });
       });
       if (untold.empty()) return;
-      for (const UntoldAside& each : without_told(std::move(untold))) {
+      // What an entry tells of, and cannot get its name, stands before no other one.
+      untold = without_told(std::move(untold));
+      untold.resize(std::min(untold.size(), kMost));
+      for (const UntoldAside& each : untold) {
         unstated.push_back({left_aside_deed(each.line, each.kept.sha256), each.kept});
         remark("no entry of the appliance log told of " + each.kept.file.string() +
                ": what stands there was set aside from entry " + std::to_string(each.line) +
@@ -457,30 +470,39 @@ struct ApplianceLog::State {
 
   /// Without those of which an entry tells, whose program ended before it gave them their name.
   std::vector<UntoldAside> without_told(std::vector<UntoldAside> untold) {
+    std::unordered_set<std::string> told;
     for_each_readable_log_line(folder, [&](const LogLine& line) {
       if (line.type != "access" || line.json.find(kSha256Ends) == std::string::npos) return;
       const LogEntryParse parsed = parse_log_entry(line.json);
       const auto* access = parsed.entry ? std::get_if<AccessEntry>(&parsed.entry->body) : nullptr;
       if (access == nullptr || access->who != kItself) return;
-      std::erase_if(untold, [&](const UntoldAside& each) {
-        const bool is_told = access->what.ends_with(std::string(kSha256Ends) + each.kept.sha256);
-        if (is_told) told_of(each.kept);
-        return is_told;
-      });
+      if (const std::size_t at = access->what.rfind(kSha256Ends); at != std::string::npos)
+        told.insert(access->what.substr(at + kSha256Ends.size()));
+    });
+    std::erase_if(untold, [&](const UntoldAside& each) {
+      const bool is_told = told.contains(each.kept.sha256);
+      if (is_told) told_of(each.kept);
+      return is_told;
     });
     return untold;
   }
 
   void append_lines_locked(const std::optional<LogEntryBody>& body) {
-    // Whoever does not ask for the turn may add lines between two looks; not for ever.
-    constexpr int kMostLooks = 4;
+    // Whoever does not ask for the turn may add lines between two looks. What nobody looked at is not signed.
+    constexpr int kMostLooks = 16;
     for (int looks = 1;; ++looks) {
       bool came_between = false;
       ledger->append([&](std::uint64_t size) {
-        came_between = size != looked_at && looks < kMostLooks;
+        came_between = size != looked_at;
         return came_between ? std::vector<std::string>() : lines_before(size, body);
       });
       if (!came_between) break;
+      if (looks == kMostLooks) {
+        throw LedgerHeldError(
+            "somebody writes into " + ledger->file().string() +
+            " all the time without waiting for a turn, so nothing was entered. Find out who "
+            "writes to the archive's disk");
+      }
       look_behind_locked();
     }
     looked_at = ledger->size();
@@ -684,15 +706,18 @@ struct ApplianceLog::State {
     } catch (const Error&) {
       // It keeps nobody from recording; what cannot be read is left to whoever verifies.
     }
-    if (behind && behind->end == ledger->size()) settle(*behind, damaged);
+    if (behind) {
+      // Fewer were read where more zeros stand there than are read, and more where somebody adds lines now.
+      behind->end = std::max(behind->end, ledger->size());
+      settle(*behind, damaged);
+    }
     looked_at = ledger->size();
   }
 
   /// With the turn: what another process of this home signed is the device's, though its checkpoint is not
   /// there any more. It is put back: without it the lines count for less.
   void take_remembered() {
-    const std::optional<std::string> note = memory.newest ? memory.newest() : std::nullopt;
-    const std::optional<OwnCheckpoint> known = note ? as_own(*note, device_of_log()) : std::nullopt;
+    const std::optional<OwnCheckpoint> known = remembered();
     if (!known || known->checkpoint.size <= signed_until ||
         root_of_first(known->checkpoint.size) != known->checkpoint.root) {
       return;
@@ -713,8 +738,28 @@ struct ApplianceLog::State {
   }
 
   [[nodiscard]] UnsignedLines lines_behind() const {
-    return unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage,
-                          [&](const CaseOpenedEntry& opened) { return is_case_here(opened); });
+    // Whoever can write to the archive opens as many cases there as they like. So many never begin between
+    // two checkpoints, and the log is read once for all of them.
+    constexpr int kMostCases = 1024;
+    int looked_for = 0;
+    std::map<std::uint64_t, std::vector<crypto::Sha256Digest>> went_on_from;
+    UnsignedLines lines = unsigned_lines(files, ledger->file(), signed_until, keys_of_lines(), damage,
+                                         [&](const CaseOpenedEntry& opened) {
+                                           if (++looked_for > kMostCases) return false;
+                                           const CaseBegin begin = begin_of_case_here(opened);
+                                           if (begin.log)
+                                             went_on_from[begin.log->size].push_back(begin.log->root);
+                                           return begin.is_here;
+                                         });
+    if (lines.opens_here || went_on_from.empty()) return lines;
+    std::vector<std::uint64_t> sizes;
+    for (const auto& [size, root] : went_on_from) sizes.push_back(size);
+    const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, ledger->file(), sizes);
+    for (std::size_t at = 0; at < roots.size(); ++at) {
+      const std::vector<crypto::Sha256Digest>& stated = went_on_from.at(sizes[at]);
+      lines.opens_here = lines.opens_here || std::ranges::find(stated, roots[at]) != stated.end();
+    }
+    return lines;
   }
 
   void is_signed_until(std::uint64_t size, const std::optional<crypto::Sha256Digest>& root) {
@@ -797,12 +842,17 @@ struct ApplianceLog::State {
   bool keep_aside(std::uint64_t seq, std::uint64_t offset) {
     try {
       const SetAside kept = set_aside_with_room(seq, offset, Telling::kFollows);
-      unstated.push_back({set_aside_deed(seq, kept.sha256), kept});
+      // Of what whoever adds lines all the time has put aside, the next start tells the rest.
+      constexpr std::size_t kMostUnstated = 64;
+      if (unstated.size() < kMostUnstated) unstated.push_back({set_aside_deed(seq, kept), kept});
       was_put_aside = true;
       remark(
           "lines stood in the appliance log from entry " + std::to_string(seq) +
           " on that this device did not write: whoever can write to the archive's disk put them there. They "
-          "count for nothing, and lie in " +
+          "count for nothing, and " +
+          (kept.kept == kept.stood ? std::string("lie in ")
+                                   : "the first " + std::to_string(kept.kept) + " of " +
+                                         std::to_string(kept.stood) + " bytes, without holes, lie in ") +
           kept.file.string() + " now: keep that file, and find out who writes there");
       return true;
     } catch (const IoError& error) {
@@ -812,12 +862,14 @@ struct ApplianceLog::State {
     }
   }
 
-  /// Of a line that is too long, and of what stands behind it, while lines are read.
-  bool put_long_line_aside(std::uint64_t seq, std::uint64_t offset) {
+  /// Of a line that is too long or holds a zero byte, and of what stands behind it, while lines are read.
+  bool put_no_entry_aside(std::uint64_t seq, std::uint64_t offset) {
     if (newest_own_size() > seq) return false;
     if (!keep_aside(seq, offset)) {
       // Nothing could be written behind it, and it is no entry.
-      remark("that line is longer than any entry, so it was cut off all the same");
+      remark(
+          "that line is longer than any entry, or holds a zero byte as none does, so it was cut off all the "
+          "same");
     }
     return true;
   }
@@ -837,45 +889,83 @@ struct ApplianceLog::State {
     return kept;
   }
 
+  struct LogState {
+    std::uint64_t size = 0;
+    crypto::Sha256Digest root{};
+  };
+  /// What of a case is known of a line that opens it.
+  struct CaseBegin {
+    bool is_here = false;
+    std::optional<LogState> log;  // it is here if the log went on from this
+  };
+
   /// Whether the case that was opened so lies in the archive, is this device's, and began beside this log:
   /// its line is not put aside. The device signed it: whoever can write to the archive makes a folder that
   /// fits any line.
-  [[nodiscard]] bool is_case_here(const CaseOpenedEntry& opened) const {
+  [[nodiscard]] CaseBegin begin_of_case_here(const CaseOpenedEntry& opened) const {
     try {
       const fs::path case_folder = folder.parent_path() / opened.case_id;
-      if (!files.is_folder(case_folder)) return false;
-      const FileOpening opening = CaseFolder::open(case_folder, files).open_file(kLedgerFile);
-      if (!opening.file) return false;
-      LineReader reader(*opening.file);
-      LedgerLine line;
-      if (!reader.next(line) || line.torn || line.too_long ||
-          crypto::sha256(bytes_of(line.text)) != opened.sha256) {
-        return false;
-      }
-      const EntryParse first = parse_case_entry(line.text);
+      if (!files.is_folder(case_folder)) return {};
+      const std::vector<OwnCheckpoint> notes = own_notes_of_case(case_folder, opened.case_id);
+      if (notes.empty()) return {};
+      const auto line = first_whole_line(files.open_to_read(case_folder / kLedgerFile));
+      if (!line || crypto::sha256(bytes_of(*line)) != opened.sha256) return {};
+      const EntryParse first = parse_case_entry(*line);
       const auto* const open = first.entry ? std::get_if<OpenEntry>(&first.entry->body) : nullptr;
-      return open != nullptr && open->case_id == opened.case_id && open->device == own_keys.device &&
-             (open->appliance_log_size == 0 ||  // every log goes on from none
-              root_of_first(open->appliance_log_size) == open->appliance_log_root) &&
-             is_signed_case(case_folder, opened.case_id);
+      if (open == nullptr || open->case_id != opened.case_id || open->device != own_keys.device ||
+          !is_any_over_its_lines(notes, case_folder)) {
+        return {};
+      }
+      if (open->appliance_log_size == 0) return {true, {}};  // every log goes on from none
+      return {false, LogState{open->appliance_log_size, open->appliance_log_root}};
     } catch (const IoError& error) {
-      return error.error_number() == EIO;  // a disk that fails shows nothing
+      return {!is_cause_in_the_folder(error.error_number()), {}};
     } catch (const Error&) {
-      return false;
+      return {};
     }
   }
 
-  /// Whether the device signed a checkpoint over the case's lines.
-  [[nodiscard]] bool is_signed_case(const fs::path& case_folder, const std::string& case_id) const {
+  /// Whoever can write to the archive brings these about there. Any other error shows nothing of the case.
+  [[nodiscard]] static bool is_cause_in_the_folder(int error) {
+    constexpr std::array kCauses{ENOENT, ENOTDIR, EISDIR, ELOOP,     EACCES,
+                                 EPERM,  ENXIO,   EINVAL, EOVERFLOW, ENAMETOOLONG};
+    return std::ranges::find(kCauses, error) != kCauses.end();
+  }
+
+  /// The newest checkpoints in the case's folder that the device signed for it, whatever its lines are.
+  [[nodiscard]] std::vector<OwnCheckpoint> own_notes_of_case(const fs::path& case_folder,
+                                                             const std::string& case_id) const {
+    constexpr std::size_t kMostNotes = 64;
+    const std::string origin = case_origin(device.name(), case_id);
     const std::vector<std::uint64_t> sizes = note_sizes_in(files, case_folder);
-    const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, case_folder / kLedgerFile, sizes);
-    const CaseFolder opened = CaseFolder::open(case_folder, files);
-    for (std::size_t at = roots.size(); at-- > 0;) {
-      const crypto::Checkpoint text{case_origin(device.name(), case_id), sizes[at], roots[at]};
-      const auto note = opened.read_if_there(note_path(sizes[at]), kMaximumNoteBytes);
-      if (!note || text_of_note(*note) != text) continue;
-      if (!crypto::open_note(*note, {by_ed25519()}).failure) return true;
+    std::vector<OwnCheckpoint> notes;
+    for (auto size = sizes.rbegin(); size != sizes.rend() && notes.size() < kMostNotes; ++size) {
+      std::optional<std::string> note;
+      try {
+        note = read_small(files.open_to_read(case_folder / note_path(*size)), kMaximumNoteBytes);
+      } catch (const IoError& error) {
+        if (!is_cause_in_the_folder(error.error_number())) throw;
+      } catch (const Error&) {  // NOLINT(bugprone-empty-catch): no regular file, so no note
+      }
+      const std::optional<crypto::Checkpoint> text = note ? text_of_note(*note) : std::nullopt;
+      if (!text || text->origin != origin || text->size != *size ||
+          crypto::open_note(*note, {by_ed25519()}).failure) {
+        continue;
+      }
+      notes.push_back({*text, std::move(*note)});
     }
+    std::ranges::reverse(notes);
+    return notes;
+  }
+
+  /// `notes` by size.
+  [[nodiscard]] bool is_any_over_its_lines(const std::vector<OwnCheckpoint>& notes,
+                                           const fs::path& case_folder) const {
+    std::vector<std::uint64_t> sizes;
+    for (const OwnCheckpoint& each : notes) sizes.push_back(each.checkpoint.size);
+    const std::vector<crypto::Sha256Digest> roots = roots_of_lines(files, case_folder / kLedgerFile, sizes);
+    for (std::size_t at = 0; at < roots.size(); ++at)
+      if (notes[at].checkpoint.root == roots[at]) return true;
     return false;
   }
 
@@ -941,6 +1031,19 @@ struct ApplianceLog::State {
   [[nodiscard]] std::uint64_t newest_own_size() const {
     const std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
     return newest ? newest->checkpoint.size : 0;
+  }
+
+  /// With the turn: how many lines the device signed, as far as anybody knows here, whether they are those
+  /// that stand there or not, and whether its checkpoint is there still.
+  [[nodiscard]] std::uint64_t covered_size() const {
+    const std::optional<OwnCheckpoint> known = remembered();
+    return std::max({newest_own_size(), known ? known->checkpoint.size : 0, kept_size, signed_until});
+  }
+
+  /// What a process of this home signed last.
+  [[nodiscard]] std::optional<OwnCheckpoint> remembered() const {
+    const std::optional<std::string> note = memory.newest ? memory.newest() : std::nullopt;
+    return note ? as_own(*note, device_of_log()) : std::nullopt;
   }
 
   /// With the turn: how many lines the newest checkpoint of this device's covers that is over the lines which
@@ -1105,6 +1208,7 @@ struct ApplianceLog::State {
   std::function<void(const std::string& remark)> tell;   // may be null
   std::function<void(std::string_view note)> keep_note;  // may be null
   LogMemory memory;
+  std::uint64_t kept_size = 0;  // of the checkpoint that was kept elsewhere
   std::unordered_map<std::string, CaseState> cases;
   Signing newest_signing = Signing::kNone;  // of the newest line
   /// So many lines a checkpoint of this device's covers that fits them, as far as known.
@@ -1128,14 +1232,15 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
                                                  LogMemory memory) {
   auto state = std::make_unique<State>(files, folder, key, device_name);
   state->memory = std::move(memory);
+  state->kept_size = expected ? expected->size : 0;
   make_folder_unless_there(files, folder);
   make_folder_unless_there(files, folder / kCheckpointsFolder);
   state->ledger = Ledger::open(
       files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
       [&log = *state](std::uint64_t seq, std::string_view line) { log.look_at(seq, line); },
-      [&log = *state] { return log.newest_own_size(); }, {},
+      [&log = *state] { return log.covered_size(); }, {},
       [&log = *state](std::uint64_t seq, std::uint64_t offset) {
-        return log.put_long_line_aside(seq, offset);
+        return log.put_no_entry_aside(seq, offset);
       });
   const Ledger::Turn turn(*state->ledger);
   state->ledger->catch_up();

@@ -18,6 +18,13 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t kAllocationStep = 1U << 20U;
 constexpr std::uint64_t kAllocationMargin = kAllocationStep / 4;
 constexpr std::size_t kReadBytes = 1U << 18U;
+/// An entry that states how many bytes were cut off states no more: the format has no larger number. A hole
+/// may be longer.
+constexpr std::uint64_t kMostBytesStated = (std::uint64_t{1} << 53U) - 1;
+
+std::uint64_t stated_sum(std::uint64_t before, std::uint64_t more) {
+  return std::min(kMostBytesStated, before + std::min(kMostBytesStated, more));
+}
 
 std::unique_ptr<WritableFile> open_or_create(FileSystem& files, const fs::path& file) {
   if (files.exists(file)) {
@@ -165,7 +172,7 @@ void Ledger::take_back(std::uint64_t size, bool another) {
     mine_.reset();
   }
   read_new_lines(size);
-  torn_bytes_ += another ? before - bytes_ : 0;
+  torn_bytes_ = stated_sum(torn_bytes_, another ? before - bytes_ : 0);
 }
 
 void Ledger::forget_lines() {
@@ -243,8 +250,10 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
     read_anew();
     return;
   }
+  covered_size_.reset();
   std::vector<char> buffer(kReadBytes);
-  std::string rest;  // of a line that goes on in the next buffer
+  std::string rest;         // of a line that goes on in the next buffer
+  std::uint64_t zeros = 0;  // bytes of lines that hold one, and stay
   std::uint64_t read_until = bytes_;
   while (const std::size_t count =
              input.read_at(read_until, std::as_writable_bytes(std::span(buffer.data(), buffer.size())))) {
@@ -259,12 +268,16 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
         cut_end();
         return;
       }
-      if (was_never_flushed(line)) {
-        cut_torn_line(input.size());
-        return;
+      if (const bool has_zero = line.find('\0') != std::string_view::npos; has_zero) {
+        if (is_cut_off_for_zeros()) {
+          cut_torn_line(input.size());
+          return;
+        }
+        zeros += line.size() + 1;
+        refuse_if_endless(zeros);
       }
       if (lacks_signature(line)) {
-        unsigned_bytes_ += input.size() - bytes_;
+        unsigned_bytes_ = stated_sum(unsigned_bytes_, input.size() - bytes_);
         cut_end();
         return;
       }
@@ -274,7 +287,8 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
     }
     rest.append(piece);
     if (rest.size() > kMaximumLineBytes) {
-      if (was_never_flushed(rest) || (set_aside_ && set_aside_(tree_.size(), bytes_))) {
+      const bool has_zero = rest.find('\0') != std::string::npos;
+      if ((has_zero && is_cut_off_for_zeros()) || (set_aside_ && set_aside_(tree_.size(), bytes_))) {
         cut_torn_line(input.size());
         return;
       }
@@ -288,10 +302,26 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
   }
 }
 
+// Files that take no room on a disk read as zeros. LineReader, too, reads no further than that.
+void Ledger::refuse_if_endless(std::uint64_t zeros) const {
+  if (zeros <= kMostBytesOfLine) return;
+  throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
+              " and lines before it hold more zeros than are read: the file is damaged, verify it before "
+              "writing to it");
+}
+
 // No entry has a zero byte. Of a line that was flushed none appears by itself, and what a checkpoint covers
-// was flushed: zeros there are damage, which is not cut off but found by whoever verifies.
-bool Ledger::was_never_flushed(std::string_view line) const {
-  return covered_ && line.find('\0') != std::string_view::npos && covered_() <= tree_.size();
+// was flushed: zeros there are damage, which is not cut off but found by whoever verifies. A power cut leaves
+// others. While the ledger is open, somebody else wrote them.
+bool Ledger::is_cut_off_for_zeros() {
+  if (!covered_when_opened_ || is_covered()) return false;
+  return covered_ || (set_aside_ && set_aside_(tree_.size(), bytes_));
+}
+
+// Whoever made a line of zeros out of each of thousands has the checkpoints looked at once.
+bool Ledger::is_covered() {
+  if (!covered_size_) covered_size_ = covered_when_opened_();
+  return *covered_size_ > tree_.size();
 }
 
 bool Ledger::lacks_signature(std::string_view line) const {
@@ -312,7 +342,7 @@ void Ledger::cut_end() {
 // line is whole.
 void Ledger::cut_torn_line(std::uint64_t end) {
   cut_end();
-  torn_bytes_ += end - bytes_;
+  torn_bytes_ = stated_sum(torn_bytes_, end - bytes_);
 }
 
 void Ledger::append(const MakeLines& make_lines) {

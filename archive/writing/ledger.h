@@ -35,7 +35,7 @@ class Ledger {
   using Visitor = std::function<void(std::uint64_t seq, std::string_view line)>;
   /// Lines to append, without LF, given how many there are; called once the file is ours and up to date.
   using MakeLines = std::function<std::vector<std::string>(std::uint64_t size)>;
-  /// How many lines checkpoints cover. Asked only where zeros are found.
+  /// How many lines checkpoints cover. Asked only where zeros are found, also later.
   using Covered = std::function<std::uint64_t()>;
   /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
   using NeedsSignature = std::function<bool(std::string_view line)>;
@@ -49,7 +49,8 @@ class Ledger {
   /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
   /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
   /// write to the disk could have put it there, and unsigned_bytes() tells. What stands from a line on that
-  /// is longer than the format's is cut off once `set_aside` kept it, also later; torn_bytes() tells. Throws
+  /// is longer than the format's is cut off once `set_aside` kept it, also later; torn_bytes() tells. So is
+  /// later what stands from a line on that holds a zero byte, and that no checkpoint covers. Throws
   /// UsageError if another writer has it (kExclusive), kiroku::Error for such a line that stays,
   /// kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
@@ -82,7 +83,7 @@ class Ledger {
   [[nodiscard]] crypto::Sha256Digest root() const { return tree_.root(); }
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   /// Bytes of torn lines cut off, and of others' lines taken back, and not followed by a successful append()
-  /// yet, which may state them.
+  /// yet, which may state them: of more than an entry can state, so many.
   [[nodiscard]] std::uint64_t torn_bytes() const { return torn_bytes_; }
   /// Bytes cut off by open() since a line of them needs a signature and had none.
   [[nodiscard]] std::uint64_t unsigned_bytes() const { return unsigned_bytes_; }
@@ -119,7 +120,11 @@ class Ledger {
   void read_anew();
   /// Those beyond `most` are cut off.
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
-  [[nodiscard]] bool was_never_flushed(std::string_view line) const;
+  void refuse_if_endless(std::uint64_t zeros) const;
+  /// Of the next line, which holds a zero byte. What is to be kept of it elsewhere is, then.
+  [[nodiscard]] bool is_cut_off_for_zeros();
+  /// The next line, by a checkpoint.
+  [[nodiscard]] bool is_covered();
   [[nodiscard]] bool lacks_signature(std::string_view line) const;
   /// Cuts off what stands behind the last accepted line.
   void cut_end();
@@ -136,7 +141,8 @@ class Ledger {
   Visitor visitor_;
   // Only while the file is opened: later nobody finds what a power cut left.
   Covered covered_;
-  Covered covered_when_opened_;  // for when it is opened anew
+  Covered covered_when_opened_;  // for when it is opened anew, and for zeros that are found later
+  std::optional<std::uint64_t> covered_size_;  // while lines are read: what it says, once it was asked
   NeedsSignature needs_signature_;
   SetAside set_aside_;
   std::unique_ptr<WritableFile> written_;

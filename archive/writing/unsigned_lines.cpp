@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <fcntl.h>
 #include <set>
 #include <span>
 #include <tuple>
+#include <unistd.h>
+#include <utility>
 #include <vector>
 
 #include "archive/format/boot_quote.h"
@@ -15,6 +18,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/format/log_aside.h"
 #include "archive/storage/file_system.h"
+#include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/hash.h"
@@ -190,6 +194,45 @@ fs::path with_suffix(fs::path file, std::string_view suffix) {
   return file;
 }
 
+std::string random_name() {
+  std::array<std::byte, 8> random{};
+  crypto::fill_random(random);
+  return crypto::to_hex(random);
+}
+
+/// The next bytes from `at` on that take room on the disk, before `end`: where they begin and end; nothing
+/// where none do. Where the file system tells of no holes, all are.
+std::optional<std::pair<std::uint64_t, std::uint64_t>> next_stretch(const Descriptor& file, std::uint64_t at,
+                                                                    std::uint64_t end) {
+  if (at >= end) return std::nullopt;
+  const off_t begins = ::lseek(file.number(), static_cast<off_t>(at), SEEK_DATA);
+  if (begins < 0) return errno == ENXIO ? std::nullopt : std::optional(std::pair(at, end));
+  const auto begin = static_cast<std::uint64_t>(begins);
+  if (begin >= end) return std::nullopt;
+  const off_t hole = ::lseek(file.number(), begins, SEEK_HOLE);
+  return std::pair(begin, hole < 0 ? end : std::min(end, static_cast<std::uint64_t>(hole)));
+}
+
+/// Hands `write` the first kMostBytesAside that take room on the disk, from byte `offset` on.
+void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint64_t offset,
+                  const std::function<void(ByteView)>& write) {
+  const Descriptor holes(
+      files.open_at(AT_FDCWD, input.path().native(), O_NOFOLLOW | O_NONBLOCK, input.path()));
+  if (!holes) throw IoError("read", input.path(), errno);
+  std::vector<std::byte> chunk(kChunk);
+  std::uint64_t left = kMostBytesAside;
+  while (const auto stretch = next_stretch(holes, offset, input.size())) {
+    for (offset = stretch->first; offset < stretch->second;) {
+      const std::uint64_t most = std::min({left, stretch->second - offset, std::uint64_t{kChunk}});
+      const std::size_t count = input.read_at(offset, std::span(chunk).first(static_cast<std::size_t>(most)));
+      if (count == 0) return;
+      write(std::span(chunk).first(count));
+      offset += count;
+      left -= count;
+    }
+  }
+}
+
 SetAside set_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
                       const fs::path& folder, Telling telling) {
   if (!files.exists(folder)) {
@@ -206,15 +249,14 @@ SetAside set_aside_in(FileSystem& files, const fs::path& file, std::uint64_t lin
     crypto::Sha256 hash;
     {
       const std::unique_ptr<WritableFile> written = files.create(part);
-      std::vector<std::byte> chunk(kChunk);
-      while (const std::size_t count = input.read_at(offset, chunk)) {
-        const ByteView bytes = std::span(chunk).first(count);
+      copy_bounded(files, input, offset, [&](ByteView bytes) {
         hash.update(bytes);
         written->write(bytes);
-        offset += count;
-      }
+        kept.kept += bytes.size();
+      });
       written->sync_all();
     }
+    kept.stood = input.size() - std::min(offset, input.size());
     kept.sha256 = crypto::to_hex(hash.finish());
     kept.file = folder / (format_index(line) + "-" + kept.sha256 + std::string(kAsideSuffix));
     files.rename(part, telling == Telling::kFollows ? with_suffix(kept.file, kUntoldSuffix) : kept.file);
@@ -257,9 +299,7 @@ SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, 
     }
   }
   // Whoever can write to the archive may have put something into the way of each.
-  std::array<std::byte, 8> random{};
-  crypto::fill_random(random);
-  return set_aside_in(files, file, line, offset, archive / (name + "-" + crypto::to_hex(random)), telling);
+  return set_aside_in(files, file, line, offset, archive / (name + "-" + random_name()), telling);
 }
 
 std::vector<UntoldAside> untold_asides(const FileReading& files, const fs::path& archive, std::size_t most) {
@@ -269,14 +309,26 @@ std::vector<UntoldAside> untold_asides(const FileReading& files, const fs::path&
     if (!is_log_aside_name(folder_name) || !files.is_folder(folder)) continue;
     for (const std::string& name : files.names_in(folder)) {
       if (untold.size() == most) return untold;
-      if (std::optional<UntoldAside> each = untold_of_name(folder, name)) untold.push_back(std::move(*each));
+      std::optional<UntoldAside> each = untold_of_name(folder, name);
+      if (!each) continue;
+      const std::optional<FileStatus> there = files.status(folder / name);
+      if (there && there->kind == FileStatus::Kind::kRegular) untold.push_back(std::move(*each));
     }
   }
   return untold;
 }
 
 void name_as_told(FileSystem& files, const SetAside& kept) {
-  files.rename(with_suffix(kept.file, kUntoldSuffix), kept.file);
+  const fs::path untold = with_suffix(kept.file, kUntoldSuffix);
+  try {
+    files.rename(untold, kept.file);
+  } catch (const IoError&) {
+    // A folder has the name. Else each start would find the file again.
+    const std::string name = kept.file.filename().string();
+    const std::size_t dash = name.find('-');
+    files.rename(untold, kept.file.parent_path() / (name.substr(0, dash) + "-" + random_name() +
+                                                    name.substr(std::min(dash, name.size()))));
+  }
   files.sync_folder(kept.file.parent_path());
 }
 

@@ -62,21 +62,27 @@ UnsignedLines unsigned_lines(const FileReading& files, const std::filesystem::pa
 /// What a file beside the log is called, behind its name, until an entry tells of it.
 inline constexpr std::string_view kUntoldSuffix = ".untold";
 
+/// So much of what is set aside is kept: whoever adds lines fills no disk by it.
+inline constexpr std::uint64_t kMostBytesAside = std::uint64_t{16} << 20U;
+
 struct SetAside {
   std::filesystem::path file;  // as it is called without kUntoldSuffix
   std::string sha256;          // in hexadecimal
+  std::uint64_t stood = 0;     // bytes that stood there
+  std::uint64_t kept = 0;      // bytes of them in the file
 };
 /// Whether an entry is to tell of the file.
 enum class Telling { kNone, kFollows };
 /// Writes what stands in `file` from byte `offset` on durably into a file of its own in log-aside/ of
-/// `archive`, which is made unless it is there. Where that is no folder, or nothing can be written into it,
+/// `archive`, which is made unless it is there: the first kMostBytesAside of it, without holes, which take no
+/// room on the disk. Where that is no folder, or nothing can be written into it,
 /// another one beside it is taken, at last one whose name nobody can know before. The file's name is the
 /// number of the first line and the SHA-256 of what is in it. Throws kiroku::IoError, and leaves nothing then
 /// but folders.
 SetAside set_aside(FileSystem& files, const std::filesystem::path& file, std::uint64_t line,
                    std::uint64_t offset, const std::filesystem::path& archive, Telling telling);
 
-/// A file of which, by its name, no entry tells yet. Whoever can write to the archive makes such names, too.
+/// A file of which, by its name, no entry tells yet. Whoever can write to the archive makes such files, too.
 struct UntoldAside {
   std::uint64_t line = 0;
   SetAside kept;
@@ -84,7 +90,8 @@ struct UntoldAside {
 /// In log-aside/ of `archive` and those beside it; no more than `most`. Throws kiroku::IoError.
 std::vector<UntoldAside> untold_asides(const FileReading& files, const std::filesystem::path& archive,
                                        std::size_t most);
-/// An entry tells of it from now on. Throws kiroku::IoError.
+/// An entry tells of it from now on. Where something is in the way of its name it gets another one, which
+/// nobody can know before. Throws kiroku::IoError.
 void name_as_told(FileSystem& files, const SetAside& kept);
 
 }  // namespace kiroku::archive

@@ -155,6 +155,27 @@ TEST_F(LogBesideACopy, WithTwoNotesOfOneSizeSignedTwoHistories) {
   EXPECT_THAT(summary_alone(verify_by_copy()), HasSubstr("outside-notes-contradict - -"));
 }
 
+// A note by Ed25519 alone lies between those that do accuse.
+TEST_F(LogBesideACopy, WithTwoHistoriesByAllKeysAccusesWhateverLiesBetween) {
+  const crypto::SigningKey all = crypto::SigningKey::from_pem(sound().key().to_pem(nullptr).text(), nullptr)
+                                     .with_ml_dsa(crypto::MlDsaPrivateKey::generate(crypto::MlDsaSet::k65));
+  const auto note = [&](const std::string& history, const crypto::SigningKey& key) {
+    const crypto::Checkpoint text{origin(), 6, crypto::sha256(bytes_of(history))};
+    return crypto::sign_note_by_all(text.to_text(), SampleArchive::kDeviceName, key).note;
+  };
+  put(99'999'998, note("another", sound().key()));
+  archive::VerifyOptions options = sound().options();
+  options.devices = {crypto::verifier_key_of(SampleArchive::kDeviceName, all)};
+  options.against = {{"kept.note", note("one", all)}};
+  options.copies = {archive::read_outside_copy(copy())};
+  const std::string by_ed25519 = summary_alone(archive::verify_log(log(), options));
+  EXPECT_THAT(by_ed25519, HasSubstr("outside-note-not-by-both - -"));
+  EXPECT_THAT(by_ed25519, ::testing::Not(HasSubstr("outside-notes-contradict")));
+  put(99'999'999, note("a third", all));
+  options.copies = {archive::read_outside_copy(copy())};
+  EXPECT_THAT(summary_alone(archive::verify_log(log(), options)), HasSubstr("outside-notes-contradict - -"));
+}
+
 TEST_F(LogBesideACopy, ThatNobodySignedIsNotCompared) {
   fs::remove_all(copy() / archive::kCheckpointsFolder);
   fs::create_directory(copy() / archive::kCheckpointsFolder);

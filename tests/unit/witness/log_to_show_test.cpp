@@ -1,6 +1,10 @@
 // Which checkpoint of a log its witnesses are shown.
+#include <atomic>
+#include <cstdio>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -103,6 +107,25 @@ TEST_F(LogThatIsShown, IsRefusedWithoutACheckpointByTheDevice) {
   EXPECT_THAT(of_another, ThrowsMessage<Error>(HasSubstr("no checkpoint of the log in")));
   fs::remove_all(folder() / archive::kCheckpointsFolder);
   EXPECT_THAT([&] { (void)shown(); }, ThrowsMessage<Error>(HasSubstr("has no checkpoint that could be cosigned")));
+}
+
+// Whoever can write to the archive takes its checkpoints away while it is read, and puts them back.
+TEST_F(LogThatIsShown, IsShownOrRefusedWhileItsCheckpointsComeAndGo) {
+  const fs::path none = parent_.path() / "none", there = folder() / archive::kCheckpointsFolder;
+  fs::create_directory(none);
+  std::atomic<bool> ends = false;
+  std::thread exchanging([&] {
+    while (!ends) ::renameat2(AT_FDCWD, none.c_str(), AT_FDCWD, there.c_str(), RENAME_EXCHANGE);
+  });
+  for (int i = 0; i < 500; ++i) {
+    try {
+      (void)shown();
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("checkpoint"));
+    }
+  }
+  ends = true;
+  exchanging.join();
 }
 
 }  // namespace

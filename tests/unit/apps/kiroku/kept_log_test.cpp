@@ -78,6 +78,28 @@ TEST_F(KeptLog, TwoProcessesKeepTheNewestCheckpoint) {
   EXPECT_EQ(size, std::to_string(archive::read_log(home_.log_folder()).size()));
 }
 
+// Its writer waited for a slow disk, and another process signed meanwhile.
+TEST_F(KeptLog, ALateNoteDoesNotTakeTheNewerOnesPlace) {
+  const fs::path file = folder_ / "last-signed.note";
+  const auto remembered = [&] {
+    std::ifstream input(file, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(input), {});
+  };
+  auto log = open();
+  log->access("*", "unlocked", "anna");
+  const crypto::Checkpoint of_another{archive::log_origin("or-1"), 99, {}};
+  const std::string newer = crypto::sign_note(of_another.to_text(), "or-1", key_);
+  std::ofstream(file, std::ios::binary) << newer;
+  log->access("*", "locked", "anna");
+  log.reset();  // what is given is written by then
+  EXPECT_EQ(remembered(), newer);
+  // One of a log that was lost is no newer one.
+  log = open();
+  log->access("*", "unlocked", "anna");
+  log.reset();
+  EXPECT_THAT(remembered(), HasSubstr("\n" + std::to_string(types().size()) + "\n"));
+}
+
 TEST_F(KeptLog, WhereNothingCanBeRememberedEntriesAreMadeAllTheSame) {
   fs::create_directory(folder_ / "last-signed.note");
   const auto log = open();

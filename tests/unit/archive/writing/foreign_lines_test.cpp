@@ -17,6 +17,8 @@
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer.h"
+#include "archive/writing/ledger.h"
+#include "archive/writing/unsigned_lines.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
@@ -30,6 +32,7 @@ namespace {
 namespace fs = std::filesystem;
 using test::FaultFileSystem;
 using test::TemporaryFolder;
+using testing::AllOf;
 using testing::AnyOf;
 using testing::Contains;
 using testing::ElementsAre;
@@ -76,6 +79,8 @@ class ForeignLines : public testing::Test {
   }
   void add_text(const std::string& text) const { std::ofstream(ledger(), std::ios::app) << text; }
   void add(const LogEntryBody& body) const { add_text(next_line(body) + "\n"); }
+  /// Zeros that take no room on the disk.
+  void add_hole(std::uint64_t bytes) const { fs::resize_file(ledger(), fs::file_size(ledger()) + bytes); }
   /// A checkpoint over the lines as they are.
   void sign(const std::string& name, const crypto::SigningKey& key) const {
     crypto::MerkleFrontier tree;
@@ -398,6 +403,129 @@ TEST_F(ForeignLines, ALongLineOnADiskWithoutRoomIsCutOffAllTheSame) {
   }
 }
 
+TEST_F(ForeignLines, WithAZeroByteArePutAsideWhileTheLogIsOpen) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  for (const std::string& before :
+       {std::string(), std::string("nonsense\n"), next_line(ShutdownEntry{}) + "\n"}) {
+    const std::string sound = text_of_file(ledger());
+    const std::string text = std::string("{\"a\":\"\0\"}\n", 10) + next_line(ShutdownEntry{}) + "\n";
+    add_text(before + text);
+    log->access("*", "locked", "sato");
+    EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(sound));
+    EXPECT_THAT(aside(), Contains(text));
+    EXPECT_EQ(codes(), "intact") << before;
+  }
+}
+
+// No reader gets beyond so many zeros: nobody would look at what stands behind them before it is signed.
+TEST_F(ForeignLines, BehindMoreZerosThanAreReadCountForNothing) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  const std::string key = next_line(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()}) + "\n";
+  const std::uint64_t before = fs::file_size(ledger());
+  for (std::uint64_t bytes = 0; bytes <= kMostBytesOfLine + kMaximumLineBytes; bytes += kMaximumLineBytes) {
+    add_hole(kMaximumLineBytes - 1);
+    add_text("\n");
+  }
+  add_text(key);
+  const std::uint64_t stood = fs::file_size(ledger()) - before;
+  log->access("*", "locked", "sato");
+  log->checkpoint();
+  EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
+  EXPECT_THAT(types(), ElementsAre("boot", "access", "recovered", "access", "access"));
+  EXPECT_THAT(deeds(), ElementsAre(HasSubstr(" of the " + std::to_string(stood) +
+                                             " bytes that stood from entry 2 on")));
+  EXPECT_THAT(aside(), ElementsAre(AllOf(HasSubstr(key), testing::SizeIs(testing::Lt(kMostBytesAside)))));
+  EXPECT_EQ(codes(), "intact");
+  open()->access("*", "unlocked", "mori");
+  EXPECT_EQ(codes(), "intact");
+}
+
+// Whoever makes the log longer than any disk has room for fills none by it.
+TEST_F(ForeignLines, ThatTakeNoRoomAreNotCopied) {
+  const auto log = open();
+  log->access("*", "unlocked", "sato");
+  // The format has no number as large as the last one; not every file system has such files.
+  for (const unsigned power : {40U, 60U}) {
+    std::error_code too_large;
+    fs::resize_file(ledger(), std::uint64_t{1} << power, too_large);
+    if (too_large) continue;
+    log->access("*", "locked", "sato");
+    EXPECT_EQ(codes(), "intact");
+    for (const std::string& kept : aside()) EXPECT_LT(kept.size(), std::size_t{1} << 16U);
+    EXPECT_THAT(log->remarks(), Contains(HasSubstr("bytes, without holes, lie in ")));
+  }
+  EXPECT_THAT(deeds(), Contains(testing::StartsWith("set aside ")));
+}
+
+TEST_F(ForeignLines, OfWhichThereAreManyAreKeptInPart) {
+  open()->access("*", "unlocked", "sato");
+  const std::string line = std::string(900'000, 'x') + "\n";
+  std::string text;
+  while (text.size() <= kMostBytesAside) text += line;
+  add_text(text);
+  open()->access("*", "locked", "sato");
+  EXPECT_THAT(deeds(),
+              ElementsAre(testing::StartsWith("set aside 16777216 of the " + std::to_string(text.size()) +
+                                              " bytes that stood from entry 2 on, which this device did "
+                                              "not sign, sha256 ")));
+  EXPECT_THAT(aside(), ElementsAre(text.substr(0, kMostBytesAside)));
+  EXPECT_EQ(codes(), "intact");
+}
+
+/// The real one, that does something before a file is opened.
+class HookedFiles final : public FileSystem {
+ public:
+  /// What errno is to be instead of an opened file; 0: it is opened.
+  std::function<int(const fs::path& path)> hook;
+
+  int open_at(int folder, const std::string& name, int flags, const fs::path& path) const override {
+    const int error = hook ? hook(path) : 0;
+    if (error == 0) return FileReading::open_at(folder, name, flags, path);
+    errno = error;
+    return -1;
+  }
+  std::unique_ptr<WritableFile> create(const fs::path& file) override { return real_.create(file); }
+  std::unique_ptr<WritableFile> append_to(const fs::path& file) override { return real_.append_to(file); }
+  void rename(const fs::path& from, const fs::path& to) override { real_.rename(from, to); }
+  void remove(const fs::path& file) override { real_.remove(file); }
+  void make_folder(const fs::path& folder) override { real_.make_folder(folder); }
+  void sync_folder(const fs::path& folder) override { real_.sync_folder(folder); }
+
+ private:
+  FileSystem& real_ = real_file_system();
+};
+
+// Whoever does not ask for the turn writes between the look at a line and the next signature.
+TEST_F(ForeignLines, AddedWhileOthersAreLookedAtAreNotSignedEither) {
+  const std::string key = a_strangers_key().ml_dsa()->to_string();
+  HookedFiles files;
+  const auto log = open(files, key_);
+  log->access("*", "unlocked", "sato");
+  for (int times = 1; times <= 8; ++times) {
+    int left = times;
+    const std::string line = next_line(DeviceMlDsaEntry{key}) + "\n";
+    files.hook = [&](const fs::path& path) {
+      if (path == ledger() && left-- > 0) add_text(line);
+      return 0;
+    };
+    log->access("*", "locked", "sato");
+    EXPECT_EQ(codes(), "intact") << times;
+  }
+  // Or for ever.
+  const std::string line = next_line(DeviceMlDsaEntry{key}) + "\n";
+  files.hook = [&](const fs::path& path) {
+    if (path == ledger()) add_text(line);
+    return 0;
+  };
+  EXPECT_THROW(log->access("*", "unlocked", "mori"), LedgerHeldError);
+  files.hook = nullptr;
+  log->access("*", "locked", "mori");
+  EXPECT_EQ(codes(), "intact");
+  EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
+}
+
 /// What a writer of this device that dies leaves as well: one line that has no checkpoint.
 class EachStatement : public ForeignLines, public testing::WithParamInterface<LogEntryBody> {};
 
@@ -512,6 +640,27 @@ TEST_F(ForeignLines, AFileThatNoEntryTellsOfIsToldOnceAndAsNoMoreThanThat) {
                              "found beside the log what was set aside from entry 7 on, of which no entry")));
     EXPECT_EQ(codes(), "intact");
   }
+}
+
+// What somebody put in the way of their names is there at each start.
+TEST_F(ForeignLines, FilesThatCannotGetTheirNameHideNoneBehindThem) {
+  open()->access("*", "unlocked", "sato");
+  const auto put = [&](const std::string& number, const std::string& text) {
+    const std::string name = number + "-" + crypto::to_hex(crypto::sha256(bytes_of(text))) + ".jsonl";
+    std::ofstream(root() / kLogAsideFolder / (name + ".untold")) << text;
+    return root() / kLogAsideFolder / name;
+  };
+  fs::create_directory(root() / kLogAsideFolder);
+  for (int i = 0; i < 16; ++i) fs::create_directories(put("00000001", std::to_string(i)) / "x");
+  const fs::path real = put("00000007", "nonsense\n");
+  for (const std::size_t told : {16U, 17U, 17U}) {
+    open();
+    EXPECT_THAT(deeds(), SizeIs(told));
+  }
+  EXPECT_EQ(text_of_file(real), "nonsense\n");
+  for (const auto& file : fs::directory_iterator(root() / kLogAsideFolder))
+    EXPECT_THAT(file.path().string(), Not(testing::EndsWith(".untold")))
+        << "each start would read the log for it";
 }
 
 TEST_F(ForeignLines, AFileOfWhichAnEntryTellsGetsItsNameAlone) {
@@ -665,6 +814,18 @@ TEST_F(TwoProcesses, CutOffNothingThatTheOtherOneSigned) {
   EXPECT_EQ(codes(), "intact");
 }
 
+// A power cut leaves zeros, too, but not where a line was that was flushed before it was signed.
+TEST_F(TwoProcesses, CutNothingOffThatIsSignedThoughItHoldsZerosNow) {
+  open_one()->case_held(kCase, "court order", "anna");
+  take_newest_checkpoint_away();
+  std::string text = text_of_file(ledger());
+  text.replace(text.find("court order"), 11, 11, '\0');
+  std::ofstream(ledger(), std::ios::binary) << text;
+  const auto log = open_one();
+  log->access("*", "unlocked", "sato");
+  EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+}
+
 TEST_F(TwoProcesses, TakeBackWhatNeitherSigned) {
   const auto recorder = open_one();
   recorder->access("*", "unlocked", "sato");
@@ -787,23 +948,28 @@ class ForeignLinesBeforeACase : public ForeignLines {
     add(CaseOpenedEntry{case_id_, crypto::sha256(bytes_of(line))});
   }
 
+  /// A case and its line, with somebody's before it; all that the log has behind its second entry.
+  void record_and_lose_its_checkpoint() {
+    {
+      const auto log = open();
+      log->access("*", "unlocked", "sato");
+      record(key_, log.get());
+    }
+    const std::string text = text_of_file(ledger());
+    std::ofstream(ledger(), std::ios::binary)
+        << text.substr(0, text.rfind('\n', text.find("\"case-opened\"")) + 1);
+    for (const std::uint64_t size : {3U, 4U}) fs::remove(log_folder() / note_path(size));
+    add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
+    add_opening();
+  }
+
   std::string case_id_;
 };
 
 // It must not be lost to the log, whoever stands before its line.
 TEST_F(ForeignLinesBeforeACase, ThatIsHereAreLeftAndNamed) {
-  {
-    const auto log = open();
-    log->access("*", "unlocked", "sato");
-    record(key_, log.get());
-  }
-  std::string text = text_of_file(ledger());
-  std::ofstream(ledger(), std::ios::binary)
-      << text.substr(0, text.rfind('\n', text.find("\"case-opened\"")) + 1);
-  for (const std::uint64_t size : {3U, 4U}) fs::remove(log_folder() / note_path(size));
-  add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
-  add_opening();
-  text = text_of_file(ledger());
+  record_and_lose_its_checkpoint();
+  const std::string text = text_of_file(ledger());
   {
     const auto log = open();
     EXPECT_EQ(log->case_state(case_id_), ApplianceLog::CaseState::kOpened);
@@ -814,6 +980,48 @@ TEST_F(ForeignLinesBeforeACase, ThatIsHereAreLeftAndNamed) {
   const auto log = open();
   log->access("*", "unlocked", "sato");
   EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt) << "though a checkpoint covers that line now";
+}
+
+// Nor to whatever keeps the recorder from looking at the case.
+TEST_F(ForeignLinesBeforeACase, WhichCannotBeReadNowAreLeft) {
+  record_and_lose_its_checkpoint();
+  const std::string text = text_of_file(ledger());
+  for (const std::string_view which : {"ledger.jsonl", "checkpoints", ".note"}) {
+    for (const int error : {EMFILE, ENFILE, ESTALE, ENOMEM, EIO}) {
+      HookedFiles files;
+      files.hook = [&](const fs::path& path) {
+        const std::string name = path.string();
+        return name.find(case_id_) != std::string::npos && name.ends_with(which) ? error : 0;
+      };
+      open(files, key_);
+      EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text)) << which << " " << error;
+      EXPECT_THAT(aside(), IsEmpty());
+      std::ofstream(ledger(), std::ios::binary) << text;
+      for (const std::uint64_t size : {5U, 6U}) fs::remove(log_folder() / note_path(size));
+    }
+  }
+}
+
+// Of cases that the device recorded beside another log: the log would be read for each.
+TEST_F(ForeignLinesBeforeACase, HaveTheLogReadNoMoreForManyCases) {
+  open()->access("*", "unlocked", "sato");
+  std::vector<std::ptrdiff_t> readings;
+  for (const int cases : {1, 4}) {
+    add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
+    for (int i = 0; i < cases; ++i) {
+      TemporaryFolder elsewhere(test::quick_parent());
+      const auto another =
+          ApplianceLog::open(real_file_system(), elsewhere.path() / "log", key_, "theatre-1");
+      another->access("*", "unlocked", "sato");
+      record(key_, another.get());
+      add_opening();
+    }
+    FaultFileSystem files(root());
+    const auto log = open(files, key_);
+    EXPECT_THAT(log->remarks(), ElementsAre(HasSubstr("this device did not write")));
+    readings.push_back(std::ranges::count(files.reads(), "open log/ledger.jsonl"));
+  }
+  EXPECT_EQ(readings[0], readings[1]);
 }
 
 // Whoever can write to the archive makes a folder that fits any line; only the device makes a case of its.

@@ -186,6 +186,24 @@ TEST_F(LedgerTest, CutsOffMoreZerosThanAnyLineHasBytes) {
   EXPECT_EQ(contents(), "one\n");
 }
 
+// Somebody made zeros of lines that are signed: as long as one likes, and without room on the disk.
+TEST_F(LedgerTest, ReadsNoEndOfZerosThatCheckpointsCover) {
+  constexpr std::uint64_t kLines = 66;
+  for (std::uint64_t lines = 0; lines < kLines; ++lines) {
+    std::ofstream(file_, std::ios::app) << "";
+    std::filesystem::resize_file(file_, std::filesystem::file_size(file_) + (1U << 20U) - 1);
+    std::ofstream(file_, std::ios::app) << "\n";
+  }
+  int asked = 0;
+  const auto covered = [&] {
+    ++asked;
+    return kLines;
+  };
+  EXPECT_THAT([&] { Ledger::open(files_, file_, Ledger::Sharing::kShared, nullptr, {}, covered); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("hold more zeros than are read")));
+  EXPECT_EQ(asked, 1) << "the checkpoints are looked at once";
+}
+
 TEST_F(LedgerTest, RefusesASecondWriter) {
   const auto ledger = open();
   try {

@@ -37,6 +37,10 @@ export const kDeeds: readonly SentencePair[] = [
     '項目 {entry} 以降の、この装置が署名していない内容を別に保管（sha256 {hash}）',
   ],
   [
+    'set aside {count} of the {all} bytes that stood from entry {entry} on, which this device did not sign, sha256 {hash}',
+    '項目 {entry} 以降の、この装置が署名していない内容 {all} バイトのうち {count} バイトを別に保管（sha256 {hash}）',
+  ],
+  [
     'found beside the log what was set aside from entry {entry} on, of which no entry told, sha256 {hash}',
     '項目 {entry} 以降を別に保管したファイルで、どの項目にも記載のないものを確認（sha256 {hash}）',
   ],
