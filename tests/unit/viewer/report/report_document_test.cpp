@@ -619,7 +619,7 @@ TEST_F(ReportDocument, OfACaseInWhichNothingWasRecordedDoesNotSayYes) {
 TEST_F(ReportDocument, BesideWhichFilesOfASystemLieDoesNotSayThatNothingWasAdded) {
   ReportInput in = input();
   EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("nothing was added"));
-  for (const std::uint64_t files : {std::uint64_t{1}, std::uint64_t{2}}) {
+  for (const std::uint64_t files : {1U, 2U}) {
     in.verification.left_by_systems = files;
     in.verification.findings = {
         {"file-of-a-system", archive::Severity::kNote, "segments/@eaDir/big", {}, {}, "nobody recorded it"}};
