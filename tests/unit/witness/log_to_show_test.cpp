@@ -106,7 +106,8 @@ TEST_F(LogThatIsShown, IsRefusedWithoutACheckpointByTheDevice) {
   };
   EXPECT_THAT(of_another, ThrowsMessage<Error>(HasSubstr("no checkpoint of the log in")));
   fs::remove_all(folder() / archive::kCheckpointsFolder);
-  EXPECT_THAT([&] { (void)shown(); }, ThrowsMessage<Error>(HasSubstr("has no checkpoint that could be cosigned")));
+  EXPECT_THAT([&] { (void)shown(); },
+              ThrowsMessage<Error>(HasSubstr("has no checkpoint that could be cosigned")));
 }
 
 // Whoever can write to the archive takes its checkpoints away while it is read, and puts them back.
