@@ -21,7 +21,6 @@
 #include "apps/kiroku/store.h"
 #include "apps/kiroku/told_to_end.h"
 #include "apps/kiroku/user_name.h"
-#include "archive/format/case_layout.h"
 #include "base/error.h"
 #include "base/joined.h"
 #include "base/printable.h"
