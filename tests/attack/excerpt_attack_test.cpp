@@ -350,7 +350,19 @@ TEST(ExcerptAttack, LinesThatBeginAfterASegmentOfItsTimeProveNothing) {
 
 TEST(ExcerptAttack, LinesThatBeginAfterEventsOfItsTimeProveNothing) {
   AttackedCase victim;
-  victim.edit_text(0, R"("kind":"video")", R"("kind":"events")");
+  victim.edit_text(0, R"("kind":"video","media":"video/mp2t")",
+                   R"("kind":"events","media":"application/jsonl")");
+  victim.edit_text(0, R"("profile":"mpeg2")", R"("profile":"jsonl")");
+  std::vector<std::string> lines = victim.lines();
+  for (std::string& line : lines) {
+    const std::size_t at = line.find(".ts.age");
+    if (at == std::string::npos || line.find("segments/endoscope/") == std::string::npos) continue;
+    const std::size_t begin = line.find("segments/endoscope/");
+    const std::string file = line.substr(begin, at - begin);
+    line.replace(at, 7, ".jsonl.age");
+    fs::rename(victim / (file + ".ts.age"), victim / (file + ".jsonl.age"));
+  }
+  victim.set_lines(lines);
   victim.forge(SoundCases::get().archive.key(), true);
   ASSERT_EQ(summary(victim.verify(false)), "intact");
   const archive::VerifyOptions options = SoundCases::get().archive.options();
