@@ -50,12 +50,21 @@ class Person:
     def ask(self, path, body=None):
         """Status and body; a body that is sent makes it a POST."""
         headers = {"X-Kiroku-Request": "1", "Content-Type": "application/json", "Cookie": self.cookie}
-        self.connection.request("GET" if body is None else "POST", "/api/" + path, None if body is None else json.dumps(body), headers)
-        answer = self.connection.getresponse()
+        try:
+            answer = self.answer("GET" if body is None else "POST", path, body, headers)
+        except http.client.RemoteDisconnected:
+            if body is not None:
+                raise
+            # A server closes a connection on which nothing was asked for a while, and a browser asks again.
+            answer = self.answer("GET", path, None, headers)
         given = answer.headers.get_all("Set-Cookie", [])  # of the session, and of a device that is known from then on
         if given:
             self.cookie = "; ".join(each.split(";")[0] for each in given)
         return answer.status, answer.read()
+
+    def answer(self, method, path, body, headers):
+        self.connection.request(method, "/api/" + path, None if body is None else json.dumps(body), headers)
+        return self.connection.getresponse()
 
     def tell(self, path, body=None):
         status, text = self.ask(path, body)

@@ -216,7 +216,7 @@ TEST_F(WorklistTest, ReadsTimesStrictlyAndAsAcrNemaWroteThem) {
     if (!item.within) continue;
     EXPECT_EQ(local(item.within->earliest, "%Y%m%d%H%M"), day + "0000");
   }
-  EXPECT_THAT(left_out_of(answer), HasSubstr("6 steps state no time, or one that cannot be read"));
+  EXPECT_THAT(left_out_of(answer), HasSubstr("4 steps state no time, or one that cannot be read"));
 }
 
 // Together they are longer than an answer of the box may be.
