@@ -63,6 +63,12 @@ bool is_of_appointment(const ProcedureMessage& message) {
          message.kind == ProcedureMessage::Kind::kCancels;
 }
 
+/// It says what is known of somebody, and is no event of theirs.
+bool is_record(const ProcedureMessage& message) {
+  using Kind = ProcedureMessage::Kind;
+  return (message.kind == Kind::kPlaces && message.is_of_record) || message.kind == Kind::kFacts;
+}
+
 /// As a message that named the patient by the earlier number.
 ProcedureMessage before_merging(const ProcedureMessage& merging) {
   ProcedureMessage before;
@@ -87,6 +93,20 @@ void leave_identity(ProcedureMessage& message) {
 
 }  // namespace
 
+void ProcedureBook::Kept::note_visit(const ProcedureMessage& by) {
+  if (by.visit.empty()) return;
+  if (visits.size() >= kMostSenders && !visits.contains(by.sender)) visits.erase(visits.begin());
+  visits.insert_or_assign(by.sender, by.visit);
+}
+
+bool ProcedureBook::Kept::has_visit(const std::string& visit) const {
+  return std::ranges::any_of(visits, [&](const auto& each) { return read_alike(each.second, visit); });
+}
+
+bool ProcedureBook::Kept::is_of_another_visit(const ProcedureMessage& other) const {
+  return !other.visit.empty() && !visits.empty() && !has_visit(other.visit);
+}
+
 ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, const ProcedureMessage& other) {
   const bool is_same_number = one.patient == other.patient;
   if (!is_same_number && !share_a_number(one.numbers, other.numbers)) return Likeness::kNone;
@@ -98,10 +118,10 @@ ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, con
                         !same_but_for_case(one.facility, other.facility);
   if (!is_same_number && births_differ) return Likeness::kNone;
   if (births_differ && is_another_name(one.data.patient, other.data.patient)) {
-    // Whoever was not known by name is, as their own system says it where they are.
+    // Whoever was not known by name is, as the record of their own system says, or as it says where they are.
+    const bool is_there = (one.is_of_record || other.is_of_record) && share_a_place(one.places, other.places);
     const bool is_corrected = has_issuer && !one.sender.empty() && one.sender == other.sender &&
-                              (one.is_of_record || other.is_of_record) && !are_two_visits(one, other) &&
-                              share_a_place(one.places, other.places);
+                              !are_two_visits(one, other) && (is_record(one) || is_there);
     return is_corrected ? Likeness::kSure : Likeness::kPerhaps;
   }
   if (is_same_number && !is_apart) return Likeness::kSure;
@@ -301,7 +321,7 @@ ProcedureBook::Likeness ProcedureBook::lateness(const ProcedureMessage& message)
       const bool is_same_appointment = is_of_appointment(message) && same_appointment(known, message);
       const Likeness alike = is_same_appointment          ? Likeness::kSure
                              : is_of_appointment(message) ? Likeness::kNone
-                                                          : likeness(known, message);
+                                                          : likeness(message, known);
       const bool is_newer =
           known.sender == message.sender && known.told && *known.told - *message.told > kSameMoment;
       is_known = is_known || alike == Likeness::kSure;
@@ -418,11 +438,12 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
   const std::vector<std::string> known = known_as(message, false);
   const bool leaves = message.kind == ProcedureMessage::Kind::kLeaves;
   if (known.empty() && leaves && has_left(message) != Likeness::kSure) ++strangers_left_;
-  bool is_gone = leaves, is_still_there = false;
+  bool is_gone = leaves, has_gone = false, is_still_there = false;
   const bool is_visit_known = std::ranges::any_of(known, [&](const std::string& patient) {
-    return read_alike(message.visit, placed_.find(patient)->second.message.visit);
+    return placed_.find(patient)->second.has_visit(message.visit);
   });
-  std::map<std::string, Went> gone;
+  Kept ended{received, {}};
+  std::map<std::string, Went>& gone = ended.gone;
   for (const std::string& patient : known) {
     const auto found = placed_.find(patient);
     Kept& kept = found->second;
@@ -430,7 +451,7 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
     // Whoever is seen off elsewhere, late, is where they came since.
     if (!leaves && !message.places.empty() && !share) continue;
     // Whoever is discharged from another visit is where this one has them, as far as that goes.
-    if (are_two_visits(message, kept.message) && (message.is_of_record || !share)) {
+    if (kept.is_of_another_visit(message) && (message.is_of_record || !share)) {
       if (leaves && !is_visit_known) kept.doubt = Doubt::kOtherVisit;
       is_still_there = true;
       continue;
@@ -440,24 +461,37 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
     if (message.data.birth_date.empty()) message.data.birth_date = kept.message.data.birth_date;
     if (message.data.patient.empty()) message.data.patient = kept.message.data.patient;
     if (message.visit.empty()) message.visit = kept.message.visit;
+    ended.visits.insert(kept.visits.begin(), kept.visits.end());
     gone.insert(kept.gone.begin(), kept.gone.end());
     for (const auto& [place, came] : kept.since) gone.insert_or_assign(place, Went{received, true});
     placed_.erase(found);
     is_gone = true;
+    has_gone = true;
   }
+  if (has_gone && leaves) end_doubt_of_visits(known);
   if (!is_gone || is_still_there) return;
   gone.merge(take_back(message));
   leave_identity(message);
   const std::string key = key_of_ended(message);
-  Kept kept{received, std::move(message)};
-  kept.gone = std::move(gone);
-  ended_.insert_or_assign(key, std::move(kept));
+  ended.note_visit(message);
+  ended.message = std::move(message);
+  ended_.insert_or_assign(key, std::move(ended));
+}
+
+/// Once the other visit is over nothing says any more that whoever was set aside is elsewhere.
+void ProcedureBook::end_doubt_of_visits(const std::vector<std::string>& known) {
+  std::vector<Kept*> here;
+  for (const std::string& patient : known) {
+    if (const auto found = placed_.find(patient); found != placed_.end()) here.push_back(&found->second);
+  }
+  if (here.size() != 1 || here.front()->apart.empty()) return;
+  if (here.front()->doubt == Doubt::kOtherVisit) here.front()->doubt = Doubt::kNone;
 }
 
 ProcedureBook::Likeness ProcedureBook::has_left(const ProcedureMessage& message) const {
   Likeness most = Likeness::kNone;
   for (const auto& [key, kept] : ended_) {
-    if (is_of_appointment(kept.message) || are_two_visits(message, kept.message)) continue;
+    if (is_of_appointment(kept.message) || kept.is_of_another_visit(message)) continue;
     most = std::max(most, likeness(message, kept.message));
   }
   return most;
@@ -490,7 +524,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
   Doubt doubt = is_in_doubt ? Doubt::kToldLate : Doubt::kNone;
   const bool is_of_another = known != placed_.end() && says_where && !message.is_of_any_visit &&
-                             are_two_visits(message, known->second.message) &&
+                             known->second.is_of_another_visit(message) &&
                              !share_a_place(message.places, known->second.message.places);
   if (is_of_another) {
     // A record of another visit says nothing of now.
@@ -512,14 +546,16 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     const std::optional<UtcTime> moved = message.moves ? message.happened : std::nullopt;
     Kept kept{received, std::move(message), {}, doubt, moved};
     kept.gone = take_back(kept.message);
+    kept.note_visit(kept.message);
     note_change("", received);
     for (const std::string& place : kept.message.places) {
       kept.since.emplace(place, received);
-      kept.gone.erase(place);
       note_change(place, received);
     }
+    const bool arrives = kept.message.moves;
     const std::string key = key_of_placed(kept);
-    placed_.insert_or_assign(key, std::move(kept));
+    const auto added = placed_.insert_or_assign(key, std::move(kept)).first;
+    if (arrives && says_where) join_visits(added->second);
     return;
   }
   Kept& kept = known->second;
@@ -539,15 +575,21 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
       if (!was_there || (arrives && other_came)) note_change(place, received);
       const bool stays = !arrives && other_came;
       since.emplace(place, stays ? before->second : received);
-      kept.gone.erase(place);
       comes = comes || !stays;
     }
     for (const auto& [place, came] : kept.since) {
       if (since.contains(place)) continue;
       pass(place, came, received);
-      kept.gone.insert_or_assign(place, Went{received, arrives});
+      const Went went{received, arrives, message.cancels_move};
+      // Whoever was there by mistake alone has not left it since they were there before.
+      if (message.cancels_move) {
+        kept.gone.try_emplace(place, went);
+      } else {
+        kept.gone.insert_or_assign(place, went);
+      }
     }
     kept.since = std::move(since);
+    kept.note_visit(message);
     if (message.visit.empty()) message.visit = kept.message.visit;
   } else {
     if (arrives && !kept.moved) note_change("", received);
@@ -561,21 +603,35 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   // Only who is said to have come anew is there for sure again.
   kept.doubt = doubt != Doubt::kNone ? doubt : arrives ? Doubt::kNone : kept.doubt;
   kept.message = std::move(message);
+  if (arrives && says_where) join_visits(kept);
+}
+
+void ProcedureBook::join_visits(Kept& kept) {
+  std::erase_if(placed_, [&](const auto& each) {
+    const Kept& other = each.second;
+    const bool is_same = &other != &kept && other.message.patient == kept.message.patient &&
+                         share_a_place(other.message.places, kept.message.places);
+    if (!is_same) return false;
+    kept.visits.insert(other.visits.begin(), other.visits.end());
+    kept.gone.insert(other.gone.begin(), other.gone.end());
+    return true;
+  });
 }
 
 ProcedureBook::Messages::iterator ProcedureBook::of_visit(const ProcedureMessage& message) {
   const auto known = placed_.find(message.patient);
-  if (known == placed_.end() || !are_two_visits(message, known->second.message)) return known;
+  if (known != placed_.end() && !known->second.is_of_another_visit(message)) return known;
+  // Also where another visit set that one aside, and is over.
   const auto same = std::ranges::find_if(placed_, [&](const auto& each) {
-    const ProcedureMessage& other = each.second.message;
-    return other.patient == message.patient && read_alike(other.visit, message.visit);
+    return each.second.message.patient == message.patient && !message.visit.empty() &&
+           each.second.has_visit(message.visit);
   });
   return same == placed_.end() ? known : same;
 }
 
 void ProcedureBook::set_aside(Messages::iterator known, const Arrival& received) {
   Kept aside = std::move(placed_.extract(known).mapped());
-  aside.doubt = Doubt::kOtherVisit;
+  if (aside.doubt == Doubt::kNone) aside.doubt = Doubt::kOtherVisit;
   aside.apart = "\nvisit\n" + aside.message.visit;
   for (const auto& [place, came] : aside.since) note_change(place, received);
   const std::string key = key_of_placed(aside);
@@ -666,6 +722,7 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
       }
       if (one.doubt == Doubt::kNone) one.doubt = known->second.doubt;
       one.gone.insert(known->second.gone.begin(), known->second.gone.end());
+      one.visits.insert(known->second.visits.begin(), known->second.visits.end());
     }
     give(one.message);
     one.apart.clear();
@@ -691,6 +748,27 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
   merged_.insert_or_assign(earlier, Kept{received, std::move(merging)});
 }
 
+/// A change that states no time, as "checked in" may, leaves those that were stated before.
+void ProcedureBook::keep_times(ProcedureMessage& message, const ProcedureMessage& before) {
+  const auto states = [](const auto& one) { return one.planned || one.is_time_unclear || one.within; };
+  if (message.kind != ProcedureMessage::Kind::kAppointment || message.books || states(message)) return;
+  if (std::ranges::any_of(message.planned_places, states)) return;
+  message.planned = before.planned;
+  message.is_time_unclear = before.is_time_unclear;
+  message.within = before.within;
+  message.data.planned = before.data.planned;
+  for (PlannedPlace& place : message.planned_places) {
+    const auto same = std::ranges::find_if(before.planned_places, [&](const PlannedPlace& other) {
+      return share_a_place(place.spellings, other.spellings);
+    });
+    if (same == before.planned_places.end()) continue;
+    place.planned = same->planned;
+    place.is_time_unclear = same->is_time_unclear;
+    place.planned_text = same->planned_text;
+    place.within = same->within;
+  }
+}
+
 /// Whatever `by` changes or cancels; what it was called before, it is called still.
 std::optional<ProcedureBook::Arrival> ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
   std::optional<Arrival> booked;
@@ -709,6 +787,7 @@ std::optional<ProcedureBook::Arrival> ProcedureBook::take_out_appointment(std::v
         if (!message.planned) message.planned = before.planned;
         add_numbers(message.numbers, before.numbers);
       }
+      keep_times(message, before);
       const bool is_moved = message.planned && message.planned != before.planned;
       if (!message.books && !is_moved) booked = each.second.booked;
     }
@@ -817,15 +896,29 @@ void ProcedureBook::lose(LostPlaces& places, const Kept& kept, const ProcedureMo
   for (const std::string& place : lost) {
     if (!rules_.empty() && !is_watched(place)) continue;
     is_news = true;
-    if (places.size() >= kMostKept && !places.contains(place)) continue;
-    const auto [known, added] = places.try_emplace(place, Lost{first, last});
-    if (added) continue;
+    const std::string key = key_of_lost(place, first);
+    auto known = places.find(key);
+    if (known == places.end() && places.size() >= kMostKept) {
+      // Of more days than are kept those of one place become one.
+      known =
+          std::ranges::find_if(places, [&](const auto& each) { return place_of_lost(each.first) == place; });
+      if (known == places.end()) continue;
+    }
+    if (known == places.end()) {
+      places.emplace(key, Lost{first, last});
+      continue;
+    }
     Lost& before = known->second;
     if (first.since_boot < before.first.since_boot) before.first = first;
     if (last.since_boot > before.last.since_boot) before.last = last;
   }
   if (is_news) ++not_kept_;
 }
+
+std::string ProcedureBook::key_of_lost(const std::string& place, const ProcedureMoment& first) {
+  return place + "\n" + std::to_string(std::chrono::floor<std::chrono::days>(first.since_boot).count());
+}
+std::string ProcedureBook::place_of_lost(const std::string& key) { return key.substr(0, key.rfind('\n')); }
 
 void ProcedureBook::lose(const Messages& messages, const Kept& kept, const ProcedureMoment& now) {
   if (&messages == &merged_) return;
@@ -852,7 +945,8 @@ void ProcedureBook::lose(const Messages& messages, const Kept& kept, const Proce
 bool ProcedureBook::is_lost(const LostPlaces& places, const ProcedureRule& rule,
                             const ProcedureMoment& at) const {
   return std::ranges::any_of(places, [&](const auto& each) {
-    const auto& [place, lost] = each;
+    const auto& [key, lost] = each;
+    const std::string place = place_of_lost(key);
     const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
     return is_meant && at.by_this_clock(lost.first) - rule.window <= at.utc &&
            at.utc <= at.by_this_clock(lost.last) + rule.window;
@@ -865,10 +959,18 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
   };
   std::erase_if(messages, [&](const auto& each) { return now.utc - newest(each.second) > kLongestWindow; });
   while (messages.size() > kMostKept) {
-    // Of those that concern no watched room, the oldest; of none, the oldest of all.
+    // Of those that concern no watched room, the oldest; of none, the oldest of all. Of appointments those
+    // that are planned furthest from now: the next ones were often booked first.
     auto oldest = messages.end(), oldest_of_all = messages.end();
+    const bool is_of_plans = &messages == &appointments_;
     const auto is_older = [&](auto one, auto than) {
-      return than == messages.end() || one->second.received.number < than->second.received.number;
+      if (than == messages.end()) return true;
+      const auto distance = [&](const Kept& kept) {
+        return std::chrono::abs(planned_last(kept, now) - now.utc);
+      };
+      if (is_of_plans && distance(one->second) != distance(than->second))
+        return distance(one->second) > distance(than->second);
+      return one->second.received.number < than->second.received.number;
     };
     for (auto each = messages.begin(); each != messages.end(); ++each) {
       if (is_older(each, oldest_of_all)) oldest_of_all = each;
@@ -944,8 +1046,11 @@ std::optional<ProcedureBook::Left> ProcedureBook::left(const ProcedureRule& rule
                                                        const ProcedureMessage& message) const {
   std::optional<Left> last;
   bool was_here = false;
+  std::optional<Arrival> from_here;
   const auto note = [&](const Left& one) {
     was_here = was_here || one.is_from_here;
+    const bool is_surely_from_here = one.is_from_here && one.is_sure;
+    if (is_surely_from_here && (!from_here || from_here->number < one.when.number)) from_here = one.when;
     if (!last || last->when.number < one.when.number) last = one;
   };
   const auto look_at = [&](const Kept& kept, bool is_there) {
@@ -953,25 +1058,42 @@ std::optional<ProcedureBook::Left> ProcedureBook::left(const ProcedureRule& rule
     const Likeness alike = likeness(message, kept.message);
     if (alike == Likeness::kNone) return;
     const bool is_sure = alike == Likeness::kSure;
-    if (!is_there) note({kept.received, rule.locations.empty(), is_sure, kept.message.visit});
+    if (!is_there) note({kept.received, rule.locations.empty(), is_sure, &kept});
     for (const auto& [place, went] : kept.gone) {
-      if (is_of_room(rule, place)) note({went.when, true, is_sure, kept.message.visit});
+      const bool is_gone = !went.is_cancelled && !kept.since.contains(place);
+      if (is_gone && is_of_room(rule, place)) note({went.when, true, is_sure, &kept});
     }
   };
   for (const auto& [key, kept] : placed_) look_at(kept, true);
   for (const auto& [key, kept] : ended_) look_at(kept, false);
   if (last) last->is_from_here = was_here;
+  if (last) last->from_here = from_here;
   return last;
 }
 
+bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
+                                   const std::optional<TimeSpan>& within, const ProcedureMoment& at) const {
+  const std::optional<Left> gone = left(rule, kept.message);
+  if (!gone || !gone->from_here) return false;
+  const Arrival& booked = kept.booked ? *kept.booked : kept.received;
+  if (booked.number > gone->from_here->number) return false;
+  const UtcTime went = at.by_this_clock(gone->from_here->at);
+  const UtcTime since = within ? within->earliest : at.by_this_clock(booked.at);
+  constexpr std::chrono::hours kDay{24};
+  const bool is_near = is_within(at.utc - went, std::max<std::chrono::nanoseconds>(rule.window, kDay));
+  return since <= went && went <= at.utc && is_near;
+}
+
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
-                                 UtcTime planned, const ProcedureMoment& at) const {
+                                 UtcTime planned, const ProcedureMoment& at, const EndedSince& ended) const {
   const UtcTime went = at.by_this_clock(left.when.at);
   if (at.utc - went > rule.window) return Standing::kOpen;
   if (!left.is_sure || went > at.utc) return Standing::kDoubtful;
   if (planned <= went) return Standing::kDone;
   if (!left.is_from_here || planned - went > kFurthestAhead) return Standing::kDoubtful;
-  // It went faster than it was planned, unless that was another one.
+  // It went faster than it was planned, if a case about them has ended since they came; else they were only
+  // brought, as by mistake. Unless that was another one.
+  if (!ended || !ended(message.data, went - kFurthestAhead)) return Standing::kDoubtful;
   const bool has_earlier = std::ranges::any_of(appointments_, [&](const auto& each) {
     const Kept& other = each.second;
     if (other.message.patient != message.patient || !concerns(rule, other.message)) return false;
@@ -982,7 +1104,7 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, co
 }
 
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
-                                 const ProcedureMoment& at) const {
+                                 const ProcedureMoment& at, const EndedSince& ended) const {
   const std::optional<Left> gone = left(rule, kept.message);
   if (!gone) return Standing::kOpen;
   const Arrival& booked = kept.booked ? *kept.booked : kept.received;
@@ -990,14 +1112,13 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const Kept& kept, Ut
     // Booked anew; what is written up later is not.
     return planned + kSameMoment >= at.by_this_clock(gone->when.at) ? Standing::kOpen : Standing::kDoubtful;
   }
-  const bool is_other_visit =
-      !kept.message.visit.empty() && !gone->visit.empty() && !read_alike(kept.message.visit, gone->visit);
-  if (is_other_visit && !gone->is_from_here) return Standing::kOpen;
-  return standing(rule, *gone, kept.message, planned, at);
+  if (gone->of->is_of_another_visit(kept.message) && !gone->is_from_here) return Standing::kOpen;
+  return standing(rule, *gone, kept.message, planned, at, ended);
 }
 
 Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData& data,
-                                 std::optional<UtcTime> planned, const ProcedureMoment& at) const {
+                                 std::optional<UtcTime> planned, const ProcedureMoment& at,
+                                 const EndedSince& ended) const {
   ProcedureMessage message;
   message.patient = data.patient_id + "\n" + data.patient_id_issuer;
   message.numbers = {{data.patient_id, data.patient_id_issuer, {}, {}}};
@@ -1009,16 +1130,15 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData&
   for (const auto& [key, kept] : appointments_) {
     if (!concerns(rule, kept.message) || likeness(message, kept.message) == Likeness::kNone) continue;
     const UtcTime time = planned_here(rule, kept, at).time;
-    if (!kept.message.is_over && standing(rule, kept, time, at) == Standing::kOpen) return Standing::kOpen;
+    if (!kept.message.is_over && standing(rule, kept, time, at, ended) == Standing::kOpen)
+      return Standing::kOpen;
     const bool is_that_one = planned && std::chrono::abs(time - *planned) <= kFurthestAhead;
     is_over = is_over || (kept.message.is_over && is_that_one);
   }
   if (is_over) return Standing::kDone;
   if (const std::optional<Left> gone = left(rule, message)) {
-    const bool is_other_visit =
-        !message.visit.empty() && !gone->visit.empty() && !read_alike(message.visit, gone->visit);
-    if (gone->is_from_here || !is_other_visit) {
-      const Standing stands = standing(rule, *gone, message, planned.value_or(at.utc), at);
+    if (gone->is_from_here || !gone->of->is_of_another_visit(message)) {
+      const Standing stands = standing(rule, *gone, message, planned.value_or(at.utc), at, ended);
       if (stands != Standing::kOpen) return stands;
     }
   }
@@ -1031,7 +1151,8 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData&
   return is_cancelled ? Standing::kDoubtful : Standing::kOpen;
 }
 
-ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at) const {
+ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at,
+                                      const EndedSince& ended) const {
   const Kept* here = nullptr;
   UtcTime here_since;
   std::optional<std::uint64_t> here_number;
@@ -1065,7 +1186,8 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
       const std::optional<UtcTime::duration> nearness = nearest_unclear(rule, kept, at);
       if (!nearness) continue;
       const bool is_nearer = here == nullptr && (!unclear || *nearness < *unclear);
-      if (is_nearer && standing(rule, kept, at.utc, at) != Standing::kDone) unclear = nearness;
+      if (is_nearer && !has_left_since(rule, kept, its.is_unclear ? its.within : std::nullopt, at))
+        unclear = nearness;
       only_unclear = &kept;
       only_unclear_here = its;
       ++unclear_count;
@@ -1080,7 +1202,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   for (bool is_changed = here == nullptr; is_changed && plan.index;) {
     is_changed = false;
     for (const std::size_t each : plan.equally_near) {
-      if (standing(rule, *planned[each], *times[each], at) != Standing::kDone) continue;
+      if (standing(rule, *planned[each], *times[each], at, ended) != Standing::kDone) continue;
       times[each].reset();
       is_changed = true;
     }
@@ -1107,7 +1229,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     if (is_anybodys) return {{}, Doubt::kTwoPlanned};
     if (planned[*chosen]->doubt != Doubt::kNone) return {{}, planned[*chosen]->doubt};
     if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
-    if (standing(rule, *planned[*chosen], *times[*chosen], at) == Standing::kDoubtful)
+    if (standing(rule, *planned[*chosen], *times[*chosen], at, ended) == Standing::kDoubtful)
       return {{}, Doubt::kLeftAlready};
   }
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {

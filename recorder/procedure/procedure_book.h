@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -23,6 +24,9 @@ struct ProcedureRule {
   std::chrono::nanoseconds window =
       std::chrono::hours(12);  // what is further from the case's beginning is not used
 };
+
+/// Whether a case about that patient was ended in the rule's room at `since` or later. Null: none was.
+using EndedSince = std::function<bool(const ProcedureData& data, UtcTime since)>;
 
 /// A moment by two clocks. The wall clock may be set between two of them; the other one (CLOCK_BOOTTIME) says
 /// how far apart they are.
@@ -47,7 +51,8 @@ struct ProcedureMoment {
 /// patient is worse than none: what leaves two possible is said to.
 class ProcedureBook {
  public:
-  /// Of each kind. Of more the oldest go, those that concern no watched room before others.
+  /// Of each kind. Of more the oldest go, of appointments those planned furthest from now; those that concern
+  /// no watched room before others.
   static constexpr std::size_t kMostKept = 2000;
   static constexpr std::chrono::hours kLongestWindow{72};  // and what is older than that
   /// Two times of a sender that are less apart are of one moment: some state minutes alone, and their clock
@@ -69,8 +74,9 @@ class ProcedureBook {
   /// patient, completed by their appointment; if nobody is there, the appointment planned nearest to `at`
   /// that is not over, and of nobody who left since it was booked (standing()). Nobody wherever it is not
   /// sure whom they mean: then it says why. Whoever was there earlier counts until a message says that they
-  /// went.
-  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, const ProcedureMoment& at) const;
+  /// went. Whoever left before they were planned was operated on if a case about them has ended.
+  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, const ProcedureMoment& at,
+                                       const EndedSince& ended = {}) const;
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule,
                                                   const ProcedureMoment& at) const {
     return choose(rule, at).data;
@@ -78,7 +84,8 @@ class ProcedureBook {
 
   /// What messages say of a procedure that something else plans in the rule's room, as a worklist does.
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const ProcedureData& data,
-                                  std::optional<UtcTime> planned, const ProcedureMoment& at) const;
+                                  std::optional<UtcTime> planned, const ProcedureMoment& at,
+                                  const EndedSince& ended = {}) const;
 
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
@@ -118,7 +125,8 @@ class ProcedureBook {
   /// From a place where somebody was.
   struct Went {
     Arrival when;
-    bool is_event = false;  // of the patient: not by a record that names another place now
+    bool is_event = false;      // of the patient: not by a record that names another place now
+    bool is_cancelled = false;  // they never were there: they were moved by mistake
   };
   struct Kept {
     Arrival received;
@@ -128,29 +136,40 @@ class ProcedureBook {
     Doubt doubt = Doubt::kNone;  // a message that is not followed says otherwise
     /// By the sender's clock: when an event last said that they went where they are.
     std::optional<UtcTime> moved = {};
-    /// Of a patient who is placed or has left: the places where they were before, and are no more.
+    /// Of a patient who is placed or has left: the places where they were before. Those where they are again
+    /// are in `since`, too.
     std::map<std::string, Went> gone = {};
     /// Of an appointment: when it was booked, or moved to another time.
     std::optional<Arrival> booked = {};
     /// Of a patient who is placed, where another visit has placed them elsewhere since: behind their number.
     std::string apart = {};
+    /// The last number that each sender gave to the visit for which the patient is where they are.
+    std::map<std::string, std::string> visits = {};
+    void note_visit(const ProcedureMessage& message);
+    [[nodiscard]] bool has_visit(const std::string& visit) const;
+    /// Both are stated, and differ.
+    [[nodiscard]] bool is_of_another_visit(const ProcedureMessage& message) const;
   };
   /// Whoever left, as far as an appointment of theirs goes.
   struct Left {
     Arrival when;
     bool is_from_here = false;  // from the rule's room
     bool is_sure = false;       // it is that patient
-    std::string visit;
+    const Kept* of = nullptr;
+    std::optional<Arrival> from_here = {};  // when that patient left the room last
   };
   /// The last time that the patient whom the message names left the room, or the hospital.
   [[nodiscard]] std::optional<Left> left(const ProcedureRule& rule, const ProcedureMessage& message) const;
   /// Of an appointment in the rule's room that is planned for `planned`.
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
-                                  const ProcedureMoment& at) const;
+                                  const ProcedureMoment& at, const EndedSince& ended) const;
   /// Of what is planned for somebody who left since it was booked.
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const Left& left,
-                                  const ProcedureMessage& message, UtcTime planned,
-                                  const ProcedureMoment& at) const;
+                                  const ProcedureMessage& message, UtcTime planned, const ProcedureMoment& at,
+                                  const EndedSince& ended) const;
+  /// Of a time that is a day alone, or unclear otherwise: whether its patient left the room since then.
+  [[nodiscard]] bool has_left_since(const ProcedureRule& rule, const Kept& kept,
+                                    const std::optional<TimeSpan>& within, const ProcedureMoment& at) const;
   /// Those who left, and who may be the one whom the message names: no more then, as they are back.
   std::map<std::string, Went> take_back(const ProcedureMessage& message);
   [[nodiscard]] Likeness has_left(const ProcedureMessage& message) const;
@@ -187,7 +206,9 @@ class ProcedureBook {
   struct Lost {
     ProcedureMoment first, last;
   };
-  using LostPlaces = std::map<std::string, Lost>;  // by place, in lower case
+  using LostPlaces = std::map<std::string, Lost>;  // by place, in lower case, and the day of `first`
+  static std::string key_of_lost(const std::string& place, const ProcedureMoment& first);
+  static std::string place_of_lost(const std::string& key);
   void lose(LostPlaces& places, const Kept& kept, const ProcedureMoment& first, const ProcedureMoment& last);
   /// One of `messages`, which are placed_, appointments_, ended_ or merged_, was forgotten.
   void lose(const Messages& messages, const Kept& kept, const ProcedureMoment& now);
@@ -223,7 +244,8 @@ class ProcedureBook {
   /// As one that comes now, or as one before what its sender told of later things.
   Arrival arrival_of(const ProcedureMessage& message, const ProcedureMoment& received);
   /// Whether two messages name one patient, by other forms of a number or by other numbers. One number is of
-  /// two where both birth and name differ; without an issuer it is one of who sends it (MSH-4).
+  /// two where both birth and name differ, but where `one` is the record that corrects `other`; without an
+  /// issuer it is one of who sends it (MSH-4).
   static Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other);
   /// Whether the same sender told later things of the same patient, or appointment, already.
   [[nodiscard]] Likeness lateness(const ProcedureMessage& message) const;
@@ -239,6 +261,9 @@ class ProcedureBook {
   void place(ProcedureMessage message, const Arrival& received, bool is_in_doubt);
   /// Whom it is about: of several visits of a patient that one.
   Messages::iterator of_visit(const ProcedureMessage& message);
+  /// Whoever came to one place for two visits is there once: two systems number one visit each.
+  void join_visits(Kept& kept);
+  void end_doubt_of_visits(const std::vector<std::string>& known);
   /// Another visit places the patient elsewhere: they may be there, or here.
   void set_aside(Messages::iterator known, const Arrival& received);
   void drop_set_aside(const std::string& patient, const Arrival& received);
@@ -246,6 +271,7 @@ class ProcedureBook {
   static bool leave_out_gone(ProcedureMessage& message, const Kept& kept);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
+  static void keep_times(ProcedureMessage& message, const ProcedureMessage& before);
   /// When it was booked, where the change leaves it at its time.
   std::optional<Arrival> take_out_appointment(std::vector<ProcedureMessage>& by);
   void keep_appointment(ProcedureMessage message, const Arrival& received,

@@ -10,7 +10,10 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 5;
+constexpr std::uint64_t kVersion = 6;
+/// Which knows no move that was cancelled, of each visit one number, and of all that was lost of a place when
+/// it counted first and last.
+constexpr std::uint64_t kVersionBefore = 5;
 /// Which knows one doubt alone, no visits, and nothing of where somebody was before.
 constexpr std::uint64_t kVersionOfOneDoubt = 4;
 /// Which knows nothing of the times of single places, and of when somebody came to a room or left it.
@@ -29,6 +32,20 @@ void members(Codec& codec, Texts& texts) {
   } else {
     codec.one(static_cast<std::uint64_t>(texts.size()));
     for (const std::string& text : texts) codec.one(text);
+  }
+}
+
+template <typename Codec, Is<std::map<std::string, std::string>> Texts>
+void members(Codec& codec, Texts& texts) {
+  if constexpr (Codec::kReads) {
+    for (std::size_t left = codec.length(); left > 0; --left) {
+      std::string key, text;
+      codec.all(key, text);
+      if (!texts.emplace(std::move(key), std::move(text)).second) StateReader::refuse();
+    }
+  } else {
+    codec.one(static_cast<std::uint64_t>(texts.size()));
+    for (const auto& [key, text] : texts) codec.all(key, text);
   }
 }
 
@@ -110,7 +127,7 @@ void members(Codec& codec, Message& message) {
   // Without planned_places and what follows, which stand at the end of what is kept (later_members()).
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
          placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
-         visit, is_of_any_visit, is_of_record, books, leaves_unnamed] = message;
+         visit, is_of_any_visit, cancels_move, is_of_record, books, leaves_unnamed] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -165,7 +182,7 @@ struct ProcedureBook::AsBytes {
 
   template <typename Codec, Is<Kept> One>
   static void kept(Codec& codec, One& one, std::uint64_t version) {
-    auto& [received, message, since, doubt, moved, gone, booked, apart] = one;
+    auto& [received, message, since, doubt, moved, gone, booked, apart, visits] = one;
     arrival(codec, received);
     members(codec, message);
     if constexpr (Codec::kReads) {
@@ -190,11 +207,16 @@ struct ProcedureBook::AsBytes {
       members(codec, moved);
     }
     if (version > kVersionOfOneTime) members(codec, message.planned_places);
-    if (version > kVersionOfOneDoubt) later_kept(codec, one);
+    if (version > kVersionOfOneDoubt) later_kept(codec, one, version);
+    if (version > kVersionBefore) {
+      members(codec, visits);
+    } else if constexpr (Codec::kReads) {
+      one.note_visit(message);
+    }
   }
 
   template <typename Codec, Is<Kept> One>
-  static void later_kept(Codec& codec, One& one) {
+  static void later_kept(Codec& codec, One& one, std::uint64_t version) {
     later_members(codec, one.message);
     codec.one(one.apart);
     bool is_booked = one.booked.has_value();
@@ -206,6 +228,7 @@ struct ProcedureBook::AsBytes {
         std::string place;
         Went went{Arrival{0, UtcTime{}}};
         codec.all(place, went.is_event);
+        if (version > kVersionBefore) codec.one(went.is_cancelled);
         arrival(codec, went.when);
         if (!one.gone.emplace(std::move(place), went).second) StateReader::refuse();
       }
@@ -214,7 +237,7 @@ struct ProcedureBook::AsBytes {
       if (is_booked) arrival(codec, *one.booked);
       codec.one(static_cast<std::uint64_t>(one.gone.size()));
       for (const auto& [place, went] : one.gone) {
-        codec.all(place, went.is_event);
+        codec.all(place, went.is_event, went.is_cancelled);
         arrival(codec, went.when);
       }
     }
@@ -238,11 +261,13 @@ struct ProcedureBook::AsBytes {
       write(writer, lost.last);
     }
   }
-  static void read(StateReader& reader, LostPlaces& places) {
+  static void read(StateReader& reader, LostPlaces& places, std::uint64_t version) {
     for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
       std::string place;
       reader.one(place);
       const ProcedureMoment first = read(reader), last = read(reader);
+      // All of a place was one before.
+      if (version <= kVersionBefore) place = key_of_lost(place, first);
       if (!places.emplace(std::move(place), Lost{first, last}).second) StateReader::refuse();
     }
   }
@@ -365,8 +390,8 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
     }
   }
   if (version > kVersionOfOneDoubt) {
-    AsBytes::read(reader, book.lost_placed_);
-    AsBytes::read(reader, book.lost_planned_);
+    AsBytes::read(reader, book.lost_placed_, version);
+    AsBytes::read(reader, book.lost_planned_, version);
   }
   reader.require_end();
   for (const Kept& each : lost_placed) book.lose(book.lost_placed_, each, each.received.at, each.received.at);

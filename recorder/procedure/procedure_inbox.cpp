@@ -298,10 +298,10 @@ void ProcedureInbox::end() {
   state_->keep();
 }
 
-ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at) const {
+ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at, const EndedSince& ended) const {
   const std::lock_guard guard(state_->mutex);
   const ProcedureMoment moment = state_->moment(at);
-  ProcedureChoice choice = state_->book.choose(rule, moment);
+  ProcedureChoice choice = state_->book.choose(rule, moment, ended);
   // Somebody may have been placed in the room before, or booked for now.
   const bool may_lack =
       choice.data && state_->since && moment.utc - moment.by_this_clock(*state_->since) <= rule.window;
@@ -318,9 +318,9 @@ void ProcedureInbox::watch(const ProcedureRule& rule) {
 }
 
 Standing ProcedureInbox::standing(const ProcedureRule& rule, const ProcedureData& data,
-                                  std::optional<UtcTime> planned, UtcTime at) const {
+                                  std::optional<UtcTime> planned, UtcTime at, const EndedSince& ended) const {
   const std::lock_guard guard(state_->mutex);
-  return state_->book.standing(rule, data, planned, state_->moment(at));
+  return state_->book.standing(rule, data, planned, state_->moment(at), ended);
 }
 
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {

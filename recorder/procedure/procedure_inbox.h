@@ -46,8 +46,10 @@ class ProcedureInbox {
   /// As those of ProcedureBook.
   void watch(const ProcedureRule& rule);
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const ProcedureData& data,
-                                  std::optional<UtcTime> planned, UtcTime at) const;
-  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, UtcTime at) const;
+                                  std::optional<UtcTime> planned, UtcTime at,
+                                  const EndedSince& ended = {}) const;
+  [[nodiscard]] ProcedureChoice choose(const ProcedureRule& rule, UtcTime at,
+                                       const EndedSince& ended = {}) const;
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const {
     return choose(rule, at).data;
   }

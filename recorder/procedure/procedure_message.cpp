@@ -161,15 +161,15 @@ class Reader {
     } else if (!out_.patient.empty()) {
       out_.moves = is_one_of(event, kMoving);
       out_.is_of_record = event == "A08";
+      out_.cancels_move = event == "A12";
       out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
       out_.kind = is_one_of(event, kLeaving)        ? Kind::kLeaves
                   : is_one_of(event, kDeparting)    ? Kind::kDeparts
                   : out_.moves || out_.is_of_record ? Kind::kPlaces
                                                     : Kind::kFacts;
-      // Whoever was discharged is nowhere, whatever place their record names still.
-      if (out_.kind == Kind::kPlaces && event != "A13" && is_discharged()) {
+      // Whoever was discharged is nowhere, whatever place their record names still. Whoever moves is not.
+      if (out_.kind == Kind::kPlaces && out_.is_of_record && is_discharged()) {
         out_.kind = Kind::kDeparts;
-        out_.moves = false;
         out_.places.clear();
       }
     } else {
@@ -199,12 +199,11 @@ class Reader {
     return event;
   }
 
-  /// PV1-45 of before it was told.
+  /// PV1-45 of before it was told. What cannot be read says nothing, as some fill it with zeros; a day alone
+  /// is over when it has passed.
   [[nodiscard]] bool is_discharged() const {
-    if (discharged_.is_unclear) return true;
-    const std::optional<UtcTime> since =
-        discharged_.within ? std::optional(discharged_.within->earliest) : discharged_.at;
-    return since && (!out_.told || *since <= *out_.told);
+    if (discharged_.within) return out_.told && discharged_.within->latest <= *out_.told;
+    return discharged_.at && (!out_.told || *discharged_.at <= *out_.told);
   }
 
   void read_times() {

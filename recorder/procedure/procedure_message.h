@@ -32,7 +32,7 @@ struct ProcedureMessage {
               // be, and nothing of where they are
     kLeaves,  // the patient is gone: ADT^A03, A11, A23, A29, on leave: A21, A53
     kDeparts,  // gone from the places that it names: ADT^A09, A32; naming none, from where they were: also
-               // where PV1-45 says that they were discharged
+               // where PV1-45 of ADT^A08 says that they were discharged
     kAppointment,  // a procedure is planned: SIU^S12, S13, S14, S18 to S24
     kCancels,      // it is planned no more: SIU^S15, S16, S17, S26, or SCH-25 says so
     kNothing,      // names no patient, or no appointment: a blocked slot
@@ -65,6 +65,7 @@ struct ProcedureMessage {
   std::string visit = {};     // PV1-19
   /// The patient goes, or is elsewhere, whatever visit they were there for: ADT^A06, A07, A10.
   bool is_of_any_visit = false;
+  bool cancels_move = false;    // the patient is where they were, and never was where they went: ADT^A12
   bool is_of_record = false;    // it corrects the record, and is no event of the patient: ADT^A08
   bool books = false;           // the appointment is booked, or moved to another time: SIU^S12, S13
   bool leaves_unnamed = false;  // of kNothing: somebody left or departed whom it does not name

@@ -38,7 +38,8 @@ class ProcedureSource {
   /// says so. Returns at once.
   [[nodiscard]] virtual std::optional<Clock::Duration> changed_at() const { return {}; }
   /// A person or a rule ended the case about it at `at`. What is planned so is taken for another case only if
-  /// that one begins within kGoesOnWithin: after a pause it goes on. Later a person chooses it again.
+  /// that one begins within kGoesOnWithin: after a pause it goes on. Later, within the rule's window, a
+  /// person chooses it again.
   virtual void ended(const ProcedureData& /*data*/, UtcTime /*at*/) {}
   static constexpr std::chrono::minutes kGoesOnWithin{10};
   /// A case waits for it: what is asked for now and then is asked for now.

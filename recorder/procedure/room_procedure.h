@@ -10,6 +10,7 @@
 
 #include "recorder/procedure/procedure_inbox.h"
 #include "recorder/procedure/procedure_source.h"
+#include "recorder/procedure/window.h"
 #include "recorder/procedure/worklist.h"
 
 namespace kiroku::recorder {
@@ -66,14 +67,17 @@ class RoomProcedure : public ProcedureSource {
     return choice;
   }
   [[nodiscard]] ProcedureChoice choose_of_both(UtcTime at) const {
-    ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at) : ProcedureChoice();
+    const EndedSince ended = [&](const ProcedureData& data, UtcTime since) {
+      return has_ended(data, since, at);
+    };
+    ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at, ended) : ProcedureChoice();
     // What is planned for later says nothing of now.
     const bool is_open = told.doubt == Doubt::kNone || told.doubt == Doubt::kTooEarly;
     if (!worklist_ || !is_open) return told;
     const StandingOf standing = [&](const ProcedureData& data, std::optional<UtcTime> planned) {
       // Of whom messages plan, they say when.
       if (!planned && told.data && may_be_planned_for_both(*told.data, data)) return Standing::kDone;
-      return inbox_ ? inbox_->standing(rule_, data, planned, at) : Standing::kOpen;
+      return inbox_ ? inbox_->standing(rule_, data, planned, at, ended) : Standing::kOpen;
     };
     std::optional<ProcedureData> listed = worklist_->find(at, standing);
     if (!told.data) {
@@ -95,7 +99,15 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] bool was_recorded(const ProcedureData& data, UtcTime at) const {
     const std::lock_guard guard(mutex_);
     return std::ranges::any_of(ended_, [&](const auto& each) {
-      return std::chrono::abs(at - each.second) > kGoesOnWithin && may_be_same_procedure(data, each.first);
+      const auto ago = std::chrono::abs(at - each.second);
+      return ago > kGoesOnWithin && is_within(ago, rule_.window) && may_be_same_procedure(data, each.first);
+    });
+  }
+  /// A case about that patient, of whatever procedure.
+  [[nodiscard]] bool has_ended(const ProcedureData& data, UtcTime since, UtcTime at) const {
+    const std::lock_guard guard(mutex_);
+    return std::ranges::any_of(ended_, [&](const auto& each) {
+      return each.second >= since && each.second <= at && may_be_planned_for_both(data, each.first);
     });
   }
   /// Two systems may write one number in two ways.

@@ -33,8 +33,8 @@ ProcedureMessage planned(const std::string& patient, const std::string& what, st
 }
 
 std::string found(const ProcedureBook& book, UtcTime at, const std::vector<std::string>& locations = {"OR1"},
-                  std::chrono::nanoseconds window = 12h) {
-  const auto data = book.find({locations, window}, at);
+                  std::chrono::nanoseconds window = 12h, const EndedSince& ended = {}) {
+  const auto data = book.choose({locations, window}, at, ended).data;
   return data ? data->patient_id + " " + data->description : "nobody";
 }
 
@@ -285,10 +285,10 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   Bytes bytes = book.exported();
   constexpr std::size_t kCount = 8;  // bytes
   // Nothing was lost, of two kinds; and of each patient stand there: three flags, two times, three texts,
-  // a doubt, and an empty list of places.
+  // a doubt, and empty lists of places and of visits.
   bytes.resize(bytes.size() - 2 * kCount);
   constexpr std::size_t kChanges = kCount + 2 * (kCount + 16) + 3,
-                        kLater = 3 + 2 * 17 + 3 * kCount + 2 * kCount;
+                        kLater = 3 + 2 * 17 + 3 * kCount + 2 * kCount + kCount;
   bytes.erase(bytes.end() - kChanges - 5 * kCount - kLater, bytes.end() - kChanges - 5 * kCount);
   bytes.at(0) = std::byte{4};
   EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
@@ -1055,6 +1055,57 @@ TEST(ProcedureBook, AnOrdinaryDayNeedsNoQuestion) {
   }
 }
 
+// A system of the wards, one that plans, and one of the operating rooms, each with its own clock and numbers.
+TEST(ProcedureBook, AnOrdinaryDayOfThreeSystemsNeedsNoQuestion) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  const std::vector<std::string> patients{"1", "2", "3", "4"};
+  const auto tell = [&book](const std::string& sender, UtcTime at, ProcedureMessage message) {
+    const auto fast = sender == "OR" ? 7min : sender == "PLAN" ? -4min : 0min;
+    book.take(told_by(sender, at + fast, std::move(message)), at);
+  };
+  const auto in_ward = [](const std::string& who, ProcedureMessage message) {
+    return of_visit("V" + who, std::move(message));
+  };
+  const auto in_theatre = [](const std::string& who, ProcedureMessage message) {
+    return of_visit("C" + who, std::move(message));
+  };
+  const auto begin_of = [](std::size_t i) { return kMorning + std::chrono::hours(3 * i); };
+  for (std::size_t i = 0; i < patients.size(); ++i) {
+    const std::string& who = patients[i];
+    tell("PLAN", kMorning - 40h, booked(planned(who, "op " + who, begin_of(i))));  // S12
+    tell("HIS", kMorning - 16h, in_ward(who, moved(who, "ADMISSION")));            // A01
+    tell("HIS", kMorning - 15h, in_ward(who, corrected(who, "ADMISSION")));        // A08
+    tell("HIS", kMorning - 14h, in_ward(who, moved(who, "WARD")));                 // A02
+  }
+  for (std::size_t i = 0; i < patients.size(); ++i) {
+    const std::string& who = patients[i];
+    const UtcTime begin = begin_of(i);
+    ProcedureMessage arrives = in_theatre(who, moved(who, "OR1")),
+                     recovers = in_theatre(who, moved(who, "PACU"));
+    arrives.is_of_any_visit = recovers.is_of_any_visit = true;
+    tell("PLAN", begin - 50min, planned(who, "op " + who, {}));  // S14: checked in
+    EXPECT_EQ(found(book, begin - 20min), who + " op " + who) << "by plan";
+    tell("HIS", begin - 10min, in_ward(who, moved(who, "OR1")));  // A02
+    tell("OR", begin - 5min, arrives);                            // A10
+    EXPECT_EQ(found(book, begin), who + " op " + who);
+    tell("HIS", begin + 5min, in_ward(who, corrected(who, "OR1")));  // A08
+    tell("OR", begin + 10min, in_theatre(who, corrected(who, "OR1")));
+    EXPECT_EQ(found(book, begin + 15min), who + " op " + who);
+    tell("PLAN", begin + 20min, planned(who, "op " + who, begin));  // S14
+    if (i % 2 == 0) tell("OR", begin + 70min, recovers);            // A10
+    tell("HIS", begin + 75min, in_ward(who, moved(who, i % 2 == 0 ? "PACU" : "WARD")));
+    tell("OR", begin + 80min, in_theatre(who, corrected(who, "OR1")));  // A08, with the old place
+    tell("HIS", begin + 85min, in_ward(who, moved(who, "WARD")));
+    ProcedureMessage left = in_ward(who, leaving(who));  // A03
+    left.places = {"WARD"};
+    tell("HIS", begin + 100min, left);
+    EXPECT_EQ(book.choose({{"OR1"}, 12h}, begin + 110min).data, std::nullopt) << who;
+  }
+  EXPECT_EQ(book.ended_late(), 0U);
+  EXPECT_EQ(book.strangers_left(), 0U);
+}
+
 TEST(ProcedureBook, WhatIsPlannedLaterForSomebodyWhoLeftIsForAPersonToChoose) {
   ProcedureBook book;
   book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);
@@ -1078,7 +1129,42 @@ TEST(ProcedureBook, WhoeverLeftBeforeTheirPlannedTimeIsDoneAllTheSame) {
   book.take(booked(planned("2", "second", kMorning + 90min)), kMorning - 20h);
   book.take(moved("1", "OR1"), kMorning);
   book.take(moved("1", "PACU"), kMorning + 50min);
-  EXPECT_EQ(found(book, kMorning + 55min), "2 second");
+  const EndedSince ended = [](const ProcedureData& data, UtcTime since) {
+    return data.patient_id == "1" && since <= kMorning + 45min;
+  };
+  EXPECT_EQ(found(book, kMorning + 55min, {"OR1"}, 12h, ended), "2 second");
+}
+
+// They were moved to the room by mistake, and brought back, before they are operated on.
+TEST(ProcedureBook, WhoeverWasInTheRoomByMistakeIsStillPlanned) {
+  ProcedureBook book;
+  book.take(booked(planned("p", "first", kMorning)), kMorning - 20h);
+  book.take(booked(planned("q", "second", kMorning + 50min)), kMorning - 20h);
+  book.take(moved("p", "HOLDING"), kMorning - 1h);
+  book.take(moved("p", "OR1"), kMorning - 40min);
+  ProcedureBook cancelled = book;
+  book.take(moved("p", "HOLDING"), kMorning - 35min);
+  EXPECT_EQ(found(book, kMorning), "nobody") << "nobody tells a mistake from a short operation";
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kLeftAlready);
+  ProcedureMessage back = moved("p", "HOLDING");
+  back.cancels_move = true;
+  cancelled.take(back, kMorning - 35min);
+  const ProcedureBook read = ProcedureBook::imported(cancelled.exported());
+  EXPECT_EQ(found(read, kMorning), "p first") << "the move was cancelled";
+  cancelled.take(corrected("p", "OR1"), kMorning - 30min);
+  EXPECT_EQ(found(cancelled, kMorning), "p first");
+  EXPECT_THAT(cancelled.find({{"OR1"}, 12h}, kMorning)->chosen, HasSubstr("the appointment"))
+      << "a correction of the record brings nobody back";
+  // Whoever was operated on before is done all the same.
+  ProcedureBook again;
+  again.take(booked(planned("p", "first", kMorning)), kMorning - 20h);
+  again.take(booked(planned("q", "second", kMorning + 3h)), kMorning - 20h);
+  again.take(moved("p", "OR1"), kMorning);
+  again.take(moved("p", "PACU"), kMorning + 1h);
+  again.take(moved("p", "OR1"), kMorning + 70min);
+  back.places = {"PACU"};
+  again.take(back, kMorning + 75min);
+  EXPECT_EQ(found(again, kMorning + 2h + 5min), "q second");
 }
 
 // They were in the clinic the day before, or are admitted anew on the day itself.
@@ -1121,6 +1207,15 @@ TEST(ProcedureBook, TellsWhatItKnowsOfAWorklistsStep) {
   EXPECT_EQ(stands(unsure, kMorning + 2h), Standing::kDone) << "their birth is known from before";
   gone.take(with_numbers(booked(planned("", "again", kMorning + 2h)), {number}), kMorning + 90min);
   EXPECT_EQ(stands(gone, kMorning + 2h), Standing::kOpen);
+  ProcedureBook by_mistake;
+  by_mistake.take(with_numbers(moved("", "OR1"), {number}), kMorning - 40min);
+  ProcedureMessage back = with_numbers(moved("", "HOLDING"), {number});
+  ProcedureBook never_there = by_mistake;
+  by_mistake.take(back, kMorning - 35min);
+  EXPECT_EQ(stands(by_mistake, kMorning), Standing::kDoubtful);
+  back.cancels_move = true;
+  never_there.take(back, kMorning - 35min);
+  EXPECT_EQ(stands(never_there, kMorning), Standing::kOpen);
   ProcedureBook cancelled;
   cancelled.take(with_numbers(planned("", "A", kMorning), {number}), kMorning - 2h);
   ProcedureMessage call_off = with_numbers(with_kind(planned("", "A", {}), Kind::kCancels), {number});
@@ -1203,6 +1298,55 @@ TEST(ProcedureBook, AnAppointmentByDayAloneIsNotPlannedForWhenItsMessageCame) {
   EXPECT_EQ(found(tomorrow, kMorning + 8h), "1 first") << "nearer than any time of tomorrow";
 }
 
+TEST(ProcedureBook, WhoeverLeftSinceIsDoneWhoseTimeIsUnclear) {
+  const ProcedureMessage day = on_a_day(planned("p", "first", {}), kMorning - 7h, kMorning + 17h);
+  ProcedureMessage words = planned("p", "first", {});
+  words.is_time_unclear = true;
+  for (const ProcedureMessage& first : {day, words, planned("p", "first", {})}) {
+    ProcedureBook book;
+    book.take(booked(first), kMorning - 10h);
+    book.take(booked(planned("q", "second", kMorning + 3h + 30min)), kMorning - 10h);
+    ProcedureBook before = book;
+    book.take(moved("p", "OR1"), kMorning);
+    book.take(moved("p", "PACU"), kMorning + 2h);
+    EXPECT_EQ(found(book, kMorning + 3h + 30min), "q second");
+    book.take(booked(first), kMorning + 3h);
+    EXPECT_NE(found(book, kMorning + 3h + 30min), "q second") << "booked since";
+    if (!first.within) continue;
+    // Of the day before, or elsewhere, it says nothing.
+    before.take(moved("p", "OR1"), kMorning - 9h);
+    before.take(moved("p", "WARD"), kMorning - 8h);
+    before.take(moved("p", "LAB"), kMorning);
+    EXPECT_EQ(doubt(before, kMorning + 3h + 30min), Doubt::kTimeUnclear);
+  }
+}
+
+// "Checked in."
+TEST(ProcedureBook, AChangeThatStatesNoTimeLeavesTheTimesAsTheyWere) {
+  ProcedureBook book;
+  ProcedureMessage first = booked(planned("p", "first", kMorning + 1h));
+  first.data.planned = "10:00";
+  first.planned_places = {place_at("OR1", kMorning), place_at("OR2", kMorning + 2h)};
+  first.planned_places.front().planned_text = "09:00";
+  first.places = {"OR1", "OR2"};
+  book.take(first, kMorning - 20h);
+  book.take(booked(planned("q", "second", kMorning + 3h)), kMorning - 20h);
+  ProcedureMessage checked_in = planned("p", "first", {});
+  checked_in.planned_places = {place_at("OR1", {})};
+  book.take(checked_in, kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning), "p first");
+  EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning).value_or(ProcedureData()).planned, "09:00");
+  EXPECT_EQ(found(book, kMorning + 3h), "q second");
+  book.take(moved("p", "OR1"), kMorning);
+  book.take(moved("p", "PACU"), kMorning + 1h);
+  book.take(checked_in, kMorning + 1h);
+  EXPECT_EQ(found(book, kMorning + 90min), "nobody") << "more than an hour ahead";
+  EXPECT_EQ(doubt(book, kMorning + 90min), Doubt::kTooEarly) << "it is no new booking";
+  // One that is booked anew without a time has none.
+  book.take(booked(checked_in), kMorning + 2h);
+  EXPECT_EQ(doubt(book, kMorning + 3h), Doubt::kTimeUnclear);
+}
+
 TEST(ProcedureBook, AnAppointmentWhoseTimeCannotBeReadMayBeMeantAtAnyTime) {
   ProcedureMessage unclear = planned("2", "in words", {});
   unclear.is_time_unclear = true;
@@ -1254,11 +1398,29 @@ TEST(ProcedureBook, WhereMoreIsToldOfARoomThanIsKeptNobodyIsTaken) {
     book.take(planned(std::to_string(i), "A" + std::to_string(i), kMorning + std::chrono::minutes(i)),
               kMorning);
   EXPECT_EQ(book.not_kept(), 1U);
-  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kNotKept);
-  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), kMorning + 1h), Doubt::kNotKept);
-  EXPECT_EQ(found(book, kMorning + 13h), "780 A780") << "it would not count any more";
-  book.take(moved("x", "OR1"), kMorning);
-  EXPECT_EQ(found(book, kMorning + 1h), "x ") << "who is there is there";
+  const UtcTime last = kMorning + std::chrono::minutes(ProcedureBook::kMostKept);
+  EXPECT_EQ(doubt(book, last), Doubt::kNotKept);
+  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), last), Doubt::kNotKept);
+  EXPECT_EQ(found(book, last - 13h), "1220 A1220") << "it would not count yet";
+  EXPECT_EQ(found(book, kMorning), "0 A0") << "what is next was booked first";
+  book.take(moved("x", "OR1"), last);
+  EXPECT_EQ(found(book, last), "x ") << "who is there is there";
+}
+
+// Many are booked for a year ahead: one day of which something is not known is no reason to doubt the others.
+TEST(ProcedureBook, WhatIsNotKeptIsInDoubtOnItsOwnDayAlone) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  for (std::size_t i = 0; i <= ProcedureBook::kMostKept; ++i)
+    book.take(planned("p", "A" + std::to_string(i), kMorning + 24h), kMorning);
+  book.take(planned("q", "far", kMorning + 10 * 24h), kMorning);
+  book.take(planned("r", "next", kMorning + 5 * 24h), kMorning);
+  EXPECT_EQ(book.not_kept(), 3U);
+  for (const ProcedureBook& each : {book, ProcedureBook::imported(book.exported())}) {
+    EXPECT_EQ(doubt(each, kMorning + 5 * 24h), Doubt::kNotKept);
+    EXPECT_EQ(doubt(each, kMorning + 7 * 24h), Doubt::kNone) << "between two days";
+    EXPECT_EQ(doubt(each, kMorning + 10 * 24h), Doubt::kNotKept);
+  }
 }
 
 TEST(ProcedureBook, AnotherVisitTakesNobodyOutOfTheRoom) {
@@ -1292,6 +1454,75 @@ TEST(ProcedureBook, AnotherVisitTakesNobodyOutOfTheRoom) {
   ProcedureMessage admitted = moved("1", "WARD");
   admitted.is_of_any_visit = true;
   EXPECT_EQ(found(after(admitted), kMorning + 1h), "2 second");
+}
+
+ProcedureMessage from(const std::string& sender, ProcedureMessage message) {
+  message.sender = sender;
+  return message;
+}
+
+// The system of the operating rooms numbers visits in its own way.
+TEST(ProcedureBook, TwoSystemsNumberOneVisitEach) {
+  ProcedureBook book;
+  book.take(booked(planned("2", "second", kMorning + 80min)), kMorning - 1h);
+  book.take(from("HIS", of_visit("V1", moved("1", "OR1"))), kMorning);
+  ProcedureMessage arrived = from("OR", of_visit("C77", moved("1", "OR1")));
+  book.take(arrived, kMorning + 1min);
+  EXPECT_EQ(found(book, kMorning + 5min), "1 ");
+  ProcedureBook left = ProcedureBook::imported(book.exported()), other = left;
+  book.take(from("HIS", of_visit("V1", moved("1", "WARD"))), kMorning + 50min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 second");
+  left.take(from("HIS", of_visit("V1", leaving("1"))), kMorning + 50min);
+  left.take(from("OR", of_visit("C77", corrected("1", "OR1"))), kMorning + 55min);
+  EXPECT_EQ(found(left, kMorning + 1h), "2 second") << "a correction brings nobody back";
+  ProcedureMessage closed = from("CLINIC", of_visit("V0", leaving("1")));
+  closed.places = {"CLINIC"};
+  other.take(closed, kMorning + 50min);
+  EXPECT_EQ(doubt(other, kMorning + 1h), Doubt::kOtherVisit) << "neither number";
+}
+
+TEST(ProcedureBook, WhoeverComesToOnePlaceForTwoVisitsIsThereOnce) {
+  ProcedureBook book;
+  book.take(booked(planned("2", "second", kMorning + 80min)), kMorning - 1h);
+  book.take(from("HIS", of_visit("V1", moved("1", "WARD"))), kMorning - 1h);
+  book.take(from("OR", of_visit("C77", moved("1", "OR1"))), kMorning - 5min);
+  EXPECT_EQ(found(book, kMorning), "1 ");
+  book.take(from("HIS", of_visit("V1", moved("1", "OR1"))), kMorning);
+  EXPECT_EQ(found(book, kMorning), "1 ");
+  EXPECT_EQ(book.size(), 2U);
+  for (const std::string sender : {"HIS", "OR"}) {
+    ProcedureBook left = book;
+    left.take(from(sender, of_visit(sender == "OR" ? "C77" : "V1", moved("1", "PACU"))), kMorning + 50min);
+    EXPECT_EQ(found(left, kMorning + 1h), "2 second") << sender;
+  }
+}
+
+TEST(ProcedureBook, WhoeverWasSetAsideByAnotherVisitMovesOnByTheirOwn) {
+  ProcedureBook book;
+  book.take(booked(planned("2", "second", kMorning + 80min)), kMorning - 1h);
+  book.take(of_visit("V1", moved("1", "OR1")), kMorning);
+  book.take(of_visit("V2", moved("1", "LAB")), kMorning + 10min);
+  book.take(of_visit("V3", moved("1", "XRAY")), kMorning + 20min);
+  ProcedureMessage over = of_visit("V3", leaving("1"));
+  over.places = {"XRAY"};
+  book.take(over, kMorning + 30min);
+  EXPECT_EQ(doubt(book, kMorning + 31min), Doubt::kOtherVisit);
+  book.take(of_visit("V1", moved("1", "PACU")), kMorning + 50min);
+  EXPECT_EQ(found(book, kMorning + 1h), "2 second");
+}
+
+TEST(ProcedureBook, OnceTheOtherVisitIsOverNothingSaysThatThePatientIsElsewhere) {
+  ProcedureBook book;
+  book.take(of_visit("V1", moved("1", "OR1")), kMorning);
+  book.take(of_visit("V2", moved("1", "LAB")), kMorning + 10min);
+  book.take(of_visit("V3", moved("1", "XRAY")), kMorning + 10min);
+  for (const std::string visit : {"V2", "V3"}) {
+    EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOtherVisit);
+    ProcedureMessage over = of_visit(visit, leaving("1"));
+    over.places = {visit == "V2" ? "LAB" : "XRAY"};
+    book.take(over, kMorning + 20min);
+  }
+  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
 }
 
 // An outpatient's visit is closed days later, or never.
@@ -1366,6 +1597,35 @@ TEST(ProcedureBook, ACorrectedNameIsNoOtherPatient) {
   married.patient = named.patient;
   book.take(married, kMorning + 20min);
   EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 1h).value().patient.family, "Wright");
+}
+
+// As its record says once the name is known, though it names another place or none.
+TEST(ProcedureBook, AnEmergencyWhoseNameBecomesKnownIsOnePatient) {
+  const auto of = [](ProcedureMessage message) {
+    message.patient = "123\nH";
+    message.data.patient_id_issuer = message.numbers.front().issuer = "H";
+    return message;
+  };
+  const ProcedureMessage unknown = of(person(moved("", "OR1"), "Unknown", "1900-01-01"));
+  for (const ProcedureMessage& record : {facts(""), corrected("", "ER")}) {
+    ProcedureBook book;
+    book.take(of(person(moved("", "ER"), "Unknown", "1900-01-01")), kMorning - 1h);
+    book.take(unknown, kMorning);
+    book.take(of(person(record, "Right", "1980-01-01")), kMorning + 10min);
+    EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kNone);
+    EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 1h).value_or(ProcedureData()).patient.family, "Right");
+    EXPECT_EQ(book.size(), 1U);
+    book.take(of(person(leaving(""), "Right", "1980-01-01")), kMorning + 1h);
+    EXPECT_EQ(book.size(), 0U);
+  }
+  // An event of somebody else, or another system's record, is none.
+  for (ProcedureMessage other : {moved("", "ER"), leaving(""), facts("")}) {
+    ProcedureBook book;
+    book.take(unknown, kMorning);
+    const std::string facility = other.kind == Kind::kFacts ? "H2" : "H1";
+    book.take(of(person(other, "Zed", "1950-05-05", facility)), kMorning + 10min);
+    EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOneNumber);
+  }
 }
 
 TEST(ProcedureBook, SomebodyWhoIsNotNamedMayHaveLeftTheRoom) {

@@ -111,11 +111,20 @@ TEST(ProcedureMessage, WhoeverWasDischargedIsGone) {
   EXPECT_THAT(gone.places, IsEmpty());
   EXPECT_TRUE(gone.is_of_record);
   EXPECT_EQ(gone.visit, "V7");
-  for (const char* end : {"20260804", "2026080507", "yesterday"})
+  for (const char* end : {"20260804", "2026080507"})
     EXPECT_EQ(with_end("A08", end).kind, Kind::kDeparts) << end;
-  for (const char* end : {"", "\"\"", "202608051700", "20260806"})
+  for (const char* end :
+       {"", "\"\"", "202608051700", "20260806", "20260805", "202608", "2026080508", "yesterday", "00000000"})
     EXPECT_EQ(with_end("A08", end).kind, Kind::kPlaces) << end;
   EXPECT_EQ(with_end("A13", "202608050700").kind, Kind::kPlaces) << "that is what it cancels";
+  // Some interfaces fill it in whatever they tell.
+  for (const char* event : {"A01", "A02", "A04", "A10"}) {
+    for (const char* end : {"00000000", "20260804", "202608050700"}) {
+      const ProcedureMessage moved = with_end(event, end);
+      EXPECT_TRUE(moved.moves && moved.kind == Kind::kPlaces) << event << end;
+      EXPECT_THAT(moved.places, Contains("OR1")) << event << end;
+    }
+  }
 }
 
 TEST(ProcedureMessage, WhoeverIsNamedByTheirAccountAloneIsSomebody) {
@@ -224,6 +233,15 @@ TEST(ProcedureMessage, AnAppointmentOfTwoPatientsIsOfEach) {
   for (std::size_t i = 0; i < kMostPatients + 3; ++i)
     many.insert(many.find("RGS|"), "PID|2||5" + std::to_string(i) + "^^^HOSP^MR\r");
   EXPECT_THAT(read_all(many), SizeIs(kMostPatients));
+}
+
+TEST(ProcedureMessage, ACancelledMoveIsOne) {
+  const auto event = [](const std::string& name) {
+    return read("MSH|^~\\&|A||||2026||ADT^" + name + "|1|P|2.5\rPID|1||7\rPV1|1|I|HOLDING\r");
+  };
+  EXPECT_TRUE(event("A12").cancels_move);
+  EXPECT_TRUE(event("A12").moves);
+  EXPECT_FALSE(event("A02").cancels_move);
 }
 
 TEST(ProcedureMessage, WhatAChangeTakesOutOfAnAppointmentIsNoneOfIt) {

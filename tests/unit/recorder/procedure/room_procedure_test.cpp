@@ -102,6 +102,60 @@ TEST_F(RoomProcedureTest, WhatWasRecordedHereIsForAPersonToChooseAgain) {
   EXPECT_EQ(room->find(now + 6min).value_or(ProcedureData()).patient_id, "W1") << "who is there is there";
 }
 
+/// Without a worklist.
+class RoomOfMessages : public testing::Test {
+ protected:
+  void SetUp() override { inbox->tend(); }
+  void deliver(const std::string& type, const std::string& segments) {
+    test::MllpClient client("127.0.0.1", inbox->port());
+    client.send_message("MSH|^~\\&|HIS|H|||||" + type + "|" + std::to_string(++number) + "|P|2.5\r" +
+                        segments);
+    EXPECT_THAT(client.receive().value_or(""), testing::HasSubstr("MSA|AA|"));
+  }
+  void move(const std::string& patient, const std::string& place) {
+    deliver("ADT^A02", "PID|1||" + patient + "^^^H^MR\rPV1|1|I|" + place + "\r");
+  }
+  void book(const std::string& patient, UtcTime time) {
+    std::string when = format_utc(time).substr(0, 19);
+    std::erase_if(when, [](char each) { return each == '-' || each == ':' || each == 'T'; });
+    deliver("SIU^S12", "SCH|A" + patient + "|F" + patient + "|||||||||^^^" + when + "+0000\rPID|1||" +
+                           patient + "^^^H^MR\rAIL|1||OR1\r");
+  }
+  const std::shared_ptr<ProcedureInbox> inbox =
+      std::make_shared<ProcedureInbox>("mllp://127.0.0.1:0", ProcedureInbox::Tell());
+  RoomProcedure room{inbox, ProcedureRule{{"OR1"}, 12h}, nullptr};
+  int number = 0;
+};
+
+// They were in the room by mistake, or were operated on faster than it was planned.
+TEST_F(RoomOfMessages, WhoeverLeftBeforeTheirTimeIsDoneIfACaseAboutThemHasEnded) {
+  const UtcTime now = utc_now(), begin = now + 30min;
+  book("P", begin);
+  book("Q", begin + 50min);
+  move("P", "OR1");
+  const std::optional<ProcedureData> about = room.find(now);
+  ASSERT_TRUE(about);
+  EXPECT_EQ(about->patient_id, "P");
+  move("P", "HOLDING");
+  EXPECT_EQ(room.find(begin), std::nullopt);
+  EXPECT_EQ(room.doubt(begin), Doubt::kLeftAlready);
+  room.ended(*about, now - 2h);
+  EXPECT_EQ(room.doubt(begin), Doubt::kLeftAlready) << "before they came";
+  room.ended(*about, now);
+  EXPECT_EQ(room.find(begin).value_or(ProcedureData()).patient_id, "Q");
+}
+
+TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
+  const UtcTime now = utc_now();
+  book("P", now);
+  const std::optional<ProcedureData> about = room.find(now);
+  ASSERT_TRUE(about);
+  room.ended(*about, now - 13h);
+  EXPECT_TRUE(room.find(now));
+  room.ended(*about, now - 11h);
+  EXPECT_EQ(room.doubt(now), Doubt::kRecordedAlready);
+}
+
 TEST(Procedures, AreTheSameUnlessSomethingTellsThemApart) {
   ProcedureData one;
   one.patient_id = "0077";
