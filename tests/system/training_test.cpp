@@ -534,7 +534,7 @@ TEST_F(Exclusion, RefusesInOneSentence) {
   write_text(folder() / "words.txt", "words\n");
   EXPECT_REFUSED(push(path("words.txt"), "x"), "no hand motion");
   EXPECT_REFUSED(push("simulated", "x", {"--fingers", "6"}), "--fingers");
-  EXPECT_REFUSED(push("simulated", "x", {"--object", "c"}), "--object");
+  EXPECT_REFUSED(push("simulated", "x", {"--object", "d"}), "--object");
   EXPECT_REFUSED(push("simulated", "x", {"--trainee", "Aoki"}), "belong together");
   EXPECT_REFUSED(push("simulated", "x", {"--test"}), "--test belongs to a trainee");
   EXPECT_REFUSED(push("udp:70000", "x"), "port");
