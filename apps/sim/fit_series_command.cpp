@@ -237,9 +237,9 @@ int run(const FitSeriesRequest& request) {
   sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
   std::vector<std::string> warnings = model.warnings;
   warnings.insert(warnings.end(), file.findings.begin(), file.findings.end());
+  const PatientIds of_ct = patients_of_ct(request.volume.path, request.volume.options().series);
   for (const std::string& radiographs : request.radiographs) {
-    if (auto warning = patient_warning(request.volume.path, request.volume.options().series, radiographs,
-                                       patients_of_radiographs(radiographs)))
+    if (auto warning = patient_warning(of_ct, radiographs, patients_of_radiographs(radiographs)))
       warnings.push_back(std::move(*warning));
   }
   sim::BreathingScene scene(model, file.volume);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/trimmed.h"
 #include "recorder/vitals/patient_number.h"
 #include "sim/drr/dicom_radiograph.h"
 #include "sim/volume/dicom_picture.h"
@@ -15,12 +16,6 @@ namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string without_blanks(const std::string& text) {
-  constexpr const char* kBlanks = " \t\r\n";
-  const std::size_t begin = text.find_first_not_of(kBlanks);
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
-}
 
 void add(PatientIds& ids, const std::string& id) {
   if (id.empty()) return;
@@ -37,7 +32,7 @@ PatientIds patients_of_ct(const fs::path& ct, const std::string& series) {
   const sim::DicomFolder folder = sim::find_dicom_series(ct);
   for (const sim::DicomSeries& each : folder.series) {
     if (!series.empty() && !each.uid.ends_with(series)) continue;
-    for (const sim::DicomPicture& picture : each.pictures) add(ids, without_blanks(picture.patient_id));
+    for (const sim::DicomPicture& picture : each.pictures) add(ids, picture.patient_id);
   }
   return ids;
 }
@@ -60,7 +55,7 @@ PatientIds patients_of_case(const archive::CaseReader& recording, const crypto::
   try {
     const playback::CaseMedia media(archive::CaseReader::open(recording.folder()), identities);
     const auto subjects = playback::subjects_of(media);
-    if (!subjects.empty()) add(ids, without_blanks(subjects.back().patient_id));
+    if (!subjects.empty()) add(ids, std::string(trimmed(subjects.back().patient_id)));
   } catch (const Error&) {
     // Whoever may not open the subject learns nothing of it.
   }
@@ -75,14 +70,13 @@ std::optional<bool> are_of_one_patient(const PatientIds& one, const PatientIds& 
   return alike && differs ? std::nullopt : std::optional(alike);
 }
 
-std::optional<std::string> patient_warning(const fs::path& ct, const std::string& series,
-                                           const std::string& what, const PatientIds& of_what) {
-  if (of_what.empty()) return {};
+std::optional<std::string> patient_warning(const PatientIds& of_ct, const std::string& what,
+                                           const PatientIds& of_what) {
   if (of_what.size() > 1) {
     return what + " are of " + std::to_string(of_what.size()) +
            " patients, by the patient numbers that they state";
   }
-  if (are_of_one_patient(patients_of_ct(ct, series), of_what).value_or(true)) return {};
+  if (are_of_one_patient(of_ct, of_what).value_or(true)) return {};
   return what + " and the CT are of two patients, by the patient numbers that they state";
 }
 

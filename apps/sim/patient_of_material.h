@@ -28,11 +28,9 @@ PatientIds patients_of_case(const archive::CaseReader& recording, const crypto::
 /// some are the other's: nobody said which is meant.
 std::optional<bool> are_of_one_patient(const PatientIds& one, const PatientIds& other);
 
-/// What a person must know before `what` ("the radiographs") is laid on the CT at `ct`, of which only
-/// `series` is meant unless that is empty: that they are of two patients, or `what` of several. No number
-/// stands in it. Nothing where that is not so, or not known. Errors of patients_of_ct(), which is asked only
-/// where `of_what` is one patient's.
-std::optional<std::string> patient_warning(const std::filesystem::path& ct, const std::string& series,
-                                           const std::string& what, const PatientIds& of_what);
+/// What a person must know before `what` ("the radiographs") is laid on the CT: that they are of two
+/// patients, or `what` of several. No number stands in it. Nothing where that is not so, or not known.
+std::optional<std::string> patient_warning(const PatientIds& of_ct, const std::string& what,
+                                           const PatientIds& of_what);
 
 }  // namespace kiroku::apps

@@ -123,12 +123,14 @@ Workbench workbench_of(const RespireServeRequest& request, const Home& home) {
   sim::VolumeFile file = sim::read_volume(request.volume, {request.series.value_or(""), request.resample});
   inputs.model.warnings.insert(inputs.model.warnings.end(), file.findings.begin(), file.findings.end());
   inputs.volume = std::move(file.volume);
+  const PatientIds of_ct = patients_of_ct(request.volume, request.series.value_or(""));
   const auto warn = [&](const std::string& what, const PatientIds& of_what) {
-    if (auto warning = patient_warning(request.volume, request.series.value_or(""), what, of_what))
+    if (auto warning = patient_warning(of_ct, what, of_what))
       inputs.model.warnings.push_back(std::move(*warning));
   };
   if (request.radiographs) warn("the radiographs", patients_of_radiographs(*request.radiographs));
-  if (found) {
+  // Read for this alone: beside a CT without a number a case gives nothing of its patient away.
+  if (found && !of_ct.empty()) {
     warn("the case",
          patients_of_case(found->recording, load_identities(fluoroscopy_of(request).identities, home)));
   }

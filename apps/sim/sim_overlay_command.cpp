@@ -134,8 +134,9 @@ int run(const OverlayRequest& request) {
 
   const auto degrees = [](double radians) { return radians * 180 / std::numbers::pi; };
   std::vector<std::string> findings = scene.findings();
-  if (auto warning = patient_warning(request.drr.volume.path, request.drr.volume.options().series,
-                                     "the radiograph", patients_of_radiographs(*request.radiograph)))
+  if (auto warning =
+          patient_warning(patients_of_ct(request.drr.volume.path, request.drr.volume.options().series),
+                          "the radiograph", patients_of_radiographs(*request.radiograph)))
     findings.push_back(std::move(*warning));
   if (request.drr.volume.json) {
     nlohmann::ordered_json object{{"file", request.output},

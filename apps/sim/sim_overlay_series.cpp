@@ -315,8 +315,9 @@ int overlay_series(const OverlayRequest& request) {
   if (request.plot) write_text_file(*request.plot, plot_of(rows));
   if (request.aligned) write_text_file(*request.aligned, sim::geometry_json(series.geometry()));
   std::vector<std::string> findings = series.scene().findings();
-  if (auto warning = patient_warning(request.drr.volume.path, request.drr.volume.options().series,
-                                     "the radiographs", patients_of_radiographs(*request.series)))
+  if (auto warning =
+          patient_warning(patients_of_ct(request.drr.volume.path, request.drr.volume.options().series),
+                          "the radiographs", patients_of_radiographs(*request.series)))
     findings.push_back(std::move(*warning));
   if (series.seen_beside() > 0) {
     findings.push_back(std::to_string(series.seen_beside()) + " positions of " + *request.seen +

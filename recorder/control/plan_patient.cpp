@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "base/foreign_json.h"
+#include "base/trimmed.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -26,10 +27,9 @@ constexpr std::uint32_t kUndefined = 0xFFFFFFFF;
 constexpr std::uint32_t kItem = 0xFFFEE000, kItemEnd = 0xFFFEE00D, kSequenceEnd = 0xFFFEE0DD;
 constexpr std::uint32_t kTransferSyntax = 0x00020010, kPatientId = 0x00100020;
 
+/// Of blanks, and of the zeros by which a file pads (PS3.5 6.2).
 std::string without_padding(const std::string& text) {
-  constexpr std::string_view kPadding(" \t\r\n\0", 5);
-  const std::size_t begin = text.find_first_not_of(kPadding);
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(kPadding) + 1 - begin);
+  return std::string(trimmed(text, std::string_view(" \t\r\n\0", 5)));
 }
 
 /// In which no character depends on the file's character set (PS3.5 6.1.2): of others the bytes say nothing.

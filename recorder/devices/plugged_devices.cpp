@@ -14,6 +14,8 @@
 #include <unistd.h>
 #include <utility>
 
+#include "base/trimmed.h"
+
 namespace kiroku::recorder {
 namespace {
 
@@ -30,12 +32,7 @@ std::vector<std::string> names_in(const fs::path& folder) {
   return names;
 }
 
-std::string without_blanks(std::string_view text) {
-  constexpr std::string_view kBlanks = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(kBlanks);
-  if (first == std::string_view::npos) return "";
-  return std::string(text.substr(first, text.find_last_not_of(kBlanks) - first + 1));
-}
+std::string without_blanks(std::string_view text) { return std::string(trimmed(text)); }
 
 /// The first line of a small file; "" where it cannot be read.
 std::string line_of(const fs::path& file) {

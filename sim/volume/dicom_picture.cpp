@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "base/error.h"
+#include "base/trimmed.h"
 #include "sim/volume/dicom_file.h"
 #include "sim/volume/volume.h"
 
@@ -46,6 +47,9 @@ std::optional<std::int64_t> whole(const std::string& text) {
   return read.ec == std::errc() ? std::optional<std::int64_t>(number) : std::nullopt;
 }
 
+/// What pads a number is no part of it (PS3.5, 6.2).
+std::string patient_in(DicomHeader& header) { return std::string(trimmed(header.text(DCM_PatientID))); }
+
 Vector3 vector_of(const double* values) { return {values[0], values[1], values[2]}; }
 
 }  // namespace
@@ -76,7 +80,7 @@ std::optional<DicomPicture> read_dicom_header(const std::filesystem::path& file)
   picture.modality = header.text(DCM_Modality);
   picture.instance_uid = header.text(DCM_SOPInstanceUID);
   picture.patient_position = header.text(DCM_PatientPosition);
-  picture.patient_id = header.text(DCM_PatientID);
+  picture.patient_id = patient_in(header);
   picture.patient_name = header.text(DCM_PatientName);
   picture.study_uid = header.text(DCM_StudyInstanceUID);
   picture.frame_of_reference_uid = header.text(DCM_FrameOfReferenceUID);
@@ -116,10 +120,8 @@ std::string patient_of_dicom(const std::filesystem::path& file) {
   if (!begins_as_dicom(file)) return {};
   DcmFileFormat dicom;
   load_dicom(dicom, file);
-  const std::string number = DicomHeader(*dicom.getDataset()).text(DCM_PatientID);
-  constexpr const char* kBlanks = " \t\r\n";
-  const std::size_t begin = number.find_first_not_of(kBlanks);
-  return begin == std::string::npos ? "" : number.substr(begin, number.find_last_not_of(kBlanks) + 1 - begin);
+  DicomHeader header(*dicom.getDataset());
+  return patient_in(header);
 }
 
 DicomPixels read_dicom_pixels(const DicomPicture& picture) {

@@ -301,9 +301,10 @@ def try_everything(programs, folder, store, connection):
     require({(row["appliance"], row["case"]) for row in fleet.tell("cases")["cases"]} == recorded, "it is not what it was")
 
 
-def main():
+def with_store_and_postgres(what):
+    """Calls it with the folder of the programs, one to work in, the store's endpoint and the database's connection."""
     if len(sys.argv) != 2:
-        sys.exit(__doc__)
+        sys.exit(sys.modules["__main__"].__doc__)
     programs = pathlib.Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
@@ -314,12 +315,19 @@ def main():
             endpoint = start("store.sh", folder / "ceph")
             started.append(("postgres.sh", folder / "postgres"))
             connection = start("postgres.sh", folder / "postgres")
-            store = Store(endpoint)
-            store.make_bucket("recordings")
-            try_everything(programs, folder, store, connection)
+            what(programs, folder, endpoint, connection)
         finally:
             for script, state in reversed(started):
                 subprocess.run([str(HERE / script), "down", str(state)], check=False)
+
+
+def main():
+    def run(programs, folder, endpoint, connection):
+        store = Store(endpoint)
+        store.make_bucket("recordings")
+        try_everything(programs, folder, store, connection)
+
+    with_store_and_postgres(run)
     print("The catalogue is what the store holds, and its verdicts are of what lies there.")
 
 

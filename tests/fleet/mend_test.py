@@ -9,13 +9,11 @@ Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is 
 import datetime
 import hashlib
 import json
-import pathlib
 import shutil
 import subprocess
 import sys
-import tempfile
 
-from fleet_test import Fleet, start
+from fleet_test import Fleet, with_store_and_postgres
 from page_client import Server
 from ship_test import HERE, Appliance, Store, require
 
@@ -580,29 +578,17 @@ def add_reader(folder, store):
 
 
 def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    programs = pathlib.Path(sys.argv[1]).resolve()
+    def run(programs, folder, endpoint, connection):
+        store = Store(endpoint)
+        store.make_bucket(BUCKET)
+        store.make_bucket(COPIES, locked=False)
+        add_reader(folder, store)
+        try_everything(programs, folder, store, connection)
+
     if shutil.which("rados") is None:
         print("SKIPPED: rados is not installed")
         sys.exit(77)
-    with tempfile.TemporaryDirectory() as name:
-        folder = pathlib.Path(name)
-        folder.chmod(0o755)
-        started = []
-        try:
-            started.append(("store.sh", folder / "ceph"))
-            endpoint = start("store.sh", folder / "ceph")
-            started.append(("postgres.sh", folder / "postgres"))
-            connection = start("postgres.sh", folder / "postgres")
-            store = Store(endpoint)
-            store.make_bucket(BUCKET)
-            store.make_bucket(COPIES, locked=False)
-            add_reader(folder, store)
-            try_everything(programs, folder, store, connection)
-        finally:
-            for script, state in reversed(started):
-                subprocess.run([str(HERE / script), "down", str(state)], check=False)
+    with_store_and_postgres(run)
     print("What rots in the store is mended from a copy that fits, and nothing else is.")
 
 

@@ -77,6 +77,14 @@ class ForeignLines : public testing::Test {
     entry.body = body;
     return to_line(entry);
   }
+  /// After two entries, in the first of them.
+  void change_a_line_of(ApplianceLog& log) const {
+    log.access("*", "unlocked", "sato");
+    log.access("*", "locked", "sato");
+    std::string text = text_of_file(ledger());
+    text.replace(text.find("unlocked"), 8, "unlockeD");
+    std::ofstream(ledger(), std::ios::binary) << text;
+  }
   void add_text(const std::string& text) const { std::ofstream(ledger(), std::ios::app) << text; }
   void add(const LogEntryBody& body) const { add_text(next_line(body) + "\n"); }
   /// Zeros that take no room on the disk.
@@ -315,13 +323,9 @@ TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItWereChangedAndKeepsNobodyFromReco
 // Else the changed lines would be signed with what says that the added one was put aside.
 TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItAreChangedWhileTheLogIsOpen) {
   const auto log = open();
-  log->access("*", "unlocked", "sato");
-  log->access("*", "locked", "sato");
-  std::string text = text_of_file(ledger());
-  text.replace(text.find("unlocked"), 8, "unlockeD");
-  std::ofstream(ledger(), std::ios::binary) << text;
+  change_a_line_of(*log);
   add_text(forged());
-  text = text_of_file(ledger());
+  const std::string text = text_of_file(ledger());
   log->access("*", "unlocked", "mori");
   log->access("*", "locked", "mori");
   EXPECT_THAT(log->remarks(), Contains(HasSubstr("were changed while it was open")));
@@ -335,11 +339,7 @@ TEST_P(EachThatIsLeft, IsLeftWhereLinesBeforeItAreChangedWhileTheLogIsOpen) {
 // What this object signs then goes on from the lines that the other one signed.
 TEST_F(ForeignLines, ThatAnotherProgramFoundChangedAreReadAnewByThisOne) {
   const auto log = open();
-  log->access("*", "unlocked", "sato");
-  log->access("*", "locked", "sato");
-  std::string text = text_of_file(ledger());
-  text.replace(text.find("unlocked"), 8, "unlockeD");
-  std::ofstream(ledger(), std::ios::binary) << text;
+  change_a_line_of(*log);
   open()->access("*", "unlocked", "mori");
   log->access("*", "locked", "mori");
   EXPECT_EQ(open()->damage(), "") << "the newest checkpoint fits";

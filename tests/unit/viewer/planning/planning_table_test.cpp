@@ -2,6 +2,7 @@
 // run.
 #include "viewer/planning/planning_table.h"
 
+#include <algorithm>
 #include <atomic>
 #include <fstream>
 #include <numbers>
@@ -40,6 +41,11 @@ class PlanningTableTest : public testing::Test {
     for (const sim::PlanStep& step : table.session().plan().steps)
       out.emplace_back(sim::name_of(step.action));
     return out;
+  }
+  /// Where the first tool that holds something is.
+  static sim::Pose held_pose(const PlanningTable& table) {
+    const auto& poses = table.session().frame().poses;
+    return std::ranges::find_if(poses, [](const auto& pose) { return pose.has_value(); })->value();
   }
   /// Until all tools are where their pointers are.
   static int settle(PlanningTable& table) {
@@ -123,9 +129,7 @@ TEST_F(PlanningTableTest, JawsAreTurnedAboutTheLineOfSightAndTheTissueWithThem) 
   const auto planned = table();
   planned->apply(ViewDeed{20, 15, 1.2, 0, 0});
   planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
-  std::size_t held = 0;
-  while (!planned->session().frame().poses[held]) ++held;
-  const auto pose = [&] { return *planned->session().frame().poses[held]; };
+  const auto pose = [&] { return held_pose(*planned); };
   const sim::Pose before = pose();
   planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0, 30}}});
   const double step_s = planned->session().plan().time_step_s;
@@ -164,9 +168,7 @@ TEST_F(PlanningTableTest, JawsLeanAsAPenIsTiltedAndTheTissueWithThem) {
   const auto planned = table();
   planned->apply(ViewDeed{20, 15, 1.2, 0, 0});
   planned->apply(PointDeed{PointerUse::kGrasp, {{1, 0.62, 0.5, 0}}});
-  std::size_t held = 0;
-  while (!planned->session().frame().poses[held]) ++held;
-  const auto pose = [&] { return *planned->session().frame().poses[held]; };
+  const auto pose = [&] { return held_pose(*planned); };
   const sim::Pose before = pose();
   const auto seen = [&](const sim::Vector3& beside_m) {
     return Eigen::Vector2d(planned->on_picture(before.position_m + beside_m));
