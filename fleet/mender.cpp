@@ -41,8 +41,12 @@ struct Ledger {
   bool is_torn = false;     // bytes stand behind the last line
 };
 
-/// Nothing where it is not there or has a line that no ledger has.
-std::optional<Ledger> read_ledger(const fs::path& path) {
+/// A hash tree takes 64 bytes of memory for each line, however short that is. A case of ten hours has some
+/// 80,000.
+constexpr std::uint64_t kMostLines = 4'000'000;
+
+/// Nothing where it is not there, has a line that no ledger has, or more lines than `most`.
+std::optional<Ledger> read_ledger(const fs::path& path, std::uint64_t most = kMostLines) {
   if (!archive::real_reading().exists(path)) return {};
   const archive::ReadableFile file = archive::real_reading().open_to_read(path);
   if (file.size() > kMostOfLedger) return {};
@@ -52,7 +56,7 @@ std::optional<Ledger> read_ledger(const fs::path& path) {
   while (!ledger.is_torn && lines.next(line)) {
     ledger.is_torn = line.torn;
     if (line.torn) continue;
-    if (line.too_long) return {};
+    if (line.too_long || ledger.tree.size() == most) return {};
     if (ledger.tree.size() == 0) ledger.opening = std::string(line.text);
     ledger.tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
   }
@@ -351,7 +355,7 @@ class Mender::Pass {
       return;
     }
     const auto candidate = seek(path, {}, kMostOfLedger, [&](const Candidate& each) {
-      const std::optional<Ledger> ledger = read_ledger(each.file);
+      const std::optional<Ledger> ledger = read_ledger(each.file, newest.checkpoint.size);
       return ledger && !ledger->is_torn && ledger->tree.size() == newest.checkpoint.size &&
              is_over(*ledger, newest);
     });

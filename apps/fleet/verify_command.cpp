@@ -139,7 +139,8 @@ class Worker {
                        {"findings", found.findings},
                        {"detail", found.detail},
                        {"mended", mended},
-                       {"not_mended", left}});
+                       {"not_mended", left},
+                       {"more_not_mended", judge_.mending().more_left}});
     } else {
       std::cout << printable(lease.appliance) << "  " << printable(lease.case_id) << "  " << found.verdict
                 << (found.detail.empty() ? "" : ": " + printable(found.detail)) << std::endl;

@@ -209,8 +209,12 @@ void wait_for_turn(const Descriptor& file) {
   constexpr std::chrono::seconds kPatience{1};
   constexpr std::chrono::milliseconds kPause{1};
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
-  while (::flock(file.number(), LOCK_EX | LOCK_NB) != 0 && std::chrono::steady_clock::now() < deadline)
+  while (::flock(file.number(), LOCK_EX | LOCK_NB) != 0) {
+    // Where the file system knows no locks nobody else has one.
+    const bool is_taken = errno == EWOULDBLOCK || errno == EINTR;
+    if (!is_taken || std::chrono::steady_clock::now() >= deadline) return;
     std::this_thread::sleep_for(kPause);
+  }
 }
 
 /// As it stands, and without a flush: other processes see it at once, and what a power cut takes of it the

@@ -175,7 +175,8 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
     for (const fleet::MendedFile& each : all.mended)
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
     for (const fleet::UnmendedFile& each : all.left) left.push_back({{"file", each.path}, {"why", each.why}});
-    print_json({{"case", case_id}, {"mended", mended}, {"not_mended", left}});
+    print_json(
+        {{"case", case_id}, {"mended", mended}, {"not_mended", left}, {"more_not_mended", all.more_left}});
   } else {
     for (const fleet::MendedFile& each : all.mended)
       std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";

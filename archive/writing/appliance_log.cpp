@@ -419,7 +419,8 @@ struct ApplianceLog::State {
   /// What was found of lines that nobody of this device signed, each with a checkpoint of its own. One that
   /// finds no room stays to be stated.
   void state_unsigned_locked() {
-    while (!unstated.empty()) {
+    // What is put aside meanwhile waits for the next entry: whoever adds a line for each holds nobody up.
+    for (std::size_t left = unstated.size(); left > 0; --left) {
       append_lines_locked(AccessEntry{"*", unstated.front().deed, std::string(kItself), {}});
       bool is_signed = false;
       try {
@@ -927,19 +928,24 @@ struct ApplianceLog::State {
 
   /// Whoever can write to the archive brings these about there. Any other error shows nothing of the case.
   [[nodiscard]] static bool is_cause_in_the_folder(int error) {
-    constexpr std::array kCauses{ENOENT, ENOTDIR, EISDIR, ELOOP,     EACCES,
-                                 EPERM,  ENXIO,   EINVAL, EOVERFLOW, ENAMETOOLONG};
+    constexpr std::array kCauses{
+        ENOENT, ENOTDIR, EISDIR,    ELOOP,        EACCES,     EPERM,
+        ENXIO,  EINVAL,  EOVERFLOW, ENAMETOOLONG, EWOULDBLOCK};  // of a lease, the last
     return std::ranges::find(kCauses, error) != kCauses.end();
   }
 
   /// The newest checkpoints in the case's folder that the device signed for it, whatever its lines are.
   [[nodiscard]] std::vector<OwnCheckpoint> own_notes_of_case(const fs::path& case_folder,
                                                              const std::string& case_id) const {
-    constexpr std::size_t kMostNotes = 64;
+    constexpr std::size_t kMostNotes = 64, kMostLookedAt = 256;
+    if (!files.is_folder(case_folder / kCheckpointsFolder)) return {};
+    std::size_t looked_at_notes = 0;
     const std::string origin = case_origin(device.name(), case_id);
     const std::vector<std::uint64_t> sizes = note_sizes_in(files, case_folder);
     std::vector<OwnCheckpoint> notes;
     for (auto size = sizes.rbegin(); size != sizes.rend() && notes.size() < kMostNotes; ++size) {
+      // Files that are none cost whoever puts them there nothing.
+      if (++looked_at_notes > kMostLookedAt) break;
       std::optional<std::string> note;
       try {
         note = read_small(files.open_to_read(case_folder / note_path(*size)), kMaximumNoteBytes);

@@ -201,16 +201,19 @@ std::string random_name() {
 }
 
 /// The next bytes from `at` on that take room on the disk, before `end`: where they begin and end; nothing
-/// where none do. Where the file system tells of no holes, all are.
+/// where none do. Where the file system tells of no holes, all are. It may tell of some where there are none:
+/// what is little is not asked for.
 std::optional<std::pair<std::uint64_t, std::uint64_t>> next_stretch(const Descriptor& file, std::uint64_t at,
                                                                     std::uint64_t end) {
   if (at >= end) return std::nullopt;
+  if (end - at <= kMostBytesAside) return std::pair(at, end);
   const off_t begins = ::lseek(file.number(), static_cast<off_t>(at), SEEK_DATA);
   if (begins < 0) return errno == ENXIO ? std::nullopt : std::optional(std::pair(at, end));
-  const auto begin = static_cast<std::uint64_t>(begins);
+  const std::uint64_t begin = std::max(at, static_cast<std::uint64_t>(begins));
   if (begin >= end) return std::nullopt;
   const off_t hole = ::lseek(file.number(), begins, SEEK_HOLE);
-  return std::pair(begin, hole < 0 ? end : std::min(end, static_cast<std::uint64_t>(hole)));
+  const bool is_told = hole > static_cast<off_t>(begin);
+  return std::pair(begin, is_told ? std::min(end, static_cast<std::uint64_t>(hole)) : end);
 }
 
 /// Hands `write` the first kMostBytesAside that take room on the disk, from byte `offset` on.

@@ -63,11 +63,8 @@ bool is_of_appointment(const ProcedureMessage& message) {
          message.kind == ProcedureMessage::Kind::kCancels;
 }
 
-/// It says what is known of somebody, and is no event of theirs.
-bool is_record(const ProcedureMessage& message) {
-  using Kind = ProcedureMessage::Kind;
-  return (message.kind == Kind::kPlaces && message.is_of_record) || message.kind == Kind::kFacts;
-}
+/// It corrects what is known of somebody, and is no event of theirs.
+bool is_record(const ProcedureMessage& message) { return message.is_of_record || message.corrects; }
 
 /// As a message that named the patient by the earlier number.
 ProcedureMessage before_merging(const ProcedureMessage& merging) {
@@ -94,7 +91,7 @@ void leave_identity(ProcedureMessage& message) {
 }  // namespace
 
 void ProcedureBook::Kept::note_visit(const ProcedureMessage& by) {
-  if (by.visit.empty()) return;
+  if (by.visit.empty() || by.visit.size() > kLongestNumber) return;
   if (visits.size() >= kMostSenders && !visits.contains(by.sender)) visits.erase(visits.begin());
   visits.insert_or_assign(by.sender, by.visit);
 }
@@ -438,7 +435,7 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
   const std::vector<std::string> known = known_as(message, false);
   const bool leaves = message.kind == ProcedureMessage::Kind::kLeaves;
   if (known.empty() && leaves && has_left(message) != Likeness::kSure) ++strangers_left_;
-  bool is_gone = leaves, has_gone = false, is_still_there = false;
+  bool is_gone = leaves, is_still_there = false;
   const bool is_visit_known = std::ranges::any_of(known, [&](const std::string& patient) {
     return placed_.find(patient)->second.has_visit(message.visit);
   });
@@ -466,9 +463,7 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
     for (const auto& [place, came] : kept.since) gone.insert_or_assign(place, Went{received, true});
     placed_.erase(found);
     is_gone = true;
-    has_gone = true;
   }
-  if (has_gone && leaves) end_doubt_of_visits(known);
   if (!is_gone || is_still_there) return;
   gone.merge(take_back(message));
   leave_identity(message);
@@ -476,16 +471,6 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
   ended.note_visit(message);
   ended.message = std::move(message);
   ended_.insert_or_assign(key, std::move(ended));
-}
-
-/// Once the other visit is over nothing says any more that whoever was set aside is elsewhere.
-void ProcedureBook::end_doubt_of_visits(const std::vector<std::string>& known) {
-  std::vector<Kept*> here;
-  for (const std::string& patient : known) {
-    if (const auto found = placed_.find(patient); found != placed_.end()) here.push_back(&found->second);
-  }
-  if (here.size() != 1 || here.front()->apart.empty()) return;
-  if (here.front()->doubt == Doubt::kOtherVisit) here.front()->doubt = Doubt::kNone;
 }
 
 ProcedureBook::Likeness ProcedureBook::has_left(const ProcedureMessage& message) const {
@@ -523,6 +508,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   }
   bool says_where = message.kind == ProcedureMessage::Kind::kPlaces && !message.places.empty();
   Doubt doubt = is_in_doubt ? Doubt::kToldLate : Doubt::kNone;
+  std::map<std::string, Went> went_with_visits;
   const bool is_of_another = known != placed_.end() && says_where && !message.is_of_any_visit &&
                              known->second.is_of_another_visit(message) &&
                              !share_a_place(message.places, known->second.message.places);
@@ -532,8 +518,9 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     set_aside(known, received);
     known = placed_.end();
   } else if (message.moves && says_where && (message.visit.empty() || message.is_of_any_visit)) {
-    drop_set_aside(message.patient, received);
+    went_with_visits = drop_set_aside(message.patient, received);
     known = placed_.find(message.patient);
+    if (known != placed_.end()) known->second.gone.merge(went_with_visits);
   }
   if (known == placed_.end()) {
     // A change of somebody's address, or a record that is begun, brings nobody into the room. Where every
@@ -546,6 +533,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     const std::optional<UtcTime> moved = message.moves ? message.happened : std::nullopt;
     Kept kept{received, std::move(message), {}, doubt, moved};
     kept.gone = take_back(kept.message);
+    kept.gone.merge(went_with_visits);
     kept.note_visit(kept.message);
     note_change("", received);
     for (const std::string& place : kept.message.places) {
@@ -555,7 +543,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     const bool arrives = kept.message.moves;
     const std::string key = key_of_placed(kept);
     const auto added = placed_.insert_or_assign(key, std::move(kept)).first;
-    if (arrives && says_where) join_visits(added->second);
+    if (arrives && says_where) join_visits(added, received);
     return;
   }
   Kept& kept = known->second;
@@ -583,7 +571,7 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
       const Went went{received, arrives, message.cancels_move};
       // Whoever was there by mistake alone has not left it since they were there before.
       if (message.cancels_move) {
-        kept.gone.try_emplace(place, went);
+        kept.gone.try_emplace(place, went).first->second.is_event = true;
       } else {
         kept.gone.insert_or_assign(place, went);
       }
@@ -603,19 +591,43 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   // Only who is said to have come anew is there for sure again.
   kept.doubt = doubt != Doubt::kNone ? doubt : arrives ? Doubt::kNone : kept.doubt;
   kept.message = std::move(message);
-  if (arrives && says_where) join_visits(kept);
+  if (arrives && says_where) join_visits(known, received);
 }
 
-void ProcedureBook::join_visits(Kept& kept) {
+void ProcedureBook::join_visits(Messages::iterator arrived, const Arrival& received) {
+  Kept& kept = arrived->second;
   std::erase_if(placed_, [&](const auto& each) {
     const Kept& other = each.second;
     const bool is_same = &other != &kept && other.message.patient == kept.message.patient &&
                          share_a_place(other.message.places, kept.message.places);
     if (!is_same) return false;
-    kept.visits.insert(other.visits.begin(), other.visits.end());
+    // Whoever was set aside was there before the other came.
+    const bool is_newer = other.apart.empty();
+    for (const auto& [sender, visit] : other.visits) {
+      if (is_newer && sender != kept.message.sender) {
+        kept.visits.insert_or_assign(sender, visit);
+      } else {
+        kept.visits.emplace(sender, visit);
+      }
+    }
     kept.gone.insert(other.gone.begin(), other.gone.end());
+    leave_behind(other, received, kept);
     return true;
   });
+  // Nobody else of that patient is there any more: they are no other visit's.
+  if (kept.apart.empty() || placed_.contains(kept.message.patient)) return;
+  auto alone = placed_.extract(arrived);
+  alone.mapped().apart.clear();
+  alone.key() = key_of_placed(alone.mapped());
+  placed_.insert(std::move(alone));
+}
+
+void ProcedureBook::leave_behind(const Kept& other, const Arrival& received, Kept& kept) {
+  for (const auto& [place, came] : other.since) {
+    if (kept.since.contains(place)) continue;
+    pass(place, came, received);
+    kept.gone.insert_or_assign(place, Went{received, true});
+  }
 }
 
 ProcedureBook::Messages::iterator ProcedureBook::of_visit(const ProcedureMessage& message) {
@@ -638,12 +650,18 @@ void ProcedureBook::set_aside(Messages::iterator known, const Arrival& received)
   placed_.insert_or_assign(key, std::move(aside));
 }
 
-void ProcedureBook::drop_set_aside(const std::string& patient, const Arrival& received) {
+std::map<std::string, ProcedureBook::Went> ProcedureBook::drop_set_aside(const std::string& patient,
+                                                                         const Arrival& received) {
+  std::map<std::string, Went> gone;
   std::erase_if(placed_, [&](const auto& each) {
     const bool is_meant = !each.second.apart.empty() && each.second.message.patient == patient;
-    if (is_meant) pass(each.second, received);
-    return is_meant;
+    if (!is_meant) return false;
+    pass(each.second, received);
+    gone.insert(each.second.gone.begin(), each.second.gone.end());
+    for (const auto& [place, came] : each.second.since) gone.insert_or_assign(place, Went{received, true});
+    return true;
   });
+  return gone;
 }
 
 bool ProcedureBook::leave_out_gone(ProcedureMessage& message, const Kept& kept) {
@@ -748,8 +766,9 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
   merged_.insert_or_assign(earlier, Kept{received, std::move(merging)});
 }
 
-/// A change that states no time, as "checked in" may, leaves those that were stated before.
-void ProcedureBook::keep_times(ProcedureMessage& message, const ProcedureMessage& before) {
+/// A change that says nothing of rooms, or states no time, as "checked in" may, leaves what was stated
+/// before.
+void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage& before) {
   const auto states = [](const auto& one) { return one.planned || one.is_time_unclear || one.within; };
   if (message.kind != ProcedureMessage::Kind::kAppointment || message.books || states(message)) return;
   if (std::ranges::any_of(message.planned_places, states)) return;
@@ -757,6 +776,12 @@ void ProcedureBook::keep_times(ProcedureMessage& message, const ProcedureMessage
   message.is_time_unclear = before.is_time_unclear;
   message.within = before.within;
   message.data.planned = before.data.planned;
+  if (!message.names_resources && message.planned_places.empty() && !before.planned_places.empty()) {
+    message.places = before.places;
+    message.planned_places = before.planned_places;
+    message.data.location = before.data.location;
+    return;
+  }
   for (PlannedPlace& place : message.planned_places) {
     const auto same = std::ranges::find_if(before.planned_places, [&](const PlannedPlace& other) {
       return share_a_place(place.spellings, other.spellings);
@@ -787,7 +812,7 @@ std::optional<ProcedureBook::Arrival> ProcedureBook::take_out_appointment(std::v
         if (!message.planned) message.planned = before.planned;
         add_numbers(message.numbers, before.numbers);
       }
-      keep_times(message, before);
+      keep_plan(message, before);
       const bool is_moved = message.planned && message.planned != before.planned;
       if (!message.books && !is_moved) booked = each.second.booked;
     }
@@ -1072,7 +1097,8 @@ std::optional<ProcedureBook::Left> ProcedureBook::left(const ProcedureRule& rule
 }
 
 bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
-                                   const std::optional<TimeSpan>& within, const ProcedureMoment& at) const {
+                                   const std::optional<TimeSpan>& within, const ProcedureMoment& at,
+                                   const EndedSince& ended) const {
   const std::optional<Left> gone = left(rule, kept.message);
   if (!gone || !gone->from_here) return false;
   const Arrival& booked = kept.booked ? *kept.booked : kept.received;
@@ -1081,7 +1107,13 @@ bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
   const UtcTime since = within ? within->earliest : at.by_this_clock(booked.at);
   constexpr std::chrono::hours kDay{24};
   const bool is_near = is_within(at.utc - went, std::max<std::chrono::nanoseconds>(rule.window, kDay));
-  return since <= went && went <= at.utc && is_near;
+  if (went < since || at.utc < went || !is_near) return false;
+  // They may have been brought by mistake, or for what else is planned for them here.
+  const bool has_another = std::ranges::any_of(appointments_, [&](const auto& each) {
+    const Kept& other = each.second;
+    return &other != &kept && other.message.patient == kept.message.patient && concerns(rule, other.message);
+  });
+  return !has_another && ended && ended(kept.message.data, went - kFurthestAhead);
 }
 
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
@@ -1186,7 +1218,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
       const std::optional<UtcTime::duration> nearness = nearest_unclear(rule, kept, at);
       if (!nearness) continue;
       const bool is_nearer = here == nullptr && (!unclear || *nearness < *unclear);
-      if (is_nearer && !has_left_since(rule, kept, its.is_unclear ? its.within : std::nullopt, at))
+      if (is_nearer && !has_left_since(rule, kept, its.is_unclear ? its.within : std::nullopt, at, ended))
         unclear = nearness;
       only_unclear = &kept;
       only_unclear_here = its;

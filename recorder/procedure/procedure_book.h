@@ -167,9 +167,11 @@ class ProcedureBook {
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const Left& left,
                                   const ProcedureMessage& message, UtcTime planned, const ProcedureMoment& at,
                                   const EndedSince& ended) const;
-  /// Of a time that is a day alone, or unclear otherwise: whether its patient left the room since then.
+  /// Of a time that is a day alone, or unclear otherwise: whether its patient left the room since then, a
+  /// case about them has ended there, and nothing else is planned for them.
   [[nodiscard]] bool has_left_since(const ProcedureRule& rule, const Kept& kept,
-                                    const std::optional<TimeSpan>& within, const ProcedureMoment& at) const;
+                                    const std::optional<TimeSpan>& within, const ProcedureMoment& at,
+                                    const EndedSince& ended) const;
   /// Those who left, and who may be the one whom the message names: no more then, as they are back.
   std::map<std::string, Went> take_back(const ProcedureMessage& message);
   [[nodiscard]] Likeness has_left(const ProcedureMessage& message) const;
@@ -262,16 +264,18 @@ class ProcedureBook {
   /// Whom it is about: of several visits of a patient that one.
   Messages::iterator of_visit(const ProcedureMessage& message);
   /// Whoever came to one place for two visits is there once: two systems number one visit each.
-  void join_visits(Kept& kept);
-  void end_doubt_of_visits(const std::vector<std::string>& known);
+  void join_visits(Messages::iterator arrived, const Arrival& received);
+  /// Where only `other` had the patient they are no more.
+  void leave_behind(const Kept& other, const Arrival& received, Kept& kept);
   /// Another visit places the patient elsewhere: they may be there, or here.
   void set_aside(Messages::iterator known, const Arrival& received);
-  void drop_set_aside(const std::string& patient, const Arrival& received);
+  /// The places that they left by it.
+  std::map<std::string, Went> drop_set_aside(const std::string& patient, const Arrival& received);
   /// Of the places that a record names those that an event took the patient from. Whether any is left.
   static bool leave_out_gone(ProcedureMessage& message, const Kept& kept);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
-  static void keep_times(ProcedureMessage& message, const ProcedureMessage& before);
+  static void keep_plan(ProcedureMessage& message, const ProcedureMessage& before);
   /// When it was booked, where the change leaves it at its time.
   std::optional<Arrival> take_out_appointment(std::vector<ProcedureMessage>& by);
   void keep_appointment(ProcedureMessage message, const Arrival& received,

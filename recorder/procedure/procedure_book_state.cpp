@@ -127,7 +127,8 @@ void members(Codec& codec, Message& message) {
   // Without planned_places and what follows, which stand at the end of what is kept (later_members()).
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
          placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
-         visit, is_of_any_visit, cancels_move, is_of_record, books, leaves_unnamed] = message;
+         visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources,
+         leaves_unnamed] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));

@@ -161,6 +161,7 @@ class Reader {
     } else if (!out_.patient.empty()) {
       out_.moves = is_one_of(event, kMoving);
       out_.is_of_record = event == "A08";
+      out_.corrects = event == "A08" || event == "A31";
       out_.cancels_move = event == "A12";
       out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
       out_.kind = is_one_of(event, kLeaving)        ? Kind::kLeaves
@@ -464,6 +465,7 @@ class Reader {
     const std::string_view name = segment.name();
     // A change of an appointment names what is taken out of it, too (segment action code, table 0206).
     const bool is_taken_out = is_of_resources(name) && segment.field(2).text() == "D";
+    if (is_of_resources(name)) out_.names_resources = true;
     if (name == "RGS") {
       group_taken_out_ = is_taken_out;
       ++group_;

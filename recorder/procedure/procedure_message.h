@@ -65,10 +65,12 @@ struct ProcedureMessage {
   std::string visit = {};     // PV1-19
   /// The patient goes, or is elsewhere, whatever visit they were there for: ADT^A06, A07, A10.
   bool is_of_any_visit = false;
-  bool cancels_move = false;    // the patient is where they were, and never was where they went: ADT^A12
-  bool is_of_record = false;    // it corrects the record, and is no event of the patient: ADT^A08
-  bool books = false;           // the appointment is booked, or moved to another time: SIU^S12, S13
-  bool leaves_unnamed = false;  // of kNothing: somebody left or departed whom it does not name
+  bool cancels_move = false;     // the patient is where they were, and never was where they went: ADT^A12
+  bool is_of_record = false;     // it corrects the record, and is no event of the patient: ADT^A08
+  bool books = false;            // the appointment is booked, or moved to another time: SIU^S12, S13
+  bool corrects = false;         // what is known of the patient: ADT^A08, A31
+  bool names_resources = false;  // of SIU: rooms, services or persons, or what is taken out of them
+  bool leaves_unnamed = false;   // of kNothing: somebody left or departed whom it does not name
 };
 
 /// "ADT^A01", "SIU^S12".

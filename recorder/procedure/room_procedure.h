@@ -100,7 +100,10 @@ class RoomProcedure : public ProcedureSource {
     const std::lock_guard guard(mutex_);
     return std::ranges::any_of(ended_, [&](const auto& each) {
       const auto ago = std::chrono::abs(at - each.second);
-      return ago > kGoesOnWithin && is_within(ago, rule_.window) && may_be_same_procedure(data, each.first);
+      // Of two that state their times these tell them apart, however early one was done.
+      const bool is_near =
+          is_within(ago, rule_.window) || (!data.planned.empty() && !each.first.planned.empty());
+      return ago > kGoesOnWithin && is_near && may_be_same_procedure(data, each.first);
     });
   }
   /// A case about that patient, of whatever procedure.

@@ -526,6 +526,30 @@ TEST_F(ForeignLines, AddedWhileOthersAreLookedAtAreNotSignedEither) {
   EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
 }
 
+// Nor does stating each of them end never, where the next one comes meanwhile.
+TEST_F(ForeignLines, AddedWhileOthersAreStatedWaitForTheNextEntry) {
+  HookedFiles files;
+  const auto log = open(files, key_);
+  log->access("*", "unlocked", "sato");
+  add_text("first\n");
+  int added = 0;
+  files.hook = [&](const fs::path& path) {
+    if (path.extension() == ".note" && added < 10'000) add_text("line " + std::to_string(++added) + "\n");
+    return 0;
+  };
+  for (int times = 0; times < 2; ++times) {
+    try {
+      log->access("*", "locked", "sato");
+    } catch (const LedgerHeldError&) {  // NOLINT(bugprone-empty-catch): a running case survives it
+    }
+  }
+  EXPECT_GT(added, 0);
+  EXPECT_LT(added, 10'000);
+  files.hook = nullptr;
+  log->access("*", "locked", "mori");
+  EXPECT_EQ(codes(), "intact");
+}
+
 /// What a writer of this device that dies leaves as well: one line that has no checkpoint.
 class EachStatement : public ForeignLines, public testing::WithParamInterface<LogEntryBody> {};
 
