@@ -42,7 +42,6 @@
 #include "recorder/source/boxed_source.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
-#include "timestamp/request.h"
 
 namespace kiroku::apps {
 namespace {
@@ -386,18 +385,10 @@ Check check_locked_memory() {
 
 Check check_authority(const recorder::NamedAuthority& authority, const timestamp::TrustStore& trust) {
   const std::string subject = "authority " + authority.name;
-  Bytes imprint(crypto::hash_size(crypto::HashAlgorithm::kSha256));
-  crypto::fill_random(imprint);
-  const auto asked = timestamp::make_request(crypto::HashAlgorithm::kSha256, imprint);
   const auto begin = std::chrono::steady_clock::now();
   const UtcTime before = utc_now();
-  const Bytes answer = authority.source->ask(timestamp::encode_request(asked));
+  const timestamp::TokenJudgement judgement = ask_for_time(authority, trust);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
-  timestamp::Expectation expectation;
-  expectation.algorithm = asked.algorithm;
-  expectation.imprint = asked.imprint;
-  expectation.nonce = asked.nonce;
-  const timestamp::TokenJudgement judgement = timestamp::judge_token(answer, expectation, trust);
   if (judgement.code != timestamp::TokenCode::kValid) {
     return {Health::kBad, subject, judgement.explanation,
             "its tokens prove nothing here: add its root to trust.pem, or ask another authority"};
