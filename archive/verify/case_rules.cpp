@@ -9,6 +9,7 @@
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::archive {
 
@@ -134,10 +135,11 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                    for (auto& [name, its] : streams_) {
                      its.take_recovered();
                    }
-                   findings_->add("recovered", in_ledger(number),
-                                  "recording was cut off (" + recovered.after + ") and found again" +
-                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated) +
-                                      signed_late_text(number));
+                   findings_->add(
+                       "recovered", in_ledger(number),
+                       "recording was cut off (" + recovered.after + ") and found again" +
+                           (recovered.truncated.empty() ? "" : ": " + quoted(recovered.truncated)) +
+                           signed_late_text(number));
                  },
                  [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
       entry.body);
@@ -254,8 +256,8 @@ void CaseRules::judge_form(const StreamInfo& stream, std::uint64_t number) {
   if (!is_of_the_format(stream)) {
     findings_->add("stream-form-unknown", in_ledger(number),
                    "open says of " + stream.name + " that it is of kind " + stream.kind + ", holds " +
-                       stream.media + " and has the profile \"" + shortened(stream.profile) +
-                       "\", which the format does not have together");
+                       stream.media + " and has the profile " + quoted(shortened(stream.profile)) +
+                       ", which the format does not have together");
   }
   if (std::ranges::none_of(stream.recipients, is_age_recipient)) {
     findings_->add("stream-for-nobody", in_ledger(number),
@@ -424,7 +426,7 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
   }
   if (opening_) {
     findings_->add("stream-unknown", in_ledger(number),
-                   at_entry(number) + " is of a stream \"" + name + "\", which open does not name");
+                   at_entry(number) + " is of a stream " + quoted(name) + ", which open does not name");
   }
   return nullptr;
 }
