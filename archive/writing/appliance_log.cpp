@@ -941,8 +941,8 @@ struct ApplianceLog::State {
         "same");
   }
 
-  /// Lines that the device signed, and that no reader would get beyond: they are kept elsewhere, with a mark in
-  /// the place of each. All other lines stay, under their numbers.
+  /// Lines that the device signed, and that no reader would get beyond: they are kept elsewhere, with a mark
+  /// in the place of each. All other lines stay, under their numbers.
   Ledger::Aside mark_changed(std::uint64_t seq, std::uint64_t offset, std::uint64_t covered,
                              const Ledger::Replace& replace) {
     const fs::path file = folder / kLedgerFile;
@@ -1148,8 +1148,8 @@ struct ApplianceLog::State {
   }
 
   /// With the turn: how many lines the device signed, as far as anybody knows here, whether they are those
-  /// that stand there or not, and whether its checkpoint is there still. Where the checkpoints cannot be read,
-  /// and the home remembers none, it may be any line.
+  /// that stand there or not, and whether its checkpoint is there still. Where the checkpoints cannot be
+  /// read, and the home remembers none, it may be any line.
   [[nodiscard]] std::uint64_t covered_size() const {
     const std::optional<OwnCheckpoint> known = remembered();
     const std::uint64_t here = std::max({known ? known->checkpoint.size : 0, kept_size, signed_until});

@@ -41,8 +41,8 @@ class Ledger {
   using Covered = std::function<std::uint64_t()>;
   /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
   using NeedsSignature = std::function<bool(std::string_view line)>;
-  /// Puts `lines` in place of all that stands in the file from there on, durably. Throws kiroku::IoError; only
-  /// some of them may stand there then.
+  /// Puts `lines` in place of all that stands in the file from there on, durably. Throws kiroku::IoError;
+  /// only some of them may stand there then.
   using Replace = std::function<void(const ReadableFile& lines)>;
   enum class Aside {
     kStays,
@@ -60,10 +60,10 @@ class Ledger {
   /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
   /// write to the disk could have put it there, and unsigned_bytes() tells. What stands from a line on that
   /// is longer than the format's is cut off where `set_aside` says so, also later; torn_bytes() tells. So is
-  /// later what stands from a line on that holds a zero byte, and that no checkpoint covers; and where covered
-  /// lines hold more zeros than are read, it is asked for those. Throws
-  /// UsageError if another writer has it (kExclusive), kiroku::Error for such a line that stays,
-  /// kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
+  /// later what stands from a line on that holds a zero byte, and that no checkpoint covers; and where
+  /// covered lines hold more zeros than are read, it is asked for those. Throws UsageError if another writer
+  /// has it (kExclusive), kiroku::Error for such a line that stays, kiroku::IoError. `files` and `reserve`
+  /// must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
                                       SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {},
                                       NeedsSignature needs_signature = {}, SetAside set_aside = {});
@@ -78,9 +78,9 @@ class Ledger {
   /// again.
   void append(const MakeLines& make_lines);
 
-  /// kShared: has `tell` called whenever the file was read anew since lines of it stand elsewhere, or no more:
-  /// lines before them may be others. Without it a ledger whose lines are others refuses everything. It must
-  /// neither throw nor call the ledger.
+  /// kShared: has `tell` called whenever the file was read anew since lines of it stand elsewhere, or no
+  /// more: lines before them may be others. Without it a ledger whose lines are others refuses everything. It
+  /// must neither throw nor call the ledger.
   void when_read_anew(std::function<void()> tell) { tell_read_anew_ = std::move(tell); }
   /// kShared: takes in what other processes appended. (append() does so by itself.)
   void catch_up();
@@ -137,8 +137,8 @@ class Ledger {
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
   [[noreturn]] void refuse_endless_zeros() const;
   [[noreturn]] void refuse_long_line() const;
-  /// Of the next line, which is none of the format, up to byte `end`. True where nothing of it stands any more,
-  /// and reading goes on with what does.
+  /// Of the next line, which is none of the format, up to byte `end`. True where nothing of it stands any
+  /// more, and reading goes on with what does.
   bool is_put_aside(std::uint64_t end);
   void replace_end(const ReadableFile& lines);
   /// What was entered is not there any more, as `problem` says. Throws, unless somebody is told.

@@ -401,7 +401,8 @@ class MarkedLines {
   }
   void keep(std::string_view piece) {
     const std::uint64_t left = kMostBytesAside - std::min(kMostBytesAside, changed_.bytes());
-    changed_.write(bytes_of(piece.substr(0, static_cast<std::size_t>(std::min<std::uint64_t>(left, piece.size())))));
+    changed_.write(
+        bytes_of(piece.substr(0, static_cast<std::size_t>(std::min<std::uint64_t>(left, piece.size())))));
   }
 
   AsidePart &lines_, &changed_;

@@ -91,8 +91,8 @@ std::uint64_t bytes_to_keep(const FileReading& files, const std::filesystem::pat
 struct ChangedAside {
   SetAside kept;            // what stands in their place now, one behind the other; no entry tells of it yet
   std::uint64_t lines = 0;  // so many of them
-  /// All lines from the first of them on, with a mark in the place of each of them. Another file that is called
-  /// as if no entry told of it, until somebody puts these lines into the log, and removes it.
+  /// All lines from the first of them on, with a mark in the place of each of them. Another file that is
+  /// called as if no entry told of it, until somebody puts these lines into the log, and removes it.
   std::filesystem::path instead;
   struct Rest {
     std::uint64_t number = 0, offset = 0;
