@@ -159,8 +159,7 @@ std::string left_aside_deed(std::uint64_t from, const std::string& sha256) {
 }
 
 std::string changed_deed(std::uint64_t from, const ChangedAside& changed) {
-  return "set aside " + std::to_string(changed.lines) + (changed.lines == 1 ? " line" : " lines") +
-         " from entry " + std::to_string(from) +
+  return "set aside what stood in lines from entry " + std::to_string(from) +
          " on that this device had signed, and that are no entries any more" + std::string(kSha256Ends) +
          changed.kept.sha256;
 }

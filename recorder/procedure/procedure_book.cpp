@@ -567,7 +567,12 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     }
     for (const auto& [place, came] : kept.since) {
       if (since.contains(place)) continue;
-      pass(place, came, received);
+      // Of whoever never was there nobody else's being there is in doubt.
+      if (message.cancels_move) {
+        note_change(place, received);
+      } else {
+        pass(place, came, received);
+      }
       const Went went{received, arrives, message.cancels_move};
       // Whoever was there by mistake alone has not left it since they were there before.
       if (message.cancels_move) {
@@ -927,17 +932,42 @@ void ProcedureBook::lose(LostPlaces& places, const Kept& kept, const ProcedureMo
       // Of more days than are kept those of one place become one.
       known =
           std::ranges::find_if(places, [&](const auto& each) { return place_of_lost(each.first) == place; });
-      if (known == places.end()) continue;
+      if (known == places.end()) make_room(places);
     }
     if (known == places.end()) {
       places.emplace(key, Lost{first, last});
       continue;
     }
-    Lost& before = known->second;
-    if (first.since_boot < before.first.since_boot) before.first = first;
-    if (last.since_boot > before.last.since_boot) before.last = last;
+    widen(known->second, {first, last});
   }
   if (is_news) ++not_kept_;
+}
+
+void ProcedureBook::widen(Lost& lost, const Lost& by) {
+  if (by.first.since_boot < lost.first.since_boot) lost.first = by.first;
+  if (by.last.since_boot > lost.last.since_boot) lost.last = by.last;
+}
+
+// Of more places than are kept it would be forgotten that something was: then nobody is in doubt.
+void ProcedureBook::make_room(LostPlaces& places) {
+  const auto same = std::ranges::adjacent_find(places, [](const auto& one, const auto& other) {
+    return place_of_lost(one.first) == place_of_lost(other.first);
+  });
+  if (same != places.end()) {
+    const auto next = std::next(same);
+    widen(same->second, next->second);
+    places.erase(next);
+    return;
+  }
+  const Lost lost = places.begin()->second;
+  places.erase(places.begin());
+  const auto any =
+      std::ranges::find_if(places, [](const auto& each) { return place_of_lost(each.first) == kAnyPlace; });
+  if (any == places.end()) {
+    places.emplace(key_of_lost(std::string(kAnyPlace), lost.first), lost);
+  } else {
+    widen(any->second, lost);
+  }
 }
 
 std::string ProcedureBook::key_of_lost(const std::string& place, const ProcedureMoment& first) {
@@ -972,13 +1002,35 @@ bool ProcedureBook::is_lost(const LostPlaces& places, const ProcedureRule& rule,
   return std::ranges::any_of(places, [&](const auto& each) {
     const auto& [key, lost] = each;
     const std::string place = place_of_lost(key);
-    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    const bool is_meant =
+        place == kAnyPlace ||
+        (rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place));
     return is_meant && at.by_this_clock(lost.first) - rule.window <= at.utc &&
            at.utc <= at.by_this_clock(lost.last) + rule.window;
   });
 }
 
+/// Whoever sends messages makes as many places and visits of one patient as they like.
+void ProcedureBook::bound(Kept& kept, const ProcedureMoment& now) {
+  while (kept.gone.size() > kMostPlacesBefore) {
+    const auto oldest = std::ranges::min_element(kept.gone, {}, [&](const auto& each) {
+      return std::pair(is_watched(each.first), each.second.when.number);
+    });
+    if (is_watched(oldest->first)) {
+      // That they were there may be why what is planned for them there is over.
+      Kept there{kept.received, {}};
+      there.message.places = {oldest->first};
+      lose(lost_planned_, there, oldest->second.when.at, now);
+    }
+    kept.gone.erase(oldest);
+  }
+  for (auto each = kept.visits.begin(); kept.visits.size() > kMostSenders;) {
+    each = each->first == kept.message.sender ? std::next(each) : kept.visits.erase(each);
+  }
+}
+
 void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
+  for (auto& [key, kept] : messages) bound(kept, now);
   const auto newest = [&now](const Kept& kept) {
     return std::max(now.by_this_clock(kept.received.at), planned_last(kept, now));
   };
@@ -1116,12 +1168,24 @@ bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
   return !has_another && ended && ended(kept.message.data, went - kFurthestAhead);
 }
 
+bool ProcedureBook::was_short(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
+                              const EndedSince& ended) const {
+  if (!left.from_here || left.from_here->number != left.when.number) return false;
+  const auto there = std::ranges::find_if(passed_, [&](const auto& each) {
+    return is_of_room(rule, each.first) && each.second.went.number == left.when.number;
+  });
+  if (there == passed_.end()) return false;
+  const ProcedureMoment &came = there->second.came.at, &went = left.when.at;
+  if (went.since_boot - came.since_boot >= kShortest) return false;
+  return !ended || !ended(message.data, came.utc - kFurthestAhead);
+}
+
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
                                  UtcTime planned, const ProcedureMoment& at, const EndedSince& ended) const {
   const UtcTime went = at.by_this_clock(left.when.at);
   if (at.utc - went > rule.window) return Standing::kOpen;
   if (!left.is_sure || went > at.utc) return Standing::kDoubtful;
-  if (planned <= went) return Standing::kDone;
+  if (planned <= went) return was_short(rule, left, message, ended) ? Standing::kDoubtful : Standing::kDone;
   if (!left.is_from_here || planned - went > kFurthestAhead) return Standing::kDoubtful;
   // It went faster than it was planned, if a case about them has ended since they came; else they were only
   // brought, as by mistake. Unless that was another one.

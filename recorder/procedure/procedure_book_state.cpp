@@ -212,7 +212,9 @@ struct ProcedureBook::AsBytes {
     if (version > kVersionBefore) {
       members(codec, visits);
     } else if constexpr (Codec::kReads) {
-      one.note_visit(message);
+      const bool is_of_appointment = message.kind == ProcedureMessage::Kind::kAppointment ||
+                                     message.kind == ProcedureMessage::Kind::kCancels;
+      if (!is_of_appointment) one.note_visit(message);
     }
   }
 
