@@ -306,15 +306,12 @@ void add_sim_fit_series_command(Command& sim) {
                  "of each view: the geometry by which the CT lies as the patient did (.json)");
   command.flag("--force", request->force, "replaces the files");
   command.explain(
-      "Finds how the patient lay (from some 15 mm and 10 degrees away), how far rib cage and diaphragm moved "
-      "in "
-      "each picture, and the amplitude, phase, baseline and drift with which the model's waveform follows "
-      "that; "
-      "of a sine the cycle, too. Gradient correlation is made greatest, in pixels that become smaller. What "
-      "stays "
-      "the same in all pictures and is not in the CT, as couch and tubes, loses its say. Pictures of several "
-      "views "
-      "with the same time are of one moment.");
+      "Finds how the patient lay (from some 13 mm and 5 degrees away; from farther it may be refused), "
+      "how far rib cage and diaphragm moved in each picture, and the amplitude, phase, baseline and "
+      "drift with which the model's waveform follows that; of a sine the cycle, too. Gradient "
+      "correlation is made greatest, in pixels that become smaller. What stays the same in all pictures "
+      "and is not in the CT, as couch and tubes, loses its say. Pictures of several views with the same "
+      "time are of one moment.");
   command.explain(
       "The tumour is sought in each picture near where the lung has it, by its own DRR. The table says for "
       "each "

@@ -204,12 +204,10 @@ std::string random_name() {
 }
 
 /// The next bytes from `at` on that take room on the disk, before `end`: where they begin and end; nothing
-/// where none do. Where the file system tells of no holes, all are. It may tell of some where there are none:
-/// what is little is not asked for.
+/// where none do. Where the file system tells of no holes, all are.
 std::optional<std::pair<std::uint64_t, std::uint64_t>> next_stretch(const Descriptor& file, std::uint64_t at,
                                                                     std::uint64_t end) {
   if (at >= end) return std::nullopt;
-  if (end - at <= kMostBytesAside) return std::pair(at, end);
   const off_t begins = ::lseek(file.number(), static_cast<off_t>(at), SEEK_DATA);
   if (begins < 0) return errno == ENXIO ? std::nullopt : std::optional(std::pair(at, end));
   const std::uint64_t begin = std::max(at, static_cast<std::uint64_t>(begins));
@@ -227,7 +225,14 @@ void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint
   if (!holes) throw IoError("read", input.path(), errno);
   std::vector<std::byte> chunk(kChunk);
   std::uint64_t left = kMostBytesAside;
-  while (const auto stretch = next_stretch(holes, offset, input.size())) {
+  // A file system may tell of holes where there are none: of what is little all is copied.
+  const bool is_little = input.size() - std::min(offset, input.size()) <= kMostBytesAside;
+  const auto next = [&] {
+    const bool is_whole = is_little && offset < input.size();
+    return is_whole ? std::optional(std::pair(offset, input.size()))
+                    : next_stretch(holes, offset, input.size());
+  };
+  while (const auto stretch = next()) {
     for (offset = stretch->first; offset < stretch->second;) {
       const std::uint64_t most = std::min({left, stretch->second - offset, std::uint64_t{kChunk}});
       const std::size_t count = input.read_at(offset, std::span(chunk).first(static_cast<std::size_t>(most)));

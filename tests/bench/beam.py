@@ -79,8 +79,9 @@ def main():
     figures["least"], figures["greatest"] = f"{min(shares):.0f}", f"{max(shares):.0f}"
     nearest = min(parts, key=lambda key: abs(parts[key]["following_of_covering"] - 0.48))
     print("nearest to 48 %: " + " mm, ".join(f"{number:g}" for number in nearest[:2]) + f" mm margin, {nearest[2]:g} ml")
-    at = parts[(15, 4, 3)]
-    figures["at_15_4_3"] = f"{100 * at['following_of_covering']:.0f}"
+    for (excursion, margin, volume), field in parts.items():
+        if margin == 4:
+            figures[f"at_{excursion:g}_4_{volume:g}"] = f"{100 * field['following_of_covering']:.0f}"
     figures["covered"] = f"{100 * min(field['following_covered'] for field in parts.values()):.1f}"
     print(" ".join(f"{name}={value}" for name, value in figures.items()))
 

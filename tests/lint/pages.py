@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Checks the documents: links, anchors, names of pages in the whole tree, the site's contents, and how lines are set.
+"""Checks the documents: links, anchors, names of tests, names of pages in the whole tree, the site's contents, and how
+lines are set.
 
 Usage: tests/lint/pages.py [--wrap]
   --wrap   first breaks paragraphs and list items that have a line of more than 120 columns
@@ -17,6 +18,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 WIDTH, MOST_WORDS = 120, 25
 SHORT_CELLS = ("docs/tutorials/", "docs/how-to/", "docs/results/")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s#]*)(?:#([^)\s]*))?\)")
+TEST = re.compile(r"\bTEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\)")
+# `Suite.Name`, `Suite.*`, `Suite.BeginningOfAName…`, `…EndOfAName`; a suite with parameters has a word before it.
+NAMED_TEST = re.compile(r"`(?:\w+/)?(?:([A-Z]\w*)\.)?(…?[A-Z*][\w*]*…?)`")
 problems = []
 
 
@@ -52,6 +56,28 @@ def check_links(page, text):
                 problems.append(f"{where}: there is no {target}")
             elif anchor and path.suffix == ".md" and anchor not in anchors(path.read_text("utf-8")):
                 problems.append(f"{where}: {target or page.name} has no heading #{anchor}")
+
+
+def tests_there(tracked):
+    """Names of GoogleTest's cases by their suites."""
+    found = {}
+    for name in tracked:
+        if name.startswith("tests/") and name.endswith(".cpp") and (ROOT / name).exists():
+            for suite, case in TEST.findall((ROOT / name).read_text("utf-8")):
+                found.setdefault(suite, set()).add(case)
+    return found
+
+
+def check_tests(page, text, suites):
+    for number, line in outside_code(text):
+        for suite, case in NAMED_TEST.findall(line):
+            if not suite and not case.startswith("…"):
+                continue
+            # A name in another language looks alike, as `Error.prototype` does, but begins with a small letter.
+            wanted = re.compile(re.escape(case).replace("…", ".*").replace(r"\*", ".*"))
+            cases = suites.get(suite, set()) if suite else set().union(*suites.values())
+            if not any(wanted.fullmatch(each) for each in cases):
+                problems.append(f"{page.relative_to(ROOT)}:{number}: there is no test {suite}{'.' if suite else ''}{case}")
 
 
 def check_lines(page, text):
@@ -101,6 +127,7 @@ def wrapped(text):
 def main():
     tracked = subprocess.run(["git", "-C", str(ROOT), "ls-files"], check=True, capture_output=True, text=True).stdout.split("\n")
     pages = [ROOT / name for name in tracked if name.endswith(".md") and (ROOT / name).exists()]
+    suites = tests_there(tracked)
     for page in pages:
         text = page.read_text("utf-8")
         if "--wrap" in sys.argv[1:] and (new := wrapped(text)) != text:
@@ -108,6 +135,7 @@ def main():
             text = new
         check_links(page, text)
         check_lines(page, text)
+        check_tests(page, text, suites)
 
     # Comments, messages and scripts name pages by their path.
     for name in filter(None, tracked):

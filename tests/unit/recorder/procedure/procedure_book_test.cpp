@@ -1312,8 +1312,8 @@ TEST(ProcedureBook, WhoeverLeftSinceIsDoneWhoseTimeIsUnclear) {
   words.is_time_unclear = true;
   for (const ProcedureMessage& first : {day, words, planned("p", "first", {})}) {
     ProcedureBook book;
-    book.take(booked(first), kMorning - 10h);
-    book.take(booked(planned("q", "second", kMorning + 3h + 30min)), kMorning - 10h);
+    book.take(booked(first), kMorning - 8h);
+    book.take(booked(planned("q", "second", kMorning + 3h + 30min)), kMorning - 8h);
     ProcedureBook before = book;
     book.take(moved("p", "OR1"), kMorning);
     book.take(moved("p", "PACU"), kMorning + 2h);
@@ -1324,14 +1324,14 @@ TEST(ProcedureBook, WhoeverLeftSinceIsDoneWhoseTimeIsUnclear) {
     EXPECT_EQ(found_then(book), "q second");
     EXPECT_EQ(doubt(book, kMorning + 3h + 30min), Doubt::kTimeUnclear) << "no case of theirs: a mistake";
     ProcedureBook twice = book;
-    twice.take(booked(planned("p", "another", kMorning + 6h)), kMorning - 10h);
+    twice.take(booked(planned("p", "another", kMorning + 6h)), kMorning - 8h);
     EXPECT_NE(found_then(twice), "q second") << "it may have been the other one";
     book.take(booked(first), kMorning + 3h);
     EXPECT_NE(found_then(book), "q second") << "booked since";
     if (!first.within) continue;
     // Of the day before, or elsewhere, it says nothing.
-    before.take(moved("p", "OR1"), kMorning - 9h);
-    before.take(moved("p", "WARD"), kMorning - 8h);
+    before.take(moved("p", "OR1"), kMorning - 7h - 30min);
+    before.take(moved("p", "WARD"), kMorning - 7h - 15min);
     before.take(moved("p", "LAB"), kMorning);
     EXPECT_EQ(doubt(before, kMorning + 3h + 30min), Doubt::kTimeUnclear);
   }

@@ -148,10 +148,11 @@ TEST_F(RoomOfMessages, WhoeverLeftBeforeTheirTimeIsDoneIfACaseAboutThemHasEnded)
 TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
   const UtcTime now = utc_now();
   book("P", now);
-  const std::optional<ProcedureData> about = room.find(now);
+  std::optional<ProcedureData> about = room.find(now);
   ASSERT_TRUE(about);
+  about->planned.clear();
   room.ended(*about, now - 13h);
-  EXPECT_TRUE(room.find(now));
+  EXPECT_TRUE(room.find(now)) << "another without a time";
   room.ended(*about, now - 11h);
   EXPECT_EQ(room.doubt(now), Doubt::kRecordedAlready);
 }
