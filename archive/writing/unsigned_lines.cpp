@@ -217,6 +217,11 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> next_stretch(const Descri
   return std::pair(begin, is_told ? std::min(end, static_cast<std::uint64_t>(hole)) : end);
 }
 
+/// Whether all of it is copied: a file system may tell of holes where there are none.
+bool is_little(const ReadableFile& input, std::uint64_t offset) {
+  return input.size() - std::min(offset, input.size()) <= kMostBytesAside;
+}
+
 /// Hands `write` the first kMostBytesAside that take room on the disk, from byte `offset` on.
 void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint64_t offset,
                   const std::function<void(ByteView)>& write) {
@@ -225,10 +230,9 @@ void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint
   if (!holes) throw IoError("read", input.path(), errno);
   std::vector<std::byte> chunk(kChunk);
   std::uint64_t left = kMostBytesAside;
-  // A file system may tell of holes where there are none: of what is little all is copied.
-  const bool is_little = input.size() - std::min(offset, input.size()) <= kMostBytesAside;
+  const bool is_all_copied = is_little(input, offset);
   const auto next = [&] {
-    const bool is_whole = is_little && offset < input.size();
+    const bool is_whole = is_all_copied && offset < input.size();
     return is_whole ? std::optional(std::pair(offset, input.size()))
                     : next_stretch(holes, offset, input.size());
   };
@@ -420,6 +424,20 @@ class MarkedLines {
   std::uint64_t uncovered_ = 0, changed_lines_ = 0, changed_bytes_ = 0;
 };
 
+/// Whether a file that is told to have a hole there has one, and a long one: what is short is read.
+bool is_hole(const ReadableFile& input, std::uint64_t begin, std::uint64_t end) {
+  constexpr std::uint64_t kShort = 1U << 16U;
+  if (end - begin <= kShort) return false;
+  std::array<std::byte, 4096> there{};
+  for (const std::uint64_t at : {begin, end - there.size()}) {
+    const std::size_t count = input.read_at(at, there);
+    if (std::ranges::any_of(std::span(there).first(count),
+                            [](std::byte each) { return each != std::byte{}; }))
+      return false;
+  }
+  return true;
+}
+
 ChangedAside set_changed_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line,
                                   std::uint64_t offset, std::uint64_t covered, const fs::path& folder) {
   make_folder_beside(files, folder);
@@ -434,12 +452,14 @@ ChangedAside set_changed_aside_in(FileSystem& files, const fs::path& file, std::
   bool all_stay = true;
   while (all_stay) {
     const auto stretch = next_stretch(holes, offset, input.size());
-    const std::uint64_t begin = stretch ? stretch->first : input.size();
+    std::uint64_t begin = stretch ? stretch->first : input.size();
+    if (!is_hole(input, offset, begin)) begin = offset;
     if (begin > offset) all_stay = marked.take_hole(begin - offset);
     offset = begin;
-    if (!stretch) break;
-    while (all_stay && offset < stretch->second) {
-      const std::uint64_t most = std::min(stretch->second - offset, std::uint64_t{kChunk});
+    const std::uint64_t end = stretch ? stretch->second : input.size();
+    if (offset == end) break;
+    while (all_stay && offset < end) {
+      const std::uint64_t most = std::min(end - offset, std::uint64_t{kChunk});
       const std::size_t count = input.read_at(
           offset, std::as_writable_bytes(std::span(chunk).first(static_cast<std::size_t>(most))));
       if (count == 0) throw Error(file.string() + " became shorter while it was read");
@@ -489,6 +509,7 @@ ChangedAside set_changed_aside(FileSystem& files, const fs::path& file, std::uin
 
 std::uint64_t bytes_to_keep(const FileReading& files, const fs::path& file, std::uint64_t offset) {
   const ReadableFile input = files.open_to_read(file);
+  if (is_little(input, offset)) return input.size() - std::min(offset, input.size());
   const Descriptor holes(files.open_at(AT_FDCWD, file.native(), O_NOFOLLOW | O_NONBLOCK, file));
   if (!holes) throw IoError("read", file, errno);
   std::uint64_t bytes = 0;

@@ -959,14 +959,20 @@ void ProcedureBook::make_room(LostPlaces& places) {
     places.erase(next);
     return;
   }
-  const Lost lost = places.begin()->second;
-  places.erase(places.begin());
-  const auto any =
-      std::ranges::find_if(places, [](const auto& each) { return place_of_lost(each.first) == kAnyPlace; });
-  if (any == places.end()) {
-    places.emplace(key_of_lost(std::string(kAnyPlace), lost.first), lost);
-  } else {
+  const auto is_any = [](const auto& each) { return place_of_lost(each.first) == kAnyPlace; };
+  const auto take_one = [&] {
+    const auto one = std::ranges::find_if(
+        places, [&](const auto& each) { return !place_of_lost(each.first).empty() && !is_any(each); });
+    const Lost lost = one->second;
+    places.erase(one);
+    return lost;
+  };
+  Lost lost = take_one();
+  if (const auto any = std::ranges::find_if(places, is_any); any != places.end()) {
     widen(any->second, lost);
+  } else {
+    widen(lost, take_one());
+    places.emplace(key_of_lost(std::string(kAnyPlace), lost.first), lost);
   }
 }
 
