@@ -17,6 +17,15 @@ bool is_of_room(const ProcedureRule& rule, const std::string& place) {
                              [&](const std::string& location) { return same_but_for_case(place, location); });
 }
 
+/// By which a room is known again by the process that starts next.
+std::string name_of_room(const ProcedureRule& rule) {
+  std::set<std::string> locations;
+  for (const std::string& each : rule.locations) locations.insert(lower_case(each));
+  std::string name;
+  for (const std::string& each : locations) name += each + "\n";
+  return name;
+}
+
 bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
   return rule.locations.empty() || std::ranges::any_of(message.places, [&](const std::string& place) {
            return is_of_room(rule, place);
@@ -377,6 +386,24 @@ bool ProcedureBook::is_there_another(const std::string& patient, const std::stri
              return same_but_for_case(came.first, place);
            });
   });
+}
+
+void ProcedureBook::note_recorded(const ProcedureRule& rule, const ProcedureData& data,
+                                  const ProcedureMoment& at) {
+  std::erase_if(recorded_,
+                [&](const Recorded& each) { return at.since_boot - each.at.since_boot > kLongestWindow; });
+  if (recorded_.size() >= kMostKept) recorded_.erase(recorded_.begin());
+  recorded_.push_back({name_of_room(rule), data, at});
+}
+
+std::vector<std::pair<ProcedureData, UtcTime>> ProcedureBook::recorded(const ProcedureRule& rule,
+                                                                       const ProcedureMoment& at) const {
+  std::vector<std::pair<ProcedureData, UtcTime>> of_room;
+  const std::string room = name_of_room(rule);
+  for (const Recorded& each : recorded_) {
+    if (each.room == room) of_room.emplace_back(each.data, at.by_this_clock(each.at));
+  }
+  return of_room;
 }
 
 std::optional<ProcedureMoment> ProcedureBook::changed(const ProcedureRule& rule) const {

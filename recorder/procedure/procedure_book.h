@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/bytes.h"
@@ -96,6 +97,12 @@ class ProcedureBook {
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, ProcedureMoment at) const;
+
+  /// A case about that procedure has ended in the rule's room.
+  void note_recorded(const ProcedureRule& rule, const ProcedureData& data, const ProcedureMoment& at);
+  /// Those, and when by the clock of `at`, in the order in which they were noted.
+  [[nodiscard]] std::vector<std::pair<ProcedureData, UtcTime>> recorded(const ProcedureRule& rule,
+                                                                        const ProcedureMoment& at) const;
 
   /// When somebody came to the rule's room last, left it, or was done with there, as far as messages say:
   /// what was in the room before that is of somebody else. Whoever is told late counts from when it happened.
@@ -312,6 +319,12 @@ class ProcedureBook {
   std::map<std::string, Passed> passed_;            // by place, in lower case; "" of all places together
   std::map<std::string, ProcedureMoment> changes_;  // likewise
   LostPlaces lost_placed_, lost_planned_;
+  struct Recorded {
+    std::string room;  // its locations
+    ProcedureData data;
+    ProcedureMoment at;
+  };
+  std::vector<Recorded> recorded_;  // the oldest first
 };
 
 }  // namespace kiroku::recorder
