@@ -20,6 +20,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
+#include "fleet/erased_segments.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -96,40 +97,6 @@ class NewFile {
   Descriptor file_;
   crypto::Sha256 hash_;
   std::uint64_t size_ = 0;
-};
-
-/// Which segments `erased` lines name: a ledger may have as many of these lines as of segments.
-class ErasedSegments {
- public:
-  void add(const archive::ErasedEntry& entry) {
-    if (entry.first_index <= entry.last_index)
-      streams_[entry.stream].emplace_back(entry.first_index, entry.last_index);
-  }
-  /// Before has() is asked.
-  void join() {
-    for (auto& [stream, ranges] : streams_) {
-      std::ranges::sort(ranges);
-      std::vector<Range> joined;
-      for (const Range& each : ranges) {
-        if (joined.empty() || each.first > joined.back().second) {
-          joined.push_back(each);
-        } else {
-          joined.back().second = std::max(joined.back().second, each.second);
-        }
-      }
-      ranges = std::move(joined);
-    }
-  }
-  [[nodiscard]] bool has(const archive::SegmentEntry& segment) const {
-    const auto ranges = streams_.find(segment.stream);
-    if (ranges == streams_.end()) return false;
-    const auto behind = std::ranges::upper_bound(ranges->second, segment.index, {}, &Range::first);
-    return behind != ranges->second.begin() && segment.index <= std::prev(behind)->second;
-  }
-
- private:
-  using Range = std::pair<std::uint64_t, std::uint64_t>;  // the first and the last index
-  std::map<std::string, std::vector<Range>> streams_;
 };
 
 /// One case on its way into a folder.
@@ -261,9 +228,7 @@ class Fetching {
     const std::string ledger(archive::kLedgerFile);
     take(ledger, of_first_choice(versions));
     if (versions.size() > 1 && case_id_ != kLog && !is_of_this_case()) {
-      std::size_t tried = 0;
-      for (const ListedVersion& each : versions) {
-        if (tried++ == kMostVersionsTried) break;
+      for (const ListedVersion& each : versions_to_try(versions)) {
         take(ledger, each);
         if (!is_of_this_case()) continue;
         ledger_chosen_ = result_.ledger_is_older = true;
@@ -365,20 +330,23 @@ class Fetching {
     if (versions == versions_.end()) return false;
     if (hashes_[path] == hash) return true;
     const ListedVersion& first = of_first_choice(versions->second);
-    std::size_t tried = 0;
+    std::vector<ListedVersion> others;
     for (const ListedVersion& each : versions->second) {
       if (&each == &first || (bytes && each.bytes != *bytes) || each.bytes > most_bytes) continue;
-      if (tried++ == kMostVersionsTried) {
-        result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
-                                  " other versions are not what " + who_names_it +
-                                  ", and the rest was not tried");
-        break;
-      }
+      others.push_back(each);
+    }
+    const bool are_too_many = others.size() > kMostVersionsTried;
+    for (const ListedVersion& each : versions_to_try(std::move(others))) {
       take(path, each);
       if (hashes_[path] != hash) continue;
       result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
                                 " is not what " + who_names_it);
       return true;
+    }
+    if (are_too_many) {
+      result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
+                                " other versions are not what " + who_names_it +
+                                ", and the rest was not tried");
     }
     if (versions->second.size() > 1) take(path, first);
     return false;
@@ -396,7 +364,7 @@ class Fetching {
     const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
                           std::optional<std::uint64_t> bytes, std::uint64_t line = 0) {
       // What has no such name was never in a store, and must not be sought or put under it.
-      const bool may_be_there = is_name_below(path) && is_place_of_file(path, false);
+      const bool may_be_there = may_be_file_of_case(path);
       if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
       // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
@@ -492,6 +460,10 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
 }
 
 }  // namespace
+
+bool may_be_file_of_case(std::string_view path) {
+  return is_name_below(path) && is_place_of_file(path, false);
+}
 
 std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance) {
   std::vector<std::string> cases = store.folders(appliance + "/");

@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "crypto/hash.h"
@@ -40,6 +41,8 @@ struct FetchedCase {
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
 };
+/// Whether a store may have a file of a case by that path: else it is neither sought nor put.
+bool may_be_file_of_case(std::string_view path);
 /// Which version is taken of an object that has several. Whoever has the appliance's keys can put newer ones
 /// under each key, and nobody can put an older one.
 enum class WhichVersions { kNewest, kOldest };

@@ -412,6 +412,13 @@ void ObjectStore::for_each_version(const std::string& prefix,
   });
 }
 
+std::vector<ListedVersion> versions_to_try(std::vector<ListedVersion> versions) {
+  if (versions.size() <= kMostVersionsTried) return versions;
+  constexpr std::ptrdiff_t kHalf = kMostVersionsTried / 2;
+  versions.erase(versions.begin() + kHalf, versions.end() - kHalf);
+  return versions;
+}
+
 std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
   std::set<std::string> found;
   for_each_page(prefix, true, [&](const VersionPage& page) {

@@ -131,6 +131,10 @@ inline constexpr std::size_t kMostVersions = 1'000'000;
 /// put more.
 inline constexpr std::size_t kMostVersionsTried = 100;
 
+/// Of an object's versions, the newest in front, those that are tried: of many the newest and the oldest.
+/// Nobody can put one that is older than what a recorder put first.
+std::vector<ListedVersion> versions_to_try(std::vector<ListedVersion> versions);
+
 /// Whether stores of every make take the key as it is.
 bool is_plain_key(std::string_view key);
 

@@ -174,14 +174,15 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
     for (const fleet::MendedFile& each : all.mended)
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
-    for (const fleet::UnmendedFile& each : all.left) left.push_back({{"file", each.path}, {"why", each.why}});
+    for (const fleet::UnmendedFile& each : all.left)
+      left.push_back({{"file", each.path}, {"why", each.told()}});
     print_json(
         {{"case", case_id}, {"mended", mended}, {"not_mended", left}, {"more_not_mended", all.more_left}});
   } else {
     for (const fleet::MendedFile& each : all.mended)
       std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";
     for (const fleet::UnmendedFile& each : all.left)
-      print_error("kiroku", "could not mend " + each.path + ": " + each.why);
+      print_error("kiroku", "could not mend " + each.path + ": " + each.told());
     if (all.more_left > 0)
       print_error("kiroku", "could not mend " + std::to_string(all.more_left) + " more of its files");
     if (all.mended.empty() && all.left.empty())
