@@ -34,8 +34,9 @@ const std::string* file_named_by(const CaseEntryBody& body) {
 class CaseContents {
  public:
   /// The tree's roots at each of `sizes` are remembered. Throws kiroku::Error where the ledger cannot be
-  /// read.
-  CaseContents(const CaseFolder& folder, const std::set<std::uint64_t>& sizes) : folder_(folder) {
+  /// read, or has fewer than `lines` lines.
+  CaseContents(const CaseFolder& folder, std::uint64_t lines, const std::set<std::uint64_t>& sizes)
+      : folder_(folder) {
     for (const ListedFile& file : folder.list()) {
       if (file.kind == ListedFile::Kind::kRegular && is_of_store_statement(file.path))
         there_.insert(file.path);
@@ -46,13 +47,14 @@ class CaseContents {
     LedgerLine line;
     crypto::MerkleFrontier tree;
     if (sizes.contains(0)) roots_[0] = tree.root();
-    while (reader.next(line) && !line.torn) {
+    while (tree.size() < lines && reader.next(line) && !line.torn) {
       const EntryParse parse = line.too_long ? EntryParse{} : parse_case_entry(line.text);
       if (const std::string* file = parse.entry ? file_named_by(parse.entry->body) : nullptr)
         named_.emplace(*file, tree.size());
       tree.append(crypto::merkle_leaf_hash(bytes_of(line.text)));
       if (sizes.contains(tree.size())) roots_[tree.size()] = tree.root();
     }
+    if (tree.size() != lines) throw Error("the ledger has fewer lines than when it was verified");
     lines_ = {tree.size(), tree.root()};
   }
 
@@ -190,8 +192,9 @@ std::string words_of_time(const JudgedStatement& judged) {
 
 }  // namespace
 
-StoreStatement describe_for_statement(const CaseFolder& folder, std::uint64_t signed_size) {
-  CaseContents contents(folder, {signed_size});
+StoreStatement describe_for_statement(const CaseFolder& folder, std::uint64_t lines,
+                                      std::uint64_t signed_size) {
+  CaseContents contents(folder, lines, {signed_size});
   StoreStatement statement;
   statement.entries = contents.lines();
   const auto root = contents.root_at(signed_size);
@@ -210,11 +213,10 @@ StoreStatement describe_for_statement(const CaseFolder& folder, std::uint64_t si
   return statement;
 }
 
-std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, const std::string& case_id,
-                                                    const crypto::VerifierKey& device,
+std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, const StatedCase& of,
                                                     const VerifyOptions& options) {
   const FileReading& files = options.files != nullptr ? *options.files : real_reading();
-  const fs::path beside = store_statements_folder(folder.path(), case_id);
+  const fs::path beside = store_statements_folder(folder.path(), of.case_id);
   if (!files.exists(beside) || !files.is_folder(beside.parent_path()) || !files.is_folder(beside)) return {};
   const std::vector<std::string> names = files.names_in(beside);
   std::vector<JudgedStatement> all;
@@ -239,10 +241,10 @@ std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, co
     if (note) judged.statement = parse_store_statement(crypto::open_note(*note, {}).text);
     if (!judged.statement) {
       judged.refusal = "it is no signed statement";
-    } else if (judged.statement->case_id != case_id || judged.statement->device != device.to_string()) {
+    } else if (judged.statement->case_id != of.case_id || judged.statement->device != of.device.to_string()) {
       judged.refusal = "it is of another case, or of another device's";
     } else {
-      judge_signature(*note, device, options, judged);
+      judge_signature(*note, of.device, options, judged);
     }
     if (!judged.is_trusted) continue;
     judge_time(files, beside / name, crypto::sha256(bytes_of(*note)), names, options, judged);
@@ -250,19 +252,18 @@ std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, co
     sizes.insert(judged.statement->signed_entries.size);
   }
   if (sizes.empty()) return all;
-  CaseContents contents(folder, sizes);
+  CaseContents contents(folder, of.lines, sizes);
   for (JudgedStatement& judged : all) {
     if (judged.is_trusted) compare(contents, judged);
   }
   return all;
 }
 
-void check_store_statements(const CaseFolder& folder, const std::string& case_id,
-                            const crypto::VerifierKey& device, const VerifyOptions& options,
+void check_store_statements(const CaseFolder& folder, const StatedCase& of, const VerifyOptions& options,
                             FindingList& findings) {
   std::vector<JudgedStatement> all;
   try {
-    all = judge_store_statements(folder, case_id, device, options);
+    all = judge_store_statements(folder, of, options);
   } catch (const Error& error) {
     findings.add("store-statement-refused", {std::string(kStoreStatementsFolder)},
                  std::string("what other devices state of this case could not be read: ") + error.what());

@@ -17,8 +17,17 @@
 namespace kiroku::archive {
 
 /// Of a statement: `entries`, `signed_entries` (the first `signed_size` of them), `files` and `missing`, as
-/// they are in the folder. Throws kiroku::Error where the ledger, or a file, cannot be read.
-StoreStatement describe_for_statement(const CaseFolder& folder, std::uint64_t signed_size);
+/// they are in the folder, of whose ledger the first `lines` count. Throws kiroku::Error where the ledger, or
+/// a file, cannot be read, or is another by now.
+StoreStatement describe_for_statement(const CaseFolder& folder, std::uint64_t lines,
+                                      std::uint64_t signed_size);
+
+/// The case that statements are held against, as it was verified.
+struct StatedCase {
+  std::string case_id;
+  crypto::VerifierKey device;  // that its first line names
+  std::uint64_t lines = 0;     // of the ledger, those that were judged
+};
 
 /// A statement as it was judged.
 struct JudgedStatement {
@@ -34,14 +43,11 @@ struct JudgedStatement {
 
   [[nodiscard]] bool holds() const { return is_trusted && differences.empty(); }
 };
-/// Those that lie beside the case, by their names; kMostStoreStatements at most. `device` is the one that its
-/// first line names.
-std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, const std::string& case_id,
-                                                    const crypto::VerifierKey& device,
+/// Those that lie beside the case, by their names; of more than kMostStoreStatements the last says so.
+std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, const StatedCase& of,
                                                     const VerifyOptions& options);
 /// The same, as findings.
-void check_store_statements(const CaseFolder& folder, const std::string& case_id,
-                            const crypto::VerifierKey& device, const VerifyOptions& options,
+void check_store_statements(const CaseFolder& folder, const StatedCase& of, const VerifyOptions& options,
                             FindingList& findings);
 
 }  // namespace kiroku::archive

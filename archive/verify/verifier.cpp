@@ -348,8 +348,9 @@ class CaseVerification {
           {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
           files_.further_hashes(), options_, findings_, report);
     }
-    if (rules_.opening() && rules_.device() && !rules_.gave_up())
-      check_store_statements(folder_, report.case_id, *rules_.device(), options_, findings_);
+    if (rules_.opening() && rules_.device() && !rules_.gave_up() && !findings_.has("entry-too-long")) {
+      check_store_statements(folder_, {report.case_id, *rules_.device(), tree_.size()}, options_, findings_);
+    }
     report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of(findings_.worst());
     report.findings = findings_.take();
