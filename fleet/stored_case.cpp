@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/store_statement.h"
 #include "base/error.h"
 #include "crypto/byte_source.h"
 #include "crypto/file_hash.h"
@@ -26,7 +27,10 @@ StoredCase list_case(ObjectStore& store, const std::string& appliance, const std
       throw Error("the store lists more than " + std::to_string(kMostVersions) + " objects of '" + case_id +
                   "', which no recording has");
     }
-    if (each.newest) of.newest[each.key] = each.version;
+    // From the newest to the oldest, where a store does not say which is the newest: of what a mark hides
+    // none is.
+    const auto [known, is_new] = of.newest.emplace(each.key, each.version);
+    if (!is_new && each.newest) known->second = each.version;
     if (each.put && (!of.put || *each.put >= *of.put)) {
       of.put = each.put;
       of.newest_key = each.key;

@@ -11,6 +11,7 @@
 #include "apps/verify/verify_command.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/log_aside.h"
+#include "archive/format/store_statement.h"
 #include "archive/storage/file_system.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/writing/appliance_log.h"

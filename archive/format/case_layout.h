@@ -30,8 +30,6 @@ inline constexpr std::string_view kSubjectFile = "subject.json.age";
 inline constexpr std::string_view kDeviceFile = "device.pub";
 /// Evidence records, in the archive beside the cases: evidence/<case>.ers.
 inline constexpr std::string_view kEvidenceFolder = "evidence";
-/// What other devices state of cases that a store has, likewise: store-statements/<case>/.
-inline constexpr std::string_view kStoreStatementsFolder = "store-statements";
 /// Lines that stood in the appliance log and were not its device's, in the archive beside the cases.
 inline constexpr std::string_view kLogAsideFolder = "log-aside";
 /// What a file is called until it is wholly there.

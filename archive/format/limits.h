@@ -35,10 +35,6 @@ inline constexpr std::size_t kMaximumExcerptBytes = 4U << 20U;
 inline constexpr std::size_t kMaximumNoteBytes = 1U << 17U;
 /// Longer files are no tokens; those in the world have 1 to 15 kB.
 inline constexpr std::size_t kMaximumTokenBytes = 1U << 20U;
-/// A statement of what a store had of a case: of ten hours with a checkpoint a minute it has 70 kB.
-inline constexpr std::size_t kMaximumStoreStatementBytes = 16U << 20U;
-/// So many statements of one case are read, and so many tokens of each.
-inline constexpr std::size_t kMostStoreStatements = 100, kMostTokensOfStatement = 8;
 /// Tokens that do not hold under the trusted roots and whose signatures are verified all the same. Of further
 /// ones only those are from which a path leads to a trusted root: a stranger's key may be as slow as they
 /// like.

@@ -15,6 +15,7 @@
 //   missing segments/room/00000003.ts.age
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -26,6 +27,13 @@
 #include "crypto/hash.h"
 
 namespace kiroku::archive {
+
+/// In the archive beside the cases, and in a store below an appliance's name: store-statements/<case>/.
+inline constexpr std::string_view kStoreStatementsFolder = "store-statements";
+/// Of ten hours with a checkpoint a minute a statement has 70 kB. What is longer is none.
+inline constexpr std::size_t kMaximumStoreStatementBytes = 16U << 20U;
+/// So many statements of one case are read, and so many tokens of each.
+inline constexpr std::size_t kMostStoreStatements = 100, kMostTokensOfStatement = 8;
 
 /// How many of a ledger's first lines, and the tree's root over them.
 struct LinesOfLedger {

@@ -180,7 +180,7 @@ TEST_F(StoreStatements, TellOfWhatCameSince) {
   early.signed_entries = first.signed_entries;
   state(early);
   const VerificationReport report = verify();
-  EXPECT_EQ(codes(report), "incomplete holds outgrown") << details(report);
+  EXPECT_EQ(codes(report), "incomplete outgrown holds") << details(report) << "by their entries";
   EXPECT_THAT(told(report, "store-statement-outgrown"), HasSubstr("1 entry and "));
   state(described());
   ASSERT_EQ(codes(verify()), "incomplete holds");
