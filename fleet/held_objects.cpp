@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "crypto/hash.h"
 
 namespace kiroku::fleet {
 

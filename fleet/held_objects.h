@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "crypto/hash.h"
+#include "crypto/file_hash.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::fleet {
