@@ -15,12 +15,14 @@
 #include "archive/format/consent_layout.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
+#include "archive/format/store_statement.h"
 #include "archive/reading/case_reader.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 #include "fleet/erased_segments.h"
+#include "fleet/stored_case.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -459,6 +461,49 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   return result;
 }
 
+/// What other devices stated of the case, beside its folder. Nobody names these files by a hash. What was put
+/// first counts, as nobody can put an older version. None of them keeps the case from its place.
+void fetch_statements(ObjectStore& store, const std::string& appliance, const std::string& case_id,
+                      FetchedCase& fetched) {
+  const std::string prefix = store_statements_prefix(appliance, case_id);
+  constexpr std::size_t kMost = archive::kMostStoreStatements * (1 + archive::kMostTokensOfStatement);
+  std::map<std::string, ListedVersion> oldest;
+  bool are_more = false;
+  store.for_each_version(prefix, [&](const ListedVersion& each) {
+    const std::string name = each.key.substr(prefix.size());
+    const bool is_statement = archive::is_store_statement_name(name);
+    const std::uint64_t most =
+        is_statement ? archive::kMaximumStoreStatementBytes : archive::kMaximumTokenBytes;
+    if ((!is_statement && !archive::is_store_statement_token_name(name)) || each.bytes > most) return;
+    are_more = are_more || (oldest.size() == kMost && !oldest.contains(name));
+    // From the newest to the oldest.
+    if (oldest.size() < kMost || oldest.contains(name)) oldest.insert_or_assign(name, each);
+  });
+  if (are_more) {
+    fetched.remarks.push_back("of what other devices stated of the case, more than " + std::to_string(kMost) +
+                              " files were left out");
+  }
+  const fs::path folder = archive::store_statements_folder(fetched.folder, case_id);
+  for (const auto& [name, version] : oldest) {
+    try {
+      make_folders(folder);
+      NewFile file(folder / name, O_TRUNC);
+      store.get(version.key, version.version, version.bytes, [&](ByteView bytes) { file.write(bytes); });
+      if (file.size() != version.bytes) throw Error("it has another length than the store told");
+      file.finish();
+      ++fetched.objects;
+      fetched.bytes += version.bytes;
+    } catch (const IoError&) {
+      throw;
+    } catch (const Error& error) {
+      std::error_code ignored;
+      fs::remove(folder / name, ignored);
+      fetched.remarks.push_back("'" + version.key +
+                                "', which another device stated, did not come: " + error.what());
+    }
+  }
+}
+
 }  // namespace
 
 bool may_be_file_of_case(std::string_view path) {
@@ -485,7 +530,9 @@ FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const s
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  return fetch(store, appliance, case_id, into, which, unreadable);
+  FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable);
+  fetch_statements(store, appliance, case_id, fetched);
+  return fetched;
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {

@@ -50,9 +50,11 @@ enum class WhichVersions { kNewest, kOldest };
 enum class UnreadableObjects { kThrow, kLeaveOut };
 /// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
 /// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
-/// one of this case. What is there is no verdict: verify it. Throws StoreError, kiroku::Error where the
-/// store's answers contradict each other or are more than any case has, kiroku::UsageError where the store
-/// has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but a folder
+/// one of this case. What other devices stated of the case (archive/format/store_statement.h) comes into
+/// `into`/store-statements/<case>. What is there is no verdict: verify it. Throws StoreError, kiroku::Error
+/// where the store's answers contradict each other or are more than any case has, kiroku::UsageError where
+/// the store has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but
+/// a folder
 /// ".fetching-<case>", which the next try removes.
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,

@@ -19,6 +19,7 @@
 #include "crypto/file_hash.h"
 #include "crypto/merkle_tree.h"
 #include "fleet/erased_segments.h"
+#include "fleet/held_objects.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -476,21 +477,8 @@ class Mender::Pass {
 
   /// As long and as firmly as what was there.
   PutLock lock_like(const std::string& path) {
-    PutLock lock;
     const std::string prefix = appliance_ + "/" + case_id_ + "/";
-    for (const std::string& key : {prefix + path, prefix + std::string(archive::kLedgerFile)}) {
-      std::vector<ListedVersion> versions;
-      mender_.store_->for_each_version(key, [&](const ListedVersion& each) {
-        if (each.key == key) versions.push_back(each);
-      });
-      for (const ListedVersion& version : versions_to_try(std::move(versions))) {
-        const std::optional<StoredObject> there = mender_.store_->look(key, version.version);
-        if (!there) continue;
-        lock.legal_hold = lock.legal_hold || there->legal_hold;
-        if (there->compliance && there->lock_ends)
-          lock.ends = std::max(lock.ends.value_or(*there->lock_ends), *there->lock_ends);
-      }
-    }
+    PutLock lock = longest_lock(*mender_.store_, {prefix + path, prefix + std::string(archive::kLedgerFile)});
     if (!lock.ends || *lock.ends <= mender_.clock_.utc())
       throw Error(
           "nothing locks what the store has of the case any more, so nothing says how long to lock it");
@@ -512,7 +500,7 @@ class Mender::Pass {
       const std::string version =
           mender_.store_->put(key, *crypto::open_file_source(candidate.file), hash.sha256, lock);
       is_put = true;
-      require_there(key, version, hash, lock);
+      require_held(*mender_.store_, key, version, hash, lock);
       state_("mended " + path + " from " + candidate.from + ", sha256 " + crypto::to_hex(hash.sha256) +
              ", version " + printable(version));
       result_.mended.push_back({path, hash.sha256, candidate.from, version});
@@ -535,21 +523,6 @@ class Mender::Pass {
       leave(path, error.what());
     }
     return false;
-  }
-
-  void require_there(const std::string& key, const std::string& version, const crypto::FileHash& hash,
-                     const PutLock& lock) {
-    const std::optional<StoredObject> told = mender_.store_->look(key, version);
-    crypto::Sha256 read;
-    if (told) {
-      mender_.store_->get(key, version, hash.bytes, [&](ByteView bytes) { read.update(bytes); });
-    }
-    if (!told || told->bytes != hash.bytes || read.finish() != hash.sha256 || !told->compliance ||
-        !told->lock_ends || *told->lock_ends < std::chrono::floor<std::chrono::seconds>(*lock.ends) ||
-        (lock.legal_hold && !told->legal_hold))
-      throw Error("the store took " + key +
-                  ", and does not hold it as it was put: its locks or its disks "
-                  "cannot be relied on");
   }
 
   /// `detail` is told to whoever looks now, and not stated: with each look the log would say it once more.

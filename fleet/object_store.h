@@ -88,6 +88,8 @@ class ObjectStore {
   ObjectStore& operator=(const ObjectStore&) = delete;
 
   [[nodiscard]] const StoreAddress& address() const;
+  /// What the store's clock said when it answered last; nothing where it did not tell.
+  [[nodiscard]] std::optional<UtcTime> told_time() const;
 
   /// Throws StoreError where the bucket is not there, cannot be seen, or has no Object Lock.
   void require_lockable();
