@@ -144,7 +144,8 @@ struct ShippingPlace {
         store(open_store(home, of)),
         list(shipping_list_file(home, of)),
         shipper(store, list,
-                {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : ""}) {}
+                {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : "",
+                 home.search_notes()}) {}
   const StoreConfiguration of;
   fleet::ObjectStore store;
   fleet::ShippingList list;

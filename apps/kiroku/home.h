@@ -88,6 +88,8 @@ class Home {
   }
   /// The appliance log's tree as it is published in the store.
   [[nodiscard]] std::filesystem::path published_log() const { return folder_ / "published-log"; }
+  /// By what cases can be found, a note each, where [search] asks for them.
+  [[nodiscard]] std::filesystem::path search_notes() const { return folder_ / "search"; }
 
   /// Where a recorder that runs on this home is spoken to.
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;

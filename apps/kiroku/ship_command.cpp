@@ -198,6 +198,7 @@ int run(const Request& request) {
   const StoreConfiguration of = store_of(home);
   const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
                                    of.publish_log ? home.published_log() : "",
+                                   home.search_notes(),
                                    [&home] { require_same_log(home); }};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
