@@ -60,8 +60,8 @@ struct Session::State {
     search_words = identity.search_words;
     subject_of = identity.subject_of;
   }
-  /// By what the case that has begun can be found, where that is known and wanted. Recording waits for none of
-  /// it: what cannot be is told.
+  /// By what the case that has begun can be found, where that is known and wanted. Recording waits for none
+  /// of it: what cannot be is told.
   void note_for_search();
   void note_for_search(const std::function<void(search::NoteWriter&, const std::string& case_id)>& write);
   /// Makes the case, which begins at `from_ns` of its clock.
@@ -377,9 +377,11 @@ void Session::State::make_case(std::int64_t from_ns) {
 void Session::State::note_for_search() {
   if (!search_words && writing.subject) search_words = search::words_of_subject(*writing.subject);
   if (search_words) {
-    note_for_search([&](search::NoteWriter& notes, const std::string& id) { notes.write(id, *search_words); });
+    note_for_search(
+        [&](search::NoteWriter& notes, const std::string& id) { notes.write(id, *search_words); });
   } else if (writing.sealed_subject && !subject_of.empty()) {
-    note_for_search([&](search::NoteWriter& notes, const std::string& id) { notes.carry_over(id, subject_of); });
+    note_for_search(
+        [&](search::NoteWriter& notes, const std::string& id) { notes.carry_over(id, subject_of); });
   }
 }
 

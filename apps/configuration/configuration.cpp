@@ -56,7 +56,8 @@ void read_search(const toml::table& table, const std::string& file, Configuratio
   TableReader reader(table, "[search]", file);
   reader.text("key", [&](const std::string& text) { into.search.key = text; });
   reader.refuse_unknown_keys();
-  if (into.search.key.empty()) reader.refuse(table.source(), "[search] needs 'key', the file of a search key");
+  if (into.search.key.empty())
+    reader.refuse(table.source(), "[search] needs 'key', the file of a search key");
 }
 
 /// Rooms must have been read: a name that is mistyped would leave its stream open to everybody in

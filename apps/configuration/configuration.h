@@ -24,7 +24,8 @@ struct EvidenceConfiguration {
 
 /// [search].
 struct SearchConfiguration {
-  std::string key;  // the appliance's search key, a file, relative to the home; empty: no case can be found by it
+  std::string
+      key;  // the appliance's search key, a file, relative to the home; empty: no case can be found by it
 };
 
 struct Configuration {

@@ -145,7 +145,7 @@ struct ShippingPlace {
         list(shipping_list_file(home, of)),
         shipper(store, list,
                 {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : "",
-                 home.search_notes()}) {}
+                 search_notes_to_ship(home, of, [](const std::string& /*sentence*/) {})}) {}
   const StoreConfiguration of;
   fleet::ObjectStore store;
   fleet::ShippingList list;

@@ -31,8 +31,7 @@ void NoteWriter::carry_over(const std::string& case_id, const std::string& earli
   const std::lock_guard guard(mutex_);
   const fs::path file = note_file(folder_, earlier);
   if (!files_.exists(file)) return;
-  const std::optional<std::string> text =
-      archive::read_small(files_.open_to_read(file), kMostNoteBytes);
+  const std::optional<std::string> text = archive::read_small(files_.open_to_read(file), kMostNoteBytes);
   const std::optional<SearchNote> note = text ? SearchNote::parse(*text) : std::nullopt;
   if (!note || note->of.case_id != earlier)
     throw Error(file.string() + " is no search note of its case: the case that carries it on gets none");

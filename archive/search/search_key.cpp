@@ -79,9 +79,10 @@ crypto::Secret read_key_file(const fs::path& file) {
     throw UsageError("there is no search key in " + file.string() +
                      ": 'kiroku-fleet search-key' makes one (docs/how-to/run-a-fleet.md)");
   if ((status.st_mode & (S_IRWXG | S_IRWXO)) != 0)
-    throw UsageError("the search key in " + file.string() +
-                     " can be read or written by others than its owner: chmod 600 it, and make another one if "
-                     "it was read");
+    throw UsageError(
+        "the search key in " + file.string() +
+        " can be read or written by others than its owner: chmod 600 it, and make another one if "
+        "it was read");
   std::optional<std::string> text =
       archive::read_small(archive::real_reading().open_to_read(file), kMostBytes);
   if (!text) throw UsageError(file.string() + " is no search key: it is far too long");
@@ -104,8 +105,7 @@ std::string series_tag(const crypto::Secret& site, std::string_view appliance, s
 }  // namespace
 
 bool is_series(std::string_view text) {
-  return text.size() == kSeriesDigits &&
-         text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+  return text.size() == kSeriesDigits && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
 }
 
 crypto::Sha256Digest Step::note_key() const { return hmac(chain, "kiroku search note"); }

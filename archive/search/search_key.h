@@ -17,8 +17,8 @@ namespace kiroku::search {
 /// So many notes are made by one key of an appliance.
 inline constexpr std::uint64_t kMostSteps = 262'144;
 
-/// "0123…", 32 hexadecimal digits: which of the keys that an appliance was given. It has 64 random bits and as
-/// many of an HMAC under the site's key.
+/// "0123…", 32 hexadecimal digits: which of the keys that an appliance was given. It has 64 random bits and
+/// as many of an HMAC under the site's key.
 bool is_series(std::string_view text);
 
 /// What one step is for: its note's words and MAC, and the step after it.

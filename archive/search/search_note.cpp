@@ -123,8 +123,9 @@ NoteReader::Answer NoteReader::read(const std::string& appliance, const std::str
   };
   const Words all = words_in(asked);
   enum Place : std::size_t { kPatient, kPatientOf, kCode, kCodeOf };
-  const bool is_patient = asked.patient.empty() || (asked.authority.empty() ? has(kPatient, all.patient)
-                                                                            : has(kPatientOf, all.patient_of));
+  const bool is_patient =
+      asked.patient.empty() ||
+      (asked.authority.empty() ? has(kPatient, all.patient) : has(kPatientOf, all.patient_of));
   const bool is_procedure =
       asked.code.empty() || (asked.system.empty() ? has(kCode, all.code) : has(kCodeOf, all.code_of));
   return is_patient && is_procedure ? Answer::kFits : Answer::kDiffers;

@@ -26,8 +26,8 @@ struct NoteKey {
 };
 
 struct SearchNote {
-  NoteKey of;     // the note's own: by it the MAC is made
-  NoteKey words;  // by which its words are; of a case that carries on another one, the other's
+  NoteKey of;          // the note's own: by it the MAC is made
+  NoteKey words;       // by which its words are; of a case that carries on another one, the other's
   std::string hashes;  // hexadecimal: four words of 128 bits
   std::string mac;     // hexadecimal
   bool operator==(const SearchNote&) const = default;

@@ -16,8 +16,8 @@ using GlibText = std::unique_ptr<char, decltype(&g_free)>;
 constexpr gunichar kMinusSign = 0x2212;
 
 std::string normalised(std::string_view text) {
-  const GlibText form(g_utf8_normalize(text.data(), static_cast<gssize>(text.size()), G_NORMALIZE_ALL_COMPOSE),
-                      &g_free);
+  const GlibText form(
+      g_utf8_normalize(text.data(), static_cast<gssize>(text.size()), G_NORMALIZE_ALL_COMPOSE), &g_free);
   return form ? std::string(form.get()) : std::string();
 }
 
@@ -43,7 +43,8 @@ std::string text_at(const nlohmann::json& object, const char* key) {
 }  // namespace
 
 std::string normal_word(std::string_view text) {
-  if (text.size() > kLongestWord || g_utf8_validate(text.data(), static_cast<gssize>(text.size()), nullptr) == 0)
+  if (text.size() > kLongestWord ||
+      g_utf8_validate(text.data(), static_cast<gssize>(text.size()), nullptr) == 0)
     return "";
   // Folding may leave letters that are composed otherwise.
   const std::string folded = normalised(case_folded(normalised(text)));
