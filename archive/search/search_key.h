@@ -50,6 +50,7 @@ ApplianceKey take_step(const std::filesystem::path& file);
 class SiteKey {
  public:
   static SiteKey make();
+  [[nodiscard]] SiteKey clone() const { return SiteKey(secret_.clone()); }
   /// As ApplianceKey::read().
   static SiteKey read(const std::filesystem::path& file);
   [[nodiscard]] crypto::Secret text() const;

@@ -49,13 +49,15 @@ std::string normal_word(std::string_view text) {
   // Folding may leave letters that are composed otherwise.
   const std::string folded = normalised(case_folded(normalised(text)));
   std::string word;
-  for (const char* at = folded.c_str(); *at != '\0'; at = g_utf8_next_char(at)) {
+  const char* next = nullptr;
+  for (const char* at = folded.c_str(); *at != '\0'; at = next) {
+    next = g_utf8_next_char(at);
     const gunichar letter = g_utf8_get_char(at);
     if (is_left_out(letter)) continue;
     if (g_unichar_type(letter) == G_UNICODE_DASH_PUNCTUATION || letter == kMinusSign) {
       word += '-';
     } else {
-      word.append(at, g_utf8_next_char(at));
+      word.append(at, static_cast<std::size_t>(next - at));
     }
   }
   return word;
