@@ -973,7 +973,7 @@ TEST_F(Findable, AfterACrashByWhomTheCaseBeforeWasAbout) {
   resumed.resume->earlier = {earlier, 7, {}};
   resumed.resume->reason = "operator";
   resumed.resume->within = 10min;
-  resumed.resume->sealed_subject = crypto::seal_bytes(to_bytes("{}"), bench.recipients());
+  resumed.resume->sealed_subject = crypto::seal_bytes(to_bytes("{}"), bench.options().event_recipients);
   Room room(std::move(resumed), listener(), time);
   ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
   EXPECT_EQ(about(later), "1");
