@@ -17,7 +17,7 @@
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
 //   newest-log.note  the appliance log's newest checkpoint, beside the archive's disk (kept_log.h)
-//   search/<case>.json  by what a case can be found, where [search] asks for it; the key: mode 0600, of its own
+//   search/<case>.json  by what cases can be found, where [search] asks for it; its key: mode 0600
 //   last-signed.note  its last one, for the home's other processes: nothing needs it after a power cut
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
