@@ -197,9 +197,14 @@ int run(const Request& request) {
   if (request.scratch && !request.mend) throw UsageError("--scratch is for --mend");
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
-  const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
-                                   of.publish_log ? home.published_log() : "",
-                                   [&home] { require_same_log(home); }};
+  const fleet::ShippingTerms terms{
+      of.appliance,
+      of.retain,
+      home.device(),
+      of.publish_log ? home.published_log() : "",
+      search_notes_to_ship(
+          home, of, [](const std::string& sentence) { print_error("kiroku", "warning: " + sentence); }),
+      [&home] { require_same_log(home); }};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   if (request.mend) return mend(request, home, std::move(store), of.appliance);
