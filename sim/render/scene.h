@@ -46,8 +46,10 @@ struct Scene {
   std::shared_ptr<const LensRays> lens;
   /// The picture is a disc in black, as wide as its lesser side.
   bool round = false;
-  /// Between cross-sections, along the view; 0: half of the CT's least voxel spacing.
+  /// Between cross-sections, along the view; 0: half of the CT's least voxel spacing, and by a light at the
+  /// tip kTipSpacingM at most.
   double spacing_m = 0;
+  static constexpr double kTipSpacingM = 0.2e-3;
   std::vector<Solid> solids;
   std::optional<StressTint> stress;
   std::optional<SurfaceSheet> surface;

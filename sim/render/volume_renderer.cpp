@@ -678,7 +678,10 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
 }
 
 Picture VolumeRenderer::drawn(const Scene& scene) {
-  const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : volume_->spacing_m / 2;
+  // By a light at the tip, slices of skin are as steep as they are seen on.
+  const double half_m = volume_->spacing_m / 2;
+  const double own_m = scene.tip_light ? std::min(half_m, Scene::kTipSpacingM) : half_m;
+  const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : own_m;
   if (drawing_) {
     try {
       return drawing_->draw(*mesh_, scene, spacing_m);
