@@ -31,7 +31,7 @@ struct TipLight {
   /// At this distance it lights as Scene::to_light would.
   double working_distance_m = 0.08;
   double wet = 1;          // share of the film of water, 0 to 1
-  double roughness = 0.3;  // of the film, more than 0 to 1
+  double roughness = 0.25;  // of the film, more than 0 to 1
 };
 
 struct Scene {
