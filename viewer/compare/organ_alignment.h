@@ -11,9 +11,9 @@
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/align/drawn_surface.h"
-#include "sim/align/lens.h"
 #include "sim/align/organ_track.h"
 #include "sim/model/body_model.h"
+#include "sim/render/lens.h"
 #include "viewer/compare/organ_deformation.h"
 #include "viewer/kept/provenance.h"
 
