@@ -3,7 +3,7 @@
 //
 //   or-1/20261126T091502Z-3f9c21ab/segments/endoscope/00000000.ts.age   a file of a case
 //   or-1/20261126T091502Z-3f9c21ab/ledger.jsonl                         its ledger, once the case is closed
-//   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 whole lines of a ledger, from byte 4096
+//   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 its lines from byte 4096 on
 //   or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log, which always grows
 //   or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
 //   or-1/store-statements/<case>/...                                   another device's (fleet/stored_case.h)
