@@ -157,7 +157,7 @@ std::string without_quotation_marks(std::string_view text) {
       text, [](char32_t each) { return is_in(kQuotationMarks, each) || is_in(kCornerBrackets, each); });
 }
 
-std::string quoted(std::string_view text) {
+std::string in_quotation_marks(std::string_view text) {
   return '"' + escaped_if(text, [](char32_t each) { return is_in(kQuotationMarks, each); }) + '"';
 }
 

@@ -25,7 +25,7 @@ std::string printable(std::string_view text);
 /// it goes on. printable() is for all else that misleads.
 std::string without_quotation_marks(std::string_view text);
 /// The same within '"', which are added. Corner brackets stay: they end nothing there.
-std::string quoted(std::string_view text);
+std::string in_quotation_marks(std::string_view text);
 
 /// JSON text with the same characters as \u escapes, which say the same to every reader. For JSON that is
 /// well-formed UTF-8; what stands outside strings has none of them but white space.

@@ -7,7 +7,7 @@
 //   or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log, which always grows
 //   or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
 //   or-1/store-statements/<case>/...                                   another device's (fleet/stored_case.h)
-//   or-1/search/20260805T091502Z-3f9c21ab.json                         by what it can be found, where a site asks
+//   or-1/search/20260805T091502Z-3f9c21ab.json                         by what it is found, where a site asks
 //   or-1/published/checkpoint, or-1/published/tile/0/000                the log's tree, where it is published
 //
 // Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,

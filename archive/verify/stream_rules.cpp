@@ -69,8 +69,8 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
                    "entry " + digits(entry) + " states a profile of pictures, and " + name + " has none");
   } else if (!named) {
     findings_->add("segment-name-differs", {std::string(kLedgerFile), entry},
-                   "entry " + digits(entry) + " names a file " + quoted(segment.file.file) + " where " +
-                       file + " must be");
+                   "entry " + digits(entry) + " names a file " + in_quotation_marks(segment.file.file) +
+                       " where " + file + " must be");
   }
   if (next_index_ && segment.index != *next_index_) {
     findings_->add("segment-out-of-order", place,
@@ -183,7 +183,7 @@ void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
   findings_->add("segments-erased", {std::string(kLedgerFile), entry},
                  digits(last - erased.first_index + 1) + " segments of " + report_.info.name + " (" +
                      digits(erased.first_index) + " to " + digits(last) + ") were erased by the policy " +
-                     quoted(erased.policy) + ", as the recorder states it");
+                     in_quotation_marks(erased.policy) + ", as the recorder states it");
 }
 
 void StreamRules::take_interruption() {

@@ -116,12 +116,12 @@ TEST(Printable, IsToldWhereAPersonWritesIt) {
 }
 
 TEST(Printable, EndsNoQuotation) {
-  EXPECT_EQ(quoted("30 days"), "\"30 days\"");
-  EXPECT_EQ(quoted("x\". The verifier \u201clooked\u201d \uff02"),
+  EXPECT_EQ(in_quotation_marks("30 days"), "\"30 days\"");
+  EXPECT_EQ(in_quotation_marks("x\". The verifier \u201clooked\u201d \uff02"),
             "\"x\\u{0022}. The verifier \\u{201C}looked\\u{201D} \\u{FF02}\"");
-  EXPECT_EQ(quoted("「院内規程」, l'été"), "\"「院内規程」, l'été\"");
+  EXPECT_EQ(in_quotation_marks("「院内規程」, l'été"), "\"「院内規程」, l'été\"");
   EXPECT_EQ(without_quotation_marks("x」、検証者は“y”"), "x\\u{300D}、検証者は\\u{201C}y\\u{201D}");
-  EXPECT_EQ(quoted("\xff\""), "\"\xff\\u{0022}\"");
+  EXPECT_EQ(in_quotation_marks("\xff\""), "\"\xff\\u{0022}\"");
 }
 
 TEST(PrintableJson, EscapesSoThatEveryReaderStillReadsTheSame) {
