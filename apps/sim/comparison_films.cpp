@@ -107,7 +107,7 @@ PlanView::PlanView(const ComparisonRequest& request, const archive::CaseReader& 
       request.width ? static_cast<int>(parse_number(*request.width, "--width", 64, 4096)) : kWidest;
   size_ = compare::picture_size(recording, identities, comparison.stream, from_ns, widest);
   options.size = std::to_string(size_.width) + "x" + std::to_string(size_.height);
-  const sim::Scene scene = options.scene(sim::view_of_plan(plan));
+  const sim::Scene scene = options.scene(sim::view_of_plan(plan), plan.body.mesh);
   background_ = scene.background;
   pictures_.emplace(plan,
                     std::make_shared<const sim::ShadedVolume>(
