@@ -26,11 +26,6 @@ inline constexpr std::size_t kMaximumTimeBaseDigits = 10;
 inline constexpr std::uint64_t kMaximumSealedBytes = std::uint64_t{1} << 30U;
 /// So many bytes of segments that no entry names are read of a case that was cut off, all together.
 inline constexpr std::uint64_t kMostBytesFound = std::uint64_t{4} << 30U;
-/// Of so many such files of a stream recovery takes notice. A recorder holds 16 sealed ones that wait for the
-/// disk, and those whose entry is being written. A film that is read as fast as it goes leaves more.
-inline constexpr std::size_t kMostFoundSegments = 64, kMostFoundOfFilms = 256;
-/// So many tokens that no entry names are judged of a case, the newest ones.
-inline constexpr std::size_t kMostFoundTokens = 64;
 /// In files that may have holes, since they were cut off, so many bytes of holes are read, all together: a
 /// hole takes no room on a disk, and as long to hash as what does.
 inline constexpr std::uint64_t kMostBytesInHoles = std::uint64_t{1} << 30U;

@@ -2,6 +2,7 @@
 // special files are never among it. Functions; thread-safe for different cases.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -16,6 +17,13 @@
 namespace kiroku::archive {
 
 class FileSystem;
+
+/// Of so many segment files of a stream that no entry names recovery takes notice. A recorder holds 16 sealed
+/// ones that wait for the disk, and those whose entry is being written. A film that is read as fast as it
+/// goes leaves more.
+inline constexpr std::size_t kMostFoundSegments = 64, kMostFoundOfFilms = 256;
+/// So many tokens that no entry names are judged of a case, the newest ones.
+inline constexpr std::size_t kMostFoundTokens = 64;
 
 struct FoundSegment {
   std::uint64_t index = 0;
