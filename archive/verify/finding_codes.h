@@ -208,6 +208,10 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a segment that is said to be complete, or to hold frames or samples, is no age file with as much in "
      "it: "
      "no key can open it"},
+    {"segments-found-many", Severity::kUnproven,
+     "recovery is said to have found more than 64 segments of a stream that is recorded as it comes, more "
+     "than "
+     "a recorder that dies leaves"},
     {"subject-not-sealed", Severity::kUnproven,
      "what a case has of the patient is no age file with anything in it: anybody can read it, or nobody"},
     {"segments-empty", Severity::kUnproven,

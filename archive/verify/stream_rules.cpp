@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
+#include "archive/verify/found_files.h"
 #include "base/saturated_sum.h"
 
 namespace kiroku::archive {
@@ -277,7 +278,7 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
 
 void StreamRules::count_empty(const SegmentEntry& segment, std::uint64_t entry) {
   const bool is_empty = of_pictures_ && segment.counted && segment.frames == 0;
-  uncounted_ = uncounted_ || !segment.counted;
+  found_ += segment.counted ? 0U : 1U;
   taken_.push_back({segment.span, entry, is_empty});
   if (is_empty && is_empty_now_) {
     Emptiness& row = empty_.back();
@@ -320,7 +321,7 @@ std::int64_t StreamRules::TimeInGaps::within(const Span& span) const {
 // Each segment for itself may be as short as one likes, so they are put together: a minute of segments of a
 // second that hold nothing is a minute that is not there.
 void StreamRules::check_empty() {
-  const bool nothing_else = report_.frames == 0 && !uncounted_;
+  const bool nothing_else = report_.frames == 0 && found_ == 0;
   const std::int64_t most_ns = nothing_else ? kSeamToleranceNs : kLongestUntoldBlindnessNs;
   std::uint64_t segments = 0;
   std::int64_t all_ns = 0;
@@ -549,6 +550,11 @@ void StreamRules::check_gaps_end(const Span& recorded) {
 }
 
 void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_t> lines_begin_ns) {
+  if (found_ > kMostFoundSegments && info_->timing == "arrival" && !of_marks_) {
+    findings_->add("segments-found-many", {std::string(kLedgerFile)},
+                   "recovery is said to have found " + digits(found_) + " segments of " + report_.info.name +
+                       ", and a recorder that dies leaves no more than " + digits(kMostFoundSegments));
+  }
   in_gaps_ = TimeInGaps(gaps_);
   check_empty();
   check_seams(lines_begin_ns);

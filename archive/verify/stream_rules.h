@@ -10,7 +10,8 @@
 //   excerpt, in all of the time that it states.
 // - No gap ends later than both the case and the stream's last segment: that time has not come.
 // - No segment with pictures lies wholly in a gap, and none is erased that was never entered.
-// - A segment without counts is one that recovery found: a `recovered` stands before it.
+// - A segment without counts is one that recovery found: a `recovered` stands before it. A recorder leaves
+// few.
 // - Segments of pictures hold some: without any, one after the other, they are no more than a silence that no
 //   recorder states as a gap, and no more of them than gaps account for.
 // - Seams add up to little.
@@ -189,7 +190,8 @@ class StreamRules {
     std::uint64_t entry = 0, index = 0, segments = 0;
   };
   std::vector<Emptiness> empty_;  // segments in a row without a picture
-  bool is_empty_now_ = false, told_empty_ = false, uncounted_ = false;
+  bool is_empty_now_ = false, told_empty_ = false;
+  std::uint64_t found_ = 0;  // segments that nobody counted
   TimeInGaps in_gaps_;
   std::optional<Span> silence_, longest_silence_;  // of samples: segments in a row without one
   IndexRanges erased_;

@@ -20,7 +20,7 @@ from stamp import nanoseconds
 from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Heads, Judgement, Ledger, Unread, has_hole, newer, number_of, outside_notes, parse_entry, read_lines, read_small,
                       sha256_of, size_of_note, token_of_path)
 
-MOST_IN_SEAMS, LONGEST_BLINDNESS = 100_000_000, 5 * SECOND
+MOST_IN_SEAMS, LONGEST_BLINDNESS, MOST_FOUND = 100_000_000, 5 * SECOND, 64
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
@@ -44,7 +44,7 @@ class Stream:
         self.segments = self.frames = self.dropped = self.bytes = 0
         self.holes, self.gaps, self.fillings, self.with_pictures, self.erased = [], [], [], [], []
         self.taken, self.empty = [], []    # (start, end, whether it holds no picture); such ones in a row
-        self.told_empty = self.uncounted = False
+        self.told_empty, self.found = False, 0
         self.silence = None
         self.longest_silence = self.latest_gap = 0
         self.entered = set()
@@ -107,7 +107,7 @@ class Stream:
         self.frames += frames
         self.dropped += segment.get("dropped", 0)
         self.bytes += segment["bytes"]
-        self.uncounted = self.uncounted or not counted
+        self.found += not counted
         empty = self.of_pictures and counted and frames == 0
         if empty and self.taken and self.taken[-1][2]:
             self.empty[-1][1] = max(self.empty[-1][1], end)
@@ -181,7 +181,7 @@ class Stream:
         return total
 
     def _check_empty(self):
-        most = SEAM if self.frames == 0 and not self.uncounted else LONGEST_BLINDNESS
+        most = SEAM if self.frames == 0 and not self.found else LONGEST_BLINDNESS
         self.told_empty = any(end - begin - self.in_gaps(begin, end) > most for begin, end in self.empty)
         if self.told_empty:
             self.report("segments-empty", self.info["name"])
@@ -206,6 +206,8 @@ class Stream:
             self.report("segments-empty", self.info["name"])
 
     def finish(self, recorded, lines_begin):
+        if self.found > MOST_FOUND and self.info["timing"] == "arrival" and not self.of_marks:
+            self.report("segments-found-many", self.info["name"])
         self._check_empty()
         self._check_seams(lines_begin)
         if recorded and self.whole_case and not self.of_marks:

@@ -1372,18 +1372,28 @@ def gaps_of_no_length_that_are_joined_over_a_hole(world):
     return world.write(case)
 
 
-def said_to_be_found(world, data, complete=True, names=("endoscope", "vitals"), at=100 * SECOND):
-    """A minute and a half of files of which a recovery is said to know no more than that they are there."""
-    case = world.begin()
+def said_to_be_found(world, data, complete=True, names=("endoscope", "vitals"), segments=9):
+    """Files of 10 s each of which a recovery is said to know no more than that they are there."""
+    case, at = world.begin(), (10 * segments + 10) * SECOND
     case.add("recovered", at, boot_id=w.BOOT_ID, after="power-loss", truncated="")
     for name in ("endoscope", "vitals"):
-        for i in range(9):
+        for i in range(segments):
             there = data if name in names else world.seal(f"{name} 0", f"{name} 0\n".encode())
             entry = case.segment(name, i, 10 * i * SECOND, 10 * (i + 1) * SECOND, there, 0, mono_ns=at, complete=complete)
             for key in ("first_pts", "time_base", "frames", "samples", "dropped"):
                 entry.fields.pop(key, None)
-        case.add("gap", at, stream=name, start_ns=90 * SECOND, end_ns=at, cause="interrupted")
+        case.add("gap", at, stream=name, start_ns=10 * segments * SECOND, end_ns=at, cause="interrupted")
     return world.end(case, at + 100 * MS)
+
+
+@reaches("segments-found-many", "recovered")
+def more_parts_than_a_recorder_that_dies_leaves(world):
+    return world.write(said_to_be_found(world, b"", complete=False, names=("endoscope",), segments=65), never=["segment-not-sealed"])
+
+
+@reaches("segment-incomplete", "recovered")
+def as_many_parts_as_a_recorder_that_dies_leaves(world):
+    return world.write(said_to_be_found(world, b"", complete=False, names=("endoscope",), segments=64), never=["segments-found-many"])
 
 
 @reaches("segment-not-sealed", "recovered")

@@ -221,6 +221,9 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "完全であると、またはフレームか値があると記載された区間のファイルが、それだけの中身のある封印（age）ファ"
      "イル"
      "でない。どの鍵でも開けない。"},
+    {"segments-found-many", Check::kStreams,
+     "到着時に記録される系統で、復旧が 64 を超える区間を見つけたと記載されている。停止した記録装置はそれほど"
+     "残さない。"},
     {"subject-not-sealed", Check::kContents,
      "患者情報のファイルが、中身のある封印（age）ファイルでない。誰でも読めるか、誰も読めない。"},
     {"segments-empty", Check::kStreams,
