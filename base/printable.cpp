@@ -130,6 +130,37 @@ std::string printable(std::string_view text) {
   return out;
 }
 
+namespace {
+
+// What ends a quotation, or looks like that.
+constexpr std::array kQuotationMarks{
+    Range{0x0022, 0x0022}, Range{0x00ab, 0x00ab}, Range{0x00bb, 0x00bb}, Range{0x02ba, 0x02ba},
+    Range{0x02dd, 0x02dd}, Range{0x02ee, 0x02ee}, Range{0x201c, 0x201f}, Range{0x2033, 0x2034},
+    Range{0x2036, 0x2037}, Range{0x275d, 0x275e}, Range{0x301d, 0x301f}, Range{0xff02, 0xff02},
+};
+constexpr std::array kCornerBrackets{Range{0x300c, 0x300f}, Range{0xfe41, 0xfe44}, Range{0xff62, 0xff63}};
+
+std::string escaped_if(std::string_view text, bool (*is_mark)(char32_t)) {
+  std::string out;
+  while (!text.empty()) {
+    const Character character = first_of(text);
+    out += character.value && is_mark(*character.value) ? visible(character) : std::string(character.bytes);
+    text.remove_prefix(character.bytes.size());
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string without_quotation_marks(std::string_view text) {
+  return escaped_if(
+      text, [](char32_t each) { return is_in(kQuotationMarks, each) || is_in(kCornerBrackets, each); });
+}
+
+std::string in_quotation_marks(std::string_view text) {
+  return '"' + escaped_if(text, [](char32_t each) { return is_in(kQuotationMarks, each); }) + '"';
+}
+
 std::string printable_json(std::string_view json) {
   std::string out;
   char32_t before = 0;

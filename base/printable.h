@@ -21,6 +21,12 @@ bool misleads(char32_t character);
 /// "\x{FF}". All else stays.
 std::string printable(std::string_view text);
 
+/// Text within quotation marks of any kind: its own become "\\u{201D}", so that it cannot seem to end where
+/// it goes on. printable() is for all else that misleads.
+std::string without_quotation_marks(std::string_view text);
+/// The same within '"', which are added. Corner brackets stay: they end nothing there.
+std::string in_quotation_marks(std::string_view text);
+
 /// JSON text with the same characters as \u escapes, which say the same to every reader. For JSON that is
 /// well-formed UTF-8; what stands outside strings has none of them but white space.
 std::string printable_json(std::string_view json);

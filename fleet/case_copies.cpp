@@ -49,9 +49,9 @@ class InStore final : public CaseCopy {
     store_->for_each_version(key, [&](const ListedVersion& each) {
       if (each.key != key || each.bytes > file.most_bytes || (file.bytes && each.bytes != *file.bytes))
         return;
-      if (versions.size() < kMostVersionsTried) versions.push_back(each);
+      versions.push_back(each);
     });
-    for (const ListedVersion& each : versions) {
+    for (const ListedVersion& each : versions_to_try(std::move(versions))) {
       try {
         Written written(into);
         store_->get(key, each.version, each.bytes, [&](ByteView bytes) { written.add(bytes); });

@@ -15,11 +15,14 @@
 #include "archive/format/consent_layout.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
+#include "archive/format/store_statement.h"
 #include "archive/reading/case_reader.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
+#include "fleet/erased_segments.h"
+#include "fleet/stored_case.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -96,40 +99,6 @@ class NewFile {
   Descriptor file_;
   crypto::Sha256 hash_;
   std::uint64_t size_ = 0;
-};
-
-/// Which segments `erased` lines name: a ledger may have as many of these lines as of segments.
-class ErasedSegments {
- public:
-  void add(const archive::ErasedEntry& entry) {
-    if (entry.first_index <= entry.last_index)
-      streams_[entry.stream].emplace_back(entry.first_index, entry.last_index);
-  }
-  /// Before has() is asked.
-  void join() {
-    for (auto& [stream, ranges] : streams_) {
-      std::ranges::sort(ranges);
-      std::vector<Range> joined;
-      for (const Range& each : ranges) {
-        if (joined.empty() || each.first > joined.back().second) {
-          joined.push_back(each);
-        } else {
-          joined.back().second = std::max(joined.back().second, each.second);
-        }
-      }
-      ranges = std::move(joined);
-    }
-  }
-  [[nodiscard]] bool has(const archive::SegmentEntry& segment) const {
-    const auto ranges = streams_.find(segment.stream);
-    if (ranges == streams_.end()) return false;
-    const auto behind = std::ranges::upper_bound(ranges->second, segment.index, {}, &Range::first);
-    return behind != ranges->second.begin() && segment.index <= std::prev(behind)->second;
-  }
-
- private:
-  using Range = std::pair<std::uint64_t, std::uint64_t>;  // the first and the last index
-  std::map<std::string, std::vector<Range>> streams_;
 };
 
 /// One case on its way into a folder.
@@ -261,9 +230,7 @@ class Fetching {
     const std::string ledger(archive::kLedgerFile);
     take(ledger, of_first_choice(versions));
     if (versions.size() > 1 && case_id_ != kLog && !is_of_this_case()) {
-      std::size_t tried = 0;
-      for (const ListedVersion& each : versions) {
-        if (tried++ == kMostVersionsTried) break;
+      for (const ListedVersion& each : versions_to_try(versions)) {
         take(ledger, each);
         if (!is_of_this_case()) continue;
         ledger_chosen_ = result_.ledger_is_older = true;
@@ -365,20 +332,23 @@ class Fetching {
     if (versions == versions_.end()) return false;
     if (hashes_[path] == hash) return true;
     const ListedVersion& first = of_first_choice(versions->second);
-    std::size_t tried = 0;
+    std::vector<ListedVersion> others;
     for (const ListedVersion& each : versions->second) {
       if (&each == &first || (bytes && each.bytes != *bytes) || each.bytes > most_bytes) continue;
-      if (tried++ == kMostVersionsTried) {
-        result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
-                                  " other versions are not what " + who_names_it +
-                                  ", and the rest was not tried");
-        break;
-      }
+      others.push_back(each);
+    }
+    const bool are_too_many = others.size() > kMostVersionsTried;
+    for (const ListedVersion& each : versions_to_try(std::move(others))) {
       take(path, each);
       if (hashes_[path] != hash) continue;
       result_.remarks.push_back("of " + path + " another version was taken: the " + words_of_choice() +
                                 " is not what " + who_names_it);
       return true;
+    }
+    if (are_too_many) {
+      result_.remarks.push_back("of " + path + " " + std::to_string(kMostVersionsTried) +
+                                " other versions are not what " + who_names_it +
+                                ", and the rest was not tried");
     }
     if (versions->second.size() > 1) take(path, first);
     return false;
@@ -396,7 +366,7 @@ class Fetching {
     const auto want = [&](const std::string& path, const crypto::Sha256Digest& sha256,
                           std::optional<std::uint64_t> bytes, std::uint64_t line = 0) {
       // What has no such name was never in a store, and must not be sought or put under it.
-      const bool may_be_there = is_name_below(path) && is_place_of_file(path, false);
+      const bool may_be_there = may_be_file_of_case(path);
       if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
       // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
@@ -491,7 +461,54 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   return result;
 }
 
+/// What other devices stated of the case, beside its folder. Nobody names these files by a hash. What was put
+/// first counts, as nobody can put an older version. None of them keeps the case from its place.
+void fetch_statements(ObjectStore& store, const std::string& appliance, const std::string& case_id,
+                      FetchedCase& fetched) {
+  const std::string prefix = store_statements_prefix(appliance, case_id);
+  constexpr std::size_t kMost = archive::kMostStoreStatements * (1 + archive::kMostTokensOfStatement);
+  std::map<std::string, ListedVersion> oldest;
+  bool are_more = false;
+  store.for_each_version(prefix, [&](const ListedVersion& each) {
+    const std::string name = each.key.substr(prefix.size());
+    const bool is_statement = archive::is_store_statement_name(name);
+    const std::uint64_t most =
+        is_statement ? archive::kMaximumStoreStatementBytes : archive::kMaximumTokenBytes;
+    if ((!is_statement && !archive::is_store_statement_token_name(name)) || each.bytes > most) return;
+    are_more = are_more || (oldest.size() == kMost && !oldest.contains(name));
+    // From the newest to the oldest.
+    if (oldest.size() < kMost || oldest.contains(name)) oldest.insert_or_assign(name, each);
+  });
+  if (are_more) {
+    fetched.remarks.push_back("of what other devices stated of the case, more than " + std::to_string(kMost) +
+                              " files were left out");
+  }
+  const fs::path folder = archive::store_statements_folder(fetched.folder, case_id);
+  for (const auto& [name, version] : oldest) {
+    try {
+      make_folders(folder);
+      NewFile file(folder / name, O_TRUNC);
+      store.get(version.key, version.version, version.bytes, [&](ByteView bytes) { file.write(bytes); });
+      if (file.size() != version.bytes) throw Error("it has another length than the store told");
+      file.finish();
+      ++fetched.objects;
+      fetched.bytes += version.bytes;
+    } catch (const IoError&) {
+      throw;
+    } catch (const Error& error) {
+      std::error_code ignored;
+      fs::remove(folder / name, ignored);
+      fetched.remarks.push_back("'" + version.key +
+                                "', which another device stated, did not come: " + error.what());
+    }
+  }
+}
+
 }  // namespace
+
+bool may_be_file_of_case(std::string_view path) {
+  return is_name_below(path) && is_place_of_file(path, false);
+}
 
 std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance) {
   std::vector<std::string> cases = store.folders(appliance + "/");
@@ -513,7 +530,9 @@ FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const s
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  return fetch(store, appliance, case_id, into, which, unreadable);
+  FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable);
+  fetch_statements(store, appliance, case_id, fetched);
+  return fetched;
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {

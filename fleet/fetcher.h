@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "crypto/hash.h"
@@ -40,6 +41,8 @@ struct FetchedCase {
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
 };
+/// Whether a store may have a file of a case by that path: else it is neither sought nor put.
+bool may_be_file_of_case(std::string_view path);
 /// Which version is taken of an object that has several. Whoever has the appliance's keys can put newer ones
 /// under each key, and nobody can put an older one.
 enum class WhichVersions { kNewest, kOldest };
@@ -47,9 +50,11 @@ enum class WhichVersions { kNewest, kOldest };
 enum class UnreadableObjects { kThrow, kLeaveOut };
 /// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
 /// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
-/// one of this case. What is there is no verdict: verify it. Throws StoreError, kiroku::Error where the
-/// store's answers contradict each other or are more than any case has, kiroku::UsageError where the store
-/// has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but a folder
+/// one of this case. What other devices stated of the case (archive/format/store_statement.h) comes into
+/// `into`/store-statements/<case>. What is there is no verdict: verify it. Throws StoreError, kiroku::Error
+/// where the store's answers contradict each other or are more than any case has, kiroku::UsageError where
+/// the store has nothing of the case or the folder is there, kiroku::IoError; nothing is left behind then but
+/// a folder
 /// ".fetching-<case>", which the next try removes.
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,

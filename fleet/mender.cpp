@@ -18,6 +18,8 @@
 #include "crypto/encoding.h"
 #include "crypto/file_hash.h"
 #include "crypto/merkle_tree.h"
+#include "fleet/erased_segments.h"
+#include "fleet/held_objects.h"
 
 namespace kiroku::fleet {
 namespace {
@@ -153,9 +155,9 @@ class Mender::Pass {
     const std::optional<Ledger> ledger = read_ledger(fetched_.folder / path);
     read_notes();
     seek_notes(ledger ? ledger->tree.size() : UINT64_MAX);
-    // Somebody may have put the newest one again without the line by ML-DSA.
+    // Somebody may have put notes again without their lines by ML-DSA.
     if (signed_.empty() && !alone_.empty() && !(ledger && is_over(*ledger, alone_.rbegin()->second)))
-      seek_whole(alone_.rbegin()->first);
+      seek_whole();
     if (signed_.empty() && alone_.empty()) {
       if (is_anything_unfit())
         leave(path,
@@ -175,6 +177,7 @@ class Mender::Pass {
     for (const UnfitFile& each : fetched_.unfit) {
       if (each.entry < believed) mend_file(each);
     }
+    mend_falsely_erased(believed);
     mend_notes(*ledger);
     for (const UnfitFile& each : fetched_.unfit) {
       if (each.entry >= believed)
@@ -258,13 +261,19 @@ class Mender::Pass {
       }
     }
   }
-  void seek_whole(std::uint64_t size) {
-    std::string why;
-    const auto found = seek_note(size, why);
-    if (!found || found->is.by == SignedBy::kEd25519Alone) return;
-    alone_.erase(size);
-    enter(size, found->is);
-    notes_.insert_or_assign(size, found->candidate);
+  /// The largest note in whose place a copy has one by all keys.
+  void seek_whole() {
+    std::vector<std::uint64_t> sizes;
+    for (const auto& each : alone_) sizes.push_back(each.first);
+    for (auto size = sizes.rbegin(); size != sizes.rend() && signed_.empty(); ++size) {
+      std::string why;
+      const auto found = seek_note(*size, why);
+      if (!found && notes_in_vain_ == kMostInVain) return;
+      if (!found || found->is.by == SignedBy::kEd25519Alone) continue;
+      alone_.erase(*size);
+      enter(*size, found->is);
+      notes_.insert_or_assign(*size, found->candidate);
+    }
   }
 
   /// Another one under that name that the device signed: the first one by all keys, else one by fewer.
@@ -284,7 +293,7 @@ class Mender::Pass {
     });
     if (!best) {
       ++notes_in_vain_;
-      why = "no copy has one that the device signed" + doubts();
+      why = "no copy has one that the device signed" + doubts_;
     }
     return best;
   }
@@ -311,7 +320,7 @@ class Mender::Pass {
         signed_.emplace(size, found->is);
         notes_.emplace(size, found->candidate);
       } else if (found) {
-        why = "no copy has one that the device signed by its ML-DSA key" + doubts();
+        why = "no copy has one that the device signed by its ML-DSA key" + doubts_;
       }
     }
   }
@@ -362,7 +371,7 @@ class Mender::Pass {
     if (candidate) {
       result_.has_other_ledger = put(path, *candidate);
     } else {
-      leave(path, "no copy fits the checkpoint that the device signed over " + lines + doubts());
+      leave(path, "no copy fits the checkpoint that the device signed over " + lines + doubts_, details_);
     }
   }
 
@@ -377,6 +386,43 @@ class Mender::Pass {
     for (const auto& [size, why] : unsigned_) {
       if (!notes_.contains(size)) leave(archive::note_path(size), why);
     }
+  }
+
+  /// Segments that only lines behind the signed ones say to be erased: whoever can put makes such lines.
+  void mend_falsely_erased(std::uint64_t believed) {
+    const archive::ReadableFile file =
+        archive::real_reading().open_to_read(fetched_.folder / archive::kLedgerFile);
+    const auto for_each =
+        [&](const std::function<void(std::uint64_t, const archive::CaseEntryBody&)>& visit) {
+          archive::LineReader lines(file);
+          archive::LedgerLine line;
+          for (std::uint64_t number = 0; lines.next(line) && !line.torn; ++number) {
+            const archive::EntryParse parse =
+                line.too_long ? archive::EntryParse{} : archive::parse_case_entry(line.text);
+            if (parse.entry) visit(number, parse.entry->body);
+          }
+        };
+    ErasedSegments believed_erased, said_erased;
+    bool is_any_said = false;
+    for_each([&](std::uint64_t number, const archive::CaseEntryBody& body) {
+      const auto* erased = std::get_if<archive::ErasedEntry>(&body);
+      if (erased == nullptr) return;
+      (number < believed ? believed_erased : said_erased).add(*erased);
+      is_any_said = is_any_said || number >= believed;
+    });
+    if (!is_any_said) return;
+    believed_erased.join();
+    said_erased.join();
+    for_each([&](std::uint64_t number, const archive::CaseEntryBody& body) {
+      const auto* segment = std::get_if<archive::SegmentEntry>(&body);
+      if (segment == nullptr || number >= believed || !said_erased.has(*segment) ||
+          believed_erased.has(*segment) || told_.contains(segment->file.file) ||
+          !may_be_file_of_case(segment->file.file) ||
+          archive::real_reading().exists(fetched_.folder / segment->file.file)) {
+        return;
+      }
+      mend_file({segment->file.file, segment->file.sha256, segment->file.bytes, number, false});
+    });
   }
 
   void mend_file(const UnfitFile& file) {
@@ -398,7 +444,7 @@ class Mender::Pass {
       put(file.path, *candidate);
     } else {
       ++files_in_vain_;
-      leave(file.path, "no copy has the bytes that the ledger names" + doubts());
+      leave(file.path, "no copy has the bytes that the ledger names" + doubts_, details_);
     }
   }
 
@@ -407,6 +453,7 @@ class Mender::Pass {
                                 std::uint64_t most_bytes,
                                 const std::function<bool(const Candidate&)>& is_right) {
     doubts_.clear();
+    details_.clear();
     const fs::path into = mender_.scratch_ / std::to_string(++sought_);
     for (const auto& copy : mender_.copies_) {
       const Candidate candidate{into, copy->name()};
@@ -417,35 +464,21 @@ class Mender::Pass {
         // One copy that is away keeps no other from being asked; the store itself is waited for.
         const auto* of_store = dynamic_cast<const StoreError*>(&error);
         if (copy == mender_.copies_.front() && of_store != nullptr && of_store->passes()) throw;
-        doubts_ += "; " + copy->name() + " could not be asked: " + error.what();
+        doubts_ += "; " + copy->name() + " could not be asked";
+        details_ += std::string(details_.empty() ? "" : "; ") + copy->name() + ": " + error.what();
       }
     }
     fs::remove(into);
     return {};
   }
-  [[nodiscard]] std::string doubts() const { return doubts_; }
-
   void put_from_folder(const std::string& path) {
     put(path, {fetched_.folder / path, mender_.copies_.front()->name()});
   }
 
   /// As long and as firmly as what was there.
   PutLock lock_like(const std::string& path) {
-    PutLock lock;
     const std::string prefix = appliance_ + "/" + case_id_ + "/";
-    for (const std::string& key : {prefix + path, prefix + std::string(archive::kLedgerFile)}) {
-      std::vector<std::string> versions;
-      mender_.store_->for_each_version(key, [&](const ListedVersion& each) {
-        if (each.key == key && versions.size() < kMostVersionsTried) versions.push_back(each.version);
-      });
-      for (const std::string& version : versions) {
-        const std::optional<StoredObject> there = mender_.store_->look(key, version);
-        if (!there) continue;
-        lock.legal_hold = lock.legal_hold || there->legal_hold;
-        if (there->compliance && there->lock_ends)
-          lock.ends = std::max(lock.ends.value_or(*there->lock_ends), *there->lock_ends);
-      }
-    }
+    PutLock lock = longest_lock(*mender_.store_, {prefix + path, prefix + std::string(archive::kLedgerFile)});
     if (!lock.ends || *lock.ends <= mender_.clock_.utc())
       throw Error(
           "nothing locks what the store has of the case any more, so nothing says how long to lock it");
@@ -467,7 +500,7 @@ class Mender::Pass {
       const std::string version =
           mender_.store_->put(key, *crypto::open_file_source(candidate.file), hash.sha256, lock);
       is_put = true;
-      require_there(key, version, hash, lock);
+      require_held(*mender_.store_, key, version, hash, lock);
       state_("mended " + path + " from " + candidate.from + ", sha256 " + crypto::to_hex(hash.sha256) +
              ", version " + printable(version));
       result_.mended.push_back({path, hash.sha256, candidate.from, version});
@@ -492,25 +525,11 @@ class Mender::Pass {
     return false;
   }
 
-  void require_there(const std::string& key, const std::string& version, const crypto::FileHash& hash,
-                     const PutLock& lock) {
-    const std::optional<StoredObject> told = mender_.store_->look(key, version);
-    crypto::Sha256 read;
-    if (told) {
-      mender_.store_->get(key, version, hash.bytes, [&](ByteView bytes) { read.update(bytes); });
-    }
-    if (!told || told->bytes != hash.bytes || read.finish() != hash.sha256 || !told->compliance ||
-        !told->lock_ends || *told->lock_ends < std::chrono::floor<std::chrono::seconds>(*lock.ends) ||
-        (lock.legal_hold && !told->legal_hold))
-      throw Error("the store took " + key +
-                  ", and does not hold it as it was put: its locks or its disks "
-                  "cannot be relied on");
-  }
-
-  void leave(const std::string& path, const std::string& why) {
+  /// `detail` is told to whoever looks now, and not stated: with each look the log would say it once more.
+  void leave(const std::string& path, const std::string& why, const std::string& detail = "") {
     if (!told_.insert(path).second) return;
     if (result_.left.size() < kMostNamed) {
-      result_.left.push_back({path, why});
+      result_.left.push_back({path, why, detail});
     } else {
       ++result_.more_left;
     }
@@ -518,7 +537,7 @@ class Mender::Pass {
   /// What no line names by its hash, as the device's key and the certificates beside a case.
   void leave_unreadable() {
     for (const auto& [path, why] : fetched_.unreadable)
-      leave(path, "the store lists it and does not give it, and no signed line names its bytes: " + why);
+      leave(path, "the store lists it and does not give it, and no signed line names its bytes", why);
   }
   void state_what_is_left() {
     const std::size_t named = std::min(result_.left.size(), kMostStated);
@@ -538,9 +557,9 @@ class Mender::Pass {
   std::map<std::uint64_t, std::string> unsigned_;             // and why they stay so
   std::map<std::uint64_t, Candidate> notes_;                  // to be put
   std::uint64_t sought_ = 0, notes_in_vain_ = 0, files_in_vain_ = 0;
-  std::string doubts_;          // of the copies that were asked last
-  std::string refused_;         // why nothing more is put
-  std::set<std::string> told_;  // mended or left
+  std::string doubts_, details_;  // of the copies that were asked last
+  std::string refused_;           // why nothing more is put
+  std::set<std::string> told_;    // mended or left
   Mending result_;
 };
 

@@ -27,6 +27,8 @@ struct MendedFile {
 /// One that stays as it is.
 struct UnmendedFile {
   std::string path, why;
+  std::string detail = {};  // as a disk or a library told it: the next time in other words
+  [[nodiscard]] std::string told() const { return detail.empty() ? why : why + " (" + detail + ")"; }
 };
 struct Mending {
   std::vector<MendedFile> mended;

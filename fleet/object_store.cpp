@@ -257,6 +257,7 @@ struct ObjectStore::State {
     if (!answer.has_whole_header)
       throw StoreError("the store at " + address.endpoint + " does not answer: its answer was cut off", 0,
                        "");
+    told_time = time_of_answer(answer.headers);
     curl_easy_getinfo(handle.get(), CURLINFO_RESPONSE_CODE, &answer.status);
     curl_off_t wait = 0;
     if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &wait) == CURLE_OK && wait > 0)
@@ -299,6 +300,7 @@ struct ObjectStore::State {
   const StoreCredentials credentials;
   const StoreTerms terms;
   CurlHandle handle;
+  std::optional<UtcTime> told_time = {};
 };
 
 ObjectStore::ObjectStore(StoreAddress address, StoreCredentials credentials, StoreTerms terms)
@@ -326,6 +328,8 @@ ObjectStore::ObjectStore(ObjectStore&& other) noexcept = default;
 ObjectStore::~ObjectStore() = default;
 
 const StoreAddress& ObjectStore::address() const { return state_->address; }
+
+std::optional<UtcTime> ObjectStore::told_time() const { return state_->told_time; }
 
 void ObjectStore::require_lockable() {
   const Answer answer = state_->ask({.method = "GET", .query = "object-lock="});
@@ -410,6 +414,13 @@ void ObjectStore::for_each_version(const std::string& prefix,
       visit(each);
     }
   });
+}
+
+std::vector<ListedVersion> versions_to_try(std::vector<ListedVersion> versions) {
+  if (versions.size() <= kMostVersionsTried) return versions;
+  constexpr std::ptrdiff_t kHalf = kMostVersionsTried / 2;
+  versions.erase(versions.begin() + kHalf, versions.end() - kHalf);
+  return versions;
 }
 
 std::vector<std::string> ObjectStore::folders(const std::string& prefix) {

@@ -88,6 +88,8 @@ class ObjectStore {
   ObjectStore& operator=(const ObjectStore&) = delete;
 
   [[nodiscard]] const StoreAddress& address() const;
+  /// What the store's clock said when it answered last; nothing where it did not tell.
+  [[nodiscard]] std::optional<UtcTime> told_time() const;
 
   /// Throws StoreError where the bucket is not there, cannot be seen, or has no Object Lock.
   void require_lockable();
@@ -130,6 +132,10 @@ inline constexpr std::size_t kMostVersions = 1'000'000;
 /// So many versions of one object are fetched, to find the one that a ledger names: anybody who may put can
 /// put more.
 inline constexpr std::size_t kMostVersionsTried = 100;
+
+/// Of an object's versions, the newest in front, those that are tried: of many the newest and the oldest.
+/// Nobody can put one that is older than what a recorder put first.
+std::vector<ListedVersion> versions_to_try(std::vector<ListedVersion> versions);
 
 /// Whether stores of every make take the key as it is.
 bool is_plain_key(std::string_view key);

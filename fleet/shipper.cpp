@@ -5,6 +5,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_tail.h"
+#include "archive/search/note_writer.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 
@@ -408,7 +409,26 @@ struct Shipper::Pass {
       guarded([&] { recording(name); });
     }
     if (archive::real_reading().is_folder(archive / archive::kEvidenceFolder)) guarded([&] { evidence(); });
+    if (!shipper.terms_.search.empty() && archive::real_reading().is_folder(shipper.terms_.search))
+      guarded([&] { search_notes(); });
     if (!shipper.terms_.published.empty()) guarded([&] { published(); });
+  }
+
+  /// No ledger names them, and no legal hold is about them.
+  void search_notes() {
+    const fs::path& place = shipper.terms_.search;
+    const std::string name(search::kStoreFolder);
+    const FolderState state = state_of(place);
+    if (shipper.list_.whole(name) == state.text) return;
+    held = false;
+    const CaseFolder folder = CaseFolder::open(place);
+    for (const ListedFile& each : folder.list()) {
+      if (ended()) return;
+      if (each.kind != ListedFile::Kind::kRegular || search::case_of_note(each.path).empty()) continue;
+      file(folder, each, prefix() + name + "/" + each.path);
+    }
+    if (is_ended != nullptr && state.newest + kSettled < shipper.time_.utc())
+      shipper.list_.set_whole(name, state.text);
   }
 
   /// Hashes first, the checkpoint that is of them behind: whoever follows finds what it names. It is written

@@ -3,9 +3,11 @@
 //
 //   or-1/20261126T091502Z-3f9c21ab/segments/endoscope/00000000.ts.age   a file of a case
 //   or-1/20261126T091502Z-3f9c21ab/ledger.jsonl                         its ledger, once the case is closed
-//   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 whole lines of a ledger that grows,
-//   from byte 4096 or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log,
-//   which always grows or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
+//   or-1/growing/20261126T091502Z-3f9c21ab/000000004096                 its lines from byte 4096 on
+//   or-1/log/checkpoints/00000042.note, or-1/growing/log/...            the appliance log, which always grows
+//   or-1/evidence/20261126T091502Z-3f9c21ab.ers                         evidence records
+//   or-1/store-statements/<case>/...                                   another device's (fleet/stored_case.h)
+//   or-1/search/20260805T091502Z-3f9c21ab.json                         by what it is found, where a site asks
 //   or-1/published/checkpoint, or-1/published/tile/0/000                the log's tree, where it is published
 //
 // Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,
@@ -38,6 +40,8 @@ struct ShippingTerms {
   crypto::VerifierKey device;
   /// A published log (C2SP tlog-tiles), which goes below "published/"; empty: none does.
   std::filesystem::path published = {};
+  /// Search notes of cases (archive/search/note_writer.h), which go below "search/"; empty: none do.
+  std::filesystem::path search = {};
   /// Throws kiroku::Error where the log in the archive is not the appliance's: its holds are not set or
   /// lifted then. May be null.
   std::function<void()> require_log = {};

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <pugixml.hpp>
 
+#include <curl/curl.h>
+
 #include "base/ascii.h"
 #include "base/error.h"
 #include "base/printable.h"
@@ -13,10 +15,13 @@ namespace {
 constexpr std::size_t kMostHeaders = 100;
 
 /// Some stores tell nanoseconds, which do not matter.
-UtcTime time_of_lock(const std::string& text) {
+std::optional<UtcTime> time_of(const std::string& text) {
   const std::size_t point = text.find('.');
-  const std::optional<UtcTime> time =
-      parse_utc(point == std::string::npos ? text : text.substr(0, point) + "Z");
+  return parse_utc(point == std::string::npos ? text : text.substr(0, point) + "Z");
+}
+
+UtcTime time_of_lock(const std::string& text) {
+  const std::optional<UtcTime> time = time_of(text);
   if (!time) throw Error("the store tells the end of a lock as '" + printable(text) + "', which is no time");
   return *time;
 }
@@ -71,6 +76,13 @@ StoredObject object_of(const std::string& key, const AnswerHeaders& headers) {
   return object;
 }
 
+std::optional<UtcTime> time_of_answer(const AnswerHeaders& headers) {
+  const std::string text = header_of(headers, "date");
+  const std::time_t seconds = text.empty() ? -1 : curl_getdate(text.c_str(), nullptr);
+  if (seconds < 0) return std::nullopt;
+  return UtcTime(std::chrono::seconds(seconds));
+}
+
 VersionPage version_page_of(std::string_view body) {
   pugi::xml_document document;
   const pugi::xml_parse_result parsed = document.load_buffer(body.data(), body.size());
@@ -80,7 +92,8 @@ VersionPage version_page_of(std::string_view body) {
   for (const pugi::xml_node version : list.children("Version")) {
     const std::optional<std::uint64_t> bytes = number_of(version.child_value("Size"));
     ListedVersion listed{version.child_value("Key"), version.child_value("VersionId"), bytes.value_or(0),
-                         std::string_view(version.child_value("IsLatest")) == "true"};
+                         std::string_view(version.child_value("IsLatest")) == "true",
+                         time_of(version.child_value("LastModified"))};
     if (!bytes || listed.key.empty() || listed.version.empty()) {
       throw Error("the store's list of versions has one without key, version or size: '" +
                   printable(listed.key) + "'");

@@ -40,6 +40,8 @@ struct ListedVersion {
   std::string key, version;
   std::uint64_t bytes = 0;
   bool newest = false;
+  /// When it was put, by the store; nothing where it does not tell.
+  std::optional<UtcTime> put = std::nullopt;
 };
 /// One answer to a listing of versions; marks of removed objects are left out.
 struct VersionPage {
@@ -48,6 +50,8 @@ struct VersionPage {
   bool more = false;
   std::string next_key, next_version;  // where the next page begins, if there is more
 };
+/// What the store's clock said when it answered (RFC 9110, "Date"); nothing where it does not tell.
+std::optional<UtcTime> time_of_answer(const AnswerHeaders& headers);
 /// Throws kiroku::Error.
 VersionPage version_page_of(std::string_view body);
 

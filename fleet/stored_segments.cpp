@@ -120,15 +120,16 @@ std::string StoredSegments::version_of(const archive::FileReference& file) const
   }
   const std::string key = prefix_ + file.file;
   bool is_there = false;
-  std::vector<std::string> versions;  // of the size that is stated, the newest in front
+  std::vector<ListedVersion> versions;  // of the size that is stated, the newest in front
   store_.with([&](ObjectStore& store) {
     store.for_each_version(key, [&](const ListedVersion& each) {
       if (each.key != key) return;
       is_there = true;
-      if (each.bytes != file.bytes || (versions.size() >= kMostVersionsTried)) return;
-      versions.insert(each.newest ? versions.begin() : versions.end(), each.version);
+      if (each.bytes != file.bytes) return;
+      versions.insert(each.newest ? versions.begin() : versions.end(), each);
     });
   });
+  versions = versions_to_try(std::move(versions));
   if (versions.empty()) {
     throw Error("the store " +
                 (is_there ? "has no version of " + key + " with the " + std::to_string(file.bytes) +
@@ -136,15 +137,15 @@ std::string StoredSegments::version_of(const archive::FileReference& file) const
                           : "has no " + key) +
                 ": verify the case to see what else does not hold");
   }
-  const auto has_the_hash = [&](const std::string& version) {
-    const StoredSource source(store_, cache_, key, version, file.bytes);
+  const auto has_the_hash = [&](const ListedVersion& version) {
+    const StoredSource source(store_, cache_, key, version.version, file.bytes);
     return crypto::HashTrail::of(source).digest() == file.sha256;
   };
   // Of a single one the hash is compared by whoever reads it.
   const auto chosen = versions.size() == 1 ? versions.begin() : std::ranges::find_if(versions, has_the_hash);
-  if (chosen == versions.end()) return versions.front();
+  if (chosen == versions.end()) return versions.front().version;
   const std::lock_guard guard(mutex_);
-  return versions_[choice] = *chosen;
+  return versions_[choice] = chosen->version;
 }
 
 }  // namespace kiroku::fleet

@@ -57,7 +57,13 @@ struct Session::State {
     writing.carries_on = identity.carries_on;
     writing.sealed_subject = identity.sealed_subject;
     plan_patients = identity.plan_patients;
+    search_words = identity.search_words;
+    subject_of = identity.subject_of;
   }
+  /// By what the case that has begun can be found, where that is known and wanted. Recording waits for none
+  /// of it: what cannot be is told.
+  void note_for_search();
+  void note_for_search(const std::function<void(search::NoteWriter&, const std::string& case_id)>& write);
   /// Makes the case, which begins at `from_ns` of its clock.
   void make_case(std::int64_t from_ns);
   /// Says in the case, and in the appliance log, that segments recorded ahead are left out.
@@ -156,6 +162,8 @@ struct Session::State {
   std::mutex turn_mutex;                           // guards the next
   std::map<std::string, std::string> turns_ahead;  // by stream: the last one told before the case
   std::vector<std::string> plan_patients;          // since before the case began
+  std::optional<search::SearchWords> search_words;
+  std::string subject_of;
   std::atomic<bool> has_plan_of_another = false;
   std::vector<std::unique_ptr<Lane>> lanes;  // video first
   std::vector<VideoLane*> of_pictures;       // of these
@@ -362,7 +370,30 @@ void Session::State::make_case(std::int64_t from_ns) {
   if (pointing) pointing->begin(from_ns);
   ledger_writer->begin_case(*writer, *stamper);
   begins_ns = from_ns;
+  note_for_search();  // before a later subject can come
   begun = true;
+}
+
+void Session::State::note_for_search() {
+  if (!search_words && writing.subject) search_words = search::words_of_subject(*writing.subject);
+  if (search_words) {
+    note_for_search(
+        [&](search::NoteWriter& notes, const std::string& id) { notes.write(id, *search_words); });
+  } else if (writing.sealed_subject && !subject_of.empty()) {
+    note_for_search(
+        [&](search::NoteWriter& notes, const std::string& id) { notes.carry_over(id, subject_of); });
+  }
+}
+
+void Session::State::note_for_search(
+    const std::function<void(search::NoteWriter&, const std::string& case_id)>& write) {
+  if (!options.search) return;
+  const std::string case_id = writer->case_id();
+  try {
+    write(*options.search, case_id);
+  } catch (const std::exception& error) {
+    problems.report("case " + case_id + " cannot be found by its patient or procedure: " + error.what());
+  }
 }
 
 void Session::State::state_forgotten(const PreRoll::Amount& left_out) {
@@ -631,6 +662,9 @@ std::optional<std::int64_t> Session::point(media::PointedAt at) {
 void Session::late_subject(const Bytes& json, std::vector<PatientNumber> patient_numbers) {
   state_->begun_events().late_subject(json);
   state_->expect_patient(json, std::move(patient_numbers));
+  state_->note_for_search([&](search::NoteWriter& notes, const std::string& case_id) {
+    notes.write(case_id, search::words_of_subject(json));
+  });
   state_->tell_of_plan();
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "archive/search/note_writer.h"
 #include "archive/storage/file_system.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer.h"
@@ -71,6 +72,11 @@ struct CaseIdentity {
   std::vector<PatientNumber> patient_numbers = {};
   /// Patient IDs that the CT of the case's plan states (recorder/control/plan_patient.h); none: not known.
   std::vector<std::string> plan_patients = {};
+  /// By what the case can be found (SessionOptions::search): what its subject says; absent: what a subject in
+  /// the clear does.
+  std::optional<search::SearchWords> search_words = {};
+  /// The case whose subject `sealed_subject` is: by what that one can be found.
+  std::string subject_of = {};
 };
 
 /// What is said, in the case and to people, where that CT is of somebody else than the case is about.
@@ -108,7 +114,8 @@ struct SessionOptions {
   const timestamp::TrustStore* trust = nullptr;  // a token that does not hold under it is token-missed
   StampingQueue* queue = nullptr;                // remembers tokens that did not come; may be null
   archive::ApplianceLog* log = nullptr;
-  archive::FileSystem* files = nullptr;  // null: the real one
+  std::shared_ptr<search::NoteWriter> search;  // null: no case can be found by its patient or procedure
+  archive::FileSystem* files = nullptr;        // null: the real one
   std::chrono::nanoseconds segment_duration = std::chrono::seconds(2);
   std::chrono::nanoseconds stamp_interval = std::chrono::seconds(60);
   std::optional<std::chrono::nanoseconds> duration;

@@ -51,8 +51,11 @@ std::string scheme_of(const std::string& url) {
   return scheme;
 }
 
-/// The address without user name and password, for messages and logs.
-std::string without_credentials(const std::string& url) {
+/// The address without user name and password, and without what stands behind the path, which may be a key:
+/// for messages, logs and ledgers.
+std::string without_credentials(const std::string& whole) {
+  const std::size_t query = whole.find_first_of("?#");
+  const std::string url = query == std::string::npos ? whole : whole.substr(0, query) + "?***";
   const std::size_t scheme = url.find("://");  // a proxy may be "host:port" alone
   const std::size_t host = scheme == std::string::npos ? 0 : scheme + 3;
   const std::size_t host_end = std::min(url.find_first_of("/?#", host), url.size());

@@ -52,6 +52,14 @@ void read_recording(const toml::table& table, const std::string& file, Configura
   reader.refuse_unknown_keys();
 }
 
+void read_search(const toml::table& table, const std::string& file, Configuration& into) {
+  TableReader reader(table, "[search]", file);
+  reader.text("key", [&](const std::string& text) { into.search.key = text; });
+  reader.refuse_unknown_keys();
+  if (into.search.key.empty())
+    reader.refuse(table.source(), "[search] needs 'key', the file of a search key");
+}
+
 /// Rooms must have been read: a name that is mistyped would leave its stream open to everybody in
 /// recipients.txt.
 void read_recipients(const toml::table& table, const std::string& file, Configuration& into) {
@@ -119,6 +127,7 @@ Configuration parse_configuration(std::string_view text, const std::string& name
   };
   section("recording", read_recording);
   section("evidence", read_evidence);
+  section("search", read_search);
   configuration.authorities = read_authorities(top, AuthorityUse::kOfAppliance);
   read_daemon(top, configuration);
   read_rooms(top, configuration);

@@ -22,6 +22,12 @@ struct EvidenceConfiguration {
   std::string policy;  // a TOML file, relative to the home; empty: no algorithm ends
 };
 
+/// [search].
+struct SearchConfiguration {
+  std::string
+      key;  // the appliance's search key, a file, relative to the home; empty: no case can be found by it
+};
+
 struct Configuration {
   std::string profile = "mpeg2";
   std::int64_t bit_rate = 4'000'000;
@@ -41,6 +47,7 @@ struct Configuration {
   StorageConfiguration storage;
   RetentionConfiguration retention;
   EvidenceConfiguration evidence;
+  SearchConfiguration search;
   std::optional<StoreConfiguration> store;
 };
 

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -15,6 +16,7 @@
 #include "apps/fleet/page_place.h"
 #include "archive/catalogue/catalogue_json.h"
 #include "archive/format/case_layout.h"
+#include "archive/search/search_note.h"
 #include "base/error.h"
 #include "base/joined.h"
 #include "base/json_or_null.h"
@@ -30,7 +32,11 @@ using nlohmann::ordered_json;
 struct Request {
   std::string configuration;
   std::optional<std::string> appliance, state, verdict, from, to, limit, after, history;
+  std::optional<std::string> search_key, patient, authority, procedure, coding_system;
   bool unverified = false, attention = false, json = false;
+  [[nodiscard]] bool searches() const {
+    return search_key || patient || authority || procedure || coding_system;
+  }
 };
 
 /// "2026-08-05" or a whole time, as RFC 3339 writes it in UTC.
@@ -143,15 +149,89 @@ int history(const Request& request, fleet::FleetCatalogue& catalogue) {
   return kDone;
 }
 
+/// What is asked for, in the clear: it stays in this process.
+search::SearchWords words_of(const Request& request) {
+  if (!request.search_key || (!request.patient && !request.procedure))
+    throw UsageError("to search give --search-key FILE, and --patient NUMBER or --procedure CODE or both");
+  if ((request.authority && !request.patient) || (request.coding_system && !request.procedure))
+    throw UsageError("--authority stands beside --patient, and --coding-system beside --procedure");
+  const auto normal = [](const std::optional<std::string>& text, const char* option, auto form) {
+    std::string word = text ? form(*text) : std::string();
+    if (text && word.empty())
+      throw UsageError(std::string(option) + " is '" + printable(*text) +
+                       "', of which nothing can be searched");
+    return word;
+  };
+  return {normal(request.patient, "--patient", search::normal_number),
+          normal(request.authority, "--authority", search::normal_word),
+          normal(request.procedure, "--procedure", search::normal_word),
+          normal(request.coding_system, "--coding-system", search::normal_word)};
+}
+
+struct Searched {
+  std::vector<fleet::FleetCase> found;
+  bool ended = true;  // every case was looked at
+  std::uint64_t looked_at = 0, without_note = 0, foreign = 0;
+};
+
+/// Cases that fit what is asked for, up to the query's limit. The database is asked for notes alone.
+Searched search_cases(fleet::FleetCatalogue& catalogue, fleet::CaseQuery query, search::NoteReader& reader,
+                      const search::SearchWords& words) {
+  constexpr std::size_t kAtOnce = 2000;
+  const std::size_t most = std::exchange(query.limit, kAtOnce);
+  query.with_notes = true;
+  Searched result;
+  while (true) {
+    const std::vector<fleet::FleetCase> page = catalogue.find(query);
+    for (const fleet::FleetCase& each : page) {
+      if (result.found.size() == most) {
+        result.ended = false;
+        return result;
+      }
+      ++result.looked_at;
+      if (!each.search_note) {
+        ++result.without_note;
+        continue;
+      }
+      const auto note = search::SearchNote::parse(*each.search_note);
+      using Answer = search::NoteReader::Answer;
+      const Answer answer =
+          note ? reader.read(each.appliance, each.row.case_id, *note, words) : Answer::kForeign;
+      if (answer == Answer::kForeign) ++result.foreign;
+      if (answer == Answer::kFits) result.found.push_back(each);
+    }
+    if (page.size() < kAtOnce) return result;
+    const fleet::FleetCase& last = page.back();
+    query.after = fleet::CaseQuery::Place{last.row.opened, last.appliance, last.row.case_id};
+  }
+}
+
+void tell_of_search(const Searched& searched) {
+  std::cout << "Looked at " << counted(searched.looked_at, "case", "cases") << ", of which "
+            << searched.without_note << " cannot be searched: they have no search note.\n";
+  if (searched.foreign > 0)
+    std::cout << "The search "
+              << (searched.foreign == 1 ? "note of 1 of them was"
+                                        : "notes of " + std::to_string(searched.foreign) + " of them were")
+              << " not made by this key.\n";
+}
+
 int cases(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::FleetCatalogue catalogue = configuration.open_catalogue();
   if (request.appliance) require_known(*request.appliance, configuration, catalogue);
   if (request.history) return history(request, catalogue);
   const fleet::CaseQuery query = query_of(request);
-  const std::vector<fleet::FleetCase> found = catalogue.find(query);
+  std::optional<Searched> searched;
+  if (request.searches()) {
+    const search::SearchWords words = words_of(request);
+    search::NoteReader reader(search::SiteKey::read(*request.search_key));
+    searched = search_cases(catalogue, query, reader, words);
+  }
+  const std::vector<fleet::FleetCase> found = searched ? searched->found : catalogue.find(query);
+  const bool may_be_more = searched ? !searched->ended : found.size() == query.limit;
   const std::optional<std::string> next =
-      found.size() == query.limit ? std::optional(page_place(found.back())) : std::nullopt;
+      may_be_more ? std::optional(page_place(found.back())) : std::nullopt;
   if (request.json) {
     ordered_json told = ordered_json::array();
     for (const fleet::FleetCase& each : found) {
@@ -161,14 +241,22 @@ int cases(const Request& request) {
       one["unchecked"] = or_null(each.unchecked);
       told.push_back(one);
     }
-    print_json({{"cases", told}, {"next", next ? ordered_json(*next) : ordered_json()}});
+    ordered_json all{{"cases", told}, {"next", next ? ordered_json(*next) : ordered_json()}};
+    if (searched) {
+      all["looked_at"] = searched->looked_at;
+      all["without_note"] = searched->without_note;
+      all["not_by_this_key"] = searched->foreign;
+    }
+    print_json(all);
     return kDone;
   }
   if (found.empty()) {
     std::cout << "No case is so. 'kiroku-fleet index' brings the catalogue up to date.\n";
+    if (searched) tell_of_search(*searched);
     return kDone;
   }
   print_table(found);
+  if (searched) tell_of_search(*searched);
   if (next) std::cout << "There may be more: --after " << printable(*next) << "\n";
   return kDone;
 }
@@ -259,7 +347,12 @@ void add_fleet_cases_command(Command& program) {
   command.explain(
       "Shown is what the catalogue knows, with the verdict of the last 'kiroku-fleet verify'; nothing is "
       "judged here. "
-      "What a case is about is not in the catalogue: it stays sealed.");
+      "What a case is about is not in the catalogue: it stays sealed. Where a site opted in, who has its "
+      "search key finds cases by patient and procedure: search notes are read from the catalogue and "
+      "compared "
+      "here, so that the database learns neither what was asked for nor what was found. A case without such "
+      "a "
+      "note is not found, and a case that is found must be opened to know whom it is about.");
   const auto request = std::make_shared<Request>();
   command.option("--appliance", "NAME", request->appliance, "only of this one");
   command.option("--from", "TIME", request->from, "only what began then or later");
@@ -275,12 +368,21 @@ void add_fleet_cases_command(Command& program) {
       "only what needs a person: not intact, incomplete, unproven, not checked, missing, or unreadable");
   command.option("--limit", "N", request->limit, "how many at most", "100");
   command.option("--after", "PLACE", request->after, "what follows the page that ended with this");
+  command.option("--search-key", "FILE", request->search_key,
+                 "the site's search key, by which --patient and --procedure are searched here");
+  command.option("--patient", "NUMBER", request->patient, "only of the patient with this number");
+  command.option("--authority", "NAME", request->authority,
+                 "which this one gave, as the hospital's messages say it", "whoever gave it");
+  command.option("--procedure", "CODE", request->procedure, "only of the procedure with this code");
+  command.option("--coding-system", "NAME", request->coding_system, "of this coding system", "of any");
   command.option("--history", "CASE", request->history,
                  "instead, all that was ever found of one case of --appliance");
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);
   command.example("kiroku-fleet cases --from 2026-08-01 --appliance or-2", "what or-2 recorded since August");
   command.example("kiroku-fleet cases --verdict tampered", "what does not hold");
+  command.example("kiroku-fleet cases --search-key site-search.key --patient 0012345",
+                  "one patient's cases, where the site opted in");
   command.on_run([request] { return cases(*request); });
 }
 

@@ -14,5 +14,6 @@ void add_fleet_serve_command(Command& program);
 void add_fleet_enrol_command(Command& program);
 void add_fleet_revoke_command(Command& program);
 void add_fleet_rooms_command(Command& program);
+void add_fleet_search_key_command(Command& program);
 
 }  // namespace kiroku::apps

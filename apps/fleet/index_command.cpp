@@ -40,13 +40,22 @@ int run(const Request& request) {
     const fleet::IndexReport report =
         fleet::index_appliance(store, appliance, *table, scratch.path(), request.anew);
     if (report.cases == 0 && report.missing.empty()) continue;  // something else's objects
+    const fleet::NotesReport notes = fleet::index_notes(store, appliance, catalogue, request.anew);
+    for (const std::string& each : notes.problems) print_error("kiroku-fleet", appliance + ": " + each);
+    if (notes.more_problems > 0)
+      print_error("kiroku-fleet", appliance + ": " + std::to_string(notes.more_problems) +
+                                      " more objects are no search notes of their cases");
+    is_all_read = is_all_read && notes.problems.empty();
     is_all_there = is_all_there && report.missing.empty();
     is_all_read = is_all_read && report.problems.empty();
     for (const std::string& each : report.problems) print_error("kiroku-fleet", appliance + ": " + each);
     told.push_back({{"appliance", appliance},
                     {"cases", report.cases},
                     {"read", report.read},
+                    {"notes", notes.notes},
+                    {"notes_read", notes.read},
                     {"problems", report.problems},
+                    {"note_problems", notes.problems},
                     {"missing", report.missing}});
     for (const std::string& each : report.missing) {
       print_error("kiroku-fleet",

@@ -125,9 +125,9 @@ class Worker {
                                       each.from + ", as version " + each.version);
     }
     for (const fleet::UnmendedFile& each : judge_.mending().left) {
-      left.push_back({{"file", each.path}, {"why", each.why}});
-      print_error("kiroku-fleet",
-                  lease.appliance + "/" + lease.case_id + ": could not mend " + each.path + ": " + each.why);
+      left.push_back({{"file", each.path}, {"why", each.told()}});
+      print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": could not mend " + each.path +
+                                      ": " + each.told());
     }
     if (const std::uint64_t more = judge_.mending().more_left; more > 0)
       print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": could not mend " +

@@ -20,5 +20,6 @@ int main(int argc, char** argv) {
   add_fleet_rooms_command(program.root());
   add_fleet_enrol_command(program.root());
   add_fleet_revoke_command(program.root());
+  add_fleet_search_key_command(program.root());
   return program.run(argc, argv);
 }

@@ -4,7 +4,10 @@
 
 #include "apps/common/command_line.h"
 #include "base/error.h"
+#include "crypto/hash.h"
+#include "crypto/secret.h"
 #include "fleet/reports/shared_stamp_client.h"
+#include "timestamp/request.h"
 
 namespace kiroku::apps {
 namespace {
@@ -71,6 +74,19 @@ std::shared_ptr<timestamp::StampSource> Authorities::embedded_source(const Home&
     without(why);
     return std::make_shared<UnusableAuthority>(why);
   }
+}
+
+timestamp::TokenJudgement ask_for_time(const recorder::NamedAuthority& authority,
+                                       const timestamp::TrustStore& trust) {
+  Bytes imprint(crypto::hash_size(crypto::HashAlgorithm::kSha256));
+  crypto::fill_random(imprint);
+  const auto asked = timestamp::make_request(crypto::HashAlgorithm::kSha256, imprint);
+  const Bytes answer = authority.source->ask(timestamp::encode_request(asked));
+  timestamp::Expectation expectation;
+  expectation.algorithm = asked.algorithm;
+  expectation.imprint = asked.imprint;
+  expectation.nonce = asked.nonce;
+  return timestamp::judge_token(answer, expectation, trust);
 }
 
 std::unique_ptr<recorder::StampingQueue> open_stamping_queue(const Home& home) {

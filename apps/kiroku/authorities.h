@@ -9,6 +9,7 @@
 #include "recorder/authority_contact.h"
 #include "recorder/stamping_queue.h"
 #include "timestamp/authority.h"
+#include "timestamp/token_verifier.h"
 
 namespace kiroku::apps {
 
@@ -29,6 +30,11 @@ class Authorities {
   std::unique_ptr<timestamp::Authority> embedded_;
   std::vector<recorder::NamedAuthority> named_;
 };
+
+/// What the authority answers to a question of its own, asked now: its time, and whose it is. Throws
+/// kiroku::Error where it gives no answer.
+timestamp::TokenJudgement ask_for_time(const recorder::NamedAuthority& authority,
+                                       const timestamp::TrustStore& trust);
 
 /// The home's queue of wanted time-stamps. Nothing, and a warning on standard error, where it cannot be used:
 /// recording goes on without it.

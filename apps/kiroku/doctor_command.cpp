@@ -27,6 +27,7 @@
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
 #include "archive/format/boot_quote.h"
+#include "archive/search/search_key.h"
 #include "base/error.h"
 #include "base/joined.h"
 #include "crypto/pkcs8.h"
@@ -42,7 +43,6 @@
 #include "recorder/source/boxed_source.h"
 #include "recorder/source/source.h"
 #include "recorder/vitals/vital_source.h"
-#include "timestamp/request.h"
 
 namespace kiroku::apps {
 namespace {
@@ -386,18 +386,10 @@ Check check_locked_memory() {
 
 Check check_authority(const recorder::NamedAuthority& authority, const timestamp::TrustStore& trust) {
   const std::string subject = "authority " + authority.name;
-  Bytes imprint(crypto::hash_size(crypto::HashAlgorithm::kSha256));
-  crypto::fill_random(imprint);
-  const auto asked = timestamp::make_request(crypto::HashAlgorithm::kSha256, imprint);
   const auto begin = std::chrono::steady_clock::now();
   const UtcTime before = utc_now();
-  const Bytes answer = authority.source->ask(timestamp::encode_request(asked));
+  const timestamp::TokenJudgement judgement = ask_for_time(authority, trust);
   const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - begin;
-  timestamp::Expectation expectation;
-  expectation.algorithm = asked.algorithm;
-  expectation.imprint = asked.imprint;
-  expectation.nonce = asked.nonce;
-  const timestamp::TokenJudgement judgement = timestamp::judge_token(answer, expectation, trust);
   if (judgement.code != timestamp::TokenCode::kValid) {
     return {Health::kBad, subject, judgement.explanation,
             "its tokens prove nothing here: add its root to trust.pem, or ask another authority"};
@@ -526,6 +518,25 @@ Check check_store(const Home& home) {
   return {Health::kGood, "store", bucket + " holds what it locks", ""};
 }
 
+/// Recording waits for none of it.
+Check check_search_key(const Home& home, const Configuration& configuration) {
+  constexpr const char* kSubject = "search key";
+  try {
+    const search::ApplianceKey key = search::ApplianceKey::read(home.folder() / configuration.search.key);
+    const bool ships = configuration.store.has_value();
+    if (ships && store_of(home).appliance != key.appliance)
+      return {Health::kWarning, kSubject,
+              "is of the appliance " + key.appliance + ", and this one ships as " + store_of(home).appliance,
+              "nobody finds its cases by patient or procedure: have one made for that name"};
+    if (key.step >= search::kMostSteps)
+      return {Health::kWarning, kSubject, "has made all notes that it can", "have another one made"};
+    return {Health::kGood, kSubject, "has made " + std::to_string(key.step) + " notes", ""};
+  } catch (const Error& error) {
+    return {Health::kWarning, kSubject, error.what(),
+            "cases are recorded all the same, and nobody finds them by patient or procedure"};
+  }
+}
+
 /// What `kiroku status` and doctor say of the disk is one figure: kirokud's where it runs, which knows what
 /// rooms really write, else by what they are configured for.
 recorder::DiskHours disk_hours(const Home& home, const Configuration& configuration,
@@ -618,6 +629,7 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
     out.examine("store", "look at [store] of kiroku.toml and at its file of credentials",
                 [&] { return check_store(home); });
   }
+  if (!configuration.search.key.empty()) out.add(check_search_key(home, configuration));
   const std::optional<nlohmann::json> status = running_recorder(home, configuration, out);
   if (!configuration.rooms.empty()) {
     out.examine("hours of disk", "look at the disk of the archive",

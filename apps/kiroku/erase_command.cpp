@@ -118,17 +118,20 @@ MayGo if_due(const Ages& ages, const RetentionRule& rule, const std::string& str
   };
 }
 
-/// Whether the stream has a segment that is not erased yet.
+/// Whether the stream has a segment that is not erased yet, or a file that an erasure left which was cut off.
 bool has_something_left(const archive::CaseReader& reader, const std::string& stream) {
   std::set<std::uint64_t> left;
+  std::vector<archive::ErasedEntry> erased;
   for (const archive::SegmentEntry& segment : reader.segments(stream, INT64_MIN, INT64_MAX))
     left.insert(segment.index);
   reader.for_each([&](const archive::CaseEntry& entry) {
     const auto* gone = std::get_if<archive::ErasedEntry>(&entry.body);
     if (gone == nullptr || gone->stream != stream) return;
     left.erase(left.lower_bound(gone->first_index), left.upper_bound(gone->last_index));
+    erased.push_back(*gone);
   });
-  return !left.empty();
+  return !left.empty() ||
+         !archive::files_to_erase(archive::real_file_system(), reader.folder(), erased).empty();
 }
 
 /// Whether erasing would find anything. Throws kiroku::UsageError where it would refuse the case as it is.
@@ -153,6 +156,8 @@ class Refusals {
   void guard(const fs::path& folder, const Work& work) {
     try {
       work();
+    } catch (const archive::ErasureCutOff& error) {
+      all_.push_back({folder.filename().string(), "", error.what()});
     } catch (const Error& error) {
       add(folder, error.what());
     } catch (const fs::filesystem_error& error) {
@@ -160,21 +165,23 @@ class Refusals {
     }
   }
   void tell() const {
-    for (const auto& [name, reason] : all_)
-      print_error("kiroku", name + ": nothing was erased from it: " + reason);
+    for (const auto& [name, what, reason] : all_) print_error("kiroku", name + ": " + what + reason);
   }
   [[nodiscard]] bool empty() const { return all_.empty(); }
   [[nodiscard]] ordered_json json() const {
     ordered_json out = ordered_json::array();
-    for (const auto& [name, reason] : all_) out.push_back({{"case", name}, {"reason", reason}});
+    for (const auto& [name, what, reason] : all_) out.push_back({{"case", name}, {"reason", reason}});
     return out;
   }
 
  private:
   void add(const fs::path& folder, const std::string& reason) {
-    all_.emplace_back(folder.filename().string(), reason);
+    all_.push_back({folder.filename().string(), "nothing was erased from it: ", reason});
   }
-  std::vector<std::pair<std::string, std::string>> all_;
+  struct Refusal {
+    std::string name, what, reason;
+  };
+  std::vector<Refusal> all_;
 };
 
 void for_each_closed_case(const Home& home, Refusals& refusals,
@@ -315,6 +322,25 @@ class Eraser {
         recorder::checkpoint_stamper(authorities_.named(), &writable_.trust, writable_.queue.get());
   }
 
+  /// Why an outside authority makes this machine's clock doubtful; "" where the first that answers agrees,
+  /// and where none does.
+  [[nodiscard]] std::string why_clock_differs() const {
+    constexpr std::chrono::hours kFarOff{1};
+    for (const recorder::NamedAuthority& authority : authorities_.named()) {
+      try {
+        const timestamp::TokenJudgement said = ask_for_time(authority, writable_.trust);
+        if (said.code != timestamp::TokenCode::kValid || said.authority == timestamp::TimeAuthority::kOwn)
+          continue;
+        const UtcTime now = utc_now();
+        if (std::chrono::abs(said.info->gen_time - now) <= kFarOff) return "";
+        return "this machine's clock shows " + format_utc(now) + ", and the authority " + authority.name +
+               " says that it is " + format_utc(said.info->gen_time);
+      } catch (const Error&) {  // it does not answer
+      }
+    }
+    return "";
+  }
+
   archive::Erasure erase(const Candidate& candidate) {
     options_.may_go = candidate.may_go;
     const archive::Erasure erased = archive::erase_stream(
@@ -393,8 +419,12 @@ std::string told_of(const std::vector<std::string>& other_forms) {
 }
 
 std::string told(const Candidate& candidate, const archive::Erasure& erased) {
-  const std::string what = erased.segments == 0
-                               ? "nothing of " + candidate.stream + " was left to erase"
+  const bool is_rest = erased.segments == 0 && erased.left_before > 0;
+  const std::string what = is_rest ? "removed " + std::to_string(erased.left_before) + " files of " +
+                                         candidate.stream + " that an erasure had left which was cut off"
+                           : erased.segments == 0
+                               ? "nothing of " + candidate.stream + " was " +
+                                     (erased.not_as_recorded.empty() ? "left to erase" : "erased")
                                : "erased " + std::to_string(erased.segments) + " segments of " +
                                      candidate.stream + " (" + format_bytes(erased.bytes) + ")";
   return what + (erased.segments > 0 && !erased.stamped ? "; no authority time-stamped it" : "");
@@ -423,7 +453,10 @@ int run(const Request& request) {
     if (!request.dry_run) eraser.emplace(home, configuration);
   }
   // Erasing cannot be undone: what goes by age waits for a clock that shows it.
-  const std::string doubted = request.clock_is_right ? "" : ages.why_doubted();
+  std::string doubted = request.clock_is_right ? "" : ages.why_doubted();
+  const bool is_by_age = std::ranges::any_of(candidates, &Candidate::by_age);
+  if (!request.clock_is_right && doubted.empty() && is_by_age && eraser)
+    doubted = eraser->why_clock_differs();
   // Not before they are asked for: a store that does not answer keeps nothing back that waits for no copy.
   const auto why_none_holds = [&](const Candidate& candidate) {
     if (!copies) copies.emplace(home, configuration);
@@ -482,12 +515,20 @@ int run(const Request& request) {
                      {"bytes", erased.bytes},
                      {"stamped", erased.stamped},
                      {"policy", candidate.policy}});
+    if (erased.left_before > 0) cases.back()["left_before"] = erased.left_before;
     const auto others = other_forms_of(candidate);
     if (!others.empty()) cases.back()["also_in"] = others;
     if (!request.json)
       std::cout << name << ": " << told(candidate, erased)
                 << (candidate.by_consent ? ", by the policy: " + candidate.policy : "") << told_of(others)
                 << "\n";
+    if (!erased.not_as_recorded.empty()) {
+      const std::size_t count = erased.not_as_recorded.size();
+      keep(candidate, erased.not_as_recorded.front(),
+           " in " + std::to_string(count) + (count == 1 ? " file that is" : " files that are") +
+               " not as recorded: " + erased.not_as_recorded.front() + (count == 1 ? "" : "; and others") +
+               "; saying that it was erased would hide that, so it is left for whoever examines the case");
+    }
   };
   for (const Candidate& candidate : candidates) {
     if (request.case_name) {
@@ -541,8 +582,11 @@ void add_erase_command(Command& program) {
       "exit status is 1, unless --only-copy is given. What is under legal hold ('kiroku hold') is kept, too, "
       "whatever is given. How old a case is counts from the latest moment that its entries, its time-stamps "
       "and what the appliance log had entered before it say that it was opened. What would go by its age is "
-      "kept while the kernel does not call this machine's clock synchronised, or it shows more than a year "
-      "after the newest entry of the appliance log, unless --clock-is-right is given. "
+      "kept while the kernel does not call this machine's clock synchronised, it shows more than a year "
+      "after "
+      "the newest entry of the appliance log, or it is more than an hour away from what an outside authority "
+      "says, unless --clock-is-right is given. What is not as it was recorded is not called erased, and "
+      "kept. "
       "With --due a case goes, too, of which a consent was withdrawn that [consent] "
       "erase_when_withdrawn of kiroku.toml names: all its streams, whether copies are elsewhere or not. "
       "Of several rules of [[retention]] for one stream the one holds that keeps it longest. A stream that "

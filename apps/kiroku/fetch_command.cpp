@@ -113,7 +113,8 @@ void add_fetch_command(Command& program) {
       "becomes a folder again, and is verified as 'kiroku verify' does, with the same exit status. A case "
       "that "
       "was being recorded is there as far as it had come, and is incomplete; it stays so, for only its own "
-      "device can sign its end.");
+      "device can sign its end. What another device stated of it, by 'kiroku recover --from-store', comes "
+      "beside it.");
   const auto request = std::make_shared<Request>();
   const auto asked_home = std::make_shared<std::optional<std::string>>();
   const auto extras = std::make_shared<VerifyExtras>(verify_extras(asked_home));

@@ -144,7 +144,8 @@ struct ShippingPlace {
         store(open_store(home, of)),
         list(shipping_list_file(home, of)),
         shipper(store, list,
-                {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : ""}) {}
+                {of.appliance, of.retain, home.device(), of.publish_log ? home.published_log() : "",
+                 search_notes_to_ship(home, of, [](const std::string& /*sentence*/) {})}) {}
   const StoreConfiguration of;
   fleet::ObjectStore store;
   fleet::ShippingList list;

@@ -2,7 +2,10 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
@@ -13,11 +16,14 @@
 #include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/standing_holds.h"
 #include "apps/kiroku/user_name.h"
+#include "archive/reading/case_reader.h"
 #include "archive/storage/file_system.h"
 #include "archive/upkeep/holds.h"
+#include "archive/upkeep/retention.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
+#include "base/joined.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
@@ -60,6 +66,32 @@ std::string about_the_store(const Home& home, bool on) {
          "the store confirmed it.\n";
 }
 
+/// What a hold comes too late for, and what only it keeps.
+struct Erased {
+  std::set<std::string> streams;  // of which segments were erased
+  std::uint64_t left = 0;         // files of these that an erasure left which was cut off
+};
+/// Nothing of a case that cannot be read: that is no reason not to hold it.
+Erased erased_of(const Home& home, const std::string& name) try {
+  const archive::CaseReader reader = archive::CaseReader::open(home.archive() / name);
+  std::vector<archive::ErasedEntry> entries;
+  reader.for_each([&](const archive::CaseEntry& entry) {
+    if (const auto* gone = std::get_if<archive::ErasedEntry>(&entry.body)) entries.push_back(*gone);
+  });
+  Erased erased;
+  for (const archive::ErasedEntry& each : entries) erased.streams.insert(each.stream);
+  erased.left = archive::files_to_erase(archive::real_file_system(), reader.folder(), entries).size();
+  return erased;
+} catch (const Error&) {
+  return {};
+}
+std::string left_text(const Erased& erased, const std::string& sentence) {
+  return erased.left == 0 ? ""
+                          : std::to_string(erased.left) + (erased.left == 1 ? " file" : " files") +
+                                " of an erasure that was cut off " + (erased.left == 1 ? "is" : "are") +
+                                " still there: " + sentence + "\n";
+}
+
 int hold(const Request& request) {
   const Home home = Home::open(request.home);
   const std::string name = case_of(home, request);
@@ -68,12 +100,19 @@ int hold(const Request& request) {
   const auto log = open_log(home, key);
   const archive::ErasingTurn turn(home.archive());
   const std::uint64_t entry = log->case_held(name, request.reason, user_name());
+  const Erased erased = erased_of(home, name);
   if (request.json) {
-    print_json({{"case", name}, {"hold", entry}});
+    print_json({{"case", name},
+                {"hold", entry},
+                {"erased_before", erased.streams},
+                {"left_of_erasures", erased.left}});
   } else {
     std::cout << "case " << name << " is under legal hold by entry " << entry
               << " of the appliance log: nothing of it is erased until 'kiroku release'\n"
-              << about_the_store(home, true);
+              << (erased.streams.empty() ? ""
+                                         : "segments of " + printable(joined(erased.streams)) +
+                                               " were erased before, as its ledger says\n")
+              << left_text(erased, "the hold keeps what they are") << about_the_store(home, true);
   }
   return kDone;
 }
@@ -114,7 +153,12 @@ int release(const Request& request) {
   } else {
     std::cout << "the legal hold of entry " << entry << " of case " << name << " ended"
               << (still.empty() ? "; no other stands\n" : "; " + still + "\n")
-              << (still.empty() ? about_the_store(home, false) : "");
+              << (still.empty()
+                      ? left_text(erased_of(home, name),
+                                  "no start removes them any more; 'kiroku erase' does, if they are "
+                                  "still to go") +
+                            about_the_store(home, false)
+                      : "");
   }
   return kDone;
 }
@@ -175,7 +219,10 @@ void add_release_command(Command& program) {
                  "the only one that stands");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
-  command.explain("It erases nothing: the case is again what retention may take once it is due.");
+  command.explain(
+      "It erases nothing: the case is again what retention may take once it is due. What an erasure left "
+      "that "
+      "was cut off before the hold stays, too, until 'kiroku erase' is asked again.");
   command.example("kiroku release 20260805T091502Z-3f9c21ab --reason 'settled on 2027-02-01'",
                   "ends the only hold of this case");
   command.on_run([request] { return release(*request); });

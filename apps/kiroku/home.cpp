@@ -11,6 +11,7 @@
 #include "apps/verify/verify_command.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/log_aside.h"
+#include "archive/format/store_statement.h"
 #include "archive/storage/file_system.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/writing/appliance_log.h"
@@ -45,8 +46,9 @@ std::vector<std::string> cases_beginning(const fs::path& archive, const std::str
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(archive, ignored)) {
     const std::string name = entry.path().filename().string();
-    if (name != "log" && name != archive::kEvidenceFolder && !archive::is_log_aside_name(name) &&
-        name.starts_with(beginning) && entry.is_directory(ignored) && !archive::is_excerpt(entry.path())) {
+    if (name != "log" && name != archive::kEvidenceFolder && name != archive::kStoreStatementsFolder &&
+        !archive::is_log_aside_name(name) && name.starts_with(beginning) && entry.is_directory(ignored) &&
+        !archive::is_excerpt(entry.path())) {
       found.push_back(name);
     }
   }

@@ -17,6 +17,7 @@
 //   comparisons/<case>/  plans beside recordings (viewer/kept/kept_comparison.h)
 //   witnessed/log.note  the appliance log's newest checkpoint that witnesses cosigned
 //   newest-log.note  the appliance log's newest checkpoint, beside the archive's disk (kept_log.h)
+//   search/<case>.json  by what cases can be found, where [search] asks for it; its key: mode 0600
 //   last-signed.note  its last one, for the home's other processes: nothing needs it after a power cut
 //   plans/           sealed plans, a folder each, for comparisons that are made on the viewer's page
 //
@@ -88,6 +89,8 @@ class Home {
   }
   /// The appliance log's tree as it is published in the store.
   [[nodiscard]] std::filesystem::path published_log() const { return folder_ / "published-log"; }
+  /// By what cases can be found, a note each, where [search] asks for them.
+  [[nodiscard]] std::filesystem::path search_notes() const { return folder_ / "search"; }
 
   /// Where a recorder that runs on this home is spoken to.
   [[nodiscard]] std::filesystem::path control_socket(const Configuration& configuration) const;

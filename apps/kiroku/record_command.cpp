@@ -207,6 +207,9 @@ recorder::SessionOptions session_options(const Request& request, const Home& hom
     (room == options.video.end() ? options.video.front() : *room).microphone = *request.microphone;
   }
   options.archive = home.archive();
+  options.search = search_notes_of(home, configuration, [](const std::string& sentence) {
+    print_error("kiroku", "warning: " + sentence);
+  });
   options.device_name = home.device().name();
   if (request.subject) options.subject = load_subject(*request.subject);
   if (request.worklist) options.subject = listed_subject(worklist_of(configuration, *request.worklist));

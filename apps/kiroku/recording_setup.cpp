@@ -87,6 +87,19 @@ void log_configuration(const std::filesystem::path& file, const Home& home, arch
   for (const std::string& remark : log.remarks()) tell(remark);
 }
 
+std::shared_ptr<search::NoteWriter> search_notes_of(
+    const Home& home, const Configuration& configuration,
+    const std::function<void(const std::string& sentence)>& tell) {
+  if (configuration.search.key.empty()) return {};
+  const std::filesystem::path key = home.folder() / configuration.search.key;
+  try {
+    static_cast<void>(search::ApplianceKey::read(key));
+  } catch (const Error& error) {
+    tell(std::string("cases cannot be found by their patient or procedure: ") + error.what());
+  }
+  return std::make_shared<search::NoteWriter>(key, home.search_notes());
+}
+
 void refresh_catalogue(const Home& home, const std::filesystem::path& case_folder) {
   archive::Catalogue::open(home.catalogue_file())->refresh(case_folder);
 }

@@ -10,6 +10,7 @@
 
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/home.h"
+#include "archive/search/note_writer.h"
 #include "archive/writing/appliance_log.h"
 #include "crypto/age_recipient.h"
 #include "recorder/source/source_guard.h"
@@ -61,6 +62,12 @@ void log_configuration(const std::filesystem::path& file, const Home& home, arch
 /// For one stream, with the limits of [recording]. `tell` is called from any thread.
 std::shared_ptr<recorder::SourceGuard> guard_for(const Configuration& configuration,
                                                  recorder::SourceGuard::Tell tell);
+
+/// What makes search notes; null where [search] of the configuration asks for none. A key that cannot be used
+/// is told, and again with each case, which is recorded all the same.
+std::shared_ptr<search::NoteWriter> search_notes_of(
+    const Home& home, const Configuration& configuration,
+    const std::function<void(const std::string& sentence)>& tell);
 
 /// Brings one case of the catalogue up to date. Throws kiroku::Error; the case itself is not in question
 /// then.

@@ -80,6 +80,9 @@ std::string recovery_text(const CaseRecovery& recovery) {
   for (const archive::GapEntry& gap : recovery.gaps) {
     line("nothing of " + gap.stream + " from " + format_duration(gap.span.start_ns) + " on");
   }
+  if (recovery.erased_files > 0)
+    line("removed " + counted(recovery.erased_files, "file", "files") +
+         " that an erasure had left which was cut off: what was to go is in its ledger");
   const bool ended = recovery.outcome == CaseRecovery::Outcome::kRecovered ||
                      recovery.outcome == CaseRecovery::Outcome::kFinished;
   if (ended && !recovery.stamped) line("its end has no time-stamp: no authority gave one");

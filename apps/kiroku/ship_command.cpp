@@ -174,14 +174,15 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
     for (const fleet::MendedFile& each : all.mended)
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
-    for (const fleet::UnmendedFile& each : all.left) left.push_back({{"file", each.path}, {"why", each.why}});
+    for (const fleet::UnmendedFile& each : all.left)
+      left.push_back({{"file", each.path}, {"why", each.told()}});
     print_json(
         {{"case", case_id}, {"mended", mended}, {"not_mended", left}, {"more_not_mended", all.more_left}});
   } else {
     for (const fleet::MendedFile& each : all.mended)
       std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";
     for (const fleet::UnmendedFile& each : all.left)
-      print_error("kiroku", "could not mend " + each.path + ": " + each.why);
+      print_error("kiroku", "could not mend " + each.path + ": " + each.told());
     if (all.more_left > 0)
       print_error("kiroku", "could not mend " + std::to_string(all.more_left) + " more of its files");
     if (all.mended.empty() && all.left.empty())
@@ -196,9 +197,14 @@ int run(const Request& request) {
   if (request.scratch && !request.mend) throw UsageError("--scratch is for --mend");
   const Home home = Home::open(request.home);
   const StoreConfiguration of = store_of(home);
-  const fleet::ShippingTerms terms{of.appliance, of.retain, home.device(),
-                                   of.publish_log ? home.published_log() : "",
-                                   [&home] { require_same_log(home); }};
+  const fleet::ShippingTerms terms{
+      of.appliance,
+      of.retain,
+      home.device(),
+      of.publish_log ? home.published_log() : "",
+      search_notes_to_ship(
+          home, of, [](const std::string& sentence) { print_error("kiroku", "warning: " + sentence); }),
+      [&home] { require_same_log(home); }};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   if (request.mend) return mend(request, home, std::move(store), of.appliance);

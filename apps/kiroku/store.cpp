@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "archive/format/case_layout.h"
+#include "archive/search/search_key.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
@@ -40,6 +41,23 @@ fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of, co
   return {{of.endpoint, of.bucket, of.region, of.ca_file.empty() ? "" : home.folder() / of.ca_file},
           fleet::read_credentials(home.folder() / of.credentials),
           terms};
+}
+
+std::filesystem::path search_notes_to_ship(const Home& home, const StoreConfiguration& of,
+                                           const std::function<void(const std::string& sentence)>& tell) {
+  const std::string key = home.configuration().search.key;
+  if (key.empty()) return home.search_notes();  // of before
+  try {
+    const std::string appliance = search::ApplianceKey::read(home.folder() / key).appliance;
+    if (appliance == of.appliance) return home.search_notes();
+    tell("search notes are not shipped: the key of [search] is of the appliance " + appliance +
+         ", and this one ships as " + of.appliance + ". Have one made for that name");
+    return {};
+  } catch (const Error& error) {
+    // Notes of before are good.
+    tell(std::string("new cases cannot be found by their patient or procedure: ") + error.what());
+    return home.search_notes();
+  }
 }
 
 }  // namespace kiroku::apps

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <string>
 
 #include "apps/kiroku/home.h"
 #include "base/clock.h"
@@ -19,5 +21,10 @@ std::filesystem::path shipping_list_file(const Home& home, const StoreConfigurat
 /// kiroku::UsageError.
 fleet::ObjectStore open_store(const Home& home, const StoreConfiguration& of,
                               const Clock& time = Clock::system());
+
+/// Search notes of the home that may be shipped: a folder that may not be there. "" where the key that makes
+/// them is not of the name by which the home ships, so that nobody would find by them; `tell` hears so.
+std::filesystem::path search_notes_to_ship(const Home& home, const StoreConfiguration& of,
+                                           const std::function<void(const std::string& sentence)>& tell);
 
 }  // namespace kiroku::apps

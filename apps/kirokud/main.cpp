@@ -254,11 +254,14 @@ int run(const Request& request) {
   Inboxes inboxes;
   std::vector<std::shared_ptr<recorder::ProcedureSource>> procedures;
   LookingOn looking_on;
+  // One for all rooms: each note takes a step of the one key.
+  const std::shared_ptr<search::NoteWriter> notes = search_notes_of(home, configuration, without);
   for (const RoomConfiguration& room : configuration.rooms) {
     of_rooms.push_back(
         std::make_unique<Authorities>(home, configuration, std::vector<std::string>{}, told_already));
     options.rooms.push_back(plan_of(room, home, configuration, *of_rooms.back(), shared,
                                     setup.viewer.listen.empty() ? nullptr : &looking_on));
+    options.rooms.back().session.search = notes;
     options.rooms.back().procedure = procedure_of(room, inboxes, store);
     if (options.rooms.back().procedure) procedures.push_back(options.rooms.back().procedure);
     options.rooms.back().footswitches = room.footswitches;

@@ -83,6 +83,11 @@ void add_compare_command(Command& program) {
       "reason; ten "
       "minutes at most",
       "rigid");
+  command.choice(
+      "--colours", {"rest", "plan"}, request->colours,
+      "with --organ deformed, of a film: how far the organ was displaced from rest, or how far it "
+      "departs from where the plan has it at that moment, where that is beyond two standard errors",
+      "rest");
   command.option("--field", "DEGREES", request->field,
                  "with --align: the angle that the lesser side of the recorded pictures covers, of a lens "
                  "without distortion");

@@ -35,6 +35,7 @@ compare::CompositionForm form_of(const ComparisonRequest& request, const compare
   if (request.share) form.share = parse_number(*request.share, "--share", 0, 1);
   form.width = size.width;
   form.height = size.height;
+  form.from_plan = request.colours == "plan";
   return form;
 }
 

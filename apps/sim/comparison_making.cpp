@@ -101,7 +101,9 @@ void add_fluoroscopy(const ComparisonRequest& request, Sources& from, compare::C
 void add_alignment(const ComparisonRequest& request, const Sources& from, compare::Comparison& comparison,
                    ComparisonTold& told) {
   if (request.align != "auto") return;
-  const compare::AlignmentRequest asked = alignment_request(request, from.lens, from.recording, comparison);
+  compare::AlignmentRequest asked = alignment_request(request, from.lens, from.recording, comparison);
+  std::optional<compare::PlannedShapes> planned;
+  if (asked.deformed) asked.planned = &planned.emplace(comparison.map, from.frames.get());
   told.begin("looking for the organ in the pictures");
   comparison.alignment =
       compare::align_organ(from.recording, from.identities, comparison.stream, from.at_hand.plan.body, asked,
@@ -236,6 +238,8 @@ void require_alignment_options(const ComparisonRequest& request) {
     throw UsageError("--lens is for --align auto: it says how the endoscope shows its pictures");
   if (request.organ && request.align != "auto")
     throw UsageError("--organ is for --align auto: it says how the plan's organ is laid on the pictures");
+  if (request.colours && !is_deformed(request))
+    throw UsageError("--colours is for --organ deformed: it says what its colours count from");
   if (request.align != "auto") return;
   if (request.field && request.lens) {
     throw UsageError(

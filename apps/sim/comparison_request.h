@@ -13,7 +13,7 @@ struct ComparisonRequest {
   std::optional<std::string> named, plan, output, home, stream, by_hand, write_by_hand, made_by, from, to,
       speed, form, share, width, volume, series, transfer, view, zoom, gpu, verified, name, asked_by,
       progress, identity_socket, geometry, fluoroscopy, align_at, polarity, align, field, lens, organ,
-      purpose;
+      colours, purpose;
   std::vector<std::string> identities, authorities;
   NamedRoots roots;
   bool force = false, json = false, steps = false;

@@ -1,5 +1,6 @@
 #include "apps/sim/comparison_telling.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <string>
@@ -72,6 +73,30 @@ void print_fluoroscopy(const compare::Fluoroscopy& found) {
   std::cout << "\n";
 }
 
+/// Where the recording departed from the plan, step by step, and where nothing can be said.
+void print_departures(const compare::Comparison& comparison) {
+  const compare::Alignment& found = *comparison.alignment;
+  if (!found.deformed || found.deformed->departures.empty()) return;
+  constexpr double kMmPerM = 1000;
+  const std::vector<compare::StepDeparture> steps = found.step_departures();
+  for (std::size_t number = 0; number < comparison.steps.size(); ++number) {
+    const auto step = std::ranges::find(steps, number, &compare::StepDeparture::step);
+    std::cout << "    " << number + 1 << ". " << printable(comparison.steps[number].name) << ": ";
+    if (step == steps.end() || step->compared == 0) {
+      std::cout << "nothing can be said of a departure from the plan\n";
+      continue;
+    }
+    if (step->departed == 0) {
+      std::cout << "as planned, within two standard errors";
+    } else {
+      std::cout << "departed from the plan by up to " << number_text(kMmPerM * step->largest_m, 3)
+                << " mm (standard error " << number_text(kMmPerM * step->largest_error_m, 2) << " mm), in "
+                << step->departed << " pictures";
+    }
+    std::cout << " of " << step->compared << " compared, of " << step->pictures << "\n";
+  }
+}
+
 void print_alignment(const compare::Alignment& found, std::int64_t begins_ns) {
   std::cout << "  the plan's organ was placed in " << found.held() << " of " << found.moments.size()
             << " pictures\n";
@@ -138,6 +163,11 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
         object["aligned"]["lens_sha256"] = crypto::to_hex(comparison.alignment->lens->file.sha256);
       if (comparison.alignment->deformed)
         object["aligned"]["deformed"] = comparison.alignment->deformed->deformed();
+      if (comparison.alignment->deformed && !comparison.alignment->deformed->departures.empty()) {
+        const auto& all = comparison.alignment->deformed->departures;
+        object["aligned"]["compared"] = std::ranges::count_if(all, &compare::Departure::compared);
+        object["aligned"]["departed"] = std::ranges::count_if(all, &compare::Departure::departed);
+      }
     }
     if (keeping != nullptr) object["name"] = keeping->place().name;
     print_json(object);
@@ -150,7 +180,10 @@ int tell_comparison(const ComparisonRequest& request, const compare::Comparison&
                 << printable(joined(numbers.of_case)) << "\n";
     print_comparison(comparison, at_hand);
     if (comparison.fluoroscopy) print_fluoroscopy(*comparison.fluoroscopy);
-    if (comparison.alignment) print_alignment(*comparison.alignment, comparison.case_begins_ns);
+    if (comparison.alignment) {
+      print_alignment(*comparison.alignment, comparison.case_begins_ns);
+      print_departures(comparison);
+    }
     std::cout << output << ": " << comparison.matching.matches.size() << " of " << comparison.steps.size()
               << " steps found" << (comparison.matching.in_planned_order() ? "" : ", in another order")
               << "\n  " << document

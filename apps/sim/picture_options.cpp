@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 
+#include "apps/common/file.h"
 #include "base/error.h"
+#include "sim/align/lens_file.h"
 
 namespace kiroku::apps {
 namespace {
@@ -44,6 +47,8 @@ void PictureOptions::add_to(Command& command, const std::string& default_transfe
                  "how tissue looks: " + names + ", or a file of your own (.json)", default_transfer);
   command.option("--view", "FROM", view,
                  "front, back, left, right, head, feet, or AZIMUTH,ELEVATION in degrees", "front");
+  command.option("--at", "X,Y,Z", at, "what is in the picture's middle, in the patient's coordinates, mm",
+                 "the mesh's middle");
   command.option("--zoom", "FACTOR", zoom, "larger than what fits", "1");
   command.option("--size", "WxH", size, "of the picture, in pixels", "800x600");
   command.option("--surface", "OPACITY", surface,
@@ -51,6 +56,16 @@ void PictureOptions::add_to(Command& command, const std::string& default_transfe
   command.option("--background", "COLOUR", background, "black, white or #rrggbb", "#121418");
   command.option("--spacing", "MM", spacing, "between cross-sections", "half a voxel");
   command.option("--smooth", "MM", smooth, "smooths the CT first, against noise", "0");
+  command.option(
+      "--endoscope", "MM", endoscope,
+      "looks through an endoscope, its tip so far from the tissue in the middle: a light at the tip "
+      "that falls off, wet tissue, a lens that bends, a round picture");
+  command.option("--field", "DEG", field, "that the endoscope shows, from border to border", "70");
+  command.option(
+      "--lens", "K1,K2|FILE", lens,
+      "the endoscope's distortion, or its lens as 'kiroku sim lens' and OpenCV write it (.yml, .xml, "
+      ".json)",
+      "-0.25,0.05");
   add_engine_options(command, gpu, engine);
 }
 
@@ -67,7 +82,26 @@ sim::ShadingOptions PictureOptions::shading() const {
   return options;
 }
 
-sim::Scene PictureOptions::scene(const sim::Ball& ball) const {
+sim::Endoscope PictureOptions::endoscope_asked() const {
+  if (zoom) throw UsageError("--zoom is for pictures without an endoscope, which comes nearer (--endoscope)");
+  sim::Endoscope asked;
+  asked.distance_m = parse_number(*endoscope, "--endoscope", 5, 500) * kMetresPerMillimetre;
+  if (lens && std::filesystem::path(*lens).has_extension() && lens->find(',') == std::string::npos) {
+    if (field) throw UsageError("--field cannot be given beside --lens FILE, whose field it is");
+    const Bytes text = read_small_file(*lens, "the lens");
+    asked.calibration = sim::read_lens_calibration(text_of(text), *lens);
+    return asked;
+  }
+  if (field) asked.field_deg = parse_number(*field, "--field", 20, 120);
+  if (lens) {
+    const std::vector<double> bend = parse_numbers(*lens, ',', 2, "--lens");
+    asked.bend = {bend[0], bend[1]};
+  }
+  return asked;
+}
+
+sim::Scene PictureOptions::scene(sim::Ball ball, const sim::TetMesh& mesh,
+                                 std::span<const double> displacement_m) const {
   sim::Scene scene;
   const std::string wanted = size.value_or("800x600");
   const std::size_t cross = std::min(wanted.find('x'), wanted.size());
@@ -79,8 +113,26 @@ sim::Scene PictureOptions::scene(const sim::Ball& ball) const {
     scene.surface.emplace();
     scene.surface->opacity = parse_number(*surface, "--surface", 0, 1);
   }
+  if (at) {
+    const std::vector<double> place = parse_numbers(*at, ',', 3, "--at");
+    ball.centre_m = kMetresPerMillimetre * sim::Vector3(place[0], place[1], place[2]);
+  }
+  const double larger = zoom ? parse_number(*zoom, "--zoom", 0.1, 20) : 1;
   scene.camera = sim::camera_looking_at(ball, sim::view_direction(view.value_or("front")), scene.width,
-                                        scene.height, zoom ? parse_number(*zoom, "--zoom", 0.1, 20) : 1);
+                                        scene.height, larger);
+  if (endoscope) {
+    if (!background) scene.background = {0, 0, 0};
+    const sim::Endoscope asked = endoscope_asked();
+    try {
+      sim::look_through(asked, mesh, displacement_m, scene);
+    } catch (const UsageError& error) {
+      if (!asked.calibration) throw;
+      throw UsageError(*lens + ": " + error.what());
+    }
+  } else if (field || lens) {
+    throw UsageError(std::string(field ? "--field" : "--lens") +
+                     " says what an endoscope shows: give --endoscope MM too");
+  }
   return scene;
 }
 

@@ -2,17 +2,21 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 
 #include "apps/common/command_line.h"
 #include "apps/sim/number_option.h"
 #include "media/png.h"
+#include "sim/render/endoscope.h"
 #include "sim/render/volume_renderer.h"
 
 namespace kiroku::apps {
 
 struct PictureOptions {
-  std::optional<std::string> transfer, view, zoom, size, surface, background, spacing, smooth, gpu, engine;
+  std::optional<std::string> transfer, view, at, zoom, size, surface, background, spacing, smooth, gpu,
+      engine;
+  std::optional<std::string> endoscope, field, lens;
 
   /// States them; `default_transfer` in words.
   void add_to(Command& command, const std::string& default_transfer);
@@ -21,8 +25,12 @@ struct PictureOptions {
   [[nodiscard]] sim::TransferFunction transfer_function(const std::string& by_default) const;
   [[nodiscard]] sim::EngineChoice engine_choice() const;
   [[nodiscard]] sim::ShadingOptions shading() const;
-  /// Looks at the ball.
-  [[nodiscard]] sim::Scene scene(const sim::Ball& ball) const;
+  /// Looks at the ball; an endoscope at the mesh, displaced (3 |V|, or empty for none).
+  [[nodiscard]] sim::Scene scene(sim::Ball ball, const sim::TetMesh& mesh,
+                                 std::span<const double> displacement_m = {}) const;
+
+ private:
+  [[nodiscard]] sim::Endoscope endoscope_asked() const;
 };
 
 /// States '--gpu' and '--engine'.

@@ -61,7 +61,7 @@ class Replay {
                   std::make_shared<const sim::ShadedVolume>(
                       sim::shade(volume, sim::extent_of(plan.body.mesh), request.picture.shading())),
                   request.picture.transfer_function("liver"), request.picture.engine_choice(),
-                  request.picture.scene(sim::view_of_plan(plan)), options_of(request)),
+                  request.picture.scene(sim::view_of_plan(plan), plan.body.mesh), options_of(request)),
         film_(request.output, format_of(plan, pictures_.scene()), request.force),
         largest_pa_(options_of(request).largest_pa) {
     if (!request.no_caption || request.stress) lettering_.emplace();

@@ -87,7 +87,7 @@ sim::Picture draw(const Request& request, std::string& renderer) {
   const sim::VolumeFile file = sim::read_volume(request.volume.path, request.volume.options());
   const Body body = read_body(request, file.volume.grid);
   const sim::Ball ball = sim::ball_around(body.mesh);
-  sim::Scene scene = request.picture.scene(ball);
+  sim::Scene scene = request.picture.scene(ball, body.mesh, body.displacement_m);
   add_stress(request, body, scene);
   const sim::TransferFunction transfer =
       request.picture.transfer_function(request.mesh || request.displacement ? "liver" : "skin");

@@ -10,6 +10,11 @@
 #include "apps/common/json_output.h"
 #include "apps/verify/judging.h"
 #include "apps/verify/report_text.h"
+#include "archive/format/case_layout.h"
+#include "archive/format/file_reading.h"
+#include "archive/format/ledger_entry.h"
+#include "archive/format/line_reader.h"
+#include "archive/format/log_entry.h"
 #include "archive/verify/report_json.h"
 #include "base/error.h"
 #include "crypto/device_identity.h"
@@ -58,6 +63,26 @@ LightOutcome read_light(const VerifyExtras& extras, const LightQuestion& questio
   }
 }
 
+/// Throws kiroku::UsageError where a log was given as a case, or a case as a log. By its first line, and by
+/// its name: what is called like a case is judged as one, whatever somebody put into it.
+void require_kind(const std::filesystem::path& folder, bool as_log) try {
+  const std::filesystem::path normal = folder.lexically_normal();
+  const std::filesystem::path name =
+      normal.has_filename() ? normal.filename() : normal.parent_path().filename();
+  const bool is_named_as_case = archive::is_case_id(name.string());
+  if (is_named_as_case != as_log) return;
+  const archive::ReadableFile ledger = archive::real_reading().open_to_read(folder / archive::kLedgerFile);
+  const std::optional<std::string> line = archive::first_whole_line(ledger);
+  if (!line) return;
+  if (as_log && archive::parse_case_entry(*line).entry)
+    throw UsageError(folder.string() + " is a case and no appliance log: leave out --as-log");
+  if (!as_log && archive::parse_log_entry(*line).entry)
+    throw UsageError(
+        folder.string() +
+        " is an appliance log and no case: --as-log verifies it, and --log compares cases with it");
+} catch (const IoError&) {  // whoever verifies it says what cannot be read
+}
+
 int run(const Request& request, const VerifyExtras& extras, const std::string& program) {
   if (!request.judging.against.empty() && request.cases.size() > 1) {
     throw UsageError("--against takes notes of one case: verify the cases one by one");
@@ -79,6 +104,7 @@ int run(const Request& request, const VerifyExtras& extras, const std::string& p
       const std::filesystem::path folder = extras.find_case && !request.judging.as_log
                                                ? extras.find_case(named)
                                                : std::filesystem::path(named);
+      require_kind(folder, request.judging.as_log);
       const Judged judged = judge.judge(folder);
       status = worse(status, archive::exit_status(judged.report.verdict, request.excerpt));
       if (!judged.is_witnessed()) status = worse(status, kNoAnswer);

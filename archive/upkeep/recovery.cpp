@@ -26,15 +26,17 @@ namespace {
 namespace fs = std::filesystem;
 
 /// "" where no legal hold of the case stands. Throws kiroku::Error where nobody can tell.
-std::string why_held_now(const RecoveryOptions& options, const std::string& case_id) {
+/// Why nothing that an erasure left is removed; "" where it may go.
+std::string why_left_now(const RecoveryOptions& options, const std::string& case_id) {
   if (!options.may_erase) {
     return "the appliance log is another one, so that nobody can tell what is held";
   }
   if (options.log == nullptr) {
     return "";
   }
-  return why_held(read_holds(options.log->folder(), {options.device_name, options.key->public_key()}),
-                  case_id);
+  const std::string held =
+      why_held(read_holds(options.log->folder(), {options.device_name, options.key->public_key()}), case_id);
+  return held.empty() ? why_erasure_waits(options.log->folder(), case_id) : held;
 }
 using std::chrono::nanoseconds;
 
@@ -480,14 +482,15 @@ class Recovery {
       return;
     }
     const ErasingTurn turn(options_.archive);
-    if (const std::string held = why_held_now(options_, result_.case_id); !held.empty()) {
-      result_.problem = "what is left of an erasure that was cut off stays: " + held;
+    if (const std::string why = why_left_now(options_, result_.case_id); !why.empty()) {
+      result_.problem = "what is left of an erasure that was cut off stays: " + why;
       return;
     }
     if (options_.log != nullptr) {
       options_.log->erased(result_.case_id, standing_.erased.back().stream, standing_.erased.back().policy);
     }
     remove_erased(files_, left);
+    result_.erased_files = left.size();
   }
 
   FileSystem& files_;
@@ -510,7 +513,7 @@ bool is_finished(const FileReading& files, const fs::path& folder, const Recover
   try {
     return tail && tail->closed && tail->covered &&
            (files_to_erase(files, folder, tail->erased).empty() ||
-            !why_held_now(options, folder.filename().string()).empty());
+            !why_left_now(options, folder.filename().string()).empty());
   } catch (const Error&) {
     return false;  // whoever takes the case up says what cannot be read
   }

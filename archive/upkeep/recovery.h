@@ -73,14 +73,15 @@ struct CaseRecovery {
   std::string case_id;
   std::filesystem::path folder;
   Outcome outcome = Outcome::kRecovered;
-  std::string after;             // kRecovered: "power-loss", "crash"
-  std::string truncated;         // kRecovered: what was cut off, as `recovered` states it
-  std::uint64_t segments = 0;    // that no entry named and now one does
-  std::uint64_t incomplete = 0;  // of these
-  std::uint64_t tokens = 0;      // likewise
-  std::vector<GapEntry> gaps;    // stated now
-  bool stamped = false;          // the end has a token
-  std::string problem;           // a sentence, also where it was recovered but something was left aside
+  std::string after;               // kRecovered: "power-loss", "crash"
+  std::string truncated;           // kRecovered: what was cut off, as `recovered` states it
+  std::uint64_t segments = 0;      // that no entry named and now one does
+  std::uint64_t incomplete = 0;    // of these
+  std::uint64_t tokens = 0;        // likewise
+  std::vector<GapEntry> gaps;      // stated now
+  bool stamped = false;            // the end has a token
+  std::uint64_t erased_files = 0;  // that an erasure which was cut off had left: removed now
+  std::string problem;             // a sentence, also where it was recovered but something was left aside
 };
 
 /// Looks for unfinished cases and brings each to its end, oldest first. A case that fails is reported as

@@ -7,12 +7,15 @@
 #include <utility>
 
 #include "archive/format/case_layout.h"
+#include "archive/format/file_reading.h"
+#include "archive/format/log_entry.h"
 #include "archive/storage/file_system.h"
 #include "archive/upkeep/age.h"
 #include "archive/upkeep/holds.h"
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "crypto/hardware_key.h"
+#include "crypto/hash.h"
 
 namespace kiroku::archive {
 
@@ -22,7 +25,7 @@ namespace fs = std::filesystem;
 
 /// What the ledger says of one stream's segments.
 struct Segments {
-  std::map<std::uint64_t, std::uint64_t> bytes;  // by index
+  std::map<std::uint64_t, FileReference> files;  // by index
   bool stream_known = false;
   std::vector<ErasedEntry> erased;
   bool closed = false;
@@ -39,12 +42,12 @@ struct Segments {
                                  [&](const StreamInfo& each) { return each.name == stream; });
     } else if (const auto* segment = std::get_if<SegmentEntry>(&entry.body)) {
       if (segment->stream == stream) {
-        bytes[segment->index] = segment->file.bytes;
+        files[segment->index] = segment->file;
       }
     } else if (const auto* gone = std::get_if<ErasedEntry>(&entry.body)) {
       if (gone->stream == stream) {
         erased.push_back(*gone);
-        bytes.erase(bytes.lower_bound(gone->first_index), bytes.upper_bound(gone->last_index));
+        files.erase(files.lower_bound(gone->first_index), files.upper_bound(gone->last_index));
       }
     } else if (std::holds_alternative<CloseEntry>(entry.body)) {
       closed = true;
@@ -56,7 +59,7 @@ struct Segments {
 std::vector<ErasedEntry> runs_of(const Segments& segments, const std::string& stream,
                                  const std::string& policy) {
   std::vector<ErasedEntry> runs;
-  for (const auto& [index, bytes] : segments.bytes) {
+  for (const auto& [index, file] : segments.files) {
     if (!runs.empty() && runs.back().last_index + 1 == index) {
       runs.back().last_index = index;
     } else {
@@ -64,6 +67,35 @@ std::vector<ErasedEntry> runs_of(const Segments& segments, const std::string& st
     }
   }
   return runs;
+}
+
+/// Why the file is not what was recorded; "" where it is. Throws kiroku::IoError where nobody can tell.
+std::string why_not_as_recorded(const FileReading& files, const fs::path& folder,
+                                const FileReference& stated) {
+  constexpr std::size_t kPiece = std::size_t{1} << 20;
+  const std::optional<FileStatus> status = files.status(folder / stated.file);
+  if (!status) {
+    return stated.file + " is missing";
+  }
+  if (status->kind != FileStatus::Kind::kRegular) {
+    return stated.file + " is no file";
+  }
+  const ReadableFile file = files.open_to_read(folder / stated.file);
+  if (file.size() != stated.bytes) {
+    return stated.file + " has " + std::to_string(file.size()) + " bytes, and its ledger says " +
+           std::to_string(stated.bytes);
+  }
+  crypto::Sha256 hash;
+  Bytes piece(kPiece);
+  for (std::uint64_t offset = 0; offset < stated.bytes;) {
+    const std::size_t count = file.read_at(offset, piece);
+    if (count == 0) {
+      return stated.file + " became shorter while it was read";
+    }
+    hash.update(ByteView(piece).first(count));
+    offset += count;
+  }
+  return hash.finish() == stated.sha256 ? "" : stated.file + " has another hash than its ledger says";
 }
 
 struct StampedEnd {
@@ -134,6 +166,42 @@ void remove_erased(FileSystem& files, const std::vector<fs::path>& to_erase) {
   }
 }
 
+std::string why_erasure_waits(const fs::path& log_folder, const std::string& case_id) {
+  std::string why;
+  // Without either a consent is the one under which the case was recorded.
+  bool may_be_given_again = false;
+  for_each_log_line(log_folder, [&](const LogLine& line) {
+    const LogEntryParse parse =
+        line.json.find(case_id) == std::string::npos ? LogEntryParse() : parse_log_entry(line.json);
+    if (!parse.entry) {
+      return;
+    }
+    const auto since = [&](const std::string& of, const char* what) {
+      if (of == case_id) {
+        why = "since it was signed, or before, " + std::string(what) + " (entry " + std::to_string(line.seq) +
+              " of the appliance log), so that it may no longer have to go: `kiroku erase` decides";
+      }
+    };
+    const LogEntryBody& body = parse.entry->body;
+    if (const auto* given = std::get_if<ConsentGivenEntry>(&body)) {
+      if (may_be_given_again) {
+        since(given->case_id, "a consent was given again");
+      }
+    } else if (const auto* held = std::get_if<CaseHeldEntry>(&body)) {
+      since(held->case_id, "a legal hold was stated");
+    } else if (const auto* released = std::get_if<CaseReleasedEntry>(&body)) {
+      since(released->case_id, "a legal hold was released");
+    } else if (const auto* withdrawn = std::get_if<ConsentWithdrawnEntry>(&body)) {
+      may_be_given_again = may_be_given_again || withdrawn->case_id == case_id;
+    } else if (const auto* erased = std::get_if<CaseErasedEntry>(&body);
+               erased != nullptr && erased->case_id == case_id) {
+      may_be_given_again = true;
+      why.clear();
+    }
+  });
+  return why;
+}
+
 bool stamp_end(CaseWriter& writer, const CheckpointStamper& stamper, const std::function<Moment()>& now) {
   // A file that lies under a token's name costs that token. The next checkpoint has another name.
   constexpr int kMostTries = 3;
@@ -166,6 +234,16 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
                      " was not brought to its end: nothing is erased from it before that; `kiroku recover` "
                      "does it");
   }
+  // What was changed or is missing is not covered by saying that it was erased. Before the turn, as it takes
+  // as long as reading does.
+  Erasure result;
+  std::erase_if(segments.files, [&](const auto& each) {
+    const std::string why = why_not_as_recorded(files, folder, each.second);
+    if (!why.empty()) {
+      result.not_as_recorded.push_back(why);
+    }
+    return !why.empty();
+  });
   const ErasingTurn turn(folder.parent_path());
   // In the turn: what it goes by may be stated until then, such as a consent that is given again.
   if (options.may_go && !options.may_go(segments.opening, segments.opened.at())) {
@@ -203,23 +281,30 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
   }
   // After close the case clock stands.
   const auto now = [&] { return Moment{options.now(), segments.last_mono_ns}; };
-  Erasure result;
-  for (const auto& [index, bytes] : segments.bytes) {
+  const std::vector<fs::path> left = files_to_erase(files, folder, segments.erased);
+  result.left_before = left.size();
+  for (const auto& [index, file] : segments.files) {
     ++result.segments;
-    result.bytes += bytes;
+    result.bytes += file.bytes;
   }
   const std::vector<ErasedEntry> runs = runs_of(segments, stream, policy);
-  if (!runs.empty()) {
-    writer->append(std::vector<CaseEntryBody>(runs.begin(), runs.end()), now());
-    writer->checkpoint(now(), true);
-    if (options.log != nullptr) {
-      options.log->erased(writer->case_id(), stream, policy);
+  try {
+    if (!runs.empty()) {
+      writer->append(std::vector<CaseEntryBody>(runs.begin(), runs.end()), now());
+      writer->checkpoint(now(), true);
+      if (options.log != nullptr) {
+        options.log->erased(writer->case_id(), stream, policy);
+      }
+      result.stamped = stamp_end(*writer, options.stamp, now);
+      writer->finish(now());
+      segments.erased.insert(segments.erased.end(), runs.begin(), runs.end());
     }
-    result.stamped = stamp_end(*writer, options.stamp, now);
-    writer->finish(now());
-    segments.erased.insert(segments.erased.end(), runs.begin(), runs.end());
+    remove_erased(files, files_to_erase(files, folder, segments.erased));
+  } catch (const Error& error) {
+    throw ErasureCutOff("erasing " + stream + " was begun and cut off: " + error.what() +
+                        "; its ledger says that it was erased, and files of it may still be there; erase it "
+                        "again, which removes them");
   }
-  remove_erased(files, files_to_erase(files, folder, segments.erased));
   return result;
 }
 

@@ -9,6 +9,7 @@
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::archive {
 
@@ -84,62 +85,64 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
   const CaseEntry& entry = *parse.entry;
   check_common(entry, number, line);
   std::visit(
-      Overloaded{[&](const OpenEntry& open) { take_open(open, entry, number); },
-                 [&](const SegmentEntry& segment) { take_segment(segment, number); },
-                 [&](const GapEntry& gap) {
-                   if (StreamRules* its = stream(gap.stream, number)) {
-                     its->take(gap, number);
-                   }
-                 },
-                 [&](const ErasedEntry& erased) {
-                   if (!close_) {
-                     findings_->add("erased-before-close", in_ledger(number),
-                                    at_entry(number) + " says that segments of " + erased.stream +
-                                        " were erased, although the case was not closed yet");
-                     return;
-                   }
-                   StreamRules* its = stream(erased.stream, number);
-                   if (checkpoints_->newest() <= number && scope_.whole_case) {
-                     unsigned_aftermath_.insert(number);  // excuses no file that is not there
-                   } else if (its != nullptr) {
-                     its->take(erased, number);
-                   }
-                 },
-                 [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
-                 [&](const TokenEntry& token) {
-                   if (token.file.size() <= kMaximumPathBytes) {
-                     named_.insert(token.file);
-                   }
-                   if (token.authority.size() <= kMaximumPathBytes) {
-                     authorities_.insert(token.authority);
-                   }
-                   if (oldest_ns_) {
-                     oldest_before_token_.emplace(number, *oldest_ns_);
-                   }
-                   last_token_ = number;
-                   tokens_.take(token, number, entry.at.mono_ns);
-                 },
-                 [&](const TokenMissedEntry& missed) {
-                   if (missed.authority.size() <= kMaximumPathBytes) {
-                     authorities_.insert(missed.authority);
-                   }
-                   if (close_ && checkpoints_->newest() <= number) {
-                     unsigned_aftermath_.insert(number);
-                   }
-                   tokens_.take_missed(missed, number);
-                 },
-                 [&](const RecoveredEntry& recovered) {
-                   recovered_ = true;
-                   tokens_.take_recovered();
-                   for (auto& [name, its] : streams_) {
-                     its.take_recovered();
-                   }
-                   findings_->add("recovered", in_ledger(number),
-                                  "recording was cut off (" + recovered.after + ") and found again" +
-                                      (recovered.truncated.empty() ? "" : ": " + recovered.truncated) +
-                                      signed_late_text(number));
-                 },
-                 [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
+      Overloaded{
+          [&](const OpenEntry& open) { take_open(open, entry, number); },
+          [&](const SegmentEntry& segment) { take_segment(segment, number); },
+          [&](const GapEntry& gap) {
+            if (StreamRules* its = stream(gap.stream, number)) {
+              its->take(gap, number);
+            }
+          },
+          [&](const ErasedEntry& erased) {
+            if (!close_) {
+              findings_->add("erased-before-close", in_ledger(number),
+                             at_entry(number) + " says that segments of " + erased.stream +
+                                 " were erased, although the case was not closed yet");
+              return;
+            }
+            StreamRules* its = stream(erased.stream, number);
+            if (checkpoints_->newest() <= number && scope_.whole_case) {
+              unsigned_aftermath_.insert(number);  // excuses no file that is not there
+            } else if (its != nullptr) {
+              its->take(erased, number);
+            }
+          },
+          [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
+          [&](const TokenEntry& token) {
+            if (token.file.size() <= kMaximumPathBytes) {
+              named_.insert(token.file);
+            }
+            if (token.authority.size() <= kMaximumPathBytes) {
+              authorities_.insert(token.authority);
+            }
+            if (oldest_ns_) {
+              oldest_before_token_.emplace(number, *oldest_ns_);
+            }
+            last_token_ = number;
+            tokens_.take(token, number, entry.at.mono_ns);
+          },
+          [&](const TokenMissedEntry& missed) {
+            if (missed.authority.size() <= kMaximumPathBytes) {
+              authorities_.insert(missed.authority);
+            }
+            if (close_ && checkpoints_->newest() <= number) {
+              unsigned_aftermath_.insert(number);
+            }
+            tokens_.take_missed(missed, number);
+          },
+          [&](const RecoveredEntry& recovered) {
+            recovered_ = true;
+            tokens_.take_recovered();
+            for (auto& [name, its] : streams_) {
+              its.take_recovered();
+            }
+            findings_->add(
+                "recovered", in_ledger(number),
+                "recording was cut off (" + recovered.after + ") and found again" +
+                    (recovered.truncated.empty() ? "" : ": " + in_quotation_marks(recovered.truncated)) +
+                    signed_late_text(number));
+          },
+          [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
       entry.body);
 }
 
@@ -254,8 +257,9 @@ void CaseRules::judge_form(const StreamInfo& stream, std::uint64_t number) {
   if (!is_of_the_format(stream)) {
     findings_->add("stream-form-unknown", in_ledger(number),
                    "open says of " + stream.name + " that it is of kind " + stream.kind + ", holds " +
-                       stream.media + " and has the profile \"" + shortened(stream.profile) +
-                       "\", which the format does not have together");
+                       stream.media + " and has the profile " +
+                       in_quotation_marks(shortened(stream.profile)) +
+                       ", which the format does not have together");
   }
   if (std::ranges::none_of(stream.recipients, is_age_recipient)) {
     findings_->add("stream-for-nobody", in_ledger(number),
@@ -423,8 +427,9 @@ StreamRules* CaseRules::stream(const std::string& name, std::uint64_t number) {
     return &found->second;
   }
   if (opening_) {
-    findings_->add("stream-unknown", in_ledger(number),
-                   at_entry(number) + " is of a stream \"" + name + "\", which open does not name");
+    findings_->add(
+        "stream-unknown", in_ledger(number),
+        at_entry(number) + " is of a stream " + in_quotation_marks(name) + ", which open does not name");
   }
   return nullptr;
 }

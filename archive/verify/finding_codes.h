@@ -470,6 +470,24 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "by the policy given, an algorithm on which the case rests counts no more, and no evidence record of "
      "outside "
      "authorities holds that began before"},
+    // -- what other devices state of a case that a store had without its end
+    {"store-statement-holds", Severity::kNote,
+     "another device, which is trusted, states how far a store had the case, and when it looked: what is "
+     "here "
+     "begins with just that"},
+    {"store-statement-outgrown", Severity::kNote,
+     "entries or files came to the case since another device stated what the store had of it"},
+    {"store-statement-differs", Severity::kUnproven,
+     "another device, which is trusted, states that a store had something of the case that is not here, or "
+     "is "
+     "another"},
+    {"store-statement-untrusted", Severity::kNote,
+     "a statement of what a store had of the case lies beside it, and no device that is trusted signed it: "
+     "anybody can write one"},
+    {"store-statement-refused", Severity::kNote,
+     "what lies beside the case as such a statement is none, is of another case, is not signed as it must "
+     "be, "
+     "or cannot be read"},
     // -- of the format
     {"format-newer", Severity::kUnproven,
      "the case or the excerpt is of a later version of the format than this program knows: what its entries "

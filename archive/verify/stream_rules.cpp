@@ -10,6 +10,7 @@
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
 #include "archive/verify/found_files.h"
+#include "base/printable.h"
 #include "base/saturated_sum.h"
 
 namespace kiroku::archive {
@@ -68,9 +69,9 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
     findings_->add("segment-name-differs", {std::string(kLedgerFile), entry},
                    "entry " + digits(entry) + " states a profile of pictures, and " + name + " has none");
   } else if (!named) {
-    findings_->add(
-        "segment-name-differs", {std::string(kLedgerFile), entry},
-        "entry " + digits(entry) + " names a file \"" + segment.file.file + "\" where " + file + " must be");
+    findings_->add("segment-name-differs", {std::string(kLedgerFile), entry},
+                   "entry " + digits(entry) + " names a file " + in_quotation_marks(segment.file.file) +
+                       " where " + file + " must be");
   }
   if (next_index_ && segment.index != *next_index_) {
     findings_->add("segment-out-of-order", place,
@@ -183,8 +184,8 @@ void StreamRules::take(const ErasedEntry& erased, std::uint64_t entry) {
   const std::uint64_t last = std::min(erased.last_index, entered - 1);
   findings_->add("segments-erased", {std::string(kLedgerFile), entry},
                  digits(last - erased.first_index + 1) + " segments of " + report_.info.name + " (" +
-                     digits(erased.first_index) + " to " + digits(last) + ") were erased by the policy \"" +
-                     erased.policy + "\", as the recorder states it");
+                     digits(erased.first_index) + " to " + digits(last) + ") were erased by the policy " +
+                     in_quotation_marks(erased.policy) + ", as the recorder states it");
 }
 
 void StreamRules::take_interruption() {

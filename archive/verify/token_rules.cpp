@@ -9,6 +9,7 @@
 #include "archive/verify/file_checker.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "base/printable.h"
 
 namespace kiroku::archive {
 
@@ -262,7 +263,7 @@ void TokenRules::take_missed(const TokenMissedEntry& missed, std::uint64_t entry
   missed_after_close_ = missed_after_close_ || (close_ && missed.checkpoint > *close_);
   findings_->add("token-missed", {std::string(kLedgerFile), entry},
                  missed.authority + " did not stamp the checkpoint of " + std::to_string(missed.checkpoint) +
-                     " entries: " + missed.cause);
+                     " entries: " + in_quotation_marks(missed.cause));
 }
 
 // The case clock goes on from the request to the entry, so this can only be false of entries that were made

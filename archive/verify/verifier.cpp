@@ -26,6 +26,7 @@
 #include "archive/verify/log_rules.h"
 #include "archive/verify/newer_format.h"
 #include "archive/verify/outside_notes.h"
+#include "archive/verify/store_statements.h"
 #include "archive/verify/verdict.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -346,6 +347,9 @@ class CaseVerification {
           folder_,
           {report.case_id, tree_.size(), tree_.root(), tokens.signatures(), tokens.valid(), tokens.outside()},
           files_.further_hashes(), options_, findings_, report);
+    }
+    if (rules_.opening() && rules_.device() && !rules_.gave_up() && !findings_.has("entry-too-long")) {
+      check_store_statements(folder_, {report.case_id, *rules_.device(), tree_.size()}, options_, findings_);
     }
     report.witnesses = judge_case_witnesses(options_, walked_log_, log_proof_);
     report.verdict = verdict_of(findings_.worst());

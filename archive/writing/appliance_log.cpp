@@ -158,6 +158,12 @@ std::string left_aside_deed(std::uint64_t from, const std::string& sha256) {
          " on, of which no entry told" + std::string(kSha256Ends) + sha256;
 }
 
+std::string changed_deed(std::uint64_t from, const ChangedAside& changed) {
+  return "set aside what stood in lines from entry " + std::to_string(from) +
+         " on that this device had signed, and that are no entries any more" + std::string(kSha256Ends) +
+         changed.kept.sha256;
+}
+
 /// Who enters that.
 constexpr std::string_view kItself = "kiroku";
 
@@ -679,24 +685,18 @@ struct ApplianceLog::State {
   void look_behind_locked() {
     const std::uint64_t size = ledger->size();
     looked_at = std::min(looked_at, size);
+    // Lines that were signed may have become shorter, longer, or fewer.
+    const bool were_others = std::exchange(was_read_anew, false) && are_others_than_signed();
     if (size == looked_at) return;
     // The home's own checkpoint may show it, too.
-    bool damaged = is_damage_open() || !lacks.empty();
+    bool damaged = were_others || is_damage_open() || !lacks.empty();
     std::optional<UnsignedLines> behind;
+    bool is_unread = false;  // what the device signed here
     try {
-      if (const std::optional<OwnCheckpoint> own = own_checkpoint(size)) {
-        damaged = damaged || own->checkpoint.root != ledger->root();
-        if (own->checkpoint.root == ledger->root()) is_signed_until(size, ledger->root());
-      }
+      is_unread = !read_own_of_now(damaged);
       if (signed_until < size) take_remembered();
       if (signed_until < size) {
-        const std::uint64_t newer = newest_fitting(signed_until, device_of_log());
-        if (newer > signed_until) {
-          signed_until = newer;
-          signed_root.reset();
-        }
-        covered_until = std::max(covered_until, signed_until);
-        covered_until = std::max(covered_until, newest_fitting(covered_until, by_ed25519()));
+        is_unread = !read_newest_fitting() || is_unread;
         if (!why_other_keys().empty()) return;
         behind = lines_behind();
         if (were_changed(*behind)) {
@@ -710,19 +710,79 @@ struct ApplianceLog::State {
     if (behind) {
       // Fewer were read where more zeros stand there than are read, and more where somebody adds lines now.
       behind->end = std::max(behind->end, ledger->size());
-      settle(*behind, damaged);
+      settle(*behind, damaged, is_unread && !is_remembered_here);
     }
     looked_at = ledger->size();
+  }
+
+  /// The checkpoint of the log's size. Whether it could be looked for.
+  bool read_own_of_now(bool& damaged) {
+    try {
+      if (const std::optional<OwnCheckpoint> own = own_checkpoint(ledger->size())) {
+        damaged = damaged || own->checkpoint.root != ledger->root();
+        if (own->checkpoint.root == ledger->root()) is_signed_until(ledger->size(), ledger->root());
+      }
+      return true;
+    } catch (const Error&) {
+      return false;
+    }
+  }
+
+  /// The newest one that fits. Whether those could be looked at.
+  bool read_newest_fitting() {
+    try {
+      const std::uint64_t newer = newest_fitting(signed_until, device_of_log());
+      if (newer > signed_until) {
+        signed_until = newer;
+        signed_root.reset();
+      }
+      covered_until = std::max(covered_until, signed_until);
+      covered_until = std::max(covered_until, newest_fitting(covered_until, by_ed25519()));
+      return true;
+    } catch (const Error&) {
+      return false;
+    }
+  }
+
+  /// Of a log that was read anew: whether the lines that were signed last, as far as it is known here, are
+  /// others now. The next entry says so.
+  bool are_others_than_signed() {
+    if (signed_until == 0 || !signed_root) return false;
+    std::optional<crypto::Sha256Digest> root;
+    try {
+      root = root_of_first(signed_until);
+    } catch (const Error&) {
+      return false;
+    }
+    if (root == signed_root) return false;
+    state_damage(root);
+    // What follows is judged from here on.
+    if (!root) is_signed_until(ledger->size(), ledger->root());
+    return true;
+  }
+
+  void state_damage(const std::optional<crypto::Sha256Digest>& root) {
+    damage = LogDamageEntry{signed_until, *signed_root, root};
+    damage_stated = std::ranges::any_of(
+        stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
+    remark("lines of the appliance log in " + folder.string() +
+           " were changed while it was open: the first " + std::to_string(signed_until) +
+           " are not those that this device signed. All stays as it is, and the log says so from now on: "
+           "'kiroku log --verify' tells which checkpoint no longer fits");
+    signed_root = root;
   }
 
   /// With the turn: what another process of this home signed is the device's, though its checkpoint is not
   /// there any more. It is put back: without it the lines count for less.
   void take_remembered() {
     const std::optional<OwnCheckpoint> known = remembered();
+    is_remembered_here = known && known->checkpoint.size == signed_until &&
+                         (!signed_root || known->checkpoint.root == *signed_root);
     if (!known || known->checkpoint.size <= signed_until ||
         root_of_first(known->checkpoint.size) != known->checkpoint.root) {
       return;
     }
+    is_remembered_here = true;
     const std::uint64_t size = known->checkpoint.size;
     is_signed_until(size, known->checkpoint.root);
     std::string and_then = "It was put back";
@@ -778,19 +838,18 @@ struct ApplianceLog::State {
       ledger->read_again();
       return true;
     }
-    damage = LogDamageEntry{signed_until, *signed_root, behind.root_before};
-    damage_stated = std::ranges::any_of(
-        stated_damages, [&](const StatedDamage& each) { return is_that_damage(each.damage); });
-    signed_root = behind.root_before;
+    state_damage(behind.root_before);
     ledger->read_again();
-    remark("lines of the appliance log in " + folder.string() +
-           " were changed while it was open: the first " + std::to_string(signed_until) +
-           " are not those that this device signed. All stays as it is, and the log says so from now on: "
-           "'kiroku log --verify' tells which checkpoint no longer fits");
     return true;
   }
 
-  void settle(const UnsignedLines& behind, bool damaged) {
+  /// `is_unread`: the device may have signed more than is known here.
+  void settle(const UnsignedLines& behind, bool damaged, bool is_unread) {
+    if (is_unread) {
+      // It is neither cut off nor taken for the device's.
+      if (behind.foreign || (!damaged && behind.demanding > 0)) leave_unsigned(behind.end);
+      return;
+    }
     bool left = false;
     std::uint64_t demanding = behind.demanding, end = behind.end;
     if (behind.foreign) {
@@ -809,14 +868,16 @@ struct ApplianceLog::State {
         take_back_from(*behind.first, end - behind.first->number);
       return;
     }
-    if (left || (!damaged && demanding > 1)) {
-      unstated.push_back({found_deed(signed_until, end - 1), {}});
-      remark(
-          "the entries from " + std::to_string(signed_until) + " to " + std::to_string(end - 1) +
-          " of the appliance log in " + folder.string() +
-          " have no checkpoint of this device: somebody added them, or took checkpoints away. They are left "
-          "where they are, and the log says so from now on");
-    }
+    if (left || (!damaged && demanding > 1)) leave_unsigned(end);
+  }
+
+  void leave_unsigned(std::uint64_t end) {
+    unstated.push_back({found_deed(signed_until, end - 1), {}});
+    remark(
+        "the entries from " + std::to_string(signed_until) + " to " + std::to_string(end - 1) +
+        " of the appliance log in " + folder.string() +
+        " have no checkpoint of this device that can be read: somebody added them, or took checkpoints away. "
+        "They are left where they are, and the log says so from now on");
   }
 
   /// A crash leaves one line without its checkpoint. Of a disk without room for the copy it is taken back all
@@ -864,30 +925,76 @@ struct ApplianceLog::State {
   }
 
   /// Of a line that is too long or holds a zero byte, and of what stands behind it, while lines are read.
-  bool put_no_entry_aside(std::uint64_t seq, std::uint64_t offset) {
-    if (newest_own_size() > seq) return false;
-    if (!keep_aside(seq, offset)) {
-      // Nothing could be written behind it, and it is no entry.
-      remark(
-          "that line is longer than any entry, or holds a zero byte as none does, so it was cut off all the "
-          "same");
+  Ledger::Aside put_no_entry_aside(std::uint64_t seq, std::uint64_t offset, const Ledger::Replace& replace) {
+    if (const std::uint64_t covered = covered_size(); covered > seq)
+      return replace ? mark_changed(seq, offset, covered, replace) : Ledger::Aside::kStays;
+    cut_off_no_entry(seq, offset);
+    return Ledger::Aside::kMayGo;
+  }
+
+  void cut_off_no_entry(std::uint64_t seq, std::uint64_t offset) {
+    if (keep_aside(seq, offset)) return;
+    // Nothing could be written behind it, and it is no entry.
+    remark(
+        "that line is longer than any entry, or holds a zero byte as none does, so it was cut off all the "
+        "same");
+  }
+
+  /// Lines that the device signed, and that no reader would get beyond: they are kept elsewhere, with a mark
+  /// in the place of each. All other lines stay, under their numbers.
+  Ledger::Aside mark_changed(std::uint64_t seq, std::uint64_t offset, std::uint64_t covered,
+                             const Ledger::Replace& replace) {
+    const fs::path file = folder / kLedgerFile;
+    ChangedAside changed;
+    try {
+      with_room(offset, [&] {
+        changed = set_changed_aside(files, file, seq, offset, covered, folder.parent_path());
+      });
+    } catch (const Error& error) {
+      remark("lines of the appliance log in " + folder.string() + " from entry " + std::to_string(seq) +
+             " on, which this device signed, are no entries any more, and nothing can be entered: the lines "
+             "behind them cannot be copied: " +
+             error.what());
+      return Ledger::Aside::kStays;
     }
-    return true;
+    if (changed.rest) cut_off_no_entry(changed.rest->number, changed.rest->offset);
+    unstated.push_back({changed_deed(seq, changed), changed.kept});
+    was_put_aside = true;
+    std::string and_then = ": keep that file";
+    try {
+      reserve.support([&] { replace(files.open_to_read(changed.instead)); });
+      files.remove(changed.instead);
+    } catch (const SyncError&) {
+      throw;
+    } catch (const Error& error) {
+      and_then = ", and the lines behind them in " + changed.instead.string() +
+                 ", as not all of them could be written back (" + error.what() + "): keep both files";
+    }
+    remark(std::to_string(changed.lines) + (changed.lines == 1 ? " line" : " lines") +
+           " of the appliance log in " + folder.string() + ", from entry " + std::to_string(seq) +
+           " on, which this device had signed, became longer than any entry, or zeros: somebody changed them "
+           "on the disk. In the place of each stands a mark now, and what stood there lies in " +
+           changed.kept.file.string() + and_then +
+           ", put back a copy of the log that holds, and find out who writes there");
+    return Ledger::Aside::kReplaced;
   }
 
   /// Whoever fills the disk does not keep what they added in the log: the reserve has room for a copy of it,
   /// unless it is long.
   SetAside set_aside_with_room(std::uint64_t seq, std::uint64_t offset, Telling telling) {
-    constexpr std::uint64_t kShort = 1U << 18U;
     const fs::path file = folder / kLedgerFile;
     SetAside kept;
-    const auto write = [&] { kept = set_aside(files, file, seq, offset, folder.parent_path(), telling); };
-    if (files.open_to_read(file).size() - offset <= kShort) {
+    with_room(offset, [&] { kept = set_aside(files, file, seq, offset, folder.parent_path(), telling); });
+    return kept;
+  }
+  void with_room(std::uint64_t offset, const std::function<void()>& write) {
+    constexpr std::uint64_t kShort = 1U << 18U;
+    // Holes take none.
+    if (bytes_to_keep(files, folder / kLedgerFile, offset) <= kShort) {
       reserve.support(write);
     } else {
       write();
     }
-    return kept;
   }
 
   struct LogState {
@@ -1040,10 +1147,16 @@ struct ApplianceLog::State {
   }
 
   /// With the turn: how many lines the device signed, as far as anybody knows here, whether they are those
-  /// that stand there or not, and whether its checkpoint is there still.
+  /// that stand there or not, and whether its checkpoint is there still. Where the checkpoints cannot be
+  /// read, and the home remembers none, it may be any line.
   [[nodiscard]] std::uint64_t covered_size() const {
     const std::optional<OwnCheckpoint> known = remembered();
-    return std::max({newest_own_size(), known ? known->checkpoint.size : 0, kept_size, signed_until});
+    const std::uint64_t here = std::max({known ? known->checkpoint.size : 0, kept_size, signed_until});
+    try {
+      return std::max(newest_own_size(), here);
+    } catch (const Error&) {
+      return known ? here : Ledger::kNobodyKnows;
+    }
   }
 
   /// What a process of this home signed last.
@@ -1072,7 +1185,11 @@ struct ApplianceLog::State {
   /// verifies: it keeps nobody from recording.
   void compare_locked(const std::optional<crypto::Checkpoint>& expected) {
     try {
-      std::optional<OwnCheckpoint> newest = newest_own_checkpoint();
+      std::optional<OwnCheckpoint> newest;
+      try {
+        newest = newest_own_checkpoint();
+      } catch (const Error&) {  // NOLINT(bugprone-empty-catch): what was kept elsewhere tells, too
+      }
       std::optional<crypto::Sha256Digest> root;
       if (newest) {
         root = root_of_first(newest->checkpoint.size);
@@ -1105,8 +1222,31 @@ struct ApplianceLog::State {
 
   /// Whether a checkpoint of this device's, over these very lines, lies in its place then. What else lies
   /// there than a checkpoint of this device's is overwritten; one of its own over other lines is kept, as it
-  /// shows that lines were changed, and so is what cannot be read.
+  /// shows that lines were changed, and so is what cannot be read. Whoever can write to the archive may have
+  /// made the folder one that nobody can write to: that keeps nobody from recording.
   bool checkpoint_locked() {
+    try {
+      try {
+        return write_checkpoint();
+      } catch (const IoError& error) {
+        if (error.error_number() != ENOENT) throw;
+        make_folder_unless_there(files, folder / kCheckpointsFolder);
+        return write_checkpoint();
+      }
+    } catch (const SyncError&) {
+      throw;
+    } catch (const IoError& error) {
+      if (!is_cause_in_the_folder(error.error_number())) throw;
+      if (!std::exchange(is_unsignable_told, true)) {
+        remark("the checkpoints of the appliance log in " + folder.string() +
+               " cannot be written, so its entries are not signed from now on: " + error.what() +
+               ". Find out who changed that folder");
+      }
+      return false;
+    }
+  }
+
+  bool write_checkpoint() {
     const crypto::Checkpoint text{log_origin(device.name()), ledger->size(), ledger->root()};
     const fs::path file = folder / note_path(text.size);
     keys_unsigned = false;
@@ -1209,6 +1349,9 @@ struct ApplianceLog::State {
   };
   std::deque<Unstated> unstated;     // what the log is to say next of lines that nobody signed
   bool was_put_aside = false;        // and is not stated yet
+  bool was_read_anew = false;        // the ledger, since it was looked at
+  bool is_unsignable_told = false;   // that no checkpoint can be written
+  bool is_remembered_here = false;   // what the home remembers is of these lines
   std::vector<std::string> remarks;  // as of remarks()
   std::size_t handed_out = 0;        // so many of them were told, or asked for
   std::function<void(const std::string& remark)> tell;   // may be null
@@ -1245,9 +1388,10 @@ std::unique_ptr<ApplianceLog> ApplianceLog::open(FileSystem& files, const fs::pa
       files, folder / kLedgerFile, Ledger::Sharing::kShared, &state->reserve,
       [&log = *state](std::uint64_t seq, std::string_view line) { log.look_at(seq, line); },
       [&log = *state] { return log.covered_size(); }, {},
-      [&log = *state](std::uint64_t seq, std::uint64_t offset) {
-        return log.put_no_entry_aside(seq, offset);
+      [&log = *state](std::uint64_t seq, std::uint64_t offset, const Ledger::Replace& replace) {
+        return log.put_no_entry_aside(seq, offset, replace);
       });
+  state->ledger->when_read_anew([&log = *state] { log.was_read_anew = true; });
   const Ledger::Turn turn(*state->ledger);
   state->ledger->catch_up();
   state->compare_locked(expected);

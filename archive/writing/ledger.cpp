@@ -142,13 +142,14 @@ void Ledger::repair() {
     throw;
   }
   covered_ = nullptr;
-  if (tree_.size() < known_->size) {
-    throw Error(file_.string() + " has " + std::to_string(tree_.size()) +
-                " lines after a failure of its disk, and " + std::to_string(known_->size) +
-                " had been flushed to it: verify it before writing to it");
+  if (known_ && tree_.size() < known_->size) {
+    tell_or_refuse(file_.string() + " has " + std::to_string(tree_.size()) +
+                   " lines after a failure of its disk, and " + std::to_string(known_->size) +
+                   " had been flushed to it: verify it before writing to it");
   }
   known_.reset();
   failure_.clear();
+  if (tell_read_anew_) tell_read_anew_();
 }
 
 void Ledger::refuse_if_failed() const {
@@ -199,7 +200,8 @@ void Ledger::accept(std::string_view line) {
   tree_.append(crypto::merkle_leaf_hash(bytes_of(line)));
   bytes_ += line.size() + 1;
   if (known_ && tree_.size() == known_->size && tree_.root() != known_->root) {
-    throw Error(file_.string() + " is not as it was before its disk failed: verify it before writing to it");
+    tell_or_refuse(file_.string() +
+                   " is not as it was before its disk failed: verify it before writing to it");
   }
   if (sharing_ == Sharing::kShared) {
     last_line_ = line;
@@ -233,13 +235,21 @@ void Ledger::read_anew() {
   try {
     read_new_lines();
     if (known_ && tree_.size() < known_->size) {
-      throw Error(file_.string() + " lacks lines that were entered: verify it before writing to it");
+      tell_or_refuse(file_.string() + " lacks lines that were entered: verify it before writing to it");
     }
   } catch (const Error& error) {
     failure_ = error.what();
     throw;
   }
   known_.reset();
+  if (tell_read_anew_) tell_read_anew_();
+}
+
+// Whoever is told compares the lines with what was signed, and says so in the ledger.
+void Ledger::tell_or_refuse(const std::string& problem) {
+  if (!tell_read_anew_) throw Error(problem);
+  known_.reset();
+  mine_.reset();
 }
 
 // Whoever reads has the lock, so that the file does not grow meanwhile. What stands behind its last line is
@@ -251,14 +261,28 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
     return;
   }
   covered_size_.reset();
+  replaced_ = 0;
   std::vector<char> buffer(kReadBytes);
   std::string rest;         // of a line that goes on in the next buffer
   std::uint64_t zeros = 0;  // bytes of lines that hold one, and stay
   std::uint64_t read_until = bytes_;
-  while (const std::size_t count =
-             input.read_at(read_until, std::as_writable_bytes(std::span(buffer.data(), buffer.size())))) {
+  // Whatever stands there from the next line on may be replaced, and is read again then.
+  const auto read_on = [&] {
+    rest.clear();
+    read_until = bytes_;
+  };
+  for (;;) {
+    const std::size_t count =
+        input.read_at(read_until, std::as_writable_bytes(std::span(buffer.data(), buffer.size())));
+    if (count == 0) {
+      // Somebody cut off the end of a line that was signed: what is left of it stays.
+      if (rest.empty() || tree_.size() == most || !is_surely_covered() || !is_put_aside(read_until)) break;
+      read_on();
+      continue;
+    }
     read_until += count;
     std::string_view piece(buffer.data(), count);
+    bool is_replaced = false;
     for (std::size_t end = piece.find('\n'); end != std::string_view::npos; end = piece.find('\n')) {
       std::string_view line = piece.substr(0, end);
       if (!rest.empty()) {
@@ -274,7 +298,17 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
           return;
         }
         zeros += line.size() + 1;
-        refuse_if_endless(zeros);
+        if (zeros > kMostBytesOfLine) {
+          if (!is_put_aside(input.size())) refuse_endless_zeros();
+          is_replaced = true;
+          break;
+        }
+      }
+      // Readers hash no more of a longer one than its beginning.
+      if (set_aside_ && line.size() > kMaximumLineBytes) {
+        if (!is_put_aside(input.size())) refuse_long_line();
+        is_replaced = true;
+        break;
       }
       if (lacks_signature(line)) {
         unsigned_bytes_ = stated_sum(unsigned_bytes_, input.size() - bytes_);
@@ -285,16 +319,21 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
       rest.clear();
       piece.remove_prefix(end + 1);
     }
-    rest.append(piece);
-    if (rest.size() > kMaximumLineBytes) {
+    if (!is_replaced) rest.append(piece);
+    if (!is_replaced && rest.size() > kMaximumLineBytes) {
+      if (tree_.size() == most) {
+        cut_end();
+        return;
+      }
       const bool has_zero = rest.find('\0') != std::string::npos;
-      if ((has_zero && is_cut_off_for_zeros()) || (set_aside_ && set_aside_(tree_.size(), bytes_))) {
+      if (has_zero && is_cut_off_for_zeros()) {
         cut_torn_line(input.size());
         return;
       }
-      throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
-                  " is longer than any entry may be: the file is damaged, verify it before writing to it");
+      if (!is_put_aside(input.size())) refuse_long_line();
+      is_replaced = true;
     }
+    if (is_replaced) read_on();
   }
   input.require_read_to_end(read_until);
   if (!rest.empty()) {
@@ -302,9 +341,40 @@ void Ledger::read_new_lines(std::optional<std::uint64_t> most) {
   }
 }
 
+bool Ledger::is_put_aside(std::uint64_t end) {
+  if (!set_aside_) return false;
+  // Lines that take the place of others are of the format: whatever else comes, somebody writes meanwhile.
+  constexpr int kMostReplaced = 16;
+  switch (set_aside_(tree_.size(), bytes_, [this](const ReadableFile& lines) { replace_end(lines); })) {
+    case Aside::kStays:
+      return false;
+    case Aside::kMayGo:
+      cut_torn_line(end);
+      return true;
+    case Aside::kReplaced:
+      return ++replaced_ <= kMostReplaced;
+  }
+  return false;
+}
+
+// Whoever calls has the rest of the file elsewhere.
+void Ledger::replace_end(const ReadableFile& lines) {
+  cut_end();
+  allocated_until_ = 0;
+  std::vector<std::byte> buffer(kReadBytes);
+  for (std::uint64_t at = 0; const std::size_t count = lines.read_at(at, buffer); at += count) {
+    written_->write(std::span(buffer).first(count));
+  }
+  written_->sync();
+}
+
+void Ledger::refuse_long_line() const {
+  throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
+              " is longer than any entry may be: the file is damaged, verify it before writing to it");
+}
+
 // Files that take no room on a disk read as zeros. LineReader, too, reads no further than that.
-void Ledger::refuse_if_endless(std::uint64_t zeros) const {
-  if (zeros <= kMostBytesOfLine) return;
+void Ledger::refuse_endless_zeros() const {
   throw Error("line " + std::to_string(tree_.size() + 1) + " of " + file_.string() +
               " and lines before it hold more zeros than are read: the file is damaged, verify it before "
               "writing to it");
@@ -315,13 +385,17 @@ void Ledger::refuse_if_endless(std::uint64_t zeros) const {
 // others. While the ledger is open, somebody else wrote them.
 bool Ledger::is_cut_off_for_zeros() {
   if (!covered_when_opened_ || is_covered()) return false;
-  return covered_ || (set_aside_ && set_aside_(tree_.size(), bytes_));
+  return covered_ || (set_aside_ && set_aside_(tree_.size(), bytes_, {}) == Aside::kMayGo);
 }
 
 // Whoever made a line of zeros out of each of thousands has the checkpoints looked at once.
 bool Ledger::is_covered() {
   if (!covered_size_) covered_size_ = covered_when_opened_();
   return *covered_size_ > tree_.size();
+}
+
+bool Ledger::is_surely_covered() {
+  return set_aside_ && covered_when_opened_ && is_covered() && *covered_size_ != kNobodyKnows;
 }
 
 bool Ledger::lacks_signature(std::string_view line) const {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,13 +36,22 @@ class Ledger {
   using Visitor = std::function<void(std::uint64_t seq, std::string_view line)>;
   /// Lines to append, without LF, given how many there are; called once the file is ours and up to date.
   using MakeLines = std::function<std::vector<std::string>(std::uint64_t size)>;
-  /// How many lines checkpoints cover. Asked only where zeros are found, also later.
+  /// How many lines checkpoints cover. Asked only where zeros are found, or a torn line, also later.
+  static constexpr std::uint64_t kNobodyKnows = std::numeric_limits<std::uint64_t>::max();
   using Covered = std::function<std::uint64_t()>;
   /// Whether a line counts only once a checkpoint covers it. Asked only of lines that none covers.
   using NeedsSignature = std::function<bool(std::string_view line)>;
-  /// Keeps elsewhere what stands in the file from byte `offset` on, where line number `seq` begins; false
-  /// where it must stay.
-  using SetAside = std::function<bool(std::uint64_t seq, std::uint64_t offset)>;
+  /// Puts `lines` in place of all that stands in the file from there on, durably. Throws kiroku::IoError;
+  /// only some of them may stand there then.
+  using Replace = std::function<void(const ReadableFile& lines)>;
+  enum class Aside {
+    kStays,
+    kMayGo,    // it is kept elsewhere, or nobody misses it
+    kReplaced  // by `replace`
+  };
+  /// What becomes of what stands in the file from byte `offset` on, where line number `seq` begins, which is
+  /// no line of the format.
+  using SetAside = std::function<Aside(std::uint64_t seq, std::uint64_t offset, const Replace& replace)>;
 
   /// Opens `file`, or makes it, with its name durable. A last line without LF is one whose writing a crash or
   /// power cut ended: nothing ever counted on it; it is cut off, and torn_bytes() tells. A power cut may also
@@ -49,10 +59,11 @@ class Ledger {
   /// `covered`, everything from the first line with a zero byte on is cut off, unless a checkpoint covers
   /// that line. So is everything from the first line on that `needs_signature` and has none: whoever can
   /// write to the disk could have put it there, and unsigned_bytes() tells. What stands from a line on that
-  /// is longer than the format's is cut off once `set_aside` kept it, also later; torn_bytes() tells. So is
-  /// later what stands from a line on that holds a zero byte, and that no checkpoint covers. Throws
-  /// UsageError if another writer has it (kExclusive), kiroku::Error for such a line that stays,
-  /// kiroku::IoError. `files` and `reserve` must outlive the object; `reserve` may be null.
+  /// is longer than the format's is cut off where `set_aside` says so, also later; torn_bytes() tells. So is
+  /// later what stands from a line on that holds a zero byte, and that no checkpoint covers; and where
+  /// covered lines hold more zeros than are read, it is asked for those. Throws UsageError if another writer
+  /// has it (kExclusive), kiroku::Error for such a line that stays, kiroku::IoError. `files` and `reserve`
+  /// must outlive the object; `reserve` may be null.
   static std::unique_ptr<Ledger> open(FileSystem& files, std::filesystem::path file, Sharing sharing,
                                       SpaceReserve* reserve, Visitor visitor = {}, Covered covered = {},
                                       NeedsSignature needs_signature = {}, SetAside set_aside = {});
@@ -67,6 +78,10 @@ class Ledger {
   /// again.
   void append(const MakeLines& make_lines);
 
+  /// kShared: has `tell` called whenever the file was read anew since lines of it stand elsewhere, or no
+  /// more: lines before them may be others. Without it a ledger whose lines are others refuses everything. It
+  /// must neither throw nor call the ledger.
+  void when_read_anew(std::function<void()> tell) { tell_read_anew_ = std::move(tell); }
   /// kShared: takes in what other processes appended. (append() does so by itself.)
   void catch_up();
   /// kShared: takes the newest lines back, durably, until `size` are left, and calls the visitor anew, from
@@ -120,11 +135,19 @@ class Ledger {
   void read_anew();
   /// Those beyond `most` are cut off.
   void read_new_lines(std::optional<std::uint64_t> most = std::nullopt);
-  void refuse_if_endless(std::uint64_t zeros) const;
+  [[noreturn]] void refuse_endless_zeros() const;
+  [[noreturn]] void refuse_long_line() const;
+  /// Of the next line, which is none of the format, up to byte `end`. True where nothing of it stands any
+  /// more, and reading goes on with what does.
+  bool is_put_aside(std::uint64_t end);
+  void replace_end(const ReadableFile& lines);
+  /// What was entered is not there any more, as `problem` says. Throws, unless somebody is told.
+  void tell_or_refuse(const std::string& problem);
   /// Of the next line, which holds a zero byte. What is to be kept of it elsewhere is, then.
   [[nodiscard]] bool is_cut_off_for_zeros();
   /// The next line, by a checkpoint.
   [[nodiscard]] bool is_covered();
+  [[nodiscard]] bool is_surely_covered();
   [[nodiscard]] bool lacks_signature(std::string_view line) const;
   /// Cuts off what stands behind the last accepted line.
   void cut_end();
@@ -145,6 +168,8 @@ class Ledger {
   std::optional<std::uint64_t> covered_size_;  // while lines are read: what it says, once it was asked
   NeedsSignature needs_signature_;
   SetAside set_aside_;
+  std::function<void()> tell_read_anew_;  // may be null
+  int replaced_ = 0;                      // so often while lines are read
   std::unique_ptr<WritableFile> written_;
   crypto::MerkleFrontier tree_;
   std::uint64_t bytes_ = 0;            // of whole lines in the tree

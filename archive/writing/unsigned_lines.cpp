@@ -189,6 +189,9 @@ UnsignedLines unsigned_lines(const FileReading& files, const fs::path& file, std
 
 namespace {
 
+/// So much of the lines that stay is written beside the log: more than any recorder enters in its life.
+constexpr std::uint64_t kMostBytesMarked = std::uint64_t{8} << 30U;
+
 fs::path with_suffix(fs::path file, std::string_view suffix) {
   file += suffix;
   return file;
@@ -214,6 +217,11 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> next_stretch(const Descri
   return std::pair(begin, is_told ? std::min(end, static_cast<std::uint64_t>(hole)) : end);
 }
 
+/// Whether all of it is copied: a file system may tell of holes where there are none.
+bool is_little(const ReadableFile& input, std::uint64_t offset) {
+  return input.size() - std::min(offset, input.size()) <= kMostBytesAside;
+}
+
 /// Hands `write` the first kMostBytesAside that take room on the disk, from byte `offset` on.
 void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint64_t offset,
                   const std::function<void(ByteView)>& write) {
@@ -222,10 +230,9 @@ void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint
   if (!holes) throw IoError("read", input.path(), errno);
   std::vector<std::byte> chunk(kChunk);
   std::uint64_t left = kMostBytesAside;
-  // A file system may tell of holes where there are none: of what is little all is copied.
-  const bool is_little = input.size() - std::min(offset, input.size()) <= kMostBytesAside;
+  const bool is_all_copied = is_little(input, offset);
   const auto next = [&] {
-    const bool is_whole = is_little && offset < input.size();
+    const bool is_whole = is_all_copied && offset < input.size();
     return is_whole ? std::optional(std::pair(offset, input.size()))
                     : next_stretch(holes, offset, input.size());
   };
@@ -241,42 +248,234 @@ void copy_bounded(const FileReading& files, const ReadableFile& input, std::uint
   }
 }
 
-SetAside set_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
-                      const fs::path& folder, Telling telling) {
+void make_folder_beside(FileSystem& files, const fs::path& folder) {
   if (!files.exists(folder)) {
     files.make_folder(folder);
     files.sync_folder(folder.parent_path());
   }
   // Whoever can write there may have made a link to another place.
   if (!files.is_folder(folder)) throw IoError("write into the folder", folder, ENOTDIR);
-  const fs::path part = with_suffix(folder / format_index(line), kPartSuffix);
-  if (files.exists(part)) files.remove(part);
-  SetAside kept;
-  try {
-    const ReadableFile input = files.open_to_read(file);
-    crypto::Sha256 hash;
-    {
-      const std::unique_ptr<WritableFile> written = files.create(part);
-      copy_bounded(files, input, offset, [&](ByteView bytes) {
-        hash.update(bytes);
-        written->write(bytes);
-        kept.kept += bytes.size();
-      });
-      written->sync_all();
-    }
-    kept.stood = input.size() - std::min(offset, input.size());
-    kept.sha256 = crypto::to_hex(hash.finish());
-    kept.file = folder / (format_index(line) + "-" + kept.sha256 + std::string(kAsideSuffix));
-    files.rename(part, telling == Telling::kFollows ? with_suffix(kept.file, kUntoldSuffix) : kept.file);
-  } catch (const IoError&) {
-    try {
-      if (files.exists(part)) files.remove(part);
-    } catch (const IoError&) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
-    }
-    throw;
+}
+
+void remove_if_there(FileSystem& files, const fs::path& file) {
+  if (files.exists(file)) files.remove(file);
+}
+
+/// A file beside the log that has no name of its own yet. Without finish() nothing is left of it.
+class AsidePart {
+ public:
+  AsidePart(FileSystem& files, const fs::path& folder, std::uint64_t line, std::string_view suffix)
+      : files_(files), folder_(folder), line_(line), part_(with_suffix(folder / format_index(line), suffix)) {
+    remove_if_there(files_, part_);
+    written_ = files_.create(part_);
   }
+  AsidePart(const AsidePart&) = delete;
+  AsidePart& operator=(const AsidePart&) = delete;
+  ~AsidePart() {
+    if (!written_) return;
+    written_.reset();
+    try {
+      remove_if_there(files_, part_);
+    } catch (...) {  // NOLINT(bugprone-empty-catch): the first error is the one to tell
+    }
+  }
+  void write(ByteView bytes) {
+    hash_.update(bytes);
+    written_->write(bytes);
+    bytes_ += bytes.size();
+  }
+  [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
+  /// Its durable name, for which the folder is to be flushed, and its hash.
+  SetAside finish(Telling telling) {
+    written_->sync_all();
+    SetAside kept;
+    kept.kept = kept.stood = bytes_;
+    kept.sha256 = crypto::to_hex(hash_.finish());
+    kept.file = folder_ / (format_index(line_) + "-" + kept.sha256 + std::string(kAsideSuffix));
+    files_.rename(part_, telling == Telling::kFollows ? with_suffix(kept.file, kUntoldSuffix) : kept.file);
+    written_.reset();
+    return kept;
+  }
+
+ private:
+  FileSystem& files_;
+  const fs::path folder_;
+  const std::uint64_t line_;
+  const fs::path part_;
+  std::unique_ptr<WritableFile> written_;  // null once it has its name
+  crypto::Sha256 hash_;
+  std::uint64_t bytes_ = 0;
+};
+
+SetAside set_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
+                      const fs::path& folder, Telling telling) {
+  make_folder_beside(files, folder);
+  AsidePart part(files, folder, line, kPartSuffix);
+  const ReadableFile input = files.open_to_read(file);
+  copy_bounded(files, input, offset, [&](ByteView bytes) { part.write(bytes); });
+  SetAside kept = part.finish(telling);
+  kept.stood = input.size() - std::min(offset, input.size());
   files.sync_folder(folder);
   return kept;
+}
+
+/// In log-aside/ of `archive`, or where that cannot be done, in another folder beside it.
+template <typename Write>  // Result(const fs::path& folder)
+auto in_a_folder_beside(const fs::path& archive, const Write& write) {
+  constexpr int kNumbered = 4;
+  const std::string name(kLogAsideFolder);
+  for (int number = 1; number <= kNumbered; ++number) {
+    try {
+      return write(archive / (number == 1 ? name : name + "-" + std::to_string(number)));
+    } catch (const IoError& error) {
+      if (error.disk_full()) throw;  // no other folder has more room
+    }
+  }
+  // Whoever can write to the archive may have put something into the way of each.
+  return write(archive / (name + "-" + random_name()));
+}
+
+/// Lines as they stand, but for those that are none of the format.
+class MarkedLines {
+ public:
+  MarkedLines(AsidePart& lines, AsidePart& changed, std::uint64_t line, std::uint64_t offset,
+              std::uint64_t covered)
+      : lines_(lines), changed_(changed), number_(line), begin_(offset), at_(offset), covered_(covered) {}
+
+  /// These that read as zeros and take no room. False where the next line is not to stay.
+  bool take_hole(std::uint64_t bytes) { return add({}, bytes, true); }
+  bool take(std::string_view text) {
+    while (!text.empty()) {
+      const std::size_t end = text.find('\n');
+      const std::string_view piece = text.substr(0, end);
+      if (!add(piece, piece.size(), piece.find('\0') != std::string_view::npos)) return false;
+      if (end == std::string_view::npos) return true;
+      ++at_;
+      if (!end_line()) return false;
+      text.remove_prefix(end + 1);
+    }
+    return true;
+  }
+  /// At the end of the file, what stands behind the last LF is a line, too, if a checkpoint covers it.
+  void finish(bool is_end) {
+    if (is_end && bytes_ > 0 && number_ < covered_) end_line();
+    flush();
+  }
+  [[nodiscard]] std::uint64_t changed_lines() const { return changed_lines_; }
+  [[nodiscard]] std::uint64_t changed_bytes() const { return changed_bytes_; }
+  /// The line that is not to stay, where there is one.
+  [[nodiscard]] std::uint64_t number() const { return number_; }
+  [[nodiscard]] std::uint64_t begin() const { return begin_; }
+
+ private:
+  bool add(std::string_view piece, std::uint64_t bytes, bool has_zero) {
+    bytes_ += bytes;
+    at_ += bytes;
+    if (!is_changed_) {
+      text_ += piece;
+      if (!has_zero && bytes_ <= kMaximumLineBytes) return true;
+      if (number_ >= covered_) return false;
+      is_changed_ = true;
+      keep(text_);
+      text_.clear();
+    } else {
+      keep(piece);
+    }
+    return true;
+  }
+  bool end_line() {
+    if (number_ >= covered_) {
+      uncovered_ += text_.size() + 1;
+      if (uncovered_ > kMostBytesAside) return false;
+    }
+    if (lines_.bytes() + ready_.size() > kMostBytesMarked) return false;
+    if (is_changed_) {
+      ++changed_lines_;
+      changed_bytes_ += bytes_;
+      text_ = "set aside: a line of " + std::to_string(bytes_) + " bytes, which no entry has";
+    }
+    ready_ += text_;
+    ready_ += '\n';
+    if (ready_.size() >= kChunk) flush();
+    text_.clear();
+    bytes_ = 0;
+    is_changed_ = false;
+    ++number_;
+    begin_ = at_;
+    return true;
+  }
+  void flush() {
+    if (!ready_.empty()) lines_.write(bytes_of(ready_));
+    ready_.clear();
+  }
+  void keep(std::string_view piece) {
+    const std::uint64_t left = kMostBytesAside - std::min(kMostBytesAside, changed_.bytes());
+    changed_.write(
+        bytes_of(piece.substr(0, static_cast<std::size_t>(std::min<std::uint64_t>(left, piece.size())))));
+  }
+
+  AsidePart &lines_, &changed_;
+  std::uint64_t number_;
+  std::uint64_t begin_, at_;  // of the line, and of what comes next
+  const std::uint64_t covered_;
+  std::string text_, ready_;
+  std::uint64_t bytes_ = 0;  // of the line so far
+  bool is_changed_ = false;
+  std::uint64_t uncovered_ = 0, changed_lines_ = 0, changed_bytes_ = 0;
+};
+
+/// Whether a file that is told to have a hole there has one, and a long one: what is short is read.
+bool is_hole(const ReadableFile& input, std::uint64_t begin, std::uint64_t end) {
+  constexpr std::uint64_t kShort = 1U << 16U;
+  if (end - begin <= kShort) return false;
+  std::array<std::byte, 4096> there{};
+  for (const std::uint64_t at : {begin, end - there.size()}) {
+    const std::size_t count = input.read_at(at, there);
+    if (std::ranges::any_of(std::span(there).first(count),
+                            [](std::byte each) { return each != std::byte{}; }))
+      return false;
+  }
+  return true;
+}
+
+ChangedAside set_changed_aside_in(FileSystem& files, const fs::path& file, std::uint64_t line,
+                                  std::uint64_t offset, std::uint64_t covered, const fs::path& folder) {
+  make_folder_beside(files, folder);
+  AsidePart lines(files, folder, line, std::string(".lines") + std::string(kPartSuffix));
+  AsidePart changed(files, folder, line, kPartSuffix);
+  const ReadableFile input = files.open_to_read(file);
+  const Descriptor holes(
+      files.open_at(AT_FDCWD, input.path().native(), O_NOFOLLOW | O_NONBLOCK, input.path()));
+  if (!holes) throw IoError("read", input.path(), errno);
+  MarkedLines marked(lines, changed, line, offset, covered);
+  std::string chunk(kChunk, '\0');
+  bool all_stay = true;
+  while (all_stay) {
+    const auto stretch = next_stretch(holes, offset, input.size());
+    std::uint64_t begin = stretch ? stretch->first : input.size();
+    if (!is_hole(input, offset, begin)) begin = offset;
+    if (begin > offset) all_stay = marked.take_hole(begin - offset);
+    offset = begin;
+    const std::uint64_t end = stretch ? stretch->second : input.size();
+    if (offset == end) break;
+    while (all_stay && offset < end) {
+      const std::uint64_t most = std::min(end - offset, std::uint64_t{kChunk});
+      const std::size_t count = input.read_at(
+          offset, std::as_writable_bytes(std::span(chunk).first(static_cast<std::size_t>(most))));
+      if (count == 0) throw Error(file.string() + " became shorter while it was read");
+      all_stay = marked.take(std::string_view(chunk).substr(0, count));
+      offset += count;
+    }
+  }
+  marked.finish(all_stay);
+  ChangedAside aside;
+  aside.lines = marked.changed_lines();
+  if (!all_stay) aside.rest = ChangedAside::Rest{marked.number(), marked.begin()};
+  aside.kept = changed.finish(Telling::kFollows);
+  aside.kept.stood = marked.changed_bytes();
+  aside.instead = with_suffix(lines.finish(Telling::kFollows).file, kUntoldSuffix);
+  files.sync_folder(folder);
+  return aside;
 }
 
 /// What a name says, if it is one that is not told yet.
@@ -296,18 +495,31 @@ std::optional<UntoldAside> untold_of_name(const fs::path& folder, std::string_vi
 
 SetAside set_aside(FileSystem& files, const fs::path& file, std::uint64_t line, std::uint64_t offset,
                    const fs::path& archive, Telling telling) {
-  constexpr int kNumbered = 4;
-  const std::string name(kLogAsideFolder);
-  for (int number = 1; number <= kNumbered; ++number) {
-    try {
-      return set_aside_in(files, file, line, offset,
-                          archive / (number == 1 ? name : name + "-" + std::to_string(number)), telling);
-    } catch (const IoError& error) {
-      if (error.disk_full()) throw;  // no other folder has more room
-    }
+  return in_a_folder_beside(archive, [&](const fs::path& folder) {
+    return set_aside_in(files, file, line, offset, folder, telling);
+  });
+}
+
+ChangedAside set_changed_aside(FileSystem& files, const fs::path& file, std::uint64_t line,
+                               std::uint64_t offset, std::uint64_t covered, const fs::path& archive) {
+  return in_a_folder_beside(archive, [&](const fs::path& folder) {
+    return set_changed_aside_in(files, file, line, offset, covered, folder);
+  });
+}
+
+std::uint64_t bytes_to_keep(const FileReading& files, const fs::path& file, std::uint64_t offset) {
+  const ReadableFile input = files.open_to_read(file);
+  if (is_little(input, offset)) return input.size() - std::min(offset, input.size());
+  const Descriptor holes(files.open_at(AT_FDCWD, file.native(), O_NOFOLLOW | O_NONBLOCK, file));
+  if (!holes) throw IoError("read", file, errno);
+  std::uint64_t bytes = 0;
+  while (bytes < kMostBytesAside) {
+    const auto stretch = next_stretch(holes, offset, input.size());
+    if (!stretch) break;
+    bytes += stretch->second - stretch->first;
+    offset = stretch->second;
   }
-  // Whoever can write to the archive may have put something into the way of each.
-  return set_aside_in(files, file, line, offset, archive / (name + "-" + random_name()), telling);
+  return std::min(bytes, kMostBytesAside);
 }
 
 std::vector<UntoldAside> untold_asides(const FileReading& files, const fs::path& archive, std::size_t most) {

@@ -82,6 +82,31 @@ enum class Telling { kNone, kFollows };
 SetAside set_aside(FileSystem& files, const std::filesystem::path& file, std::uint64_t line,
                    std::uint64_t offset, const std::filesystem::path& archive, Telling telling);
 
+/// How much of a file from byte `offset` on set_aside() keeps, about: where the last of it is short and lies
+/// between holes, somewhat more. Throws kiroku::IoError.
+std::uint64_t bytes_to_keep(const FileReading& files, const std::filesystem::path& file,
+                            std::uint64_t offset);
+
+/// Lines that the device signed, and that are none of the format any more.
+struct ChangedAside {
+  SetAside kept;            // what stands in their place now, one behind the other; no entry tells of it yet
+  std::uint64_t lines = 0;  // so many of them
+  /// All lines from the first of them on, with a mark in the place of each of them. Another file that is
+  /// called as if no entry told of it, until somebody puts these lines into the log, and removes it.
+  std::filesystem::path instead;
+  struct Rest {
+    std::uint64_t number = 0, offset = 0;
+  };
+  std::optional<Rest> rest;  // from there on nothing of the file is among these lines
+};
+/// Writes both beside the log as set_aside() does, of `file` from byte `offset` on, where line number `line`
+/// begins. `covered` lines are signed. Where one behind them is none of the format, or all that stands behind
+/// them is longer than kMostBytesAside, the rest begins. Throws kiroku::Error, and leaves nothing then but
+/// folders.
+ChangedAside set_changed_aside(FileSystem& files, const std::filesystem::path& file, std::uint64_t line,
+                               std::uint64_t offset, std::uint64_t covered,
+                               const std::filesystem::path& archive);
+
 /// A file of which, by its name, no entry tells yet. Whoever can write to the archive makes such files, too.
 struct UntoldAside {
   std::uint64_t line = 0;

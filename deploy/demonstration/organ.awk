@@ -1,4 +1,5 @@
-# A CT of an organ that nobody has, as NRRD: a lobe, thick on one side and thin on the other, with two vessels in it. LC_ALL=C awk -f organ.awk > organ.nrrd
+# A CT of an organ that nobody has, as NRRD: a lobe, thick on one side and thin on the other, with two vessels in it. A smaller lobe above and a notch below
+# make its outline like no mirror image of it, so that it can be found in pictures. LC_ALL=C awk -f organ.awk > organ.nrrd
 BEGIN {
   columns = 64; rows = 48; slices = 44; mm = 3
   printf "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: %d %d %d\n", columns, rows, slices
@@ -12,10 +13,14 @@ BEGIN {
           printf "%s%d", i == 0 ? "\n" : " ", hounsfield((i - columns / 2) * mm, (j - rows / 2) * mm, (k - slices / 2) * mm)
   print ""
 }
-function hounsfield(x, y, z,   thin, share) {
+function hounsfield(x, y, z,   thin, share, lobe, notch) {
   thin = (x + 75) / 150
   # A voxel at the surface holds some of both sides, as in every CT.
   share = (1 - sqrt((x / 80) ^ 2 + (y / (48 - 26 * thin)) ^ 2 + (z / (44 - 22 * thin)) ^ 2)) * 7 + 0.5
+  lobe = (1 - sqrt(((x + 42) / 22) ^ 2 + (y / 26) ^ 2 + ((z - 34) / 24) ^ 2)) * 5 + 0.5
+  if (lobe > share) share = lobe
+  notch = (sqrt(((x - 40) / 15) ^ 2 + ((z + 30) / 18) ^ 2) - 1) * 4 + 0.5
+  if (notch < share) share = notch
   if (share <= 0) return -90
   if (share < 1) return -90 + 150 * share
   if ((y - 8 * sin(x / 22)) ^ 2 + (z - 10 * cos(x / 30)) ^ 2 < 30) return 170

@@ -14,7 +14,7 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 4, kWithReports = 2, kWithStricterAlarms = 3;
+constexpr std::int64_t kVersion = 5, kWithReports = 2, kWithStricterAlarms = 3, kWithTraces = 4;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -138,6 +138,16 @@ constexpr const char* kTracesOfCopies[] = {
     "ALTER TABLE kiroku.appliances DROP COLUMN earlier_run",
 };
 
+// What version 5 has more: search notes, as they lie in the store.
+constexpr const char* kSearchNotes[] = {
+    R"(CREATE TABLE kiroku.search_notes (
+         appliance text COLLATE "C" NOT NULL,
+         case_id   text COLLATE "C" NOT NULL,
+         version   text NOT NULL,   -- of the object that it was read from
+         note      text NOT NULL,   -- '': it cannot be used
+         PRIMARY KEY (appliance, case_id)))",
+};
+
 // Roles belong to the whole server, and may be there from another database of it.
 constexpr const char* kRoles[] = {
     R"(DO $$ DECLARE role text; BEGIN
@@ -154,6 +164,7 @@ constexpr const char* kRoles[] = {
                      changed) ON kiroku.cases TO kiroku_indexer)",
     R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)
          ON kiroku.cases TO kiroku_indexer)",
+    "GRANT INSERT, UPDATE ON kiroku.search_notes TO kiroku_indexer",
     R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
@@ -310,8 +321,11 @@ void FleetCatalogue::prepare(Postgres& database) {
     if (!there || *there < kWithStricterAlarms) {
       for (const char* statement : kAlarmsOfWhatIsNotIntact) database.ask(statement);
     }
-    if (!there || *there < kVersion) {
+    if (!there || *there < kWithTraces) {
       for (const char* statement : kTracesOfCopies) database.ask(statement);
+    }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kSearchNotes) database.ask(statement);
       database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
     }
     for (const char* statement : kRoles) database.ask(statement);
@@ -366,17 +380,39 @@ std::vector<FleetCase> FleetCatalogue::find(const CaseQuery& query) {
                       case_id = parameter(query.after->case_id);
     require("(opened, appliance, case_id) < (" + opened + ", " + appliance + ", " + case_id + ")");
   }
-  const Postgres::Rows rows = database_.ask("SELECT " + std::string(kColumns) + " FROM kiroku.cases" + where +
-                                                " ORDER BY opened DESC, appliance DESC, case_id DESC LIMIT " +
-                                                parameter(number(std::uint64_t{query.limit})),
-                                            values);
+  constexpr std::string_view kNote =
+      ", (SELECT note FROM kiroku.search_notes AS n WHERE n.appliance = cases.appliance AND n.case_id = "
+      "cases.case_id)";
+  const Postgres::Rows rows = database_.ask(
+      "SELECT " + std::string(kColumns) + std::string(query.with_notes ? kNote : "") + " FROM kiroku.cases" +
+          where + " ORDER BY opened DESC, appliance DESC, case_id DESC LIMIT " +
+          parameter(number(std::uint64_t{query.limit})),
+      values);
   std::vector<FleetCase> found;
   for (int i = 0; i < rows.size(); ++i) {
     FleetCase& one = found.emplace_back(FleetCase{rows.text(i, 10), row_of(rows, i)});
     one.alarm = rows.text(i, 11) == "t";
     if (!rows.is_null(i, 12)) one.unchecked = rows.text(i, 12);
+    if (query.with_notes && !rows.is_null(i, 13)) one.search_note = rows.text(i, 13);
   }
   return found;
+}
+
+std::map<std::string, std::string> FleetCatalogue::note_versions(const std::string& appliance) {
+  const Postgres::Rows rows =
+      database_.ask("SELECT case_id, version FROM kiroku.search_notes WHERE appliance = $1", {appliance});
+  std::map<std::string, std::string> versions;
+  for (int i = 0; i < rows.size(); ++i) versions[rows.text(i, 0)] = rows.text(i, 1);
+  return versions;
+}
+
+void FleetCatalogue::put_note(const std::string& appliance, const std::string& case_id,
+                              const std::string& version, const std::string& note) {
+  database_.ask(
+      "INSERT INTO kiroku.search_notes (appliance, case_id, version, note) VALUES ($1, $2, $3, $4) ON "
+      "CONFLICT "
+      "(appliance, case_id) DO UPDATE SET version = excluded.version, note = excluded.note",
+      {appliance, case_id, version, note});
 }
 
 FleetTotals FleetCatalogue::totals() {

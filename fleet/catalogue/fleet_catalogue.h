@@ -1,10 +1,12 @@
 // The cases of all appliances of a hospital, in PostgreSQL: an index for lists, searches and sharing out
-// work. The store is the truth: index_appliance() makes it anew from there. No patient's data is in it: what
-// a case is about stays sealed. Not thread-safe; any number of processes may use one database.
+// work. The store is the truth: index_appliance() and index_notes() make it anew from there. No patient's
+// data is in it: what a case is about stays sealed, and search notes say it to nobody without their key. Not
+// thread-safe; any number of processes may use one database.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,6 +26,9 @@ struct FleetCase {
   /// verdict now.
   bool alarm = false;
   std::optional<std::string> unchecked = {};  // why the newest try gave no verdict
+  /// Its search note as the store has it (archive/search/search_note.h), where CaseQuery::with_notes asks for
+  /// it; "": one that cannot be used.
+  std::optional<std::string> search_note = {};
 };
 
 /// What is asked for; an empty field asks for anything. Newest first.
@@ -39,6 +44,7 @@ struct CaseQuery {
     std::string appliance, case_id;
   };
   std::optional<Place> after = {};
+  bool with_notes = false;
 };
 
 /// A case that one worker verifies. Once its time is over another may take it; until one does, it is still
@@ -95,6 +101,11 @@ class FleetCatalogue {
   /// Its rows alone; lives no longer than this object.
   [[nodiscard]] std::unique_ptr<archive::CaseTable> table_of(const std::string& appliance);
   [[nodiscard]] std::vector<FleetCase> find(const CaseQuery& query);
+  /// Of an appliance's search notes: which version of the store's object each was read from, by case.
+  [[nodiscard]] std::map<std::string, std::string> note_versions(const std::string& appliance);
+  /// Keeps a case's note in the place of the one before; "" for one that cannot be used.
+  void put_note(const std::string& appliance, const std::string& case_id, const std::string& version,
+                const std::string& note);
   [[nodiscard]] FleetTotals totals();
   /// In the order of their names.
   [[nodiscard]] std::vector<ApplianceTotals> totals_by_appliance();

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "archive/format/case_layout.h"
+#include "archive/search/note_writer.h"
 #include "base/error.h"
 #include "crypto/hash.h"
 #include "fleet/fetcher.h"
@@ -115,6 +116,50 @@ IndexReport index_appliance(ObjectStore& store, const std::string& appliance, ar
       row.state = "missing";
       table.put(row, {});  // with no stamp of anything: should it be there again, it is read again
     }
+  }
+  return report;
+}
+
+NotesReport index_notes(ObjectStore& store, const std::string& appliance, FleetCatalogue& catalogue,
+                        bool anew) {
+  constexpr std::size_t kMostProblems = 20;
+  const std::map<std::string, std::string> known = catalogue.note_versions(appliance);
+  const std::string prefix = appliance + "/" + std::string(search::kStoreFolder) + "/";
+  std::vector<ListedVersion> changed;
+  NotesReport report;
+  const auto refuse = [&](const std::string& case_id, const std::string& why) {
+    if (report.problems.size() == kMostProblems) {
+      ++report.more_problems;
+    } else {
+      report.problems.push_back(case_id + ": " + why);
+    }
+  };
+  store.for_each_version(prefix, [&](const ListedVersion& version) {
+    const std::string case_id = search::case_of_note(version.key.substr(prefix.size()));
+    if (case_id.empty() || !version.newest) return;
+    ++report.notes;
+    const auto before = known.find(case_id);
+    if (anew || before == known.end() || before->second != version.version) changed.push_back(version);
+  });
+  for (const ListedVersion& each : changed) {
+    const std::string case_id = search::case_of_note(each.key.substr(prefix.size()));
+    std::string text;
+    try {
+      // More than a note has is neither fetched nor kept.
+      if (each.bytes <= search::kMostNoteBytes)
+        text = text_of(store.get(each.key, each.version, search::kMostNoteBytes));
+    } catch (const StoreError& error) {
+      if (error.passes()) throw;
+      refuse(case_id, error.what());
+      continue;  // it is asked for again
+    }
+    const std::optional<search::SearchNote> note = search::SearchNote::parse(text);
+    if (!note || note->of.case_id != case_id) {
+      refuse(case_id, "what the store has as its search note is none of this case");
+      text.clear();
+    }
+    catalogue.put_note(appliance, case_id, each.version, text);
+    ++report.read;
   }
   return report;
 }

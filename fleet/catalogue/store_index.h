@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "archive/catalogue/case_table.h"
+#include "fleet/catalogue/fleet_catalogue.h"
 #include "fleet/object_store.h"
 
 namespace kiroku::fleet {
@@ -28,5 +29,18 @@ struct IndexReport {
 /// kiroku::IoError; what was entered stays.
 IndexReport index_appliance(ObjectStore& store, const std::string& appliance, archive::CaseTable& table,
                             const std::filesystem::path& scratch, bool anew = false);
+
+struct NotesReport {
+  std::uint64_t notes = 0;  // that the store has
+  std::uint64_t read = 0;   // of them: new or changed
+  /// Objects that are no search notes of their case, the first of them with why; how many more. They are told
+  /// of when they are first seen, and not read again.
+  std::vector<std::string> problems;
+  std::uint64_t more_problems = 0;
+};
+/// The same of an appliance's search notes, which are small objects beside its cases. `anew` as there. Only
+/// the newest version of each counts. Throws StoreError, DatabaseError; what was entered stays.
+NotesReport index_notes(ObjectStore& store, const std::string& appliance, FleetCatalogue& catalogue,
+                        bool anew = false);
 
 }  // namespace kiroku::fleet

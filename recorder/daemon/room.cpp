@@ -182,6 +182,7 @@ struct Room::State {
     taken->profiles = resume->profiles;
     taken->identity = {resume->case_id, resume->earlier, resume->sealed_subject, resume->patient_numbers,
                        resume->plan_patients};
+    taken->identity.subject_of = resume->earlier.case_id;
     taken->is_subject_withheld = resume->is_subject_withheld;
     taken->before = resume->recorded;
     return taken;
@@ -205,6 +206,7 @@ struct Room::State {
     taken->identity.sealed_subject = again->sealed_subject;
     taken->identity.patient_numbers = again->patient_numbers;
     taken->identity.plan_patients = again->plan_patients;
+    taken->identity.subject_of = status.case_id;
     return taken;
   }
 
@@ -220,6 +222,7 @@ struct Room::State {
     }
     asked.identity.sealed_subject = newest_subject;
     asked.identity.patient_numbers = newest_numbers;
+    asked.identity.subject_of = status.case_id;
     asked.profiles = newest_profiles;
   }
 
@@ -472,6 +475,7 @@ struct Room::State {
     if (found.json) {
       asked.identity.sealed_subject = crypto::seal_bytes(*found.json, plan.session.event_recipients);
       asked.identity.patient_numbers = known_numbers(*found.json);
+      asked.identity.search_words = search::words_of_subject(*found.json);
     }
     const std::lock_guard guard(mutex);
     status.subject = found.state;

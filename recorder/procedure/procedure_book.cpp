@@ -17,6 +17,15 @@ bool is_of_room(const ProcedureRule& rule, const std::string& place) {
                              [&](const std::string& location) { return same_but_for_case(place, location); });
 }
 
+/// By which a room is known again by the process that starts next.
+std::string name_of_room(const ProcedureRule& rule) {
+  std::set<std::string> locations;
+  for (const std::string& each : rule.locations) locations.insert(lower_case(each));
+  std::string name;
+  for (const std::string& each : locations) name += each + "\n";
+  return name;
+}
+
 bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
   return rule.locations.empty() || std::ranges::any_of(message.places, [&](const std::string& place) {
            return is_of_room(rule, place);
@@ -379,6 +388,24 @@ bool ProcedureBook::is_there_another(const std::string& patient, const std::stri
   });
 }
 
+void ProcedureBook::note_recorded(const ProcedureRule& rule, const ProcedureData& data,
+                                  const ProcedureMoment& at) {
+  std::erase_if(recorded_,
+                [&](const Recorded& each) { return at.since_boot - each.at.since_boot > kLongestWindow; });
+  if (recorded_.size() >= kMostKept) recorded_.erase(recorded_.begin());
+  recorded_.push_back({name_of_room(rule), data, at});
+}
+
+std::vector<std::pair<ProcedureData, UtcTime>> ProcedureBook::recorded(const ProcedureRule& rule,
+                                                                       const ProcedureMoment& at) const {
+  std::vector<std::pair<ProcedureData, UtcTime>> of_room;
+  const std::string room = name_of_room(rule);
+  for (const Recorded& each : recorded_) {
+    if (each.room == room) of_room.emplace_back(each.data, at.by_this_clock(each.at));
+  }
+  return of_room;
+}
+
 std::optional<ProcedureMoment> ProcedureBook::changed(const ProcedureRule& rule) const {
   std::optional<ProcedureMoment> last;
   for (const auto& [place, at] : changes_) {
@@ -567,7 +594,12 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     }
     for (const auto& [place, came] : kept.since) {
       if (since.contains(place)) continue;
-      pass(place, came, received);
+      // Of whoever never was there nobody else's being there is in doubt.
+      if (message.cancels_move) {
+        note_change(place, received);
+      } else {
+        pass(place, came, received);
+      }
       const Went went{received, arrives, message.cancels_move};
       // Whoever was there by mistake alone has not left it since they were there before.
       if (message.cancels_move) {
@@ -927,17 +959,48 @@ void ProcedureBook::lose(LostPlaces& places, const Kept& kept, const ProcedureMo
       // Of more days than are kept those of one place become one.
       known =
           std::ranges::find_if(places, [&](const auto& each) { return place_of_lost(each.first) == place; });
-      if (known == places.end()) continue;
+      if (known == places.end()) make_room(places);
     }
     if (known == places.end()) {
       places.emplace(key, Lost{first, last});
       continue;
     }
-    Lost& before = known->second;
-    if (first.since_boot < before.first.since_boot) before.first = first;
-    if (last.since_boot > before.last.since_boot) before.last = last;
+    widen(known->second, {first, last});
   }
   if (is_news) ++not_kept_;
+}
+
+void ProcedureBook::widen(Lost& lost, const Lost& by) {
+  if (by.first.since_boot < lost.first.since_boot) lost.first = by.first;
+  if (by.last.since_boot > lost.last.since_boot) lost.last = by.last;
+}
+
+// Of more places than are kept it would be forgotten that something was: then nobody is in doubt.
+void ProcedureBook::make_room(LostPlaces& places) {
+  const auto same = std::ranges::adjacent_find(places, [](const auto& one, const auto& other) {
+    return place_of_lost(one.first) == place_of_lost(other.first);
+  });
+  if (same != places.end()) {
+    const auto next = std::next(same);
+    widen(same->second, next->second);
+    places.erase(next);
+    return;
+  }
+  const auto is_any = [](const auto& each) { return place_of_lost(each.first) == kAnyPlace; };
+  const auto take_one = [&] {
+    const auto one = std::ranges::find_if(
+        places, [&](const auto& each) { return !place_of_lost(each.first).empty() && !is_any(each); });
+    const Lost lost = one->second;
+    places.erase(one);
+    return lost;
+  };
+  Lost lost = take_one();
+  if (const auto any = std::ranges::find_if(places, is_any); any != places.end()) {
+    widen(any->second, lost);
+  } else {
+    widen(lost, take_one());
+    places.emplace(key_of_lost(std::string(kAnyPlace), lost.first), lost);
+  }
 }
 
 std::string ProcedureBook::key_of_lost(const std::string& place, const ProcedureMoment& first) {
@@ -972,13 +1035,35 @@ bool ProcedureBook::is_lost(const LostPlaces& places, const ProcedureRule& rule,
   return std::ranges::any_of(places, [&](const auto& each) {
     const auto& [key, lost] = each;
     const std::string place = place_of_lost(key);
-    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    const bool is_meant =
+        place == kAnyPlace ||
+        (rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place));
     return is_meant && at.by_this_clock(lost.first) - rule.window <= at.utc &&
            at.utc <= at.by_this_clock(lost.last) + rule.window;
   });
 }
 
+/// Whoever sends messages makes as many places and visits of one patient as they like.
+void ProcedureBook::bound(Kept& kept, const ProcedureMoment& now) {
+  while (kept.gone.size() > kMostPlacesBefore) {
+    const auto oldest = std::ranges::min_element(kept.gone, {}, [&](const auto& each) {
+      return std::pair(is_watched(each.first), each.second.when.number);
+    });
+    if (is_watched(oldest->first)) {
+      // That they were there may be why what is planned for them there is over.
+      Kept there{kept.received, {}};
+      there.message.places = {oldest->first};
+      lose(lost_planned_, there, oldest->second.when.at, now);
+    }
+    kept.gone.erase(oldest);
+  }
+  for (auto each = kept.visits.begin(); kept.visits.size() > kMostSenders;) {
+    each = each->first == kept.message.sender ? std::next(each) : kept.visits.erase(each);
+  }
+}
+
 void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
+  for (auto& [key, kept] : messages) bound(kept, now);
   const auto newest = [&now](const Kept& kept) {
     return std::max(now.by_this_clock(kept.received.at), planned_last(kept, now));
   };
@@ -1116,12 +1201,24 @@ bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
   return !has_another && ended && ended(kept.message.data, went - kFurthestAhead);
 }
 
+bool ProcedureBook::was_short(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
+                              const EndedSince& ended) const {
+  if (!left.from_here || left.from_here->number != left.when.number) return false;
+  const auto there = std::ranges::find_if(passed_, [&](const auto& each) {
+    return is_of_room(rule, each.first) && each.second.went.number == left.when.number;
+  });
+  if (there == passed_.end()) return false;
+  const ProcedureMoment &came = there->second.came.at, &went = left.when.at;
+  if (went.since_boot - came.since_boot >= kShortest) return false;
+  return !ended || !ended(message.data, came.utc - kFurthestAhead);
+}
+
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
                                  UtcTime planned, const ProcedureMoment& at, const EndedSince& ended) const {
   const UtcTime went = at.by_this_clock(left.when.at);
   if (at.utc - went > rule.window) return Standing::kOpen;
   if (!left.is_sure || went > at.utc) return Standing::kDoubtful;
-  if (planned <= went) return Standing::kDone;
+  if (planned <= went) return was_short(rule, left, message, ended) ? Standing::kDoubtful : Standing::kDone;
   if (!left.is_from_here || planned - went > kFurthestAhead) return Standing::kDoubtful;
   // It went faster than it was planned, if a case about them has ended since they came; else they were only
   // brought, as by mistake. Unless that was another one.

@@ -8,6 +8,8 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/bytes.h"
@@ -61,6 +63,11 @@ class ProcedureBook {
   /// A sender who for so long told of nothing but what was before has set its clock back.
   static constexpr std::chrono::hours kLongestBehind{1};
   static constexpr std::size_t kMostSenders = 64;
+  /// Of one patient so many places where they were before are kept; of more those of no watched room, and the
+  /// oldest, go.
+  static constexpr std::size_t kMostPlacesBefore = 64;
+  /// Whoever was in a room for less, and was not recorded there, may have been brought by mistake.
+  static constexpr std::chrono::minutes kShortest{10};
 
   /// Whoever is in a place of this rule is kept before others, with what is planned for them. Where something
   /// that concerns one is forgotten all the same, choose() takes nobody while it would count.
@@ -90,6 +97,12 @@ class ProcedureBook {
   /// All that find() chooses from: patients placed in the room, each completed by their appointment nearest
   /// to `at`, and appointments of others, within the window.
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, ProcedureMoment at) const;
+
+  /// A case about that procedure has ended in the rule's room.
+  void note_recorded(const ProcedureRule& rule, const ProcedureData& data, const ProcedureMoment& at);
+  /// Those, and when by the clock of `at`, in the order in which they were noted.
+  [[nodiscard]] std::vector<std::pair<ProcedureData, UtcTime>> recorded(const ProcedureRule& rule,
+                                                                        const ProcedureMoment& at) const;
 
   /// When somebody came to the rule's room last, left it, or was done with there, as far as messages say:
   /// what was in the room before that is of somebody else. Whoever is told late counts from when it happened.
@@ -167,6 +180,10 @@ class ProcedureBook {
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const Left& left,
                                   const ProcedureMessage& message, UtcTime planned, const ProcedureMoment& at,
                                   const EndedSince& ended) const;
+  /// Whether that patient was in the rule's room too shortly for an operation, when they left it last, and no
+  /// case about them has ended.
+  [[nodiscard]] bool was_short(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
+                               const EndedSince& ended) const;
   /// Of a time that is a day alone, or unclear otherwise: whether its patient left the room since then, a
   /// case about them has ended there, and nothing else is planned for them.
   [[nodiscard]] bool has_left_since(const ProcedureRule& rule, const Kept& kept,
@@ -208,7 +225,11 @@ class ProcedureBook {
   struct Lost {
     ProcedureMoment first, last;
   };
-  using LostPlaces = std::map<std::string, Lost>;  // by place, in lower case, and the day of `first`
+  using LostPlaces = std::map<std::string, Lost>;      // by place, in lower case, and the day of `first`
+  static constexpr std::string_view kAnyPlace = "\n";  // of these; no message names such a place
+  static void widen(Lost& lost, const Lost& by);
+  /// For one more: where two are of one place these become one, else one is of any place from then on.
+  static void make_room(LostPlaces& places);
   static std::string key_of_lost(const std::string& place, const ProcedureMoment& first);
   static std::string place_of_lost(const std::string& key);
   void lose(LostPlaces& places, const Kept& kept, const ProcedureMoment& first, const ProcedureMoment& last);
@@ -218,6 +239,7 @@ class ProcedureBook {
                              const ProcedureMoment& at) const;
   [[nodiscard]] bool is_watched(const std::string& place) const;
   [[nodiscard]] bool is_watched(const Kept& kept) const;
+  void bound(Kept& kept, const ProcedureMoment& now);
   void forget_old(Messages& messages, const ProcedureMoment& now);
   void forget_passed(const ProcedureMoment& now);
   /// When the appointment is planned by the clock of `at`.
@@ -297,6 +319,12 @@ class ProcedureBook {
   std::map<std::string, Passed> passed_;            // by place, in lower case; "" of all places together
   std::map<std::string, ProcedureMoment> changes_;  // likewise
   LostPlaces lost_placed_, lost_planned_;
+  struct Recorded {
+    std::string room;  // its locations
+    ProcedureData data;
+    ProcedureMoment at;
+  };
+  std::vector<Recorded> recorded_;  // the oldest first
 };
 
 }  // namespace kiroku::recorder

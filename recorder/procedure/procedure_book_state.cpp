@@ -10,7 +10,9 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 6;
+constexpr std::uint64_t kVersion = 7;
+/// Which knows nothing of what was recorded.
+constexpr std::uint64_t kVersionWithoutRecorded = 6;
 /// Which knows no move that was cancelled, of each visit one number, and of all that was lost of a place when
 /// it counted first and last.
 constexpr std::uint64_t kVersionBefore = 5;
@@ -212,7 +214,9 @@ struct ProcedureBook::AsBytes {
     if (version > kVersionBefore) {
       members(codec, visits);
     } else if constexpr (Codec::kReads) {
-      one.note_visit(message);
+      const bool is_of_appointment = message.kind == ProcedureMessage::Kind::kAppointment ||
+                                     message.kind == ProcedureMessage::Kind::kCancels;
+      if (!is_of_appointment) one.note_visit(message);
     }
   }
 
@@ -347,6 +351,13 @@ Bytes ProcedureBook::exported() const {
   }
   AsBytes::write(writer, lost_placed_);
   AsBytes::write(writer, lost_planned_);
+  writer.one(static_cast<std::uint64_t>(recorded_.size()));
+  for (const auto& [room, data, at] : recorded_) {
+    writer.one(room);
+    members(writer, data);
+    members(writer, data.numbers);
+    AsBytes::write(writer, at);
+  }
   return writer.take();
 }
 
@@ -393,6 +404,16 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
   if (version > kVersionOfOneDoubt) {
     AsBytes::read(reader, book.lost_placed_, version);
     AsBytes::read(reader, book.lost_planned_, version);
+  }
+  if (version > kVersionWithoutRecorded) {
+    for (std::int64_t left = reader.number_below(kMostKept + 1); left > 0; --left) {
+      Recorded one{{}, {}, UtcTime{}};
+      reader.one(one.room);
+      members(reader, one.data);
+      members(reader, one.data.numbers);
+      one.at = AsBytes::read(reader);
+      book.recorded_.push_back(std::move(one));
+    }
   }
   reader.require_end();
   for (const Kept& each : lost_placed) book.lose(book.lost_placed_, each, each.received.at, each.received.at);

@@ -323,6 +323,17 @@ Standing ProcedureInbox::standing(const ProcedureRule& rule, const ProcedureData
   return state_->book.standing(rule, data, planned, state_->moment(at), ended);
 }
 
+void ProcedureInbox::note_recorded(const ProcedureRule& rule, const ProcedureData& data, UtcTime at) {
+  const std::lock_guard guard(state_->mutex);
+  state_->book.note_recorded(rule, data, state_->moment(at));
+  state_->is_news = true;
+}
+
+std::vector<std::pair<ProcedureData, UtcTime>> ProcedureInbox::recorded(const ProcedureRule& rule) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.recorded(rule, {state_->time.utc(), state_->time.since_boot()});
+}
+
 std::vector<ProcedureData> ProcedureInbox::list(const ProcedureRule& rule, UtcTime at) const {
   const std::lock_guard guard(state_->mutex);
   return state_->book.list(rule, state_->moment(at));

@@ -54,6 +54,9 @@ class ProcedureInbox {
     return choose(rule, at).data;
   }
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
+  void note_recorded(const ProcedureRule& rule, const ProcedureData& data, UtcTime at);
+  /// Also by an earlier process.
+  [[nodiscard]] std::vector<std::pair<ProcedureData, UtcTime>> recorded(const ProcedureRule& rule) const;
   /// When, since the machine's boot, somebody came to the room last, left it, or was done with there; nothing
   /// where no message says so.
   [[nodiscard]] std::optional<Clock::Duration> changed_at(const ProcedureRule& rule) const;

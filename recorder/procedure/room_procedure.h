@@ -21,7 +21,9 @@ class RoomProcedure : public ProcedureSource {
   RoomProcedure(const std::shared_ptr<ProcedureInbox>& inbox, ProcedureRule rule,
                 std::unique_ptr<Worklist> worklist)
       : inbox_(inbox), rule_(std::move(rule)), worklist_(std::move(worklist)) {
-    if (inbox) inbox->watch(rule_);
+    if (!inbox) return;
+    inbox->watch(rule_);
+    ended_ = inbox->recorded(rule_);
   }
 
   /// Where both know the same patient, the worklist completes what the messages say. Where the messages leave
@@ -46,6 +48,8 @@ class RoomProcedure : public ProcedureSource {
     std::erase_if(ended_, [&](const auto& each) { return at - each.second > ProcedureBook::kLongestWindow; });
     if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
     ended_.emplace_back(data, at);
+    // For the process that starts next.
+    if (inbox_) inbox_->note_recorded(rule_, data, at);
   }
   void hurry() override {
     if (worklist_) worklist_->hurry();
@@ -126,7 +130,7 @@ class RoomProcedure : public ProcedureSource {
     return may_be_same_patient(one, same);
   }
 
-  const std::shared_ptr<const ProcedureInbox> inbox_;
+  const std::shared_ptr<ProcedureInbox> inbox_;
   const ProcedureRule rule_;
   const std::unique_ptr<Worklist> worklist_;
   mutable std::mutex mutex_;

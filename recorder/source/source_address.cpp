@@ -1,10 +1,12 @@
 #include "recorder/source/source_address.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <filesystem>
-#include <regex>
+#include <span>
 
+#include "base/ascii.h"
 #include "base/error.h"
 
 namespace kiroku::recorder {
@@ -31,21 +33,81 @@ void split_options(const std::string& text, SourceAddress& address) {
   }
 }
 
-/// Removes what opens the source to others: the password of "user:password@host", and telling query values.
-/// Errs on the side of removing: a password may itself hold '@' or '/'.
-std::string without_secrets(const std::string& text) {
-  std::string stated = text;
-  const std::size_t scheme = stated.find("://");
-  if (scheme != std::string::npos) {
-    const std::size_t begin = scheme + 3;
-    const std::size_t query = std::min(stated.find('?', begin), stated.size());
-    const std::size_t at = stated.rfind('@', query);
-    const std::size_t colon = stated.find(':', begin);
-    if (at != std::string::npos && at > begin && colon < at) stated.replace(colon + 1, at - colon - 1, "***");
+/// What cameras, encoders and libav call what opens nothing.
+constexpr std::array<std::string_view, 34> kHarmlessOptions{
+    "audio",     "buffer_size", "camera",  "channel", "codec",   "compression",    "duration",
+    "fifo_size", "format",      "fps",     "height",  "latency", "listen",         "localaddr",
+    "localport", "mode",        "payload", "ping",    "port",    "profile",        "proto",
+    "quality",   "rate",        "res",     "reuse",   "size",    "rtsp_transport", "resolution",
+    "stream",    "subtype",     "timeout", "ttl",     "unicast", "width"};
+/// Of files and of what the recorder makes itself: these options are its own, and some name a key.
+constexpr std::array<std::string_view, 8> kSecretOptions{"passphrase", "password", "passwd", "pwd",
+                                                         "streamid",   "key",      "token",  "auth"};
+
+bool holds(std::span<const std::string_view> names, std::string_view name) {
+  return std::ranges::find(names, lower_case(name)) != names.end();
+}
+
+/// "a=1&pw=2;3" without values, but for those of which `may_stay` is told the name.
+template <typename MayStay>
+std::string stated_options(std::string_view options, const MayStay& may_stay) {
+  std::string stated;
+  while (!options.empty()) {
+    const std::size_t end = std::min(options.find_first_of("&;"), options.size());
+    const std::string_view item = options.substr(0, end);
+    const std::size_t equals = item.find('=');
+    if (may_stay(item.substr(0, equals))) {
+      stated += item;
+    } else if (equals != std::string_view::npos) {
+      stated.append(item.substr(0, equals)).append("=***");
+    } else if (!item.empty()) {
+      stated += "***";
+    }
+    if (end < options.size()) stated += options[end];
+    options.remove_prefix(std::min(end + 1, options.size()));
   }
-  static const std::regex kSecretOptions(
-      "([?&](passphrase|password|passwd|pwd|streamid|key|token|auth)=)[^&]*", std::regex::icase);
-  return std::regex_replace(stated, kSecretOptions, "$1***");
+  return stated;
+}
+
+/// Of "rtsp://user:password@host/path?options": without whoever signs in, without the values that stand in
+/// the path behind '=', and of the options only those that open nothing. A password may itself hold '@', '/'
+/// or '?': of what may be one too much is taken away.
+std::string stated_address(std::string_view text, std::size_t scheme_end) {
+  const std::size_t begin = scheme_end + 3;
+  std::string stated(text.substr(0, begin));
+  text.remove_prefix(begin);
+  if (const std::size_t at = text.substr(0, text.find('?')).rfind('@'); at != std::string_view::npos) {
+    const std::size_t colon = text.substr(0, at).find(':');
+    // A name alone may be a token; with a password beside it, it is a name.
+    stated.append(colon < at ? text.substr(0, colon + 1) : std::string_view()).append(at > 0 ? "***@" : "@");
+    text.remove_prefix(at + 1);
+  }
+  const std::size_t question = std::min(text.find('?'), text.size());
+  std::string_view path = text.substr(0, question);
+  while (!path.empty()) {
+    const std::size_t end = std::min(path.find('/', 1), path.size());
+    const std::string_view part = path.substr(0, end);
+    const std::size_t equals = part.find('=');
+    stated.append(part.substr(0, equals)).append(equals == std::string_view::npos ? "" : "=***");
+    path.remove_prefix(end);
+  }
+  if (question == text.size()) return stated;
+  return stated + "?" + stated_options(text.substr(question + 1), [](std::string_view name) {
+           return holds(kHarmlessOptions, name);
+         });
+}
+
+/// What is written down and shown: nothing that opens the source to others.
+std::string without_secrets(const std::string& text) {
+  const std::size_t scheme = text.find("://");
+  const bool is_own =
+      scheme == std::string::npos || text.starts_with("mllp://") || text.starts_with("mllps://");
+  if (!is_own) return stated_address(text, scheme);
+  const std::size_t question = text.rfind('?');
+  if (question == std::string::npos) return text;
+  return text.substr(0, question + 1) +
+         stated_options(std::string_view(text).substr(question + 1),
+                        [](std::string_view name) { return !holds(kSecretOptions, name); });
 }
 
 }  // namespace

@@ -18,7 +18,9 @@ struct SourceAddress {
   std::map<std::string, std::string> options;  // after '?', for synthetic sources, files and monitors; part
                                                // of the location for network addresses, but for "transport",
                                                // which the scheme names: "rtsp+udp://"
-  std::string stated;  // for the ledger and for people: passwords and passphrases replaced by "***"
+  /// For the ledger and for people. "***" stands for what may open a source on the network: whoever signs in
+  /// there, values in the path, and options that are not known as harmless.
+  std::string stated;
 
   [[nodiscard]] std::string option(const std::string& name, const std::string& otherwise) const;
   /// Whether it goes as fast as it can and states its own times (`?speed=max`).

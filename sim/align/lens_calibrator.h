@@ -11,7 +11,7 @@
 
 #include <Eigen/Core>
 
-#include "sim/align/lens.h"
+#include "sim/render/lens.h"
 
 namespace kiroku::sim {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "sim/align/lens.h"
+#include "sim/render/lens.h"
 
 namespace kiroku::sim {
 

@@ -6,8 +6,8 @@
 
 #include <Eigen/Core>
 
-#include "sim/align/lens.h"
 #include "sim/render/camera.h"
+#include "sim/render/lens.h"
 #include "sim/render/picture.h"
 
 namespace kiroku::sim {

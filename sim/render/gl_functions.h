@@ -84,6 +84,7 @@ namespace kiroku::sim {
   X(PFNGLTEXTURESTORAGE2DPROC, TextureStorage2D)                            \
   X(PFNGLTEXTURESTORAGE3DPROC, TextureStorage3D)                            \
   X(PFNGLTEXTURESUBIMAGE1DPROC, TextureSubImage1D)                          \
+  X(PFNGLTEXTURESUBIMAGE2DPROC, TextureSubImage2D)                          \
   X(PFNGLTEXTURESUBIMAGE3DPROC, TextureSubImage3D)                          \
   X(PFNGLUSEPROGRAMPROC, UseProgram)                                        \
   X(PFNGLVIEWPORTPROC, Viewport)

@@ -126,10 +126,11 @@ void draw_caption(Lettering& lettering, Picture& picture, const std::string& abo
   lettering.draw(picture, below, margin, picture.height - margin, height, colour);
 }
 
-void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm) {
-  const std::string title = "mm";
+void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm,
+                             const std::string& title) {
   const int margin = height / 2, bar = height, long_side = picture.height * 2 / 5;
-  const int wide = 3 * margin + bar + lettering.width_of(number_text(largest_mm, 4), height);
+  const int wide = std::max(3 * margin + bar + lettering.width_of(number_text(largest_mm, 4), height),
+                            2 * margin + lettering.width_of(title, height));
   const int left = std::max(0, picture.width - wide - margin), top = margin;
   const int below = std::min(picture.height, top + long_side + 3 * height);
   for (int y = top; y < below; ++y) {

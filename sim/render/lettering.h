@@ -40,7 +40,8 @@ void draw_caption(Lettering& lettering, Picture& picture, const std::string& abo
 void draw_stress_scale(Lettering& lettering, Picture& picture, double largest_pa);
 
 /// Viridis from 0 to `largest_mm` at the right border of a picture of any colours, with numbers of that
-/// height beside it, all before a dark ground.
-void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm);
+/// height beside it and a title above, all before a dark ground.
+void draw_displacement_scale(Lettering& lettering, Picture& picture, int height, double largest_mm,
+                             const std::string& title = "mm");
 
 }  // namespace kiroku::sim

@@ -35,6 +35,7 @@ PixelRays pixel_rays(const Scene& scene) {
   PixelRays rays;
   const Camera& camera = scene.camera;
   rays.parallel = camera.parallel;
+  rays.lens = scene.lens;
   const double scale = camera.parallel ? kMmPerM : 1;
   for (int x = 0; x < scene.width; ++x)
     rays.u.push_back(scale *
@@ -77,7 +78,13 @@ std::optional<PictureTriangle> picture_triangle(std::span<const Vector3, 3> corn
   }
   triangle.x1 = static_cast<int>(rays.u.size());
   triangle.y1 = static_cast<int>(rays.v.size());
-  if (bounded) {
+  if (bounded && rays.lens) {
+    const LensRays::Pixels pixels = rays.lens->pixels_within(least, greatest);
+    triangle.x0 = pixels.x0;
+    triangle.x1 = pixels.x1;
+    triangle.y0 = pixels.y0;
+    triangle.y1 = pixels.y1;
+  } else if (bounded) {
     const auto columns = pixels_within(rays.u, least.x(), greatest.x());
     const auto rows = pixels_within(rays.v, least.y(), greatest.y());
     triangle.x0 = columns[0];

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -22,6 +23,13 @@ namespace kiroku::sim {
 struct PixelRays {
   std::vector<double> u, v;
   bool parallel = false;
+  /// Where a lens bends them: those of each pixel, instead of the above.
+  std::shared_ptr<const LensRays> lens;
+
+  [[nodiscard]] Eigen::Vector2d of(int x, int y) const {
+    if (lens) return lens->slope(x, y);
+    return {u[static_cast<std::size_t>(x)], v[static_cast<std::size_t>(y)]};
+  }
 };
 PixelRays pixel_rays(const Scene& scene);
 

@@ -49,6 +49,8 @@ std::pair<Eigen::Vector2i, Eigen::Vector2i> PlacedMesh::covered(const Scene& sce
   Eigen::Vector2d least = size, greatest = Eigen::Vector2d::Zero();
   const Camera& camera = scene.camera;
   const double scale = camera.parallel ? kMmPerM : 1;
+  // Where a lens shows it is not looked for.
+  if (scene.lens) return {Eigen::Vector2i::Zero(), size.cast<int>()};
   for (const EntryFace& face : topology.surface) {
     for (const std::uint32_t node : face.nodes) {
       const Vector3& at = view_mm[node];

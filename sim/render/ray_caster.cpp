@@ -3,21 +3,17 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
-#include <optional>
 #include <thread>
 
 #include "base/error.h"
 #include "base/parallel.h"
 #include "sim/mesh/length_unit.h"
 #include "sim/render/colour_map.h"
-#include "sim/render/picture_triangles.h"
+#include "sim/render/picture_squares.h"
+#include "sim/render/tip_lighting.h"
 
 namespace kiroku::sim {
 namespace {
-
-constexpr std::size_t kPixels = std::size_t{kMarchTile} * kMarchTile;
-constexpr float kNothingMm = 1e30F;
 
 // How opaque a cell may be, as a byte: steps of a tenth of an octave from here on, which reach beyond the
 // most opaque that there is.
@@ -61,73 +57,6 @@ std::string name_of(InstructionSet set) {
   return set == InstructionSet::kAvx512 ? "AVX-512" : set == InstructionSet::kAvx2 ? "AVX2" : "baseline";
 }
 
-/// Opaque things in the picture: triangles with what lights them.
-struct Solids {
-  std::vector<PictureTriangle> triangles;
-  std::vector<std::array<Vector3, 3>> normals;
-  std::vector<Rgb> colours;
-
-  Solids(const Scene& scene, const PixelRays& rays) {
-    for (const Solid& solid : scene.solids) {
-      const std::vector<SolidVertex> vertices = triangles_of(solid);
-      for (std::size_t at = 0; at < vertices.size(); at += 3) {
-        std::array<Vector3, 3> places, turned;
-        for (std::size_t corner = 0; corner < 3; ++corner) {
-          places[corner] = kMmPerM * scene.camera.view_m(vertices[at + corner].position_m);
-          turned[corner] = scene.camera.to_view * vertices[at + corner].normal;
-        }
-        // Their triangles are apart: pixels on an edge of two belong to both, and show the same.
-        std::optional<PictureTriangle> triangle = picture_triangle(places, {0, 1, 2}, rays);
-        if (!triangle) continue;
-        triangle->owns_edge = {true, true, true};
-        triangle->number = static_cast<std::uint32_t>(normals.size());
-        triangles.push_back(*triangle);
-        normals.push_back(turned);
-        colours.push_back(solid.colour);
-      }
-    }
-  }
-
-  /// As the shader of solids has it.
-  [[nodiscard]] Vector3 colour(const PictureTriangle& triangle, const PictureTriangle::Hit& hit,
-                               const Vector3& to_eye, const Vector3& light) const {
-    Vector3 n = Vector3::Zero();
-    for (std::size_t corner = 0; corner < 3; ++corner)
-      n += hit.shares[corner] * normals[triangle.number][corner];
-    n.normalize();
-    const Rgb& rgb = colours[triangle.number];
-    const double diffuse = std::max(n.dot(light), 0.0);
-    const double gloss = std::pow(std::max(n.dot((light + to_eye).normalized()), 0.0), 40);
-    return Vector3(rgb[0], rgb[1], rgb[2]) / 255 * (0.35 + 0.65 * diffuse) + Vector3::Constant(0.35 * gloss);
-  }
-};
-
-/// One square of the picture on its way.
-struct Square {
-  std::array<std::uint32_t, kPixels * kMarchLayers> entries;
-  std::array<double, kPixels * kMarchLayers> depths_mm;
-  std::array<std::uint8_t, kPixels> layers{};
-  std::array<float, kPixels> end_mm;
-  std::array<float, kPixels * 3> colour;
-
-  void enter(std::size_t pixel, std::uint32_t entry, double depth_mm) {
-    const std::size_t first = pixel * kMarchLayers;
-    std::size_t at = layers[pixel];
-    if (at == kMarchLayers) {
-      if (depth_mm >= depths_mm[first + at - 1]) return;
-      --at;
-    } else {
-      ++layers[pixel];
-    }
-    for (; at > 0 && depths_mm[first + at - 1] > depth_mm; --at) {
-      entries[first + at] = entries[first + at - 1];
-      depths_mm[first + at] = depths_mm[first + at - 1];
-    }
-    entries[first + at] = entry;
-    depths_mm[first + at] = depth_mm;
-  }
-};
-
 }  // namespace
 
 RayCaster::RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferFunction& transfer,
@@ -150,11 +79,18 @@ RayCaster::RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferF
     tissue_.insert(tissue_.end(), entry.colour.begin(), entry.colour.end());
     tissue_.push_back(entry.extinction_per_mm);
   }
+  linear_tissue_ = tissue_;
   constexpr int kTintColours = 256;
   for (int i = 0; i < kTintColours; ++i) {
     for (const std::uint8_t part : viridis(i / double{kTintColours - 1}))
       tint_colours_.push_back(static_cast<float>(part) / 255);
     tint_colours_.push_back(1);
+  }
+  linear_tint_colours_ = tint_colours_;
+  for (std::vector<float>* const colours : {&linear_tissue_, &linear_tint_colours_}) {
+    for (std::size_t i = 0; i < colours->size(); ++i) {
+      if (i % 4 < 3) (*colours)[i] = static_cast<float>(linear_light(double{(*colours)[i]}));
+    }
   }
   measure_opacity();
 }
@@ -263,7 +199,8 @@ void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
 
 MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const {
   MarchScene march{};
-  march.volume = {volume_->texels.data(), opacity_.data(), {}, tissue_.data()};
+  march.volume = {
+      volume_->texels.data(), opacity_.data(), {}, scene.tip_light ? linear_tissue_.data() : tissue_.data()};
   for (std::size_t axis = 0; axis < 3; ++axis)
     march.volume.size[axis] = static_cast<std::int32_t>(volume_->size[axis]);
   march.cells = cells_.data();
@@ -297,16 +234,31 @@ MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, do
     march.sparse[level] = greatest_byte(-std::log2(1 - kFaint) / (sections * spacing_mm));
   }
   march.tinted = scene.stress ? 1 : 0;
-  march.tint_colours = tint_colours_.data();
+  march.tint_colours = scene.tip_light ? linear_tint_colours_.data() : tint_colours_.data();
   march.tint_share = scene.stress ? static_cast<float>(scene.stress->share) : 0;
   march.sheeted = scene.surface ? 1 : 0;
   if (scene.surface) {
-    for (std::size_t c = 0; c < 3; ++c) march.sheet[c] = static_cast<float>(scene.surface->colour[c]) / 255;
+    for (std::size_t c = 0; c < 3; ++c) {
+      march.sheet[c] = static_cast<float>(scene.surface->colour[c]) / 255;
+      if (scene.tip_light) march.sheet[c] = static_cast<float>(linear_light(double{march.sheet[c]}));
+    }
     march.sheet[3] = static_cast<float>(scene.surface->opacity);
   }
+  if (scene.tip_light) {
+    const TipLight& tip = *scene.tip_light;
+    march.tip = 1;
+    for (int axis = 0; axis < 3; ++axis) march.light[axis] = static_cast<float>(tip.at_m[axis] * kMmPerM);
+    march.tip_power = static_cast<float>(std::pow(tip.working_distance_m * kMmPerM, 2));
+    march.wet = static_cast<float>(tip.wet);
+    march.film_spread = static_cast<float>(std::pow(tip.roughness, 4));
+    march.film_reflectance = static_cast<float>(kWaterReflectance);
+    march.gamma = static_cast<float>(kPictureGamma);
+    march.one_over_gamma = static_cast<float>(1 / kPictureGamma);
+  }
   const double distance_mm = (std::max(mesh.nearest_mm, 0.0) + mesh.farthest_mm) / 2;
-  const double pixel_mm = 2 * camera.half_extent.maxCoeff() / std::min(scene.width, scene.height) *
-                          (camera.parallel ? kMmPerM : distance_mm);
+  const double reach = scene.lens ? scene.lens->lens().reach() : camera.half_extent.maxCoeff();
+  const double pixel_mm =
+      2 * reach / std::min(scene.width, scene.height) * (camera.parallel ? kMmPerM : distance_mm);
   march.likeness = pixel_mm < volume_->spacing_m * kMmPerM ? static_cast<float>(kAlike / 255) : 0;
   return march;
 }
@@ -314,63 +266,19 @@ MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, do
 Picture RayCaster::draw(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   place_cells(mesh, scene);
   const MarchScene march = march_scene(mesh, scene, spacing_m);
-  const PixelRays rays = pixel_rays(scene);
-  std::vector<PictureTriangle> faces;
-  for (const EntryFace& face : mesh.topology.surface) {
-    const std::array<Vector3, 3> corners{mesh.view_mm[face.nodes[0]], mesh.view_mm[face.nodes[1]],
-                                         mesh.view_mm[face.nodes[2]]};
-    if (std::optional<PictureTriangle> triangle = picture_triangle(corners, face.nodes, rays)) {
-      triangle->number = face.cell_and_corner;
-      faces.push_back(*triangle);
-    }
-  }
-  const Solids solids(scene, rays);
-  const TriangleTiles face_tiles(faces, scene.width, scene.height, kMarchTile),
-      solid_tiles(solids.triangles, scene.width, scene.height, kMarchTile);
-  const Vector3 light = scene.to_light.normalized();
-  const int across = (scene.width + kMarchTile - 1) / kMarchTile;
-  const int down = (scene.height + kMarchTile - 1) / kMarchTile;
+  const PictureSquares squares(mesh, scene);
   Picture picture(scene.width, scene.height);
   const auto draw_square = [&](std::size_t number) {
-    const auto square = std::make_unique<Square>();
-    MarchTile tile{};
-    tile.x0 = static_cast<std::int32_t>(number) % across * kMarchTile;
-    tile.y0 = static_cast<std::int32_t>(number) / across * kMarchTile;
-    tile.x1 = std::min(tile.x0 + kMarchTile, scene.width);
-    tile.y1 = std::min(tile.y0 + kMarchTile, scene.height);
-    square->end_mm.fill(kNothingMm);
-    for (std::size_t i = 0; i < square->colour.size(); ++i)
-      square->colour[i] = static_cast<float>(scene.background[i % 3]) / 255;
-    const auto each_pixel = [&](const PictureTriangle& triangle, const auto& visit) {
-      for (int y = std::max(triangle.y0, tile.y0); y < std::min(triangle.y1, tile.y1); ++y) {
-        for (int x = std::max(triangle.x0, tile.x0); x < std::min(triangle.x1, tile.x1); ++x) {
-          const double u = rays.u[static_cast<std::size_t>(x)], v = rays.v[static_cast<std::size_t>(y)];
-          const auto hit = triangle.hit(u, v);
-          if (hit) visit(static_cast<std::size_t>((y - tile.y0) * kMarchTile + x - tile.x0), *hit, u, v);
-        }
-      }
-    };
-    for (const std::uint32_t face : face_tiles.of(number)) {
-      each_pixel(faces[face], [&](std::size_t pixel, const PictureTriangle::Hit& hit, double, double) {
-        square->enter(pixel, faces[face].number, hit.depth_mm);
-      });
-    }
-    for (const std::uint32_t at : solid_tiles.of(number)) {
-      const PictureTriangle& triangle = solids.triangles[at];
-      each_pixel(triangle, [&](std::size_t pixel, const PictureTriangle::Hit& hit, double u, double v) {
-        const bool before_the_eye = rays.parallel || hit.depth_mm >= 1;
-        if (!before_the_eye || hit.depth_mm >= double{square->end_mm[pixel]}) return;
-        square->end_mm[pixel] = static_cast<float>(hit.depth_mm);
-        const Vector3 to_eye = rays.parallel ? Vector3(0, 0, 1) : Vector3(-u, -v, 1).normalized().eval();
-        const Vector3 colour = solids.colour(triangle, hit, to_eye, light);
-        for (std::size_t c = 0; c < 3; ++c)
-          square->colour[3 * pixel + c] = static_cast<float>(colour[static_cast<Eigen::Index>(c)]);
-      });
-    }
-    tile.entries = square->entries.data();
-    tile.layers = square->layers.data();
-    tile.end_mm = square->end_mm.data();
-    tile.colour = square->colour.data();
+    const std::unique_ptr<PictureSquare> square = squares.square(number);
+    const MarchTile tile{square->x0,
+                         square->y0,
+                         square->x1,
+                         square->y1,
+                         square->entries.data(),
+                         square->layers.data(),
+                         square->end_mm.data(),
+                         scene.lens ? square->slopes.data() : nullptr,
+                         square->colour.data()};
     march_(march, tile);
     for (int y = tile.y0; y < tile.y1; ++y) {
       const float* colour = square->colour.data() + 3 * std::size_t(y - tile.y0) * kMarchTile;
@@ -379,7 +287,7 @@ Picture RayCaster::draw(const PlacedMesh& mesh, const Scene& scene, double spaci
         to[i] = static_cast<std::uint8_t>(std::clamp(colour[i], 0.0F, 1.0F) * 255 + 0.5F);
     }
   };
-  for_each_part(static_cast<std::size_t>(across) * static_cast<std::size_t>(down), threads_, draw_square);
+  for_each_part(squares.count(), threads_, draw_square);
   return picture;
 }
 

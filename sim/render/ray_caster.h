@@ -58,7 +58,7 @@ class RayCaster {
   MarchRays march_;
   std::string name_;
   std::vector<std::uint8_t> opacity_;
-  std::vector<float> tissue_, tint_colours_;
+  std::vector<float> tissue_, tint_colours_, linear_tissue_, linear_tint_colours_;
   std::vector<MarchCell> cells_;
 };
 

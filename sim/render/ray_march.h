@@ -52,9 +52,13 @@ struct MarchScene {
   std::int32_t parallel;
   float spacing_mm;  // between cross-sections
   float ambient, diffuse, specular, shininess;
-  float edge_from, edge_scale;          // HU per mm; 1 over the width of the ramp
-  float gradient_scale, gradient_zero;  // HU per mm = texel * scale - zero
-  float light[3];                       // of length 1
+  float edge_from, edge_scale;               // HU per mm; 1 over the width of the ramp
+  float gradient_scale, gradient_zero;       // HU per mm = texel * scale - zero
+  float light[3];                            // towards it, of length 1; where it is, mm, if it is at the tip
+  std::int32_t tip;                          // 1: as tip_lighting.h has it, linear in light
+  float tip_power;                           // its brightness at 1 mm
+  float wet, film_spread, film_reflectance;  // share, a^2 and F0 of the film
+  float gamma, one_over_gamma;
   /// The greatest MarchVolume::opacity of which a cell is sampled on every second, fourth and eighth
   /// cross-section alone, each for as many.
   std::int32_t sparse[3];
@@ -76,6 +80,7 @@ struct MarchTile {
   const std::uint32_t* entries;
   const std::uint8_t* layers;  // (kMarchTile^2)
   const float* end_mm;         // (kMarchTile^2): depth of what is opaque; 1e30 for none
+  const float* slopes;         // (kMarchTile^2 x 2): of rays that a lens bends; null for the camera's own
   float* colour;               // (kMarchTile^2 x 3): what is behind, and then what is seen
 };
 

@@ -28,6 +28,8 @@ constexpr float kFarMm = 1e30F;
 // What still comes through when a ray counts as ended: less than half a step of 8 bits.
 constexpr float kEndedShare = 0.0019F;
 constexpr float kEndedExtinction = 9.0398F;  // what leaves that share
+// Where numbers are linear in light, what is dark has finer steps.
+constexpr float kTipEndedShare = 1e-4F, kTipEndedExtinction = 13.2877F;
 // No ray meets as many cells as this but one that rounding leads in circles.
 constexpr int kMostMet = 4096;
 
@@ -260,6 +262,7 @@ struct Waiting {
   alignas(64) float turn[4][kRoom] = {};
   alignas(64) float length_mm[kRoom] = {};  // that they stand for
   alignas(64) float tint[kRoom] = {};
+  alignas(64) float depth_mm[kRoom] = {};  // along the view
   // Of those that are being shaded: the CT's texels, and what the transfer function makes of them.
   alignas(64) float texels[4 * kLanes] = {};
   alignas(64) float tissues[4 * kLanes] = {};
@@ -271,18 +274,24 @@ struct Waiting {
     for (auto& numbers : turn) move(numbers);
     move(length_mm);
     move(tint);
+    move(depth_mm);
     count = count > first ? count - first : 0;
   }
 };
 
 class Ray {
  public:
-  Ray(const MarchScene& scene, Waiting& waiting, int x, int y) : scene_(scene), waiting_(waiting) {
+  /// `slope`: of a ray that a lens bends, else null.
+  Ray(const MarchScene& scene, Waiting& waiting, int x, int y, const float* slope)
+      : scene_(scene), waiting_(waiting) {
     const float s = (float(x) + 0.5F) * scene.one_over_size[0] * 2 - 1;
     const float t = (float(scene.height - 1 - y) + 0.5F) * scene.one_over_size[1] * 2 - 1;
     const float u = s * scene.half_extent[0] + scene.centre[0];
     const float v = t * scene.half_extent[1] + scene.centre[1];
-    if (scene.parallel != 0) {
+    if (slope != nullptr) {
+      along_[0] = slope[0];
+      along_[1] = slope[1];
+    } else if (scene.parallel != 0) {
       origin_[0] = u;
       origin_[1] = v;
     } else {
@@ -292,24 +301,29 @@ class Ray {
     length_ = __builtin_sqrtf(along_[0] * along_[0] + along_[1] * along_[1] + 1);
     section_mm_ = scene.spacing_mm * length_;
     per_mm_ = 1 / scene.spacing_mm;
+    for (int c = 0; c < 3; ++c) to_eye_[c] = (c < 2 ? -along_[c] : 1.0F) / length_;
     // Half way between the light and the eye.
     float sum = 0;
     for (int c = 0; c < 3; ++c) {
-      const float to_eye = (c < 2 ? -along_[c] : 1.0F) / length_;
-      between_[c] = scene.light[c] + to_eye;
+      between_[c] = scene.light[c] + to_eye_[c];
       sum += between_[c] * between_[c];
     }
     for (float& c : between_) c /= __builtin_sqrtf(sum);
+    if (scene.tip != 0) {
+      ended_share_ = kTipEndedShare;
+      ended_extinction_ = kTipEndedExtinction;
+    }
     for (Real& colour : sums_) colour = all(0.0F);
   }
 
   void follow(const std::uint32_t* entries, int layers, float end_mm, float* colour) {
     waiting_.count = 0;
     float next = 0;  // the cross-section that comes next
-    for (int layer = 0; layer < layers && through_ > kEndedShare; ++layer) {
+    for (int layer = 0; layer < layers && through_ > ended_share_; ++layer) {
       if (!follow_layer(entries[layer], end_mm, next)) break;
     }
-    if (through_ > kEndedShare && waiting_.count > 0) shade();
+    if (through_ > ended_share_ && waiting_.count > 0) shade();
+    if (scene_.tip != 0) return follow_in_light(colour);
     for (int c = 0; c < 3; ++c) colour[c] = sum_of(sums_[c]) + sheet_sum_[c] + through_ * colour[c];
   }
 
@@ -337,7 +351,7 @@ class Ray {
         const float in_at = crossing[from];
         const float first = section_from(in_at, per_mm_);
         next = next > first ? next : first;
-        if (scene_.sheeted != 0 && in_at < end_mm) pass_sheet(cell, int(from), true);
+        if (scene_.sheeted != 0 && in_at < end_mm) pass_sheet(cell, int(from), true, in_at);
       }
       const float stop = out_at < end_mm ? out_at : end_mm;
       const float beyond = section_from(stop, per_mm_);
@@ -345,10 +359,10 @@ class Ray {
         if (cell.hidden == 0) gather(cell, std::int32_t(next), std::int32_t(beyond));
         next = beyond;
       }
-      if (out_at >= end_mm || through_ <= kEndedShare) return false;
+      if (out_at >= end_mm || through_ <= ended_share_) return false;
       const std::uint32_t into = cell.beyond[exit];
       if (into == kMarchNone) {
-        if (scene_.sheeted != 0) pass_sheet(cell, exit, false);
+        if (scene_.sheeted != 0) pass_sheet(cell, exit, false, out_at);
         return true;
       }
       number = into >> 2U;
@@ -403,10 +417,11 @@ class Ray {
       for (int c = 0; c < 4; ++c) append(waiting_.turn[c] + count, turn[c] + t * turning[c], lanes);
       append(waiting_.length_mm + count, length_mm, lanes);
       if (scene_.tinted != 0) append(waiting_.tint + count, tint + t * tinting, lanes);
+      if (scene_.tip != 0) append(waiting_.depth_mm + count, t, lanes);
       waiting_.count += __builtin_popcount(lanes);
       if (waiting_.count < kLanes) continue;
       shade();
-      if (through_ <= kEndedShare) return;
+      if (through_ <= ended_share_) return;
     }
   }
 
@@ -446,7 +461,7 @@ class Ray {
       __builtin_memcpy(tissues + 4 * i, volume.tissue + 4 * entry, 4 * sizeof(float));
       spent_ += volume.tissue[4 * entry + 3] * waiting_.length_mm[i];
       // The ray ends within these sixteen.
-      if (spent_ > kEndedExtinction) count = i + 1;
+      if (spent_ > ended_extinction_) count = i + 1;
     }
     Real texel[4], tissue[4];
     transpose(texels, texel);
@@ -486,11 +501,19 @@ class Ray {
     const Real n0 = (g[0] + twice * (q1 * a2 - q2 * a1)) * down,
                n1 = (g[1] + twice * (q2 * a0 - q0 * a2)) * down,
                n2 = (g[2] + twice * (q0 * a1 - q1 * a0)) * down;
-    const Real falling = most(n0 * scene_.light[0] + n1 * scene_.light[1] + n2 * scene_.light[2], all(0.0F));
-    const Real diffuse = 0.75F + shaded * (falling - 0.75F);
-    const Real half = most(n0 * between_[0] + n1 * between_[1] + n2 * between_[2], all(1e-6F));
-    const Real gloss = power_of_two(scene_.shininess * logarithm(half));
-    const Real lit = scene_.ambient + scene_.diffuse * diffuse, shine = scene_.specular * shaded * gloss;
+    const Real n[3] = {n0, n1, n2};
+    Real lit, shine;
+    if (scene_.tip != 0) {
+      light_by_tip(n, shaded, lit, shine);
+    } else {
+      const Real falling =
+          most(n0 * scene_.light[0] + n1 * scene_.light[1] + n2 * scene_.light[2], all(0.0F));
+      const Real diffuse = 0.75F + shaded * (falling - 0.75F);
+      const Real half = most(n0 * between_[0] + n1 * between_[1] + n2 * between_[2], all(1e-6F));
+      const Real gloss = power_of_two(scene_.shininess * logarithm(half));
+      lit = scene_.ambient + scene_.diffuse * diffuse;
+      shine = scene_.specular * shaded * gloss;
+    }
     Real taken = tissue[3] * load(waiting_.length_mm);
     taken = real(counting_whole()) < float(count) ? taken : all(0.0F);
     const Real after = through_ * power_of_two(-sums_up_to(taken));
@@ -501,8 +524,42 @@ class Ray {
     through_ = after[kLanes - 1];
   }
 
+  /// As tip_lighting.h has it: what a colour is multiplied by, and what the film of water adds.
+  void light_by_tip(const Real n[3], Real shaded, Real& lit, Real& shine) const {
+    const Real depth = load(waiting_.depth_mm);
+    Real l[3], h[3];
+    for (int c = 0; c < 2; ++c) l[c] = scene_.light[c] - (origin_[c] + depth * along_[c]);
+    l[2] = scene_.light[2] + depth;
+    const Real square = most(l[0] * l[0] + l[1] * l[1] + l[2] * l[2], all(1e-6F));
+    const Real bright = scene_.tip_power / square, one_over = 1.0F / root(square);
+    for (Real& c : l) c *= one_over;
+    for (int c = 0; c < 3; ++c) h[c] = l[c] + to_eye_[c];
+    const Real half = 1.0F / root(most(h[0] * h[0] + h[1] * h[1] + h[2] * h[2], all(1e-6F)));
+    for (Real& c : h) c *= half;
+    const Real falling = most(n[0] * l[0] + n[1] * l[1] + n[2] * l[2], all(0.0F));
+    const Real at_half = most(n[0] * h[0] + n[1] * h[1] + n[2] * h[2], all(0.0F));
+    const Real light_at_half = most(l[0] * h[0] + l[1] * h[1] + l[2] * h[2], all(1e-3F));
+    const Real spread = 1.0F + at_half * at_half * (scene_.film_spread - 1.0F);
+    const Real off = most(1.0F - light_at_half, all(0.0F)), off2 = off * off;
+    const Real fresnel = scene_.film_reflectance + (1 - scene_.film_reflectance) * (off2 * off2 * off);
+    const Real film =
+        scene_.film_spread * fresnel * falling / (4.0F * light_at_half * light_at_half * spread * spread);
+    lit = bright * (scene_.ambient + scene_.diffuse * (0.75F + shaded * (falling - 0.75F)));
+    shine = bright * scene_.wet * shaded * film;
+  }
+
+  /// What is behind a ray that gathered light, and both as a picture has them.
+  void follow_in_light(float* colour) const {
+    Real shown = all(0.0F);
+    for (int c = 0; c < 3; ++c) shown[c] = colour[c];
+    shown = power_of_two(scene_.gamma * logarithm(most(shown, all(1e-6F))));
+    for (int c = 0; c < 3; ++c) shown[c] = sum_of(sums_[c]) + sheet_sum_[c] + through_ * shown[c];
+    shown = power_of_two(scene_.one_over_gamma * logarithm(least(most(shown, all(1e-6F)), all(1.0F))));
+    for (int c = 0; c < 3; ++c) colour[c] = shown[c];
+  }
+
   /// A face of the surface, lit from outside.
-  void pass_sheet(const MarchCell& cell, int corner, bool entering) {
+  void pass_sheet(const MarchCell& cell, int corner, bool entering, float depth_mm) {
     while (waiting_.count > 0) shade();
     // Within the cell the barycentric coordinate of the corner opposite grows.
     float n[3], sum = 0;
@@ -512,17 +569,29 @@ class Ray {
     }
     if (!(sum > 0)) return;
     for (float& c : n) c /= __builtin_sqrtf(sum);
-    const float falling = dot(scene_.light, n[0], n[1], n[2]);
+    float to_light[3] = {scene_.light[0], scene_.light[1], scene_.light[2]};
+    float between[3] = {between_[0], between_[1], between_[2]};
+    float bright = 1;
+    if (scene_.tip != 0) {
+      for (int c = 0; c < 3; ++c) to_light[c] -= c < 2 ? origin_[c] + depth_mm * along_[c] : -depth_mm;
+      const float square = dot(to_light, to_light[0], to_light[1], to_light[2]);
+      for (float& c : to_light) c /= __builtin_sqrtf(square);
+      bright = scene_.tip_power / square;
+      for (int c = 0; c < 3; ++c) between[c] = to_light[c] + to_eye_[c];
+      const float length = __builtin_sqrtf(dot(between, between[0], between[1], between[2]));
+      for (float& c : between) c /= length;
+    }
+    const float falling = dot(to_light, n[0], n[1], n[2]);
     const float light = 0.35F + 0.65F * (falling > 0 ? falling : 0);
     float gloss = 0;
     if (entering) {
-      const float half = dot(between_, n[0], n[1], n[2]);
+      const float half = dot(between, n[0], n[1], n[2]);
       const float to_2 = half > 0 ? half * half : 0, to_4 = to_2 * to_2, to_8 = to_4 * to_4,
                   to_16 = to_8 * to_8;
       gloss = 0.3F * (to_16 * to_16 * to_8);
     }
     for (int c = 0; c < 3; ++c)
-      sheet_sum_[c] += through_ * scene_.sheet[3] * (scene_.sheet[c] * light + gloss);
+      sheet_sum_[c] += through_ * scene_.sheet[3] * (bright * (scene_.sheet[c] * light + gloss));
     through_ *= 1 - scene_.sheet[3];
   }
 
@@ -530,7 +599,8 @@ class Ray {
   Waiting& waiting_;
   float origin_[2] = {0, 0}, along_[2] = {0, 0};
   float length_ = 1, section_mm_ = 0, per_mm_ = 0;
-  float between_[3];
+  float to_eye_[3], between_[3];
+  float ended_share_ = kEndedShare, ended_extinction_ = kEndedExtinction;
   Real sums_[3];
   float sheet_sum_[3] = {0, 0, 0};
   float through_ = 1;
@@ -566,7 +636,8 @@ class Tile {
     const int pixel = number(x, y);
     const int layers = tile_.layers[pixel];
     if (layers == 0) return;
-    Ray ray(scene_, waiting_, tile_.x0 + x, tile_.y0 + y);
+    const float* const slope = tile_.slopes == nullptr ? nullptr : tile_.slopes + 2 * pixel;
+    Ray ray(scene_, waiting_, tile_.x0 + x, tile_.y0 + y, slope);
     ray.follow(tile_.entries + pixel * kMarchLayers, layers, tile_.end_mm[pixel], tile_.colour + 3 * pixel);
   }
 

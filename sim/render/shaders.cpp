@@ -19,6 +19,23 @@ vec4 projected(vec3 p) {
 }
 )GLSL";
 
+// The light at the tip, mm; see tip_lighting.h.
+constexpr const char* kTip = R"GLSL(
+uniform vec4 tip;   // where it is; its brightness at 1 mm
+uniform vec4 film;  // share, a^2, F0
+const float kGamma = 2.2;
+vec3 decoded(vec3 c) { return pow(max(c, vec3(1e-6)), vec3(kGamma)); }
+vec3 encoded(vec3 c) { return pow(clamp(c, vec3(1e-6), vec3(1)), vec3(1 / kGamma)); }
+float wet_highlight(vec3 n, vec3 l, vec3 to_eye) {
+  vec3 h = normalize(l + to_eye);
+  float at_half = max(dot(n, h), 0), light_at_half = max(dot(l, h), 1e-3);
+  float spread = 1 + at_half * at_half * (film.y - 1);
+  float off = max(1 - light_at_half, 0);
+  float fresnel = film.z + (1 - film.z) * (off * off * off * off * off);
+  return film.y * fresnel * max(dot(n, l), 0) / (4 * light_at_half * light_at_half * spread * spread);
+}
+)GLSL";
+
 constexpr const char* kWholePicture = R"GLSL(
 void main() { gl_Position = vec4((gl_VertexID & 1) * 4 - 1, (gl_VertexID >> 1) * 4 - 1, 0, 1); }
 )GLSL";
@@ -71,9 +88,17 @@ layout(location = 1) out float distance_mm;
 void main() {
   vec3 n = normalize(normal);
   vec3 to_eye = parallel != 0 ? vec3(0, 0, 1) : normalize(-at);
+#ifdef TIP
+  vec3 towards = tip.xyz - at;
+  vec3 l = normalize(towards);
+  float gloss = pow(max(dot(n, normalize(l + to_eye)), 0), 40);
+  vec3 lit = decoded(tint) * (0.35 + 0.65 * max(dot(n, l), 0)) + 0.35 * gloss;
+  colour = vec4(encoded(tip.w / dot(towards, towards) * lit), 1);
+#else
   float diffuse = max(dot(n, light), 0);
   float gloss = pow(max(dot(n, normalize(light + to_eye)), 0), 40);
   colour = vec4(tint * (0.35 + 0.65 * diffuse) + 0.35 * gloss, 1);
+#endif
   distance_mm = -at.z;
 }
 )GLSL";
@@ -131,6 +156,9 @@ layout(binding = 2) uniform sampler2D solid_distance;
 layout(binding = 3) uniform sampler3D volume;
 layout(binding = 4) uniform sampler1D transfer;
 layout(binding = 5) uniform sampler1D stress_colours;
+#ifdef LENS
+layout(binding = 6) uniform sampler2D slopes;
+#endif
 uniform int layers;
 uniform vec4 picture;      // size, and one over it
 uniform float spacing;     // of the cross-sections, mm
@@ -151,7 +179,11 @@ const uint kNone = 0xFFFFFFFFu;
 const uint kEmpty = 0x80000000u;
 const float kFar = 1e30;
 // What still comes through when a ray counts as ended: less than half a step of 8 bits.
+#ifdef TIP
+const float kEnded = 1e-4;
+#else
 const float kEnded = 0.0019;
+#endif
 // No ray meets as many cells as this but one that rounding leads in circles.
 const int kMostCells = 4096;
 
@@ -164,7 +196,11 @@ void main() {
 #else
   ivec2 pixel = ivec2(gl_FragCoord.xy);
 #endif
+#ifdef LENS
+  vec2 s = texelFetch(slopes, pixel, 0).xy;
+#else
   vec2 s = ((vec2(pixel) + 0.5) * picture.zw * 2 - 1) * view.xy + view.zw;
+#endif
   vec3 origin = parallel != 0 ? vec3(s, 0) : vec3(0);
   vec3 along = parallel != 0 ? vec3(0, 0, -1) : vec3(s, -1);
   float section_mm = spacing * length(along);
@@ -204,7 +240,13 @@ void main() {
         if (in_at < end) {
           vec3 inward = from == 0u ? -row1.xyz - row2.xyz - row3.xyz : from == 1u ? row1.xyz : from == 2u ? row2.xyz : row3.xyz;
           vec3 n = -normalize(inward);
+#ifdef TIP
+          vec3 towards = tip.xyz - (origin + in_at * along);
+          vec3 l = normalize(towards);
+          vec3 lit = tip.w / dot(towards, towards) * (sheet.rgb * (0.35 + 0.65 * max(dot(n, l), 0)) + 0.3 * pow(max(dot(n, normalize(l + to_eye)), 0), 40));
+#else
           vec3 lit = sheet.rgb * (0.35 + 0.65 * max(dot(n, light), 0)) + 0.3 * pow(max(dot(n, between), 0), 40);
+#endif
           sum += through * sheet.a * lit;
           through *= 1 - sheet.a;
         }
@@ -240,13 +282,24 @@ void main() {
           float shaded = clamp((steep - edge.x) * edge.y, 0, 1);
           // Towards where there is less: air, fat, outside.
           vec3 n = turned(q * inversesqrt(dot(q, q)), gradient) / -max(steep, 1e-6);
+#ifdef TIP
+          vec3 towards = tip.xyz - (origin + t * along);
+          float square = max(dot(towards, towards), 1e-6);
+          vec3 l = towards * inversesqrt(square);
+          float diffuse = mix(0.75, max(dot(n, l), 0), shaded);
+#else
           float diffuse = mix(0.75, max(dot(n, light), 0), shaded);
           float gloss = exp2(lighting.w * log2(max(dot(n, between), 1e-6)));
+#endif
 #ifdef STRESS
           vec3 painted = texelFetch(stress_colours, int(clamp(number + t * number_slope, 0, 1) * 255 + 0.5), 0).rgb;
           tissue.rgb = mix(tissue.rgb, painted, tint.x);
 #endif
+#ifdef TIP
+          vec3 lit = tip.w / square * (tissue.rgb * (lighting.x + lighting.y * diffuse) + film.x * shaded * wet_highlight(n, l, to_eye));
+#else
           vec3 lit = tissue.rgb * (lighting.x + lighting.y * diffuse) + lighting.z * shaded * gloss;
+#endif
           float share = exp2(-tissue.a * section_mm);
           sum += through * (1 - share) * lit;
           through *= share;
@@ -258,7 +311,12 @@ void main() {
       if (into == kNone) {
         vec3 inward = exit == 0u ? -row1.xyz - row2.xyz - row3.xyz : exit == 1u ? row1.xyz : exit == 2u ? row2.xyz : row3.xyz;
         vec3 n = normalize(inward);
+#ifdef TIP
+        vec3 towards = tip.xyz - (origin + out_at * along);
+        vec3 lit = tip.w / dot(towards, towards) * sheet.rgb * (0.35 + 0.65 * max(dot(n, normalize(towards)), 0));
+#else
         vec3 lit = sheet.rgb * (0.35 + 0.65 * max(dot(n, light), 0));
+#endif
         sum += through * sheet.a * lit;
         through *= 1 - sheet.a;
       }
@@ -269,7 +327,11 @@ void main() {
       cell = into;
     }
   }
+#ifdef TIP
+  vec4 gathered = vec4(encoded(sum + through * decoded(texelFetch(solid_colour, pixel, 0).rgb)), 1);
+#else
   vec4 gathered = vec4(sum + through * texelFetch(solid_colour, pixel, 0).rgb, 1);
+#endif
 #ifdef COMPUTE
   imageStore(shown, pixel, gathered);
 #else
@@ -300,7 +362,8 @@ void main() {
 
 std::string ray_shader(const RayFeatures& features, const char* kind) {
   return std::string(kVersion) + kind + (features.surface ? "#define SURFACE\n" : "") +
-         (features.stress ? "#define STRESS\n" : "") + kCamera + kRay;
+         (features.stress ? "#define STRESS\n" : "") + (features.lens ? "#define LENS\n" : "") + kCamera +
+         (features.tip ? std::string("#define TIP\n") + kTip : "") + kRay;
 }
 
 }  // namespace
@@ -309,7 +372,9 @@ std::string whole_picture_vertex_shader() { return std::string(kVersion) + kWhol
 std::string entry_vertex_shader() { return std::string(kVersion) + kCamera + kEntryVertex; }
 std::string entry_fragment_shader() { return std::string(kVersion) + kEntryFragment; }
 std::string solid_vertex_shader() { return std::string(kVersion) + kCamera + kSolidVertex; }
-std::string solid_fragment_shader() { return std::string(kVersion) + kCamera + kSolidFragment; }
+std::string solid_fragment_shader(bool tip) {
+  return std::string(kVersion) + kCamera + (tip ? std::string("#define TIP\n") + kTip : "") + kSolidFragment;
+}
 std::string marked_vertex_shader() { return std::string(kVersion) + kCamera + kMarkedVertex; }
 std::string marked_fragment_shader() { return std::string(kVersion) + kCamera + kMarkedFragment; }
 std::string ray_fragment_shader(const RayFeatures& features) { return ray_shader(features, ""); }

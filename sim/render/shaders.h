@@ -1,6 +1,7 @@
 // The shaders of volumes, as texts of GLSL 4.50. Pure, thread-safe.
 #pragma once
 
+#include <compare>
 #include <string>
 
 namespace kiroku::sim {
@@ -9,6 +10,10 @@ namespace kiroku::sim {
 struct RayFeatures {
   bool surface = false;  // the faces of the mesh's surface, as thin sheets
   bool stress = false;   // tissue is tinted by a number at the nodes
+  bool tip = false;      // light as tip_lighting.h has it, and colours linear in light
+  bool lens = false;     // rays bent by a lens, told for each pixel
+
+  auto operator<=>(const RayFeatures&) const = default;
 };
 
 /// A triangle over the whole picture, without any input.
@@ -19,7 +24,7 @@ std::string entry_vertex_shader();
 std::string entry_fragment_shader();
 /// Tools and points: opaque, lit.
 std::string solid_vertex_shader();
-std::string solid_fragment_shader();
+std::string solid_fragment_shader(bool tip);
 /// A body's surface with solids, lit; each pixel is told which solid's mark it shows.
 std::string marked_vertex_shader();
 std::string marked_fragment_shader();

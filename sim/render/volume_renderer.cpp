@@ -4,14 +4,18 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <thread>
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "base/parallel.h"
 #include "sim/mesh/length_unit.h"
 #include "sim/render/colour_map.h"
 #include "sim/render/gl_objects.h"
 #include "sim/render/gl_vector.h"
+#include "sim/render/picture_squares.h"
 #include "sim/render/shaders.h"
+#include "sim/render/tip_lighting.h"
 
 namespace kiroku::sim {
 namespace {
@@ -41,6 +45,7 @@ class VolumeRenderer::Drawing {
 
  private:
   void upload(const ShadedVolume& volume, const TransferFunction& transfer);
+  void upload_colours(std::vector<Float4> colours, const GlHandle& plain, const GlHandle& linear);
   void resize(int width, int height);
   void make_room_to_pack(int width, int height);
   void attach(const GlHandle& framebuffer, std::span<const GLenum> attachments);
@@ -49,6 +54,9 @@ class VolumeRenderer::Drawing {
   void set(const GlHandle& program, const char* name, int value);
   void set_camera(const GlHandle& program, const Scene& scene);
   void draw_solids(const Scene& scene);
+  void give_cells(PlacedMesh& mesh, const Scene& scene);
+  void set_tip(const GlHandle& program, const TipLight& tip);
+  int find_by_lens(const PlacedMesh& mesh, const Scene& scene);
   int peel(const PlacedMesh& mesh, const Scene& scene, int first, int last, bool until_empty);
   [[nodiscard]] bool has_faces(int layer) const;
   void cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m);
@@ -60,16 +68,20 @@ class VolumeRenderer::Drawing {
   const GlFunctions& gl_;
   TransferFunction transfer_;
   GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
+  GlHandle linear_transfer_, linear_stress_;  // the same, linear in light
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
   GlHandle entry_program_, solid_program_;
-  GlHandle pack_program_;  // on a graphics processor
+  GlHandle tip_solid_program_;  // once it is asked for
+  GlHandle pack_program_;       // on a graphics processor
   std::array<GlHandle, kMostLayers> queries_;
-  std::map<std::pair<bool, bool>, GlHandle> ray_programs_;  // with the surface, with stress
+  std::map<RayFeatures, GlHandle> ray_programs_;
   // By the picture's size.
   int width_ = 0, height_ = 0;
   GlHandle packed_;
   const std::uint8_t* mapped_ = nullptr;  // packed_'s memory; none where pictures are not packed
   GlHandle entries_, solid_colour_, solid_distance_, solid_depth_, picture_;
+  GlHandle slopes_;                           // where a lens bends the rays
+  std::shared_ptr<const LensRays> uploaded_;  // whose they are
   std::array<GlHandle, 2> depths_;
   std::array<GlHandle, kMostLayers> entry_targets_;  // a layer each, over the two depths in turn
   GlHandle solid_target_, picture_target_;
@@ -87,6 +99,8 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       volume_(make_texture(gl_, GL_TEXTURE_3D)),
       transfer_colours_(make_texture(gl_, GL_TEXTURE_1D)),
       stress_colours_(make_texture(gl_, GL_TEXTURE_1D)),
+      linear_transfer_(make_texture(gl_, GL_TEXTURE_1D)),
+      linear_stress_(make_texture(gl_, GL_TEXTURE_1D)),
       positions_(make_buffer(gl_)),
       surface_(make_buffer(gl_)),
       cells_(make_buffer(gl_)),
@@ -95,7 +109,7 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       stress_(make_buffer(gl_)),
       solid_vertices_(make_buffer(gl_)),
       entry_program_(make_program(gl_, entry_vertex_shader(), entry_fragment_shader())),
-      solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader())) {
+      solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader(false))) {
   for (GlHandle& query : queries_) query = make_query(gl_, GL_ANY_SAMPLES_PASSED);
   if (!context_->is_software()) pack_program_ = make_compute_program(gl_, pack_compute_shader());
   upload(volume, transfer);
@@ -129,18 +143,26 @@ void VolumeRenderer::Drawing::upload(const ShadedVolume& volume, const TransferF
   colours.reserve(transfer.entries.size());
   for (const TransferFunction::Entry& entry : transfer.entries)
     colours.push_back({entry.colour[0], entry.colour[1], entry.colour[2], entry.extinction_per_mm});
-  gl_.TextureStorage1D(transfer_colours_.name(), 1, GL_RGBA32F, static_cast<GLsizei>(colours.size()));
-  gl_.TextureSubImage1D(transfer_colours_.name(), 0, 0, static_cast<GLsizei>(colours.size()), GL_RGBA,
-                        GL_FLOAT, colours.data());
-  sample_nearest(gl_, transfer_colours_);
+  upload_colours(colours, transfer_colours_, linear_transfer_);
   colours.clear();
   constexpr int kStressColours = 256;
   for (int i = 0; i < kStressColours; ++i)
     colours.push_back(share_of(viridis(i / double{kStressColours - 1}), 1));
-  gl_.TextureStorage1D(stress_colours_.name(), 1, GL_RGBA32F, kStressColours);
-  gl_.TextureSubImage1D(stress_colours_.name(), 0, 0, kStressColours, GL_RGBA, GL_FLOAT, colours.data());
-  sample_nearest(gl_, stress_colours_);
+  upload_colours(colours, stress_colours_, linear_stress_);
   check_gl(gl_, "give the CT to " + context_->renderer());
+}
+
+void VolumeRenderer::Drawing::upload_colours(std::vector<Float4> colours, const GlHandle& plain,
+                                             const GlHandle& linear) {
+  for (const GlHandle* const texture : {&plain, &linear}) {
+    const auto count = static_cast<GLsizei>(colours.size());
+    gl_.TextureStorage1D(texture->name(), 1, GL_RGBA32F, count);
+    gl_.TextureSubImage1D(texture->name(), 0, 0, count, GL_RGBA, GL_FLOAT, colours.data());
+    sample_nearest(gl_, *texture);
+    for (Float4& colour : colours) {
+      for (std::size_t c = 0; c < 3; ++c) colour[c] = static_cast<float>(linear_light(double{colour[c]}));
+    }
+  }
 }
 
 void VolumeRenderer::Drawing::set_mesh(const PlacedMesh& mesh) {
@@ -177,6 +199,7 @@ void VolumeRenderer::Drawing::resize(int width, int height) {
   solid_distance_ = texture(GL_R32F);
   solid_depth_ = texture(GL_DEPTH_COMPONENT32F);
   picture_ = texture(GL_RGBA8);
+  uploaded_.reset();
   solid_target_ = make_framebuffer(gl_);
   picture_target_ = make_framebuffer(gl_);
   constexpr std::array<GLenum, 2> kBoth{GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
@@ -263,17 +286,71 @@ void VolumeRenderer::Drawing::draw_solids(const Scene& scene) {
   gl_.ClearNamedFramebufferfv(solid_target_.name(), GL_DEPTH, 0, &kFarthest);
   if (vertices.empty()) return;
   fill_buffer<Vertex>(gl_, solid_vertices_, vertices);
-  set_camera(solid_program_, scene);
+  if (scene.tip_light && tip_solid_program_.name() == 0)
+    tip_solid_program_ = make_program(gl_, solid_vertex_shader(), solid_fragment_shader(true));
+  const GlHandle& program = scene.tip_light ? tip_solid_program_ : solid_program_;
+  set_camera(program, scene);
   const Vector3 light = scene.to_light.normalized();
-  gl_.ProgramUniform3f(solid_program_.name(), gl_.GetUniformLocation(solid_program_.name(), "light"),
+  gl_.ProgramUniform3f(program.name(), gl_.GetUniformLocation(program.name(), "light"),
                        static_cast<float>(light.x()), static_cast<float>(light.y()),
                        static_cast<float>(light.z()));
+  if (scene.tip_light) set_tip(program, *scene.tip_light);
   gl_.BindFramebuffer(GL_FRAMEBUFFER, solid_target_.name());
-  gl_.UseProgram(solid_program_.name());
+  gl_.UseProgram(program.name());
   gl_.BindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, solid_vertices_.name());
   gl_.Enable(GL_DEPTH_TEST);
   gl_.Enable(GL_CULL_FACE);
   gl_.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(vertices.size()));
+}
+
+void VolumeRenderer::Drawing::set_tip(const GlHandle& program, const TipLight& tip) {
+  set(program, "tip", single(tip.at_m * kMmPerM, std::pow(tip.working_distance_m * kMmPerM, 2)));
+  set(program, "film", single(Vector3(tip.wet, std::pow(tip.roughness, 4), kWaterReflectance)));
+}
+
+/// What the pixels meet where a lens bends their rays, which no rasteriser can follow: found by the
+/// processor, as the ray caster has it. How many layers there are.
+int VolumeRenderer::Drawing::find_by_lens(const PlacedMesh& mesh, const Scene& scene) {
+  const auto width = static_cast<std::size_t>(width_), height = static_cast<std::size_t>(height_);
+  const PictureSquares squares(mesh, scene);
+  std::vector<std::uint32_t> entries(width * height * kMostLayers, kNoCell);
+  std::vector<float> distance_mm(width * height), colours(3 * width * height), slopes(2 * width * height);
+  std::vector<int> layers(squares.count());
+  for_each_part(squares.count(), std::max(std::thread::hardware_concurrency(), 1U), [&](std::size_t number) {
+    const std::unique_ptr<PictureSquare> square = squares.square(number);
+    for (int y = square->y0; y < square->y1; ++y) {
+      for (int x = square->x0; x < square->x1; ++x) {
+        const auto from = static_cast<std::size_t>((y - square->y0) * kMarchTile + x - square->x0);
+        // OpenGL's rows come from below.
+        const std::size_t to =
+            (height - 1 - static_cast<std::size_t>(y)) * width + static_cast<std::size_t>(x);
+        const int met = square->layers[from];
+        layers[number] = std::max(layers[number], met);
+        for (int layer = 0; layer < met; ++layer) {
+          const auto at = static_cast<std::size_t>(layer);
+          entries[at * width * height + to] = square->entries[from * kMarchLayers + at];
+        }
+        distance_mm[to] = square->end_mm[from];
+        for (std::size_t c = 0; c < 3; ++c) colours[3 * to + c] = square->colour[3 * from + c];
+        for (std::size_t c = 0; c < 2; ++c) slopes[2 * to + c] = square->slopes[2 * from + c];
+      }
+    }
+  });
+  const int most = *std::ranges::max_element(layers);
+  gl_.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  gl_.TextureSubImage3D(entries_.name(), 0, 0, 0, 0, width_, height_, std::max(most, 1), GL_RED_INTEGER,
+                        GL_UNSIGNED_INT, entries.data());
+  gl_.TextureSubImage2D(solid_colour_.name(), 0, 0, 0, width_, height_, GL_RGB, GL_FLOAT, colours.data());
+  gl_.TextureSubImage2D(solid_distance_.name(), 0, 0, 0, width_, height_, GL_RED, GL_FLOAT,
+                        distance_mm.data());
+  if (uploaded_ != scene.lens) {
+    slopes_ = make_texture(gl_, GL_TEXTURE_2D);
+    gl_.TextureStorage2D(slopes_.name(), 1, GL_RG32F, width_, height_);
+    sample_nearest(gl_, slopes_);
+    gl_.TextureSubImage2D(slopes_.name(), 0, 0, 0, width_, height_, GL_RG, GL_FLOAT, slopes.data());
+    uploaded_ = scene.lens;
+  }
+  return most;
 }
 
 /// Draws the layers from `first` on, until all before `last` are there or, where that is asked for, one is
@@ -313,17 +390,17 @@ bool VolumeRenderer::Drawing::has_faces(int layer) const {
 }
 
 const GlHandle& VolumeRenderer::Drawing::ray_program(const RayFeatures& features) {
-  const std::pair key(features.surface, features.stress);
-  const auto found = ray_programs_.find(key);
+  const auto found = ray_programs_.find(features);
   if (found != ray_programs_.end()) return found->second;
   GlHandle program = context_->is_software()
                          ? make_program(gl_, whole_picture_vertex_shader(), ray_fragment_shader(features))
                          : make_compute_program(gl_, ray_compute_shader(features));
-  return ray_programs_.emplace(key, std::move(program)).first->second;
+  return ray_programs_.emplace(features, std::move(program)).first->second;
 }
 
 void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, int layers, double spacing_m) {
-  const GlHandle& program = ray_program({scene.surface.has_value(), scene.stress.has_value()});
+  const GlHandle& program = ray_program({scene.surface.has_value(), scene.stress.has_value(),
+                                         scene.tip_light.has_value(), scene.lens != nullptr});
   set_camera(program, scene);
   set(program, "layers", layers);
   set(program, "picture",
@@ -339,7 +416,12 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
   gl_.ProgramUniform3f(program.name(), gl_.GetUniformLocation(program.name(), "light"),
                        static_cast<float>(light.x()), static_cast<float>(light.y()),
                        static_cast<float>(light.z()));
-  if (scene.surface) set(program, "sheet", share_of(scene.surface->colour, scene.surface->opacity));
+  if (scene.tip_light) set_tip(program, *scene.tip_light);
+  if (scene.surface) {
+    set(program, "sheet",
+        scene.tip_light ? single(linear_light(scene.surface->colour), scene.surface->opacity)
+                        : share_of(scene.surface->colour, scene.surface->opacity));
+  }
   if (scene.stress) {
     std::vector<float> stress(scene.stress->at_nodes_pa.size());
     std::ranges::transform(scene.stress->at_nodes_pa, stress.begin(),
@@ -356,8 +438,9 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
   gl_.BindTextureUnit(1, solid_colour_.name());
   gl_.BindTextureUnit(2, solid_distance_.name());
   gl_.BindTextureUnit(3, volume_.name());
-  gl_.BindTextureUnit(4, transfer_colours_.name());
-  gl_.BindTextureUnit(5, stress_colours_.name());
+  gl_.BindTextureUnit(4, (scene.tip_light ? linear_transfer_ : transfer_colours_).name());
+  gl_.BindTextureUnit(5, (scene.tip_light ? linear_stress_ : stress_colours_).name());
+  if (scene.lens) gl_.BindTextureUnit(6, slopes_.name());
   // Rays are followed where the mesh is; beside it there is what is behind.
   gl_.BlitNamedFramebuffer(solid_target_.name(), picture_target_.name(), 0, 0, width_, height_, 0, 0, width_,
                            height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
@@ -428,6 +511,12 @@ Picture VolumeRenderer::Drawing::read(int width, int height) {
   return picture;
 }
 
+void VolumeRenderer::Drawing::give_cells(PlacedMesh& mesh, const Scene& scene) {
+  mesh.place_cells(scene.camera);
+  fill_buffer<CellGeometry>(gl_, cells_, mesh.cells);
+  fill_buffer<Float4>(gl_, rotations_, mesh.rotations4);
+}
+
 Picture VolumeRenderer::Drawing::draw(PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   context_->make_current();
   resize(scene.width, scene.height);
@@ -436,15 +525,19 @@ Picture VolumeRenderer::Drawing::draw(PlacedMesh& mesh, const Scene& scene, doub
   fill_buffer<Float4>(gl_, positions_, mesh.positions4);
   nearest_mm_ = mesh.nearest_mm;
   farthest_mm_ = mesh.farthest_mm;
+  if (scene.lens) {
+    const int layers = find_by_lens(mesh, scene);
+    give_cells(mesh, scene);
+    cast(mesh, scene, layers, spacing_m);
+    return read(scene.width, scene.height);
+  }
   draw_solids(scene);
   // In software each layer is waited for, as one too many costs more. A graphics processor is given as many
   // as the last picture had and one more, and is asked with the picture whether that one is empty.
   const bool waits = context_->is_software();
   int layers = peel(mesh, scene, 0, waits ? kMostLayers : std::min(expected_layers_ + 1, kMostLayers), waits);
   gl_.Flush();
-  mesh.place_cells(scene.camera);
-  fill_buffer<CellGeometry>(gl_, cells_, mesh.cells);
-  fill_buffer<Float4>(gl_, rotations_, mesh.rotations4);
+  give_cells(mesh, scene);
   cast(mesh, scene, layers, spacing_m);
   Picture picture = read(scene.width, scene.height);
   if (waits) return picture;
@@ -540,6 +633,27 @@ void VolumeRenderer::set_mesh(const TetMesh& rest) {
   }
 }
 
+namespace {
+
+void require_optics(const Scene& scene) {
+  if (scene.tip_light) {
+    const TipLight& tip = *scene.tip_light;
+    if (!tip.at_m.allFinite() || !std::isfinite(tip.working_distance_m) || !(tip.working_distance_m > 0))
+      throw UsageError("the light at the tip must have a place, and a working distance greater than 0");
+    if (!(tip.wet >= 0 && tip.wet <= 1) || !(tip.roughness > 0 && tip.roughness <= 1))
+      throw UsageError("tissue is wet from 0 to 1, and its film rough from more than 0 to 1");
+  }
+  if (!scene.lens) return;
+  if (scene.camera.parallel) throw UsageError("a lens has no parallel rays: draw it in perspective");
+  if (scene.lens->width() != scene.width || scene.lens->height() != scene.height) {
+    throw UsageError("the lens's rays are of a picture of " + std::to_string(scene.lens->width()) + "x" +
+                     std::to_string(scene.lens->height()) + " pixels, not of one of " +
+                     std::to_string(scene.width) + "x" + std::to_string(scene.height));
+  }
+}
+
+}  // namespace
+
 Picture VolumeRenderer::render(std::span<const double> displacement_m, const Scene& scene) {
   if (!mesh_) throw UsageError("nothing can be drawn before there is a mesh");
   if (scene.width < 1 || scene.height < 1 || scene.width > kLargestPictureSide ||
@@ -556,8 +670,18 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
     throw UsageError("displacements that are no numbers cannot be drawn");
   if (scene.stress && (scene.stress->at_nodes_pa.size() != nodes || !(scene.stress->largest_pa > 0)))
     throw UsageError("a stress must be given for each node, with a largest that is greater than 0");
+  require_optics(scene);
   mesh_->place_nodes(displacement_m, scene.camera);
-  const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : volume_->spacing_m / 2;
+  Picture picture = drawn(scene);
+  if (scene.round) blacken_beyond_disc(picture);
+  return picture;
+}
+
+Picture VolumeRenderer::drawn(const Scene& scene) {
+  // By a light at the tip, slices of skin are as steep as they are seen on.
+  const double half_m = volume_->spacing_m / 2;
+  const double own_m = scene.tip_light ? std::min(half_m, Scene::kTipSpacingM) : half_m;
+  const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : own_m;
   if (drawing_) {
     try {
       return drawing_->draw(*mesh_, scene, spacing_m);

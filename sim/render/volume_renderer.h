@@ -57,8 +57,9 @@ class VolumeRenderer {
   void set_mesh(const TetMesh& rest);
 
   /// `displacement_m`: (3 |V|), finite, or empty for none. kiroku::UsageError for pictures without pixels or
-  /// larger than 8192, and for numbers of another count; kiroku::Error where the driver fails. A graphics
-  /// processor that fails is left for what comes without one, with a notice.
+  /// larger than 8192, for numbers of another count, and for a light or lens that is none; kiroku::Error
+  /// where the driver fails. A graphics processor that fails is left for what comes without one, with a
+  /// notice.
   Picture render(std::span<const double> displacement_m, const Scene& scene);
 
   /// As the driver names itself, or RayCaster::name().
@@ -69,6 +70,7 @@ class VolumeRenderer {
  private:
   class Drawing;
 
+  Picture drawn(const Scene& scene);
   void start(std::unique_ptr<GlContext> context);
   void go_on_in_software(const std::string& why);
   [[nodiscard]] bool is_on_gpu() const;

@@ -32,11 +32,11 @@
 #include "base/error.h"
 #include "sim/align/curve_fit.h"
 #include "sim/align/deformed_fit.h"
-#include "sim/align/lens.h"
 #include "sim/align/polyline.h"
 #include "sim/align/pose_search.h"
 #include "sim/align/search_verdict.h"
 #include "sim/meshing/organ_mesher.h"
+#include "sim/render/lens.h"
 #include "tests/bench/render_bench.h"
 #include "viewer/compare/registration.h"
 

@@ -296,6 +296,24 @@ def the_log_says_each_thing_once(mending, place, folder):
     mending.require_signed()
 
 
+def no_number_of_versions_hides_the_recorded_one(mending, place, folder):
+    """Whoever may put makes a hundred newer versions, which nothing locks."""
+    segment, ledger, junk = place.file("segments/endoscope/"), "ledger.jsonl", folder / "junk"
+    before = {path: set(place.versions(path)) for path in (segment, ledger)}
+    ends = max(place.headers(segment, each).get("x-amz-object-lock-retain-until-date", "") for each in before[segment])
+    junk.write_bytes(flipped((place.folder / segment).read_bytes()))
+    for _ in range(101):
+        place.store.put(BUCKET, place.key(segment), junk)
+        place.store.put(BUCKET, place.key(ledger), place.folder / ledger)
+    mended, left = mending.verify(place.case, "intact")
+    require(mended == {segment: "an older version"} and not left, f"mended {mended}, left {left}")
+    newest = place.versions(segment)[0]
+    require(place.headers(segment, newest)["x-amz-object-lock-retain-until-date"] >= ends, f"{segment} is locked for less than until {ends}")
+    for path, known in before.items():
+        for version in set(place.versions(path)) - known - {newest}:
+            place.store.ask("DELETE", f"/{BUCKET}/{place.key(path)}?versionId={version}")
+
+
 def an_appliance_says_what_it_cannot_mend(place):
     """No line names the device's key beside a case: where the store lost it, the case is not told to be whole."""
     place.rot("device.pub", None)
@@ -325,6 +343,16 @@ def what_cannot_be_mended_is_said(mending, place, folder):
     away = mending.replica.rename(mending.replica.parent / "away")
     left = mending.verify(place.case, "tampered", status=1)[1]
     require("the copy 'replica' could not be asked" in left[segment], f"left {left}")
+    # Why it could not be asked is told in other words each time, and not stated again for that.
+    count = len(mending.deeds())
+    mending.replica.mkdir()
+    (mending.replica / "or-1").write_text("no folder")
+    (mending.replica / "or-1").unlink()
+    (mending.replica / "or-1").symlink_to("or-1")
+    left = mending.verify(place.case, "tampered", status=1)[1]
+    require("the copy 'replica' could not be asked" in left[segment], f"left {left}")
+    require(len(mending.deeds()) == count, f"the log says {mending.deeds()[count:]}")
+    shutil.rmtree(mending.replica)
     away.rename(mending.replica)
 
     # A key that may not put mends nothing, and takes no verdict away.
@@ -519,6 +547,29 @@ def cases_from_before_a_key_are_mended(mending, store, folder):
     body.write_bytes(text + b"\n\n" + b"".join(lines.splitlines(keepends=True)[:2]))
     store.put(COPIES, f"or-4/{after.case.id}/{notes[0]}", body)
     require(told_of(after) == ({notes[0]: replica}, {}), f"of a copy without hardware's line: {told_of(after)}")
+    # Nor where only a smaller note has a copy that all keys signed.
+    stripped = written("20260805T091502Z-00000003", now, 12)
+    notes = sorted(f"checkpoints/{size:08}.note" for size in stripped.notes)
+    put(stripped, {missing, *notes})
+    for path in notes:
+        text, _, lines = (stripped.folder / path).read_bytes().rpartition(b"\n\n")
+        body.write_bytes(text + b"\n\n" + lines.splitlines(keepends=True)[0])
+        store.put(BUCKET, f"or-4/{stripped.case.id}/{path}", body)
+    shutil.copy(body, mending.replica / "or-4" / stripped.case.id / notes[-1])
+    mended, left = told_of(stripped)
+    require(mended == {missing: replica, **dict.fromkeys(notes[:-1], replica)} and set(left) == {"ledger.jsonl", notes[-1]},
+            f"of notes of which the largest has no whole copy: mended {mended}, left {left}")
+    # What only a line behind the signed ones says to be erased was not.
+    said = written("20260805T091502Z-00000004", note.Signer("or-4", bytes([4] * 32)), 5)
+    put(said, {missing})
+    lines = (said.folder / "ledger.jsonl").read_bytes()
+    last = json.loads(lines.splitlines()[-1])
+    erased = {"type": "erased", "seq": last["seq"] + 1, "utc": last["utc"], "mono_ns": last["mono_ns"], "stream": "room", "first_index": 0,
+              "last_index": 1, "policy": "made up"}
+    body.write_bytes(lines + json.dumps(erased, separators=(",", ":")).encode() + b"\n")
+    store.put(BUCKET, f"or-4/{said.case.id}/ledger.jsonl", body)
+    mended, left = told_of(said)
+    require(mended == {missing: replica} and set(left) == {"ledger.jsonl"}, f"of a made-up erasure: mended {mended}, left {left}")
 
 
 def two_workers_mend_once(mending, place):
@@ -559,6 +610,7 @@ def try_everything(programs, folder, store, connection):
     only_signed_lines_name_anything(mending, first, folder)
     a_ledger_ends_with_its_last_line(mending, first, folder)
     the_log_says_each_thing_once(mending, first, folder)
+    no_number_of_versions_hides_the_recorded_one(mending, first, folder)
     a_ledger_is_mended_by_what_the_device_signed(mending, second, folder)
     what_cannot_be_mended_is_said(mending, second, folder)
     a_signed_ledger_names_nothing_outside(mending, store, folder)

@@ -311,6 +311,100 @@ def another_machine_gets_the_cases_back(appliance, store):
     appliance.kiroku("ship")
 
 
+def another_device_states_what_a_lost_appliance_shipped(appliance, store):
+    """A recorder is destroyed in the middle of a case: another appliance says how far the store has it, and nobody ends it."""
+    other = Appliance(appliance.programs, appliance.home.parent / "or-2", store.endpoint, "recordings")
+    toml = other.home / "kiroku.toml"
+    toml.write_text(toml.read_text(encoding="utf-8").replace('appliance = "or-1"', 'appliance = "or-2"'), encoding="utf-8")
+    closed = appliance.recorded(2)
+    recording = appliance.record(30)
+    known = set(store.versions("recordings"))
+    following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL,
+                                 stderr=subprocess.DEVNULL)
+    eventually(lambda: sum("/growing/2" in key for key in set(store.versions("recordings")) - known) > 1, "no line of a segment came")
+    for each in (following, recording):
+        each.kill()
+        each.wait()
+    eventually(store.has_no_request, "the gateway answers a killed program")
+    lost = next(key.split("/")[2] for key in set(store.versions("recordings")) - known if "/growing/2" in key)
+    before = store.versions("recordings")
+    folder = appliance.home.parent / "stated"
+    device = ("--device", str(appliance.home / "device.identity"), "--own-authority", str(appliance.home / "own-authority.pem"))
+
+    def refused(case, sentence, *words, by=other, into="refused"):
+        told = by.ask("recover", "--from-store", case, "--appliance", "or-1", "-o", str(folder / into), *words)
+        require(told.returncode == 2 and sentence in told.stderr, f"expected '{sentence}': {told}")
+        require(store.versions("recordings") == before, f"something was put: {told}")
+
+    # What came a moment ago may be of an appliance that goes on.
+    refused(lost, "may still record", *device)
+    refused(lost, "is not trusted here", "--force", into="strange")
+    refused(closed, "was brought to its end by its own device", "--force", *device, into="closed")
+    refused(lost, "is this device's own", "--force", by=appliance, into="own")
+    refused("20200101T000000Z-00000000", "the store has nothing of case", *device)
+    lonely = other.ask("recover", "--appliance", "or-1")
+    require(lonely.returncode == 2 and "are for --from-store" in lonely.stderr, f"{lonely}")
+
+    command = ("recover", "--from-store", lost, "--appliance", "or-1", "--force", *device)
+    told = other.ask(*command, "-o", str(folder / "first"), "--json")
+    require(told.returncode == 0, f"not stated: {told}")
+    told = json.loads(told.stdout)
+    require(told["report"]["verdict"] == "incomplete" and told["statement"]["entries"]["size"] == told["report"]["entries"], f"{told}")
+    require(told["time"] == "self-issued" and len(told["in_store"]) == 2, f"no time-stamp of its own authority: {told}")
+    after = store.versions("recordings")
+    put = set(after) - set(before)
+    require(put == {each["key"] for each in told["in_store"]} and all(key.startswith(f"or-1/store-statements/{lost}/") for key in put), f"put: {put}")
+    require({key: after[key] for key in before} == before, "something of the case was put anew")
+    for key in put:
+        status, body = store.ask("DELETE", f"/recordings/{key}?versionId={after[key][0]}")
+        require(status == 403, f"the statement could be removed: {status} {body}")
+    # This device's log knows it, by its hash.
+    statement = pathlib.Path(told["statement"]["file"])
+    hashed = hashlib.sha256(statement.read_bytes()).hexdigest()
+    entries = [json.loads(line) for line in (other.home / "archive/log/ledger.jsonl").read_text().splitlines()]
+    require(any(each.get("case") == lost and hashed in each.get("what", "") for each in entries), "the log does not tell of it")
+    require(entries.index(next(each for each in entries if hashed in each.get("what", ""))) >= told["statement"]["log"]["size"], "the log told before")
+
+    # Whoever fetches the case gets the statement, and what it says is told by whoever trusts both devices.
+    keys = (*device, "--device", str(other.home / "device.identity"), "--own-authority", str(other.home / "own-authority.pem"))
+
+    def findings(into, *given):
+        fetched = other.ask("fetch", lost, "--appliance", "or-1", "-o", str(folder / into), "--json", *given)
+        report = json.loads(fetched.stdout)["cases"][0]["report"]
+        require(fetched.returncode == {"incomplete": 3}.get(report["verdict"], 0), f"{fetched}")
+        codes = {each["code"]: each["text"] for each in report["findings"] if each["code"].startswith("store-statement-")}
+        foreign = subprocess.run([sys.executable, "-B", str(HERE.parent / "foreign/verify.py"), str(folder / into / lost), *map(str, given)],
+                                 capture_output=True, text=True, check=True)
+        theirs = json.loads(foreign.stdout)
+        require({code for code in theirs["codes"] if code.startswith("store-statement-")} == set(codes) and theirs["verdict"] == report["verdict"],
+                f"the other verifier says {theirs}, and this one {report['verdict']} {codes}")
+        return report["verdict"], codes
+
+    verdict, codes = findings("second", *keys)
+    require(verdict == "incomplete" and set(codes) == {"store-statement-holds"}, f"{verdict} {codes}")
+    require("as its own authority says" in codes["store-statement-holds"], f"{codes}")
+    verdict, codes = findings("third", *device)
+    require(verdict == "incomplete" and set(codes) == {"store-statement-untrusted"}, f"{verdict} {codes}")
+    # What somebody with the appliance's keys to the store puts in its place is a newer version.
+    empty = appliance.home.parent / "empty"
+    empty.write_bytes(b"")
+    store.put("recordings", told["in_store"][0]["key"], empty)
+    require(set(findings("fourth", *keys)[1]) == {"store-statement-holds"}, "a newer version took the statement's place")
+    # And what they take away from a copy is found out.
+    note = max((folder / "fourth" / lost / "checkpoints").iterdir())
+    note.unlink()
+    done = subprocess.run([str(appliance.programs / "kiroku-verify"), str(folder / "fourth" / lost), "--json", *keys], capture_output=True, text=True)
+    require("store-statement-differs" in done.stdout and json.loads(done.stdout)["verdict"] == "incomplete", f"{done}")
+
+    # The appliance comes back, and ends its case itself.
+    appliance.kiroku("recover")
+    appliance.kiroku("ship")
+    verdict, codes = findings("back", *keys)
+    require(verdict == "intact-with-gaps" and set(codes) == {"store-statement-holds", "store-statement-outgrown"}, f"{verdict} {codes}")
+    before = store.versions("recordings")
+    refused(lost, "was brought to its end by its own device", "--force", *device, into="ended")
+
+
 def an_appliance_of_the_same_name_is_told(appliance, store):
     other = Appliance(appliance.programs, appliance.home.parent / "other", store.endpoint, "recordings")
     other.recorded(2)
@@ -577,7 +671,7 @@ def main():
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
         for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
                         a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
-                        another_machine_gets_the_cases_back,
+                        another_machine_gets_the_cases_back, another_device_states_what_a_lost_appliance_shipped,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
                         what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
                         the_logs_tree_is_published_there, what_is_wrong_is_said):

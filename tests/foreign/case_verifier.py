@@ -12,6 +12,7 @@ import merkle
 import note
 import schema
 import stamp
+import store_statements
 import strict_json
 from age_form import form_of, header_length, is_header
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
@@ -897,6 +898,8 @@ def verify_case(path, trust):
     folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
     vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger, entries.device)
     folder.judge_keys(entries.device, entries.claims, tuple(map(max, vouched, comparison.vouched(ledger))))
+    if entries.opening and entries.device and ledger.known == 1 << 62:
+        store_statements.judge(folder, entries.opening, entries.device, ledger)
     return Judgement(folder.findings)
 
 

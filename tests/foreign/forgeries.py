@@ -3722,6 +3722,210 @@ def carried_on_alone(world):
     return world.given(operation(world, later_only=True)[1].folder)
 
 
+# What other devices state of a case that only a store has
+
+
+def shipped(world):
+    """A case whose recorder never came back: what a store would have of it."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS, entered=False)
+    return case
+
+
+def rescuer(world):
+    """Another device of the same hospital, of two keys."""
+    return note.Signer("or4", bytes([4] * 32), ml_dsa_seed=bytes([5] * 32))
+
+
+def state_of(world, written, maker=None, **changed):
+    """The text of a statement of all that is there."""
+    root = lambda size: base64.b64encode(written.root(size)).decode()  # noqa: E731
+    size = len(written.lines)
+    named = {entry.get("file") for entry in map(json.loads, written.lines)}
+    paths = sorted(str(path.relative_to(written.folder)) for path in written.folder.rglob("*") if path.is_file())
+    files = {path: hashlib.sha256((written.folder / path).read_bytes()).hexdigest() for path in paths
+             if path.split("/")[0] in ("checkpoints", "tokens", "segments") and path not in named}
+    values = {"origin": f"kiroku/{(maker or rescuer(world)).name}/store-statement", "case": world.case_id, "device": str(world.device.key),
+              "store": "https://store.hospital.example/recordings/or3", "looked": stamp.text_of(world.utc_ns + 3600 * SECOND), "newest": "unknown",
+              "log": f"0 {base64.b64encode(hashlib.sha256(b'').digest()).decode()}", "entries": f"{size} {root(size)}", "signed": f"3 {root(3)}", "files": files, "missing": (),
+              **changed}
+    lines = [values["origin"], *(f"{key} {values[key]}" for key in ("case", "device", "store", "looked", "newest", "log", "entries", "signed")),
+             *(f"file {sha256}  {path}" for path, sha256 in values["files"].items()), *(f"missing {path}" for path in values["missing"])]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def stated(world, written, text, maker=None, name="20260805T170000Z-5e6f7a8b.note", trusted=True, line=None):
+    """The case with a statement beside it, and what a verifier is given: the key of its maker, too, where it is trusted."""
+    maker = maker or rescuer(world)
+    path = world.folder / "store-statements" / world.case_id / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(text.encode() + b"\n" + (line or maker.line(text.encode())))
+    return world.given(written.folder, devices=[world.device.key] + ([maker.identity] if trusted and maker != world.device else []), never=["file-unnamed"])
+
+
+@reaches("store-statement-holds", "not-closed")
+def stated_by_another_device(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written))
+
+
+@reaches("store-statement-holds")
+def stated_of_a_case_that_was_ended_since(world):
+    written = world.sound().write(world.folder)
+    return dataclasses.replace(stated(world, written, state_of(world, written)), never=["store-statement-outgrown"])
+
+
+@reaches("store-statement-holds", "store-statement-outgrown")
+def entries_came_since_it_was_stated(world):
+    written = world.sound().write(world.folder)
+    text = state_of(world, written, entries=f"5 {base64.b64encode(written.root(5)).decode()}", files={})
+    return stated(world, written, text)
+
+
+@reaches("store-statement-outgrown")
+def a_file_came_since_it_was_stated(world):
+    written = shipped(world).write(world.folder)
+    text = state_of(world, written)
+    (written.folder / "segments/endoscope/00000002.ts.age").write_bytes(b"x")
+    return stated(world, written, text)
+
+
+@reaches("store-statement-outgrown")
+def what_was_missing_when_it_was_stated_is_here(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, missing=["segments/endoscope/00000001.ts.age"]))
+
+
+@reaches("store-statement-differs")
+def more_was_stated_than_is_here(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, entries=f"{len(written.lines) + 1} {base64.b64encode(bytes(32)).decode()}"))
+
+
+@reaches("store-statement-differs")
+def other_entries_were_stated(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, entries=f"{len(written.lines)} {base64.b64encode(bytes(32)).decode()}"))
+
+
+@reaches("store-statement-differs")
+def other_signed_entries_were_stated(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, signed=f"3 {base64.b64encode(bytes(32)).decode()}"))
+
+
+@reaches("store-statement-differs")
+def a_file_that_was_stated_is_another(world):
+    written = shipped(world).write(world.folder)
+    text = state_of(world, written)
+    (written.folder / "tokens").joinpath(max(os.listdir(written.folder / "tokens"))).write_bytes(b"another")
+    return stated(world, written, text)
+
+
+@reaches("store-statement-differs")
+def a_file_that_was_stated_is_gone(world):
+    written = shipped(world).write(world.folder)
+    text = state_of(world, written)
+    (written.folder / "tokens").joinpath(max(os.listdir(written.folder / "tokens"))).unlink()
+    return stated(world, written, text)
+
+
+@reaches("store-statement-untrusted")
+def stated_by_a_stranger(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, world.stranger), world.stranger, trusted=False)
+
+
+@reaches("store-statement-untrusted")
+def stated_by_a_stranger_of_a_trusted_name(world):
+    written = shipped(world).write(world.folder)
+    text = state_of(world, written)
+    return stated(world, written, text, line=note.Signer("or4", bytes([6] * 32)).line(text.encode()))
+
+
+def refused_statement(world, change=None, **more):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, change(state_of(world, written)) if change else state_of(world, written), **more)
+
+
+@reaches("store-statement-refused")
+def stated_without_the_second_key(world):
+    written = shipped(world).write(world.folder)
+    text = state_of(world, written)
+    return stated(world, written, text, line=dataclasses.replace(rescuer(world), ml_dsa_seed=None).line(text.encode()))
+
+
+@reaches("store-statement-refused")
+def stated_with_a_signature_of_another_text(world):
+    return refused_statement(world, line=rescuer(world).line(b"another\n"))
+
+
+@reaches("store-statement-refused")
+def stated_by_the_cases_own_device(world):
+    written = shipped(world).write(world.folder)
+    return stated(world, written, state_of(world, written, world.device), world.device)
+
+
+@reaches("store-statement-refused")
+def stated_of_another_case(world):
+    return refused_statement(world, lambda text: text.replace(world.case_id, "20260101T000000Z-00000000"))
+
+
+@reaches("store-statement-refused")
+def stated_of_another_devices_case(world):
+    return refused_statement(world, lambda text: text.replace(str(world.device.key), str(world.stranger.key)))
+
+
+@reaches("store-statement-refused")
+def a_statement_with_a_line_too_many(world):
+    return refused_statement(world, lambda text: text + "more 1\n")
+
+
+@reaches("store-statement-refused")
+def a_statement_whose_paths_do_not_rise(world):
+    return refused_statement(world, lambda text: text + "missing b\nmissing a\n")
+
+
+@reaches("store-statement-refused")
+def a_statement_of_a_path_that_leads_out(world):
+    return refused_statement(world, lambda text: text + "missing ../a\n")
+
+
+@reaches("store-statement-refused")
+def a_statement_of_no_entries(world):
+    return refused_statement(world, lambda text: "".join(f"{line.split(' ')[0]} 0 {line.split(' ')[2]}" if line.startswith("entries") else line for line in text.splitlines(True)))
+
+
+@reaches("store-statement-refused")
+def a_statement_of_a_day_that_is_none(world):
+    return refused_statement(world, lambda text: text.replace("newest unknown", "newest 2026-02-30T00:00:00.000000Z"))
+
+
+@reaches("store-statement-refused")
+def a_statement_that_is_a_link(world):
+    given = refused_statement(world)
+    path = world.folder / "store-statements" / world.case_id
+    os.rename(path / "20260805T170000Z-5e6f7a8b.note", world.folder / "elsewhere")
+    (path / "20260805T170000Z-5e6f7a8b.note").symlink_to(world.folder / "elsewhere")
+    return given
+
+
+@reaches("store-statement-refused")
+def more_statements_than_are_read(world):
+    given = refused_statement(world, lambda text: "x\n", name="20260805T170000Z-00000000.note")
+    path = world.folder / "store-statements" / world.case_id
+    for number in range(1, 102):
+        shutil.copy(path / "20260805T170000Z-00000000.note", path / f"20260805T170000Z-{number:08x}.note")
+    return given
+
+
+@reaches()
+def a_statement_of_another_name_is_none(world):
+    return dataclasses.replace(refused_statement(world, lambda text: "x\n", name="notes.txt"), never=["store-statement-refused"])
+
+
 def beside_a_later_case(world, harm):
     """A sound case that carries another one on, and what became of that one's folder."""
     earlier, later = operation(world)

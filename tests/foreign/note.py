@@ -145,7 +145,7 @@ def parse_device(text):
     """The key in a device's file: a verifier key, or an identity of several keys that all sign it."""
     if not text.startswith("kiroku/"):
         return parse_key(text.strip())
-    signed, signatures = _parts(text)
+    signed, signatures = parts(text)
     lines = signed.split("\n")
     if len(lines) not in (5, 7) or not all(re.fullmatch("(0|[1-9][0-9]*)( .*)?", line) for line in lines[3::2]):
         raise Malformed("no identity of one or two keys beside Ed25519")
@@ -180,7 +180,7 @@ class Checkpoint:
     signatures: tuple   # (name, key's hash, signature)
 
 
-def _parts(note):
+def parts(note):
     """The text of a signed note, and its signatures."""
     if re.search(r"[\x00-\x09\x0b-\x1f]", note) or "\n\n" not in note or not note.endswith("\n"):
         raise Malformed("no signed note")
@@ -205,7 +205,7 @@ def parse_checkpoint(data):
         note = data.decode("utf-8")
     except UnicodeDecodeError as e:
         raise Malformed("no UTF-8") from e
-    text, signatures = _parts(note)
+    text, signatures = parts(note)
     lines = text.split("\n")
     if len(lines) != 4 or not lines[0] or not re.fullmatch("0|[1-9][0-9]{0,18}", lines[1]):
         raise Malformed("no checkpoint of three lines")

@@ -1,4 +1,5 @@
-// Lines of a case's ledger and of the appliance log, and excerpt.json, as a stranger may have written them.
+// Lines of a case's ledger and of the appliance log, excerpt.json, and the text of a store statement, as a
+// stranger may have written them.
 // What is accepted is written again in the one form of the format, and that form reads back as itself.
 #include <cstdint>
 #include <cstdlib>
@@ -8,6 +9,7 @@
 #include "archive/format/excerpt_document.h"
 #include "archive/format/ledger_entry.h"
 #include "archive/format/log_entry.h"
+#include "archive/format/store_statement.h"
 
 namespace {
 
@@ -53,6 +55,11 @@ void check_excerpt(std::string_view text) {
   }
 }
 
+void check_statement(std::string_view text) {
+  const auto statement = parse_store_statement(text);
+  require(!statement || statement->to_text() == text);  // it has one form
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -60,5 +67,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   check_case_entry(text);
   check_log_entry(text);
   check_excerpt(text);
+  check_statement(text);
   return 0;
 }

@@ -115,7 +115,9 @@ export const inView = ({ eye, right, up, back }: SceneCamera, node: Vector): Vec
 };
 
 const spots = ([x, y, z]: Vector, size: number) => {
-  const [p, q, r] = [x / size, y / size, z / size];
+  const p = x / size;
+  const q = y / size;
+  const r = z / size;
   return (
     (Math.sin(5.1 * p + 1.7 * Math.sin(2.3 * r + 0.4)) * Math.cos(4.3 * r + 1.9 * Math.sin(1.7 * q)) + Math.sin(3.7 * q + 2.1 * Math.sin(2.9 * p) + 1.3 * r)) /
     2
@@ -133,40 +135,43 @@ export class OrganScene {
   private readonly body = liver([24, 8, 18]);
   private readonly faces = surfaceOf(this.body);
 
-  /** Rows from the top: the depth and the light of the organ's surface, and the place at rest of the tissue that is seen. */
+  /** Rows from the top: the depth and the light of the organ's surface, and the place at rest of the tissue that is seen, three numbers each. Of a picture
+   * after a picture: no vector is made for a pixel. */
   private seen(camera: SceneCamera, pull_m: number) {
     const nodes = this.body.nodes.map((node) => inView(camera, pulled(node, pull_m)));
     const pixels = nodes.map(([x, y, z]) => [kWide / 2 + (kFocal * x) / -z, kHigh / 2 - (kFocal * y) / -z] as const);
     const depth = new Float64Array(kWide * kHigh).fill(Infinity);
     const light = new Float64Array(kWide * kHigh);
-    const rest: Vector[] = [];
+    const rest = new Float64Array(3 * kWide * kHigh);
     for (const face of this.faces) {
-      const [a, b, c] = face.map((node) => pixels[node] as readonly [number, number]) as [
-        readonly [number, number],
-        readonly [number, number],
-        readonly [number, number],
-      ];
-      const area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+      const [[ax, ay], [bx, by], [cx, cy]] = face.map((node) => pixels[node]) as [[number, number], [number, number], [number, number]];
+      const area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay);
       if (area === 0) continue;
-      const [p, q, r] = face.map((node) => nodes[node] as Vector) as [Vector, Vector, Vector];
-      const corners = face.map((node) => this.body.nodes[node] as Vector) as [Vector, Vector, Vector];
+      const [p, q, r] = face.map((node) => nodes[node]) as [Vector, Vector, Vector];
+      const [u, v, w] = face.map((node) => this.body.nodes[node]) as [Vector, Vector, Vector];
       const facing = Math.abs(unit(cross(plus(q, p, -1), plus(r, p, -1)))[2]);
-      const left = Math.max(0, Math.floor(Math.min(a[0], b[0], c[0])));
-      const right = Math.min(kWide - 1, Math.ceil(Math.max(a[0], b[0], c[0])));
-      const bottom = Math.min(kHigh - 1, Math.ceil(Math.max(a[1], b[1], c[1])));
-      for (let y = Math.max(0, Math.floor(Math.min(a[1], b[1], c[1]))); y <= bottom; ++y) {
+      const left = Math.max(0, Math.floor(Math.min(ax, bx, cx)));
+      const right = Math.min(kWide - 1, Math.ceil(Math.max(ax, bx, cx)));
+      const bottom = Math.min(kHigh - 1, Math.ceil(Math.max(ay, by, cy)));
+      for (let y = Math.max(0, Math.floor(Math.min(ay, by, cy))); y <= bottom; ++y) {
         for (let x = left; x <= right; ++x) {
-          const [px, py] = [x + 0.5, y + 0.5];
-          const of_b = ((px - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (py - a[1])) / area;
-          const of_c = ((b[0] - a[0]) * (py - a[1]) - (px - a[0]) * (b[1] - a[1])) / area;
+          const px = x + 0.5;
+          const py = y + 0.5;
+          const of_b = ((px - ax) * (cy - ay) - (cx - ax) * (py - ay)) / area;
+          const of_c = ((bx - ax) * (py - ay) - (px - ax) * (by - ay)) / area;
           const of_a = 1 - of_b - of_c;
           if (of_a < 0 || of_b < 0 || of_c < 0) continue;
           const far = -1 / (of_a / p[2] + of_b / q[2] + of_c / r[2]);
-          if (far >= (depth[y * kWide + x] as number)) continue;
-          depth[y * kWide + x] = far;
-          light[y * kWide + x] = facing;
-          const shares = [-of_a / p[2], -of_b / q[2], -of_c / r[2]] as const;
-          rest[y * kWide + x] = corners.reduce((sum, corner, at) => plus(sum, corner, far * (shares[at] as number)), [0, 0, 0] as Vector);
+          const at = y * kWide + x;
+          if (far >= (depth[at] as number)) continue;
+          depth[at] = far;
+          light[at] = facing;
+          const s = far * (-of_a / p[2]);
+          const t = far * (-of_b / q[2]);
+          const o = far * (-of_c / r[2]);
+          rest[3 * at] = s * u[0] + t * v[0] + o * w[0];
+          rest[3 * at + 1] = s * u[1] + t * v[1] + o * w[1];
+          rest[3 * at + 2] = s * u[2] + t * v[2] + o * w[2];
         }
       }
     }
@@ -196,24 +201,28 @@ export class OrganScene {
     for (let y = 0; y < kHigh; ++y) {
       for (let x = 0; x < kWide; ++x) {
         const at = y * kWide + x;
-        const [s, t] = [(x + 0.5 - kWide / 2) / kFocal, (kHigh / 2 - y - 0.5) / kFocal];
-        const ray = plus(plus(plus([0, 0, 0], camera.right, s), camera.up, t), camera.back, -1);
-        const isOrgan = Number.isFinite(depth[at] as number);
-        // The wall lies 6 cm behind.
-        const far = isOrgan ? (depth[at] as number) : Math.min(1, (0.06 - camera.eye[1]) / ray[1]);
-        const place = rest[at] ?? plus(camera.eye, ray, far);
-        let colour: Vector;
+        const isOrgan = (depth[at] as number) < Infinity;
         if (smoke) {
-          colour = [186, 188, 190];
+          rgb.set([186, 188, 190], 3 * at);
         } else if (isOrgan) {
+          const place: Vector = [rest[3 * at] as number, rest[3 * at + 1] as number, rest[3 * at + 2] as number];
           const bright = (0.55 + 0.45 * (light[at] as number)) * (1 + 0.16 * spots(place, 0.03) + 0.14 * spots(place, 0.014));
-          colour = [158 * bright, 64 * bright, 54 * bright];
+          rgb[3 * at] = 158 * bright;
+          rgb[3 * at + 1] = 64 * bright;
+          rgb[3 * at + 2] = 54 * bright;
         } else {
+          const [s, t] = [(x + 0.5 - kWide / 2) / kFocal, (kHigh / 2 - y - 0.5) / kFocal];
+          const ray = plus(plus(plus([0, 0, 0], camera.right, s), camera.up, t), camera.back, -1);
+          // The wall lies 6 cm behind.
+          const far = Math.min(1, (0.06 - camera.eye[1]) / ray[1]);
+          const place = plus(camera.eye, ray, far);
           const fat = 0.5 + 0.5 * Math.tanh(3 * spots(place, 0.09));
           const bright = (0.75 + 0.15 * spots(place, 0.02)) * Math.max(0.3, Math.min(1.2, 0.24 / far));
-          colour = [bright * (178 + 44 * fat), bright * (104 + 80 * fat), bright * (98 + 22 * fat)];
+          rgb[3 * at] = bright * (178 + 44 * fat);
+          rgb[3 * at + 1] = bright * (104 + 80 * fat);
+          rgb[3 * at + 2] = bright * (98 + 22 * fat);
         }
-        for (let c = 0; c < 3; ++c) rgb[3 * at + c] = (colour[c] as number) + noise();
+        for (let c = 0; c < 3; ++c) rgb[3 * at + c] = (rgb[3 * at + c] as number) + noise();
       }
     }
     return rgb;
@@ -222,15 +231,14 @@ export class OrganScene {
 
 /** BT.601, narrow range, as a recorder takes what says nothing else. */
 export function film(pictures: readonly Float64Array[], rate: number): Buffer {
+  const light = (one: number | undefined) => Math.max(0, Math.min(255, one as number));
   const frames = pictures.map((rgb) => {
     const count = kWide * kHigh;
     const bytes = Buffer.alloc(3 * count);
     for (let at = 0; at < count; ++at) {
-      const [r, g, b] = [rgb[3 * at] as number, rgb[3 * at + 1] as number, rgb[3 * at + 2] as number].map((one) => Math.max(0, Math.min(255, one))) as [
-        number,
-        number,
-        number,
-      ];
+      const r = light(rgb[3 * at]);
+      const g = light(rgb[3 * at + 1]);
+      const b = light(rgb[3 * at + 2]);
       const luma = 0.299 * r + 0.587 * g + 0.114 * b;
       bytes[at] = Math.round(16 + (219 * luma) / 255);
       bytes[count + at] = Math.round(128 + (224 * (b - luma)) / (1.772 * 255));

@@ -10,8 +10,8 @@
 #include <Eigen/Core>
 #include <Eigen/QR>
 
-#include "sim/align/lens.h"
 #include "sim/align/organ_surface.h"
+#include "sim/render/lens.h"
 #include "sim/render/picture.h"
 
 namespace kiroku::test {

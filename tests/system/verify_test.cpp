@@ -7,6 +7,7 @@ namespace kiroku::test {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class Verify : public ProgramTest {
  protected:
@@ -93,6 +94,21 @@ TEST_F(Verify, OfSeveralCasesReturnsTheWorst) {
   const auto reports = nlohmann::json::parse(with_absent.out);
   EXPECT_EQ(reports["cases"][0]["verdict"], "intact");
   EXPECT_THAT(reports["cases"][1]["error"].get<std::string>(), HasSubstr("absent"));
+}
+
+TEST_F(Verify, ALogThatIsGivenAsACaseIsNoTamperedCase) {
+  const std::string log = (home() / "archive/log").string();
+  EXPECT_REFUSED(kiroku({"verify", log}), "is an appliance log and no case: --as-log verifies it");
+  EXPECT_REFUSED(kiroku({"verify", "--as-log", case_.string()}), "is a case and no appliance log");
+  const ProcessResult both = kiroku({"verify", case_.string(), log + "/"});
+  EXPECT_EQ(both.status, 2);
+  EXPECT_THAT(both.out, Not(HasSubstr("TAMPERED")));
+  EXPECT_THAT(both.err, HasSubstr("is an appliance log"));
+  // What is called like a case is judged as one.
+  const auto copy = copy_of_case();
+  std::filesystem::copy_file(home() / "archive/log/ledger.jsonl", copy / "ledger.jsonl",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_EQ(kiroku({"verify", copy.string()}).status, 1);
 }
 
 TEST_F(Verify, BySmallProgramTrustsNothingByItself) {

@@ -22,7 +22,10 @@ struct Moments {
 
 Moments moments_of(const archive::CaseReader& recording) {
   Moments moments;
+  bool is_closed = false;
   recording.for_each([&](const archive::CaseEntry& entry) {
+    if (is_closed) return;  // what is written later is of no moment of the case
+    is_closed = std::holds_alternative<archive::CloseEntry>(entry.body);
     std::int64_t at_ns = entry.at.mono_ns;
     if (const auto* segment = std::get_if<archive::SegmentEntry>(&entry.body)) {
       at_ns = segment->span.start_ns;

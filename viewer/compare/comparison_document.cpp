@@ -172,6 +172,71 @@ void add_shape(const Deformation& deformation, ordered_json& moment) {
   if (deformation.why == sim::WhyRigid::kUnfitted) moment["unfitted"] = sim::name_of(deformation.unfitted);
 }
 
+/// Two nodes a digit of base64's alphabet, three bits each: 0 where a node does not depart, else the seventh
+/// of the scale that it lies in.
+std::string departures_text(const std::vector<float>& beyond_m, double scale_mm) {
+  constexpr unsigned kLevels = 7;
+  constexpr double kMmPerM = 1000;
+  const auto level = [&](std::size_t node) -> unsigned {
+    if (node >= beyond_m.size() || beyond_m[node] <= 0) return 0;
+    return static_cast<unsigned>(
+        std::clamp(std::ceil(kLevels * kMmPerM * beyond_m[node] / scale_mm), 1.0, double(kLevels)));
+  };
+  std::string text;
+  for (std::size_t node = 0; node < beyond_m.size(); node += 2) {
+    text +=
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"[8 * level(node) + level(node + 1)];
+  }
+  return text;
+}
+
+ordered_json departure_json(const Departure& departure, double scale_mm) {
+  constexpr double kMmPerM = 1000, kHundredth = 100;
+  ordered_json one{{"step", departure.moment->step + 1},
+                   {"plan_s", rounded(departure.moment->plan_s, kMmPerM)},
+                   {"told", rounded(departure.told, kHundredth)},
+                   {"beyond", rounded(departure.beyond, kMmPerM)},
+                   {"standard_error_mm", rounded(kMmPerM * departure.standard_error_m, kHundredth)}};
+  if (departure.beyond == 0) return one;
+  one["largest_mm"] = rounded(kMmPerM * departure.largest_m, kHundredth);
+  one["largest_error_mm"] = rounded(kMmPerM * departure.largest_error_m, kHundredth);
+  one["nodes"] = departures_text(departure.beyond_m, scale_mm);
+  return one;
+}
+
+void add_departure(const Departure& departure, double scale_mm, ordered_json& moment) {
+  if (departure.compared()) {
+    moment["departure"] = departure_json(departure, scale_mm);
+  } else if (departure.why != WhyNoDeparture::kNoShape) {
+    moment["no_departure"] = name_of(departure.why);
+  }
+}
+
+ordered_json departures_json(const Alignment& alignment) {
+  if (!alignment.deformed || alignment.deformed->departures.empty()) return nullptr;
+  constexpr double kMmPerM = 1000, kHundredth = 100;
+  const std::vector<Departure>& all = alignment.deformed->departures;
+  ordered_json steps = ordered_json::array();
+  for (const StepDeparture& step : alignment.step_departures()) {
+    ordered_json one{{"step", step.step + 1},
+                     {"pictures", step.pictures},
+                     {"compared", step.compared},
+                     {"departed", step.departed}};
+    if (step.departed > 0) {
+      one["largest_mm"] = rounded(kMmPerM * step.largest_m, kHundredth);
+      one["largest_error_mm"] = rounded(kMmPerM * step.largest_error_m, kHundredth);
+      one["at_ns"] = step.at_ns;
+    }
+    steps.push_back(std::move(one));
+  }
+  return {{"compared", std::ranges::count_if(all, &Departure::compared)},
+          {"departed", std::ranges::count_if(all, &Departure::departed)},
+          {"scale_mm", alignment.deformed->departure_scale_mm()},
+          {"errors", sim::DeformedTrack::kBeyond},
+          {"least_beyond", sim::DeformedTrack::kLeastBeyond},
+          {"steps", std::move(steps)}};
+}
+
 ordered_json moment_json(const sim::AlignedMoment& moment) {
   constexpr double kMmPerM = 1000, kHundredth = 100;
   ordered_json one{{"time_ns", moment.time_ns},
@@ -244,9 +309,13 @@ ordered_json organ_alignment_json(const Alignment& alignment) {
   }
   for (const Alignment::PictureSize& size : alignment.sizes)
     sizes.push_back({{"from_ns", size.from_ns}, {"width", size.width}, {"height", size.height}});
+  const double departures_mm = alignment.deformed ? alignment.deformed->departure_scale_mm() : 0;
   for (std::size_t i = 0; i < alignment.moments.size(); ++i) {
     moments.push_back(moment_json(alignment.moments[i]));
-    if (alignment.deformed) add_shape(alignment.deformed->moments[i], moments.back());
+    if (!alignment.deformed) continue;
+    add_shape(alignment.deformed->moments[i], moments.back());
+    if (i < alignment.deformed->departures.size())
+      add_departure(alignment.deformed->departures[i], departures_mm, moments.back());
   }
   ordered_json all = span_json(alignment.span);
   all["field_deg"] = alignment.field_deg;
@@ -257,6 +326,7 @@ ordered_json organ_alignment_json(const Alignment& alignment) {
   all["picture_sizes"] = std::move(sizes);
   all["surface"] = surface_json(alignment.surface);
   all["deformed"] = alignment.deformed ? deformed_alignment_json(*alignment.deformed) : ordered_json(nullptr);
+  all["departure"] = departures_json(alignment);
   all["moments"] = std::move(moments);
   return all;
 }

@@ -348,11 +348,43 @@ class Page {
         row({std::to_string(pictures), sentence_of(why)}, "td", "r");
       add("</table>\n");
     }
+    departures(found);
     if (found.lost().empty()) return;
     add("<table>\n");
     row({"not placed from", "to", "because"}, "th");
     for (const Alignment::Lost& lost : found.lost())
       row({time(lost.span.start_ns), time(lost.span.end_ns), sentence_of(lost.why)});
+    add("</table>\n");
+  }
+
+  void departures(const Alignment& found) {
+    if (!found.deformed || found.deformed->departures.empty()) return;
+    constexpr double kMmPerM = 1000;
+    add("<p>Where the recording shows the organ's surface, against where the plan has it at that moment. "
+        "Told is "
+        "what exceeds two standard errors, in a twentieth of the surface at least. Another pace than the "
+        "plan's is "
+        "a departure, too.</p>\n<table>\n");
+    constexpr const char* kNumbers = "lrrl";
+    row({"step", "pictures compared", "departing", "by up to"}, "th", kNumbers);
+    const std::vector<StepDeparture> steps = found.step_departures();
+    for (std::size_t at = 0; at < comparison_.steps.size(); ++at) {
+      const auto step = std::ranges::find(steps, at, &StepDeparture::step);
+      if (step == steps.end() || step->compared == 0) {
+        row({names_[at], "0", "",
+             step == steps.end() ? "nothing can be said: not looked at"
+                                 : "nothing can be said: the organ's shape is not known"},
+            "td", kNumbers);
+        continue;
+      }
+      row({names_[at], std::to_string(step->compared) + " of " + std::to_string(step->pictures),
+           std::to_string(step->departed),
+           step->departed == 0
+               ? "within two standard errors"
+               : number(kMmPerM * step->largest_m, 1) + " mm, standard error " +
+                     number(kMmPerM * step->largest_error_m, 1) + " mm, at " + time(step->at_ns)},
+          "td", kNumbers);
+    }
     add("</table>\n");
   }
 

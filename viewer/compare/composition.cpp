@@ -51,7 +51,8 @@ sim::Picture Composer::compose(const sim::Picture& plan, const sim::Picture& rec
   for (std::size_t i = 0; i < pictures.rgb.size(); ++i) pictures.rgb[i] = kPaper[i % 3];
   lay(plan, recording, pictures);
   if (caption.displacement_mm > 0)
-    sim::draw_displacement_scale(lettering_, pictures, letters(form_), caption.displacement_mm);
+    sim::draw_displacement_scale(lettering_, pictures, letters(form_), caption.displacement_mm,
+                                 caption.scale_title);
   return frame(pictures, caption);
 }
 

@@ -21,6 +21,8 @@ struct CompositionForm {
   double share = 0.5;                    // of overlay: the plan's opacity; of wipe: where the line is, 0 to 1
   sim::Rgb plan_background{18, 20, 24};  // what of the plan's picture is none of it
   std::vector<std::string> cautions;     // above everything, in every picture: provenance.h
+  /// Of an organ that is deformed to fit: colours say how far it departs from the plan, else from rest.
+  bool from_plan = false;
 };
 
 /// What stands around the pictures.
@@ -29,6 +31,7 @@ struct Caption {
   std::string step, vitals;     // below
   double displacement_mm = 0;   // beside the pictures' right border: what the last colour of a displacement
                                 // stands for; 0 for no scale
+  std::string scale_title = "mm";  // above that
 };
 
 class Composer {

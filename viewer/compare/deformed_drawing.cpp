@@ -1,6 +1,8 @@
 #include "viewer/compare/deformed_drawing.h"
 
 #include <algorithm>
+#include <array>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -13,15 +15,16 @@ namespace {
 constexpr sim::Rgb kUntold{150, 150, 150}, kUntoldStripe{90, 90, 90};
 
 /// Of a pixel that shows a face whose displacement is not told at each corner.
-const sim::Rgb& stripe_at(int x, int y) {
+sim::Rgb stripe_at(int x, int y) {
   constexpr int kWide = 4;
   return (x + y) / kWide % 2 == 0 ? kUntold : kUntoldStripe;
 }
 
-}  // namespace
-
-void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
-                   double scale_mm) {
+/// The nearest face at each pixel, in the colour that is asked for: of a face, shares of its corners, and a
+/// pixel. What is beside or behind the eye is left out.
+void draw_faces(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
+                const std::function<sim::Rgb(const std::array<std::uint32_t, 3>& face,
+                                             const std::array<double, 3>& shares, int x, int y)>& colour) {
   constexpr double kMmPerM = 1000;
   sim::Scene scene;
   scene.width = picture.width;
@@ -29,11 +32,8 @@ void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, cons
   scene.camera = shown.camera;
   const sim::PixelRays rays = sim::pixel_rays(scene);
   std::vector<sim::Vector3> at_mm;
-  std::vector<double> size_mm;
-  for (std::size_t node = 0; node < surface.nodes.size(); ++node) {
+  for (std::size_t node = 0; node < surface.nodes.size(); ++node)
     at_mm.push_back(kMmPerM * shown.camera.view_m(surface.nodes[node] + shown.displacement_m[node]));
-    size_mm.push_back(kMmPerM * shown.displacement_m[node].norm());
-  }
   std::vector<double> nearest_mm(
       static_cast<std::size_t>(picture.width) * static_cast<std::size_t>(picture.height),
       std::numeric_limits<double>::infinity());
@@ -43,7 +43,6 @@ void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, cons
     if (std::ranges::any_of(corners, [](const sim::Vector3& at) { return -at.z() < kNearestMm; })) continue;
     const auto triangle = sim::picture_triangle(corners, face, rays);
     if (!triangle) continue;
-    const bool told = shown.told[face[0]] && shown.told[face[1]] && shown.told[face[2]];
     for (int y = triangle->y0; y < triangle->y1; ++y) {
       for (int x = triangle->x0; x < triangle->x1; ++x) {
         const auto hit =
@@ -52,14 +51,42 @@ void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, cons
                                      static_cast<std::size_t>(x)];
         if (!hit || hit->depth_mm >= nearest) continue;
         nearest = hit->depth_mm;
-        double size = 0;
-        for (std::size_t corner = 0; corner < 3; ++corner)
-          size += hit->shares[corner] * size_mm[face[corner]];
-        const sim::Rgb colour = told ? sim::viridis(size / scale_mm) : stripe_at(x, y);
-        std::ranges::copy(colour, picture.pixel(x, y));
+        std::ranges::copy(colour(face, {hit->shares[0], hit->shares[1], hit->shares[2]}, x, y),
+                          picture.pixel(x, y));
       }
     }
   }
+}
+
+}  // namespace
+
+void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
+                   double scale_mm) {
+  constexpr double kMmPerM = 1000;
+  std::vector<double> size_mm;
+  for (const sim::Vector3& way_m : shown.displacement_m) size_mm.push_back(kMmPerM * way_m.norm());
+  draw_faces(
+      picture, surface, shown,
+      [&](const std::array<std::uint32_t, 3>& face, const std::array<double, 3>& shares, int x, int y) {
+        if (!shown.told[face[0]] || !shown.told[face[1]] || !shown.told[face[2]]) return stripe_at(x, y);
+        double size = 0;
+        for (std::size_t corner = 0; corner < 3; ++corner) size += shares[corner] * size_mm[face[corner]];
+        return sim::viridis(size / scale_mm);
+      });
+}
+
+void draw_departure(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
+                    const std::vector<float>& beyond_m, double scale_mm) {
+  constexpr double kMmPerM = 1000;
+  draw_faces(picture, surface, shown,
+             [&](const std::array<std::uint32_t, 3>& face, const std::array<double, 3>& shares, int, int) {
+               double size_m = 0;
+               for (std::size_t corner = 0; corner < 3; ++corner) {
+                 if (!(beyond_m[face[corner]] > 0)) return kUntold;
+                 size_m += shares[corner] * beyond_m[face[corner]];
+               }
+               return sim::viridis(kMmPerM * size_m / scale_mm);
+             });
 }
 
 }  // namespace kiroku::compare

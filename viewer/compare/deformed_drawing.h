@@ -8,6 +8,11 @@
 
 namespace kiroku::compare {
 
+/// Over what is in the picture: viridis of how far a node departs from the plan, 0 to `scale_mm`, where all
+/// of a face's nodes do (above 0); else grey.
+void draw_departure(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,
+                    const std::vector<float>& beyond_m, double scale_mm);
+
 /// Over what is in the picture: viridis of a node's displacement, 0 to `scale_mm`. Where a displacement is
 /// not told, stripes of grey. What is beside or behind the eye is left out.
 void draw_deformed(sim::Picture& picture, const sim::DrawnSurface& surface, const ShownDeformation& shown,

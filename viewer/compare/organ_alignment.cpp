@@ -1,6 +1,7 @@
 #include "viewer/compare/organ_alignment.h"
 
 #include <algorithm>
+#include <map>
 
 #include <Eigen/Geometry>
 
@@ -77,6 +78,43 @@ std::optional<sim::WhyRigid> Alignment::rigid_at(std::int64_t case_ns) const {
   if (!before.deformed() || next == moments.end()) return before.why;
   const Deformation& after = deformed->moments[number + 1];
   return after.deformed() ? sim::WhyRigid::kNoRest : after.why;
+}
+
+const Departure* Alignment::departure_at(std::int64_t case_ns) const {
+  if (!deformed || deformed->departures.empty()) return nullptr;
+  const auto next = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
+  if (next == moments.begin() || case_ns - std::prev(next)->time_ns > kAlignedMostNs) return nullptr;
+  return &deformed->departures[static_cast<std::size_t>(next - moments.begin()) - 1];
+}
+
+std::optional<ShownDeformation> Alignment::shape_at(std::int64_t case_ns) const {
+  if (auto shown = deformed_at(case_ns)) return shown;
+  const std::optional<sim::AlignedMoment> place = at(case_ns);
+  if (!place || !place->held()) return {};
+  const std::size_t nodes = surface.nodes.size();
+  return ShownDeformation{place->camera, std::vector<sim::Vector3>(nodes, sim::Vector3::Zero()),
+                          std::vector<bool>(nodes, true), place->standard_error_m, 0};
+}
+
+std::vector<StepDeparture> Alignment::step_departures() const {
+  std::map<std::size_t, StepDeparture> steps;
+  for (std::size_t i = 0; deformed && i < deformed->departures.size(); ++i) {
+    const Departure& one = deformed->departures[i];
+    if (!one.moment) continue;
+    StepDeparture& step = steps[one.moment->step];
+    step.step = one.moment->step;
+    ++step.pictures;
+    if (one.compared()) ++step.compared;
+    if (!one.departed()) continue;
+    ++step.departed;
+    if (one.largest_m <= step.largest_m) continue;
+    step.largest_m = one.largest_m;
+    step.largest_error_m = one.largest_error_m;
+    step.at_ns = moments[i].time_ns;
+  }
+  std::vector<StepDeparture> all;
+  for (const auto& [number, step] : steps) all.push_back(step);
+  return all;
 }
 
 std::vector<Alignment::Lost> Alignment::lost() const {
@@ -164,7 +202,12 @@ Alignment align_organ(const archive::CaseReader& recording, const crypto::AgeIde
     if (straight) picture = straight->straight(picture);
     alignment.moments.push_back(track.take(time_ns, picture));
     if (deformed) {
-      alignment.deformed->take(deformed->take(track.taken(), alignment.moments.back()), alignment.surface);
+      const sim::DeformedMoment moment = deformed->take(track.taken(), alignment.moments.back());
+      alignment.deformed->take(moment, alignment.surface);
+      if (request.planned != nullptr) {
+        alignment.deformed->departures.push_back(
+            departure_of(moment, request.planned->at(time_ns, organ->surface()), alignment.surface));
+      }
     }
     if (share) share(double(time_ns - request.span.start_ns) / all_ns);
   }

@@ -11,9 +11,9 @@
 #include "archive/reading/case_reader.h"
 #include "crypto/age_recipient.h"
 #include "sim/align/drawn_surface.h"
-#include "sim/align/lens.h"
 #include "sim/align/organ_track.h"
 #include "sim/model/body_model.h"
+#include "sim/render/lens.h"
 #include "viewer/compare/organ_deformation.h"
 #include "viewer/kept/provenance.h"
 
@@ -31,6 +31,8 @@ struct AlignmentRequest {
   sim::SearchRange range;             // from where the organ may be seen
   bool deformed = false;              // whether it is also deformed to fit
   std::optional<UsedLens> lens = {};  // nothing: pictures are taken to have no distortion
+  /// By which departures from the plan are told, of an organ that is deformed to fit; must outlive the call.
+  const PlannedShapes* planned = nullptr;
 };
 
 struct Alignment {
@@ -60,6 +62,14 @@ struct Alignment {
   /// Why it is not deformed in the picture of that time; nothing where it is, where nobody looked, and where
   /// that was not asked for.
   [[nodiscard]] std::optional<sim::WhyRigid> rigid_at(std::int64_t case_ns) const;
+  /// Where the recording departs from the plan, in the picture of that time or the last one before it that
+  /// was looked at; nothing where none was, and where departures were not asked for.
+  [[nodiscard]] const Departure* departure_at(std::int64_t case_ns) const;
+  /// The organ as it is seen in the picture of that time, deformed or at rest, so that departures can be
+  /// drawn.
+  [[nodiscard]] std::optional<ShownDeformation> shape_at(std::int64_t case_ns) const;
+  /// For each step of which a picture was looked at, in order.
+  [[nodiscard]] std::vector<StepDeparture> step_departures() const;
   /// Successive moments that were lost for the same reason.
   struct Lost {
     archive::Span span;

@@ -23,6 +23,17 @@ double farthest(const Eigen::VectorXd& vectors) {
   return most;
 }
 
+/// Rounded up to 1, 2 or 5 times a power of ten.
+double round_mm(double largest_m) {
+  constexpr double kLeastMm = 5;
+  const double largest_mm = std::max(kLeastMm, in_mm(largest_m));
+  const double ten = std::pow(10, std::floor(std::log10(largest_mm)));
+  for (const double times : {1.0, 2.0, 5.0}) {
+    if (times * ten >= largest_mm) return times * ten;
+  }
+  return 10 * ten;
+}
+
 }  // namespace
 
 std::vector<double> DisplacementFields::weights_of(const Eigen::VectorXd& displacement_mm) const {
@@ -130,14 +141,12 @@ double DeformedAlignment::largest_m() const {
   return largest;
 }
 
-double DeformedAlignment::scale_mm() const {
-  constexpr double kLeastMm = 5;
-  const double largest_mm = std::max(kLeastMm, in_mm(largest_m()));
-  const double ten = std::pow(10, std::floor(std::log10(largest_mm)));
-  for (const double times : {1.0, 2.0, 5.0}) {
-    if (times * ten >= largest_mm) return times * ten;
-  }
-  return 10 * ten;
+double DeformedAlignment::scale_mm() const { return round_mm(largest_m()); }
+
+double DeformedAlignment::departure_scale_mm() const {
+  double largest = 0;
+  for (const Departure& moment : departures) largest = std::max(largest, moment.largest_m);
+  return round_mm(largest);
 }
 
 ShownDeformation DeformedAlignment::shown(const Deformation& deformation) const {

@@ -9,6 +9,7 @@
 
 #include "sim/align/deformed_track.h"
 #include "sim/align/drawn_surface.h"
+#include "viewer/compare/departure.h"
 
 namespace kiroku::compare {
 
@@ -71,6 +72,7 @@ struct DeformedAlignment {
 
   DisplacementFields fields;
   std::vector<Deformation> moments;
+  std::vector<Departure> departures;  // for each of them, where the plan's own shapes were given
 
   /// Keeps what the track said; the drawn surface is that of the alignment.
   void take(const sim::DeformedMoment& moment, const sim::DrawnSurface& drawn);
@@ -86,6 +88,8 @@ struct DeformedAlignment {
   /// What the last colour stands for: the largest displacement, rounded up to 1, 2 or 5 times a power of ten
   /// in mm, at least 5 mm.
   [[nodiscard]] double scale_mm() const;
+  /// Likewise, of departures from the plan.
+  [[nodiscard]] double departure_scale_mm() const;
   [[nodiscard]] ShownDeformation shown(const Deformation& deformation) const;
 };
 

@@ -24,6 +24,16 @@ std::string words_of(const ShownDeformation& shown) {
          number_text(kMmPerM * shown.standard_error_m, 2) + " mm";
 }
 
+std::string words_of(const Departure& departure) {
+  constexpr double kMmPerM = 1000;
+  const auto mm = [](double metres) { return number_text(kMmPerM * metres, 2) + " mm"; };
+  if (!departure.departed())
+    return "organ as planned, within " + number_text(sim::DeformedTrack::kBeyond, 1) + " errors of " +
+           mm(departure.standard_error_m);
+  return "organ departs from the plan by up to " + mm(departure.largest_m) + ", error " +
+         mm(departure.largest_error_m);
+}
+
 /// How well the organ is placed, for the caption.
 std::string words_of(const std::optional<sim::AlignedMoment>& place,
                      const std::optional<sim::WhyRigid>& rigid) {
@@ -80,6 +90,15 @@ std::optional<ShownDeformation> PairedPictures::deformed() const {
   return taken_ns ? comparison_.alignment->deformed_at(*taken_ns) : std::nullopt;
 }
 
+bool PairedPictures::is_from_plan() const {
+  return form_.from_plan && is_aligned() && comparison_.alignment->deformed;
+}
+
+const Departure* PairedPictures::departure() const {
+  const std::optional<std::int64_t> taken_ns = recorded_.taken_ns();
+  return taken_ns ? comparison_.alignment->departure_at(*taken_ns) : nullptr;
+}
+
 void PairedPictures::clear_rendered() {
   rendered_ = background(form_.width, form_.height);
   rendered_frame_ = nullptr;
@@ -93,21 +112,41 @@ sim::Picture PairedPictures::background(int width, int height) const {
 
 void PairedPictures::draw_shape(ShownDeformation shown) {
   const sim::DrawnSurface& surface = comparison_.alignment->surface;
-  const double scale_mm = comparison_.alignment->deformed->scale_mm();
+  const DeformedAlignment& found = *comparison_.alignment->deformed;
+  const auto draw = [&](sim::Picture& picture) {
+    if (is_from_plan()) {
+      draw_departure(picture, surface, shown, departure()->beyond_m, found.departure_scale_mm());
+    } else {
+      draw_deformed(picture, surface, shown, found.scale_mm());
+    }
+  };
   clear_rendered();
   if (!bent_) {
-    draw_deformed(rendered_, surface, shown, scale_mm);
+    draw(rendered_);
     return;
   }
   shown.camera = bent_->drawn(shown.camera);
   sim::Picture drawn = background(bent_->drawn_width(), bent_->drawn_height());
-  draw_deformed(drawn, surface, shown, scale_mm);
+  draw(drawn);
   rendered_ = bent_->bent(drawn, form_.plan_background);
 }
 
 void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
   const sim::PlanFrames::Kept& kept = frames_.at(moment.step, moment.plan_s);
   std::optional<sim::Camera> camera;
+  if (is_from_plan()) {
+    const Departure* const found = departure();
+    const auto shown = found != nullptr && found->compared()
+                           ? comparison_.alignment->shape_at(*recorded_.taken_ns())
+                           : std::nullopt;
+    // Where nothing can be said of a departure, nothing is laid.
+    if (shown) {
+      draw_shape(*shown);
+    } else {
+      clear_rendered();
+    }
+    return;
+  }
   if (is_aligned()) {
     if (const auto shown = deformed()) {
       draw_shape(*shown);
@@ -133,7 +172,15 @@ void PairedPictures::render(const PlanMoment& moment, std::int64_t case_ns) {
 
 Caption PairedPictures::caption_at(std::int64_t case_ns) const {
   Caption caption = compare::caption_at(comparison_, case_ns);
-  if (is_aligned()) {
+  const Departure* const departed = is_from_plan() ? departure() : nullptr;
+  if (departed != nullptr && departed->why != WhyNoDeparture::kNoShape) {
+    const bool compared = departed->compared();
+    caption.step += "    (" + (compared ? words_of(*departed) : sentence_of(departed->why)) + ")";
+    if (compared) {
+      caption.displacement_mm = comparison_.alignment->deformed->departure_scale_mm();
+      caption.scale_title = "mm from plan";
+    }
+  } else if (is_aligned()) {
     if (const auto shown = deformed()) {
       caption.step += "    (" + words_of(*shown) + ")";
       caption.displacement_mm = comparison_.alignment->deformed->scale_mm();

@@ -53,6 +53,9 @@ class PairedPictures {
   [[nodiscard]] std::optional<ShownDeformation> deformed() const;
   void clear_rendered();
   [[nodiscard]] sim::Picture background(int width, int height) const;
+  /// Whether colours say how far the organ departs from the plan, and how it does in that picture.
+  [[nodiscard]] bool is_from_plan() const;
+  [[nodiscard]] const Departure* departure() const;
   void draw_shape(ShownDeformation shown);
   void render(const PlanMoment& moment, std::int64_t case_ns);
 

@@ -91,6 +91,13 @@ PlanMoment TimeMap::plan_at(std::int64_t case_ns) const {
   return {piece.step, a.plan_s + share * (b.plan_s - a.plan_s), interrupted};
 }
 
+std::optional<PlanMoment> TimeMap::during(std::int64_t case_ns) const {
+  const bool any = std::ranges::any_of(pieces_, [&](const MapPiece& piece) {
+    return case_ns >= piece.knots.front().case_ns && case_ns < piece.knots.back().case_ns;
+  });
+  return any ? std::optional(plan_at(case_ns)) : std::nullopt;
+}
+
 std::optional<std::int64_t> TimeMap::case_at(std::size_t step, double plan_s) const {
   const auto piece = std::ranges::find(pieces_, step, &MapPiece::step);
   if (piece == pieces_.end()) return {};

@@ -45,6 +45,8 @@ class TimeMap {
   [[nodiscard]] bool monotone() const { return monotone_; }
 
   [[nodiscard]] PlanMoment plan_at(std::int64_t case_ns) const;
+  /// The same while a step is done, pauses within it too; nothing before, between and after steps.
+  [[nodiscard]] std::optional<PlanMoment> during(std::int64_t case_ns) const;
   /// The inverse within a step; the first of the moments at which the plan stands there. Nothing where the
   /// step was not found or is elsewhere in the plan.
   [[nodiscard]] std::optional<std::int64_t> case_at(std::size_t step, double plan_s) const;

@@ -50,6 +50,7 @@ struct Taking {
   void operator()(const archive::MarkEntry& /*mark*/) const { ++facts->marks; }
   void operator()(const archive::CloseEntry& close) const {
     facts->closed_at = at;
+    facts->closed_by = entry;
     facts->close_reason = close.reason;
   }
   void operator()(const archive::ClockEntry& clock) const {

@@ -43,6 +43,7 @@ struct CaseFacts {
   std::optional<StoredNote> last_checkpoint;
   std::optional<archive::OpenEntry> opening;
   std::optional<archive::Moment> opened_at, closed_at;
+  std::uint64_t closed_by = 0;  // entry; of closed_at
   std::string close_reason;
   // By how much the machine's wall clock was set between them, all steps together; whether it was at all.
   std::int64_t clock_set_ns = 0;

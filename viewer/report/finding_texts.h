@@ -375,6 +375,17 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"rekeyed-key-differs", Check::kContents, "区間の新しいヘッダーの鍵が、元の鍵と異なる。"},
     {"rekeyed-not-opened", Check::kContents,
      "鍵を付け替えた区間がある。同じ映像が開けることは、受取人の鍵でのみ証明できる。"},
+    {"store-statement-holds", Check::kEnd,
+     "信頼する別の装置が、ストアに症例のどこまでがあったか、いつ見たかを述べている。ここにあるものはそれから"
+     "始まる。"},
+    {"store-statement-outgrown", Check::kEnd,
+     "別の装置がストアの内容を述べた後に、症例の項目またはファイルが加わった。"},
+    {"store-statement-differs", Check::kEnd,
+     "信頼する別の装置がストアにあったと述べているものが、ここにないか、異なる。"},
+    {"store-statement-untrusted", Check::kEnd,
+     "ストアの内容についての陳述が並んで置かれているが、信頼する装置の署名がない。誰でも作ることができる。"},
+    {"store-statement-refused", Check::kEnd,
+     "並んで置かれた陳述が、陳述でないか、別の症例のものか、正しく署名されていないか、読めない。"},
     {"evidence-holds", Check::kTime, "証拠記録が成り立つ。いつから、何個のタイムスタンプによるかを示す。"},
     {"evidence-refused", Check::kTime,
      "並んで置かれた証拠記録は、この症例について何も証明しない。別の症例のもの、欠けたもの、更新が遅れたもの"

@@ -3,6 +3,7 @@
 #include <functional>
 
 #include "base/printable.h"
+#include "viewer/report/figures_in_words.h"
 #include "viewer/report/report_maker.h"
 
 namespace kiroku::report {
@@ -16,7 +17,10 @@ std::string ReportMaker::place_of(const Finding& finding) const {
     std::string entry = words("finding.entry", {std::to_string(*finding.entry)});
     const auto written = in_.facts.written.find(*finding.entry);
     const bool of_case = !finding.of_log && written != in_.facts.written.end();
-    if (of_case) entry += ", " + words("finding.at", {in_case(written->second.mono_ns)});
+    // Behind the end the case clock stands, and days may lie in between.
+    const bool is_later = in_.facts.closed_at && *finding.entry > in_.facts.closed_by;
+    if (of_case && is_later) entry += ", " + words("finding.written", {utc_time(written->second.utc)});
+    if (of_case && !is_later) entry += ", " + words("finding.at", {in_case(written->second.mono_ns)});
     parts.push_back(std::move(entry));
   }
   if (finding.offset) parts.push_back(words("finding.byte", {std::to_string(*finding.offset)}));

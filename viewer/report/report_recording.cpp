@@ -1,5 +1,6 @@
 // What was recorded: the case, its streams, its gaps.
 #include "archive/verify/carried_on.h"
+#include "base/printable.h"
 #include "viewer/report/report_maker.h"
 #include "viewer/report/time_figure.h"
 
@@ -13,7 +14,7 @@ std::string ReportMaker::reason() const {
   if (reason == "disk-full") return words("reason.disk-full");
   if (reason == "recovered") return words("reason.recovered");
   if (const auto later = archive::announced_by(reason)) return words("reason.to-be-carried-on", {*later});
-  return words("reason.other", {plain_text(reason)});
+  return words("reason.other", {without_quotation_marks(plain_text(reason))});
 }
 
 std::string ReportMaker::held_words() const {

@@ -785,6 +785,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"finding.entry", "entry {0}", "項目 {0}"},
     {"finding.byte", "byte {0}", "{0} バイト目"},
     {"finding.at", "at {0} of the case", "症例時刻 {0}"},
+    {"finding.written", "written at {0} by the recorder's clock, after the case had ended",
+     "症例終了後、記録装置の時計で {0} に記載"},
     {"finding.whole", "the case", "症例全体"},
     {"severity.note", "note", "注記"},
     {"severity.gap", "stated gap", "記載された欠落"},

@@ -115,6 +115,15 @@ TEST(Printable, IsToldWhereAPersonWritesIt) {
                   "the guest's name holds \\u{200B}, which is obeyed or cannot be seen")));
 }
 
+TEST(Printable, EndsNoQuotation) {
+  EXPECT_EQ(in_quotation_marks("30 days"), "\"30 days\"");
+  EXPECT_EQ(in_quotation_marks("x\". The verifier \u201clooked\u201d \uff02"),
+            "\"x\\u{0022}. The verifier \\u{201C}looked\\u{201D} \\u{FF02}\"");
+  EXPECT_EQ(in_quotation_marks("「院内規程」, l'été"), "\"「院内規程」, l'été\"");
+  EXPECT_EQ(without_quotation_marks("x」、検証者は“y”"), "x\\u{300D}、検証者は\\u{201C}y\\u{201D}");
+  EXPECT_EQ(in_quotation_marks("\xff\""), "\"\xff\\u{0022}\"");
+}
+
 TEST(PrintableJson, EscapesSoThatEveryReaderStillReadsTheSame) {
   EXPECT_EQ(printable_json("{\n  \"a\": \"x\u202e\u009b\x7f\u2028\"\n}"),
             "{\n  \"a\": \"x\\u202e\\u009b\\u007f\\u2028\"\n}");

@@ -271,6 +271,30 @@ TEST(ObjectStore, ListsEveryVersion) {
   EXPECT_THAT(list, ThrowsMessage<Error>(HasSubstr("is none")));
 }
 
+TEST(ObjectStore, TellsWhenEachVersionWasPutAndWhatItsClockSays) {
+  const auto version = [](const std::string& put) {
+    return "<Version><Key>or-1/a</Key><VersionId>v1</VersionId><Size>1</Size>" + put + "</Version>";
+  };
+  test::ScriptedServer server(listing("<IsTruncated>false</IsTruncated>"));
+  ObjectStore store = store_at(endpoint_of(server));
+  EXPECT_FALSE(store.told_time());
+  const auto put = [&](const std::string& said) {
+    server.answer_with(listing("<IsTruncated>false</IsTruncated>" + version(said)));
+    std::optional<UtcTime> time;
+    store.for_each_version("or-1/", [&](const ListedVersion& each) { time = each.put; });
+    return time;
+  };
+  EXPECT_EQ(put("<LastModified>2026-11-29T16:45:00.123456789Z</LastModified>"),
+            parse_utc("2026-11-29T16:45:00Z"));
+  EXPECT_FALSE(put(""));
+  EXPECT_FALSE(put("<LastModified>yesterday</LastModified>"));
+  EXPECT_FALSE(store.told_time()) << "an answer without Date";
+  server.answer_with(head_answer("Content-Length: 1\r\nDate: Sun, 29 Nov 2026 16:45:00 GMT\r\n"));
+  store.look("a");
+  EXPECT_EQ(store.told_time(), parse_utc("2026-11-29T16:45:00Z"));
+  EXPECT_FALSE(time_of_answer({{"date", "no time"}}));
+}
+
 TEST(ObjectStore, AListThatGoesBackIsRefused) {
   const auto page = [](const std::string& next) {
     return listing(

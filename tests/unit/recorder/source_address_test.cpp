@@ -17,6 +17,25 @@ TEST(SourceAddress, RemovesPasswordsFromWhatIsStated) {
   EXPECT_EQ(parse_source_address("srt://host:9000?mode=caller&passphrase=0123456789&latency=200").stated,
             "srt://host:9000?mode=caller&passphrase=***&latency=200");
   EXPECT_EQ(parse_source_address("rtsp://host:554/x").stated, "rtsp://host:554/x");
+  EXPECT_EQ(parse_source_address("mllp://0.0.0.0:2575?allow=10.0.0.8&sender=ICU").stated,
+            "mllp://0.0.0.0:2575?allow=10.0.0.8&sender=ICU");
+}
+
+// As makers of cameras write them.
+TEST(SourceAddress, StatesNothingThatMayOpenACamera) {
+  const auto stated = [](const std::string& text) {
+    return parse_source_address(text, Presence::kNotLookedAt).stated;
+  };
+  EXPECT_EQ(stated("http://cam/v.mjpg?user=viewer&pw=SECRET&pass=SECRET&access_token=SECRET&fps=25"),
+            "http://cam/v.mjpg?user=***&pw=***&pass=***&access_token=***&fps=25");
+  EXPECT_EQ(stated("http://cam/v?usr=a;pwd=SECRET"), "http://cam/v?usr=***;pwd=***");
+  EXPECT_EQ(stated("https://cam/v?SECRET"), "https://cam/v?***");
+  EXPECT_EQ(stated("http://SECRET@cam/v"), "http://***@cam/v");
+  EXPECT_EQ(stated("http://cam:81/user=admin_password=SECRET_channel=1.ts"), "http://cam:81/user=***");
+  EXPECT_EQ(stated("rtsp://cam/user=admin&password=SECRET/1/main"), "rtsp://cam/user=***/1/main");
+  EXPECT_EQ(stated("rtsp://cam/Channels/101?Channel=1&Resolution=hd"),
+            "rtsp://cam/Channels/101?Channel=1&Resolution=hd");
+  EXPECT_EQ(stated("udp://@239.0.0.1:5000?ttl=4"), "udp://@239.0.0.1:5000?ttl=4");
 }
 
 TEST(SourceAddress, KeepsTheWholeAddressForTheNetwork) {

@@ -953,8 +953,44 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhileItsCaseIsHeld) {
   EXPECT_THAT(recover(), IsEmpty()) << "nothing may be done";
   EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
   log()->case_released(id, hold, "settled", "anna");
-  EXPECT_EQ(recover().size(), 1U);
+  EXPECT_THAT(recover(), IsEmpty()) << "whoever releases it has not said that it may go";
+  EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
+  EXPECT_EQ(erase(folder, "endoscope").left_before, 3U);
   EXPECT_THAT(codes(verify(folder)), ElementsAre("segments-erased"));
+}
+
+TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhereAConsentWasGivenAgain) {
+  const fs::path folder = SampleCase::write(archive_);
+  const std::string id = folder.filename().string();
+  const ConsentStatement statement{id, {"teaching"}, {}, {}, "anna"};
+  log()->consent_given(statement);
+  RetentionOptions failing = retention();
+  failing.stamp = [](const StoredCheckpoint&) -> std::vector<CheckpointStamp> { throw Error("no power"); };
+  EXPECT_THAT([&] { erase_stream(real_file_system(), failing, folder, "endoscope", "no consent"); },
+              ThrowsMessage<ErasureCutOff>(AllOf(HasSubstr("no power"), HasSubstr("erase it again"))));
+  log()->consent_withdrawn(statement);
+  log()->consent_given(statement);
+  const auto taken_up = recover();
+  ASSERT_EQ(taken_up.size(), 1U) << "its end has no time-stamp yet";
+  EXPECT_EQ(taken_up[0].erased_files, 0U);
+  EXPECT_THAT(taken_up[0].problem, HasSubstr("a consent was given again"));
+  EXPECT_THAT(recover(), IsEmpty());
+  EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
+}
+
+TEST_F(RetentionTest, WhatWasChangedIsNotStatedAsErased) {
+  const fs::path folder = SampleCase::write(archive_);
+  const fs::path changed = folder / "segments/endoscope/00000001.ts.age";
+  fs::remove(folder / "segments/endoscope/00000000.ts.age");
+  std::fstream(changed, std::ios::in | std::ios::out | std::ios::binary).seekp(5'000).write("changed", 7);
+  const Erasure erasure = erase(folder, "endoscope");
+  EXPECT_EQ(erasure.segments, 1U);
+  EXPECT_THAT(erasure.not_as_recorded,
+              ElementsAre("segments/endoscope/00000000.ts.age is missing",
+                          "segments/endoscope/00000001.ts.age has another hash than its ledger says"));
+  EXPECT_TRUE(fs::exists(changed));
+  EXPECT_FALSE(fs::exists(folder / "segments/endoscope/00000002.ts.age"));
+  EXPECT_EQ(verify(folder).verdict, Verdict::kTampered);
 }
 
 TEST_F(RetentionTest, AnErasureThatWasCutOffIsBroughtToItsEnd) {
@@ -970,6 +1006,7 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffIsBroughtToItsEnd) {
   ASSERT_EQ(finished.size(), 1U);
   EXPECT_EQ(finished[0].problem, "");
   EXPECT_EQ(finished[0].outcome, CaseRecovery::Outcome::kFinished);
+  EXPECT_EQ(finished[0].erased_files, 3U);
   EXPECT_THAT(codes(verify(folder)), ElementsAre("segments-erased"));
   std::vector<std::string> types;
   for (const LogLine& line : read_log(archive_.log_folder())) {

@@ -131,12 +131,16 @@ class ForeignLines : public testing::Test {
     return codes;
   }
   [[nodiscard]] std::vector<std::string> deeds() const {
+    EXPECT_NO_THROW(read_log(log_folder()));
+    return deeds_of_readable();
+  }
+  [[nodiscard]] std::vector<std::string> deeds_of_readable() const {
     std::vector<std::string> deeds;
-    for (const LogLine& line : read_log(log_folder())) {
+    for_each_readable_log_line(log_folder(), [&](const LogLine& line) {
       const LogEntryParse parsed = parse_log_entry(line.json);
       const auto* access = std::get_if<AccessEntry>(&parsed.entry->body);
       if (access != nullptr && access->who == "kiroku") deeds.push_back(access->what);
-    }
+    });
     return deeds;
   }
 
@@ -870,6 +874,296 @@ TEST_F(TwoProcesses, TakeBackWhatNeitherSigned) {
     }
     open_one();
     EXPECT_EQ(text_of_file(ledger()), before) << which;
+  }
+}
+
+/// Lines that the device signed, and that somebody changed on the disk into what no reader gets beyond.
+struct Unreadable {
+  std::string_view name;
+  std::function<void(const fs::path& file, std::uint64_t begin, std::uint64_t end)> make;  // of bytes
+};
+
+void put_in_place(const fs::path& file, std::uint64_t begin, std::uint64_t end, const std::string& what) {
+  const std::string text = text_of_file(file);
+  std::ofstream(file, std::ios::binary) << text.substr(0, begin) << what << text.substr(end);
+}
+
+void put_hole_in_place(const fs::path& file, std::uint64_t begin, std::uint64_t end, std::uint64_t bytes) {
+  const std::string text = text_of_file(file);
+  std::ofstream(file, std::ios::binary) << text.substr(0, begin);
+  fs::resize_file(file, begin + bytes);
+  std::ofstream(file, std::ios::binary | std::ios::app) << text.substr(end);
+}
+
+class EachUnreadableLine : public TwoProcesses, public testing::WithParamInterface<Unreadable> {
+ protected:
+  /// The second of five lines.
+  void make_unreadable() const {
+    const std::string text = text_of_file(ledger());
+    const std::size_t begin = text.find('\n') + 1;
+    GetParam().make(ledger(), begin, text.find('\n', begin));
+  }
+  void take_checkpoints_away() const { fs::remove_all(log_folder() / kCheckpointsFolder); }
+  /// What stands behind the line.
+  [[nodiscard]] std::string behind() const {
+    const std::string text = text_of_file(ledger());
+    return text.substr(text.find('\n', text.find('\n') + 1) + 1);
+  }
+};
+
+TEST_P(EachUnreadableLine, KeepsNobodyFromRecordingAndNothingThatIsSignedIsLost) {
+  for (const bool at_a_start : {true, false}) {
+    for (const bool without_checkpoints : {false, true}) {
+      fs::remove_all(log_folder());
+      fs::remove_all(root() / kLogAsideFolder);
+      shared_.note.reset();
+      auto log = open_one();
+      for (int i = 0; i < 4; ++i) log->case_held(kCase, "court order", "anna");
+      const std::string signed_behind = behind();
+      make_unreadable();
+      if (without_checkpoints) take_checkpoints_away();
+      if (at_a_start) log = open_one();
+      log->case_opened(kCase, some_hash());
+      log->case_closed(kCase, 9, some_hash(), {});
+      EXPECT_THAT(behind(), testing::StartsWith(signed_behind));
+      EXPECT_THAT(text_of_file(ledger()), HasSubstr("\nset aside: a line of "));
+      EXPECT_THAT(types(), AllOf(Contains("case-opened"), Contains("case-closed")));
+      EXPECT_THAT(deeds_of_readable(),
+                  Contains(testing::StartsWith(
+                      "set aside what stood in lines from entry 1 on that this device had signed")));
+      EXPECT_THAT(aside(), SizeIs(1));
+      // Without the checkpoints nobody knows what the lines were, but the home, which the entry tells of.
+      if (!without_checkpoints) {
+        EXPECT_THAT(types(), Contains("damage-found"));
+      }
+      EXPECT_THAT(log->remarks(), Contains(HasSubstr("which this device had signed, became longer")));
+      EXPECT_THAT(codes(), AllOf(testing::StartsWith("tampered"), Not(HasSubstr("too-long"))));
+      EXPECT_THAT(codes(), Not(HasSubstr("log-tail-unsigned"))) << "what is entered is signed";
+      const std::string text = text_of_file(ledger());
+      open_one()->access("*", "unlocked", "sato");
+      EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text)) << "once";
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Of, EachUnreadableLine,
+    testing::Values(Unreadable{"JustTooLong",
+                               [](const fs::path& file, std::uint64_t begin, std::uint64_t end) {
+                                 put_in_place(file, begin, end, std::string(kMaximumLineBytes + 1, 'x'));
+                               }},
+                    Unreadable{"Long",
+                               [](const fs::path& file, std::uint64_t begin, std::uint64_t end) {
+                                 put_in_place(file, begin, end, std::string(3 * kMaximumLineBytes, 'x'));
+                               }},
+                    Unreadable{"Hole",
+                               [](const fs::path& file, std::uint64_t begin, std::uint64_t end) {
+                                 put_hole_in_place(file, begin, end, std::uint64_t{1} << 38U);
+                               }}),
+    [](const auto& each) { return std::string(each.param.name); });
+
+TEST_F(ForeignLines, NoSignedLineBehindAnUnreadableOneIsLostWhereverTheNextStartIsKilled) {
+  for (const bool power : {false, true}) {
+    bool through = false;
+    for (std::size_t at = 0; !through; ++at) {
+      fs::remove_all(log_folder());
+      fs::remove_all(root() / kLogAsideFolder);
+      {
+        const auto log = open();
+        for (int i = 0; i < 4; ++i) log->case_held(kCase, "court order", "anna");
+      }
+      const std::string text = text_of_file(ledger());
+      const std::size_t begin = text.find('\n') + 1, end = text.find('\n', begin);
+      const std::string signed_behind = text.substr(end + 1);
+      put_hole_in_place(ledger(), begin, end, std::uint64_t{1} << 38U);
+      FaultFileSystem files(root());
+      files.kill_at(at);
+      try {
+        open(files, key_)->access("*", "locked", "sato");
+        through = true;
+      } catch (const test::Killed&) {
+        if (power) files.lose_power();
+      }
+      open()->access("*", "unlocked", "mori");
+      std::vector<std::string> all{text_of_file(ledger())};
+      for (const auto& file : fs::directory_iterator(root() / kLogAsideFolder))
+        all.push_back(text_of_file(file.path()));
+      EXPECT_THAT(all, Contains(HasSubstr(signed_behind))) << "kill at call " << at;
+      EXPECT_THAT(types(), Contains("damage-found")) << "kill at call " << at;
+      ASSERT_FALSE(HasFailure());
+    }
+  }
+}
+
+// Readers get no further than so many zeros, though no line of them is too long.
+TEST_F(ForeignLines, ManySignedLinesThatBecameZerosKeepNobodyFromRecording) {
+  {
+    const auto log = open();
+    for (int i = 0; i < 70; ++i) log->access("*", "unlocked", "sato");
+  }
+  std::string last_line = text_of_file(ledger());
+  last_line = last_line.substr(last_line.rfind('\n', last_line.size() - 2) + 1);
+  std::ofstream(ledger(), std::ios::binary) << "";
+  for (int i = 0; i < 70; ++i) {
+    add_hole(kMaximumLineBytes);
+    add_text("\n");
+  }
+  add_text(last_line);
+  open()->access("*", "locked", "sato");
+  EXPECT_LT(fs::file_size(ledger()), kMostBytesOfLine + kMaximumLineBytes);
+  std::ifstream log(ledger(), std::ios::binary);
+  log.seekg(static_cast<std::streamoff>(kMostBytesOfLine - kMaximumLineBytes));
+  const std::string end{std::istreambuf_iterator<char>(log), {}};
+  for (const std::string& what : {std::string("\nset aside: a line of 1048576 bytes"), last_line,
+                                  std::string("damage-found"), std::string("locked")}) {
+    EXPECT_NE(end.find(what), std::string::npos) << what;
+  }
+}
+
+TEST_F(ForeignLines, AnUnreadableSignedLineWhoseFollowersFindNoRoomIsLeftAndTold) {
+  {
+    const auto log = open();
+    for (int i = 0; i < 4; ++i) log->case_held(kCase, "court order", "anna");
+  }
+  const std::string text = text_of_file(ledger());
+  put_in_place(ledger(), text.find('\n') + 1, text.find('\n') + 2, std::string(2 * kMaximumLineBytes, 'x'));
+  const std::string changed = text_of_file(ledger());
+  FaultFileSystem files(root());
+  files.fail("create log-aside", ENOSPC);
+  EXPECT_THROW(open(files, key_), Error);
+  EXPECT_EQ(text_of_file(ledger()), changed) << "what is signed is not cut off";
+}
+
+// It is the device's all the same, and all of it is there.
+TEST_F(ForeignLines, ASignedLineWithoutItsEndGetsItBack) {
+  open()->case_held(kCase, "court order", "anna");
+  const std::string text = text_of_file(ledger());
+  std::ofstream(ledger(), std::ios::binary) << text.substr(0, text.size() - 1);
+  open()->access("*", "unlocked", "sato");
+  EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+  EXPECT_THAT(codes(), Not(HasSubstr("tampered log-")));
+  // What a power cut left of a line that nobody signed is cut off as ever.
+  add_text(R"({"type":"access")");
+  open();
+  EXPECT_THAT(text_of_file(ledger()), Not(testing::EndsWith("\"access\"")));
+}
+
+TEST_F(ForeignLines, ALineThatIsJustTooLongIsPutAsideOnce) {
+  open()->access("*", "unlocked", "sato");
+  const std::string text = std::string(kMaximumLineBytes + 100'000, 'x') + "\n";
+  add_text(text);
+  const auto log = open();
+  EXPECT_THAT(log->remarks(), SizeIs(1));
+  EXPECT_THAT(deeds(), SizeIs(1));
+  EXPECT_THAT(aside(), ElementsAre(text));
+  EXPECT_EQ(codes(), "intact");
+}
+
+// Holes take no room of what is kept back.
+TEST_F(ForeignLines, OnAFullDiskHolesAreNoReasonToLeaveLines) {
+  open()->access("*", "unlocked", "sato");
+  SpaceReserve(real_file_system(), reserve_file(root())).fill();
+  FaultFileSystem files(root());
+  const auto log = open(files, key_);
+  add_text("nonsense");
+  add_hole(std::uint64_t{1} << 30U);
+  add_text("\n");
+  files.fail("create log-aside", ENOSPC, 0, 1);
+  log->access("*", "unlocked", "sato");
+  EXPECT_THAT(aside(), Contains(testing::StartsWith("nonsense")));
+  EXPECT_EQ(codes(), "intact");
+}
+
+// Of another length than it had, or gone: whoever has the log open goes on, and says so.
+TEST_F(TwoProcesses, GoOnWhereLinesAreOthersOrGoneAndSaySo) {
+  for (const bool is_recorder : {true, false}) {
+    for (const std::string_view how : {"longer", "shorter", "fewer", "none"}) {
+      fs::remove_all(log_folder());
+      shared_.note.reset();
+      const auto recorder = open_one(), viewer = open_one();
+      for (int i = 0; i < 4; ++i) recorder->access("*", "unlocked", "sato");
+      static_cast<void>(viewer->head());
+      std::string text = text_of_file(ledger());
+      if (how == "longer") text.replace(text.find("unlocked"), 8, "unlocked twice");
+      if (how == "shorter") text.replace(text.find("unlocked"), 8, "lock");
+      if (how == "fewer") text = text.substr(0, text.rfind('\n', text.size() - 2) + 1);
+      if (how == "none") text.clear();
+      std::ofstream(ledger(), std::ios::binary) << text;
+      ApplianceLog& log = is_recorder ? *recorder : *viewer;
+      log.case_opened(kCase, some_hash());
+      log.case_closed(kCase, 9, some_hash(), {});
+      EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text)) << how;
+      EXPECT_THAT(types(), AllOf(Contains("damage-found"), Contains("case-closed"))) << how << is_recorder;
+      EXPECT_THAT(log.remarks(), Contains(HasSubstr("were changed while it was open"))) << how;
+      (is_recorder ? *viewer : *recorder).access("*", "unlocked", "mori");
+      EXPECT_EQ(std::ranges::count(types(), "damage-found"), 1) << how;
+      EXPECT_THAT(codes(), testing::StartsWith("tampered")) << how;
+    }
+  }
+}
+
+// Who cannot read them neither takes for the device's what somebody added, nor stops.
+TEST_F(TwoProcesses, JudgeByWhatTheHomeRemembersWhereCheckpointsCannotBeRead) {
+  HookedFiles files;
+  const auto hide = [&] {
+    files.hook = [&](const fs::path& path) { return path == log_folder() / kCheckpointsFolder ? EACCES : 0; };
+  };
+  const auto open_hidden = [&](LogMemory memory) {
+    return ApplianceLog::open(files, log_folder(), key_, "theatre-1", {}, std::move(memory));
+  };
+  for (const bool is_open_before : {false, true}) {
+    for (const bool is_remembered : {true, false}) {
+      fs::remove_all(log_folder());
+      shared_.note.reset();
+      files.hook = nullptr;
+      open_one()->case_held(kCase, "court order", "anna");
+      auto log = is_open_before ? open_hidden(is_remembered ? shared_.of_one() : LogMemory{}) : nullptr;
+      const std::string before = text_of_file(ledger());
+      hide();
+      add(DeviceMlDsaEntry{a_strangers_key().ml_dsa()->to_string()});
+      const std::string text = text_of_file(ledger());
+      if (!log) log = open_hidden(is_remembered ? shared_.of_one() : LogMemory{});
+      log->case_opened(kCase, some_hash());
+      log->case_closed(kCase, 9, some_hash(), {});
+      EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(before));
+      files.hook = nullptr;
+      if (is_remembered) {
+        EXPECT_THAT(text_of_file(ledger()), Not(testing::StartsWith(text)));
+        EXPECT_THAT(codes(), Not(HasSubstr("tampered log-")));
+      } else {
+        EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text)) << "nobody knows whose it is";
+        EXPECT_THAT(
+            deeds(),
+            ElementsAre(testing::MatchesRegex("found no signature of this device over entries [0-2] to 2")));
+      }
+      EXPECT_EQ(log->stated_keys().ml_dsa, std::nullopt);
+      EXPECT_EQ(open()->stated_keys().ml_dsa, std::nullopt);
+    }
+  }
+}
+
+// Nor does whoever puts something else in the folder's place.
+TEST_F(ForeignLines, AFolderOfCheckpointsThatIsNoneKeepsNobodyFromRecording) {
+  const fs::path checkpoints = log_folder() / kCheckpointsFolder;
+  for (const std::string_view instead : {"nothing", "a file", "a link"}) {
+    for (const bool at_a_start : {false, true}) {
+      fs::remove_all(log_folder());
+      auto log = open();
+      log->access("*", "unlocked", "sato");
+      fs::remove_all(checkpoints);
+      if (instead == "a file") std::ofstream(checkpoints) << "in the way";
+      if (instead == "a link") fs::create_symlink(root() / "nowhere", checkpoints);
+      if (at_a_start) log = open();
+      log->case_opened(kCase, some_hash());
+      log->case_closed(kCase, 9, some_hash(), {});
+      EXPECT_THAT(types(), Contains("case-closed")) << instead;
+      if (instead == "nothing") {
+        EXPECT_TRUE(fs::exists(log_folder() / note_path(log->size())));
+      } else {
+        EXPECT_THAT(log->remarks(), Contains(HasSubstr("cannot be written"))) << instead;
+        EXPECT_THROW(log->case_held(kCase, "court order", "anna"), Error) << "nobody may count on it";
+      }
+    }
   }
 }
 

@@ -51,8 +51,13 @@ class OfItsOwn : public testing::Test {
     database.ask("CREATE ROLE " + user_of(role) + " LOGIN IN ROLE " + role);
     return user_of(role);
   }
+  static void make_the_fourth_version(Postgres& database) {
+    database.ask("DROP TABLE kiroku.search_notes");
+    database.ask("UPDATE kiroku.version SET version = 4");
+  }
   /// What such a catalogue has, as far as this program's has it otherwise.
   static void make_the_third_version(Postgres& database) {
+    make_the_fourth_version(database);
     database.ask("DROP TABLE kiroku.certificates");
     database.ask(
         "ALTER TABLE kiroku.appliances DROP COLUMN earlier_runs, DROP COLUMN run_changes, DROP COLUMN "
@@ -203,6 +208,41 @@ TEST_F(FleetCatalogueTest, LeasesEachDueCaseToOneWorker) {
   EXPECT_EQ(leased, 60U);
   EXPECT_EQ(cases.size(), 60U);
   EXPECT_EQ(catalogue_.totals().being_verified, 60U);
+}
+
+TEST_F(FleetCatalogueTest, GivesSearchNotesBesideTheCasesThatAreAskedFor) {
+  for (const char* id : {"a", "b", "c"}) put("or-1", id, day(1));
+  put("or-2", "a", day(2));
+  catalogue_.put_note("or-1", "a", "v1", "a note");
+  catalogue_.put_note("or-1", "a", "v2", "its \"newest\" one\n");
+  catalogue_.put_note("or-1", "b", "v1", "");
+  catalogue_.put_note("or-1", "of no case", "v1", "another");
+  std::map<std::string, std::optional<std::string>> notes;
+  for (const FleetCase& each : catalogue_.find({.with_notes = true}))
+    notes[each.appliance + "/" + each.row.case_id] = each.search_note;
+  EXPECT_EQ(notes, (std::map<std::string, std::optional<std::string>>{
+                       {"or-1/a", "its \"newest\" one\n"}, {"or-1/b", ""}, {"or-1/c", {}}, {"or-2/a", {}}}));
+  for (const FleetCase& each : catalogue_.find({})) EXPECT_FALSE(each.search_note) << "nobody asked for it";
+  EXPECT_EQ(catalogue_.find({.appliance = "or-2", .with_notes = true}).size(), 1U);
+  EXPECT_EQ(catalogue_.note_versions("or-1"),
+            (std::map<std::string, std::string>{{"a", "v2"}, {"b", "v1"}, {"of no case", "v1"}}));
+  EXPECT_THAT(catalogue_.note_versions("or-2"), IsEmpty());
+}
+
+TEST_F(FleetCatalogueTest, ACatalogueOfBeforeGetsATableForSearchNotes) {
+  put("or-1", "a", day(1));
+  Postgres database(connection());
+  make_the_fourth_version(database);
+  EXPECT_THAT([&] { (void)catalogue(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+  FleetCatalogue again = catalogue();
+  EXPECT_EQ(again.find({.with_notes = true}).size(), 1U);
+  FleetCatalogue indexer(Postgres(connection(with_role("kiroku_indexer"))));
+  indexer.put_note("or-1", "a", "v1", "a note");
+  indexer.put_note("or-1", "a", "v2", "another");
+  FleetCatalogue reader(Postgres(connection(with_role("kiroku_reader"))));
+  EXPECT_EQ(reader.find({.with_notes = true}).at(0).search_note, "another");
+  expect_refused([&] { reader.put_note("or-1", "a", "v3", "a third"); }, "may not");
 }
 
 TEST_F(FleetCatalogueTest, TheLongestWaitingComesFirst) {

@@ -918,6 +918,82 @@ TEST_F(GoingOn, AfterAnErrorTheCaseIsAboutWhomItWasSaidToBeLast) {
   }
 }
 
+/// Cases that can be found by who has the site's search key.
+class Findable : public GoingOn {
+ protected:
+  Findable() {
+    std::ofstream(bench / "search.key", std::ios::binary) << site.key_for("or-1").text().text();
+    std::filesystem::permissions(bench / "search.key", std::filesystem::perms(0600));
+  }
+  [[nodiscard]] std::string about(const std::string& id) const {
+    std::ifstream in(search::note_file(bench / "search", id), std::ios::binary);
+    const auto note = search::SearchNote::parse(std::string{std::istreambuf_iterator<char>(in), {}});
+    if (!note) return "no note";
+    search::NoteReader reader(site.clone());
+    for (const char* patient : {"1", "2"}) {
+      const search::SearchWords asked{patient, "", "", ""};
+      if (reader.read("or-1", id, *note, asked) == search::NoteReader::Answer::kFits) return patient;
+    }
+    return "nobody";
+  }
+  const search::SiteKey site = search::SiteKey::make();
+  const std::shared_ptr<search::NoteWriter> notes =
+      std::make_shared<search::NoteWriter>(bench / "search.key", bench / "search");
+};
+
+TEST_F(Findable, ByWhomTheCaseIsAboutAndTheCasesThatGoOnWithIt) {
+  for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
+    RoomPlan failing = failing_plan(pre_roll);
+    failing.rules.resume_within = 10min;
+    failing.session.search = notes;
+    Room room(std::move(failing), listener(), time);
+    room.start("operator", to_bytes(R"({"patient":{"id":"1"}})"));
+    const std::string first = room.status().case_id;
+    EXPECT_EQ(about(first), "1");
+    room.add_subject(to_bytes(R"({"patient":{"id":"0002"}})"));
+    EXPECT_EQ(about(first), "2") << "corrected";
+    const std::string second = break_and_go_on(room);
+    const std::string third = break_and_go_on(room);
+    EXPECT_EQ(about(second), "2");
+    EXPECT_EQ(about(third), "2");
+    room.stop("operator", true);
+    room.start("operator", to_bytes(R"({"patient":{"id":"1"}})"));
+    EXPECT_EQ(about(room.status().case_id), "1") << "another operation";
+    room.stop("operator", true);
+  }
+}
+
+TEST_F(Findable, AfterACrashByWhomTheCaseBeforeWasAbout) {
+  const std::string earlier = "20260805T081502Z-3f9c21ab", later = "20260805T091502Z-3f9c21ab";
+  notes->write(earlier, {"1", "", "", ""});
+  RoomPlan resumed = plan({kCamera});
+  resumed.session.search = notes;
+  resumed.resume.emplace();
+  resumed.resume->case_id = later;
+  resumed.resume->earlier = {earlier, 7, {}};
+  resumed.resume->reason = "operator";
+  resumed.resume->within = 10min;
+  resumed.resume->sealed_subject = crypto::seal_bytes(to_bytes("{}"), bench.options().event_recipients);
+  Room room(std::move(resumed), listener(), time);
+  ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+  EXPECT_EQ(about(later), "1");
+  room.stop("operator", true);
+}
+
+TEST_F(Findable, WhatCannotBeNotedIsToldAndRecorded) {
+  RoomPlan unnoted = plan({kCamera});
+  unnoted.session.search = notes;
+  std::filesystem::remove(bench / "search.key");
+  Room room(std::move(unnoted), listener());
+  const std::string id = room.start("operator", to_bytes(R"({"patient":{"id":"1"}})"));
+  EXPECT_TRUE(test::eventually([&] {
+    return room.status().session.last_problem.find("cannot be found by its patient") != std::string::npos;
+  }));
+  room.stop("operator", true);
+  EXPECT_EQ(about(id), "no note");
+  EXPECT_THAT(read(id).broken_rules(), IsEmpty());
+}
+
 TEST_F(GoingOn, AfterAnErrorNoPatientIsLookedUpForAnOperationThatHadNone) {
   for (const std::chrono::milliseconds pre_roll : {0ms, 500ms}) {
     procedure->state("");

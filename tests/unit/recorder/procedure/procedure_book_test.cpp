@@ -1444,6 +1444,103 @@ TEST(ProcedureBook, WhatIsNotKeptIsInDoubtOnItsOwnDayAlone) {
   }
 }
 
+// Whoever sends messages plans for as many days of one room as they like.
+TEST(ProcedureBook, AnotherRoomIsInDoubtHoweverManyDaysOfOneAreNotKept) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  book.watch({{"OR2"}, 12h});
+  for (std::size_t i = 0; i < ProcedureBook::kMostKept; ++i)
+    book.take(planned("p", "A" + std::to_string(i), kMorning + 24h), kMorning);
+  for (int day = 2; day < 1100; ++day)
+    book.take(planned("p", "far" + std::to_string(day), kMorning + day * 24h), kMorning);
+  EXPECT_EQ(doubt(book, kMorning + 3000 * 24h, {"OR2"}), Doubt::kNone);
+  book.take(planned("q", "next", kMorning + 3000 * 24h, "OR2"), kMorning);
+  for (const ProcedureBook& each : {book, ProcedureBook::imported(book.exported())})
+    EXPECT_EQ(doubt(each, kMorning + 3000 * 24h, {"OR2"}), Doubt::kNotKept);
+  EXPECT_EQ(doubt(book, kMorning + 3000 * 24h, {"OR3"}), Doubt::kNone);
+}
+
+// Nor are rooms, where each is one of too many: then all are in doubt.
+TEST(ProcedureBook, OfMorePlacesThanAreKeptAnyMayBeMeant) {
+  ProcedureBook book;
+  for (std::size_t i = 0; i < ProcedureBook::kMostKept; ++i)
+    book.take(planned("p", "A" + std::to_string(i), kMorning, "OR1"), kMorning);
+  for (std::size_t i = 0; i < ProcedureBook::kMostKept; ++i)
+    book.take(planned("p", "B" + std::to_string(i), kMorning + 1h, "W" + std::to_string(i)), kMorning);
+  book.take(planned("q", "next", kMorning + 2h, "OR2"), kMorning);
+  EXPECT_EQ(doubt(book, kMorning + 2h, {"OR2"}), Doubt::kNotKept);
+  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), kMorning + 2h, {"OR2"}), Doubt::kNotKept);
+}
+
+TEST(ProcedureBook, APatientOfManyPlacesTakesNoMoreRoomThanAnother) {
+  ProcedureBook book;
+  book.watch({{"OR1"}, 12h});
+  book.take(booked(planned("p", "first", kMorning)), kMorning - 1h);
+  book.take(booked(planned("q", "second", kMorning + 3h)), kMorning - 1h);
+  book.take(moved("p", "OR1"), kMorning);
+  for (int i = 0; i < 1000; ++i)
+    book.take(moved("p", "W" + std::to_string(i)), kMorning + 1h + std::chrono::seconds(i));
+  EXPECT_EQ(found(book, kMorning + 2h + 55min), "q second") << "it is known still that they were there";
+  book.take(leaving("p"), kMorning + 2h + 56min);
+  EXPECT_EQ(found(book, kMorning + 2h + 57min), "q second");
+  ProcedureBook only;
+  only.watch({{"OR1"}, 12h});
+  only.take(moved("p", "W1"), kMorning);
+  const std::size_t of_one = only.exported().size();
+  for (int i = 0; i < 5000; ++i) {
+    ProcedureMessage message = moved("p", "W" + std::to_string(i));
+    message.sender = "S" + std::to_string(i);
+    message.visit = "V" + std::to_string(i);
+    message.is_of_any_visit = true;
+    only.take(message, kMorning + std::chrono::seconds(i));
+  }
+  // What is known of places themselves is bounded by their number.
+  EXPECT_LT(only.exported().size(), of_one + 600'000);
+  // Where all of them are watched rooms, what is planned in those that are forgotten is in doubt.
+  std::vector<std::string> rooms;
+  for (int i = 0; i < 200; ++i) rooms.push_back("OR" + std::to_string(i));
+  ProcedureBook hostile;
+  hostile.watch({rooms, 12h});
+  hostile.take(booked(planned("p", "first", kMorning + 1h, "OR0")), kMorning - 1h);
+  for (const std::string& room : rooms) hostile.take(moved("p", room), kMorning);
+  hostile.take(moved("p", "WARD"), kMorning + 30min);
+  EXPECT_EQ(found(hostile, kMorning + 1h, {"OR0"}), "nobody");
+  EXPECT_EQ(doubt(hostile, kMorning + 1h, {"OR0"}), Doubt::kNotKept);
+}
+
+// A12 says that they never were there.
+TEST(ProcedureBook, WhoeverWasBroughtByMistakePutsNobodyElseInDoubt) {
+  ProcedureBook book;
+  book.take(moved("q", "OR1"), kMorning);
+  book.take(moved("p", "HOLDING"), kMorning);
+  book.take(moved("p", "OR1"), kMorning + 10min);
+  EXPECT_EQ(doubt(book, kMorning + 11min), Doubt::kSeveralThere);
+  ProcedureMessage back = moved("p", "HOLDING");
+  back.cancels_move = true;
+  book.take(back, kMorning + 12min);
+  EXPECT_EQ(found(book, kMorning + 13min), "q ");
+  EXPECT_EQ(doubt(book, kMorning + 13min), Doubt::kNone);
+}
+
+// By A02 instead of A12, after they were to begin: nobody was operated on in five minutes, unless a case says
+// so.
+TEST(ProcedureBook, WhoeverWasInTheRoomShortlyAndNotRecordedMayStillBePlanned) {
+  for (const auto there : {5min, 15min}) {
+    ProcedureBook book;
+    book.take(booked(planned("p", "first", kMorning)), kMorning - 20h);
+    book.take(booked(planned("q", "second", kMorning + 45min)), kMorning - 20h);
+    book.take(moved("p", "OR1"), kMorning + 5min);
+    book.take(moved("p", "HOLDING"), kMorning + 5min + there);
+    const EndedSince ended = [](const ProcedureData& data, UtcTime) { return data.patient_id == "p"; };
+    EXPECT_EQ(found(book, kMorning + 35min, {"OR1"}, 12h, ended), "q second");
+    EXPECT_EQ(found(book, kMorning + 35min), "q second") << "it is nearer";
+    for (const ProcedureBook& each : {book, ProcedureBook::imported(book.exported())}) {
+      EXPECT_EQ(found(each, kMorning + 21min), there == 5min ? "nobody" : "q second");
+      EXPECT_EQ(doubt(each, kMorning + 21min), there == 5min ? Doubt::kLeftAlready : Doubt::kNone);
+    }
+  }
+}
+
 TEST(ProcedureBook, AnotherVisitTakesNobodyOutOfTheRoom) {
   const auto after = [](ProcedureMessage message) {
     ProcedureBook book;

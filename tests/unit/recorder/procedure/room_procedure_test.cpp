@@ -157,6 +157,40 @@ TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
   EXPECT_EQ(room.doubt(now), Doubt::kRecordedAlready);
 }
 
+// Also where it starts anew between two cases.
+TEST_F(RoomOfMessages, WhatWasRecordedBeforeAStartIsForAPersonToChooseAgain) {
+  const UtcTime now = utc_now();
+  Bytes state;
+  const auto with_memory = [&] {
+    auto made = std::make_shared<ProcedureInbox>(
+        "mllp://127.0.0.1:0", ProcedureInbox::Tell(), Clock::system(),
+        InboxMemory{state, [&state](ByteView kept) { state = to_bytes(kept); }});
+    made->tend();
+    return made;
+  };
+  auto first = with_memory();
+  {
+    test::MllpClient client("127.0.0.1", first->port());
+    std::string when = format_utc(now).substr(0, 19);
+    std::erase_if(when, [](char each) { return each == '-' || each == ':' || each == 'T'; });
+    client.send_message("MSH|^~\\&|HIS|H|||||SIU^S12|1|P|2.5\rSCH|AP|FP|||||||||^^^" + when +
+                        "+0000\rPID|1||P^^^H^MR\rAIL|1||OR1\r");
+    EXPECT_THAT(client.receive().value_or(""), testing::HasSubstr("MSA|AA|"));
+  }
+  const ProcedureRule rule{{"OR1"}, 12h};
+  {
+    RoomProcedure before(first, rule, nullptr);
+    const std::optional<ProcedureData> about = before.find(now);
+    ASSERT_TRUE(about);
+    before.ended(*about, now - 11min);
+    EXPECT_EQ(before.doubt(now), Doubt::kRecordedAlready);
+  }
+  first->end();
+  const auto second = with_memory();
+  EXPECT_EQ(RoomProcedure(second, rule, nullptr).doubt(now), Doubt::kRecordedAlready);
+  EXPECT_EQ(RoomProcedure(second, {{"or1"}, 12h}, nullptr).doubt(now), Doubt::kRecordedAlready);
+}
+
 TEST(Procedures, AreTheSameUnlessSomethingTellsThemApart) {
   ProcedureData one;
   one.patient_id = "0077";

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "sim/cutting/vertex_preserving_cut.h"
+#include "sim/render/endoscope.h"
 #include "sim/render/volume_renderer.h"
 #include "tests/support/ball_mesh.h"
 #include "tests/support/picture_likeness.h"
@@ -148,19 +149,57 @@ TEST(RayCaster, DrawsInParallelAndFromNearbyAsOpenGlDoes) {
   expect_alike(organ_ct(), "liver", shown, near);
 }
 
+/// As an endoscope shows it from so far.
+Scene through_endoscope(const Shown& shown, Scene scene, double distance_m) {
+  look_through({distance_m, 70, {-0.25, 0.05}, {}}, shown.mesh, shown.displacement_m, scene);
+  return scene;
+}
+
+TEST(RayCaster, DrawsWhatAnEndoscopeShowsAsOpenGlDoes) {
+  for (const Shown& shown : {bent_body(), cut_body()}) {
+    for (const double distance_m : {0.03, 0.012}) {
+      expect_alike(organ_ct(), "liver", shown, through_endoscope(shown, view_of(shown.mesh), distance_m));
+      expect_alike(lung_ct(), "lung", shown, through_endoscope(shown, view_of(shown.mesh), distance_m));
+    }
+  }
+  const Shown shown = cut_body();
+  expect_alike(organ_ct(), "liver", shown, through_endoscope(shown, everything(shown.mesh), 0.03));
+}
+
+TEST(RayCaster, DrawsByALightAtTheTipWithoutALensAsOpenGlDoes) {
+  const Shown shown = cut_body();
+  for (const bool parallel : {false, true}) {
+    Scene scene = everything(shown.mesh);
+    scene.camera = view_of(shown.mesh, parallel).camera;
+    scene.tip_light.emplace();
+    scene.tip_light->at_m = {0.01, 0.02, 0};
+    scene.tip_light->working_distance_m = (scene.camera.eye_m - kCentre).norm() - kBallM;
+    expect_alike(organ_ct(), "liver", shown, scene);
+  }
+}
+
+TEST(RayCaster, DrawsThroughALensByALightFromAfarAsOpenGlDoes) {
+  const Shown shown = cut_body();
+  Scene scene = through_endoscope(shown, everything(shown.mesh), 0.03);
+  scene.tip_light.reset();
+  scene.round = false;
+  expect_alike(organ_ct(), "liver", shown, scene);
+}
+
 TEST(RayCaster, GivesTheSameBytesOnAnyNumberOfThreadsWithAnyInstructions) {
   const Shown shown = cut_body();
-  const Scene scene = everything(shown.mesh);
-  for (const char* const transfer : {"liver", "lung"}) {
+  const Scene plain = everything(shown.mesh), endoscopic = through_endoscope(shown, plain, 0.03);
+  for (const auto& [transfer, scene] :
+       {std::pair("liver", plain), {"lung", plain}, {"liver", endoscopic}, {"lung", endoscopic}}) {
     const auto volume = organ_ct();
-    const auto with = [&](unsigned threads, InstructionSet set) {
-      RayCaster caster(volume, find_transfer_function(transfer), {threads, set});
+    const auto with = [&, name = transfer, shown_as = scene](unsigned threads, InstructionSet set) {
+      RayCaster caster(volume, find_transfer_function(name), {threads, set});
       PlacedMesh mesh(shown.mesh);
       for (const Vector3& node : shown.mesh.nodes) mesh.texture.push_back(volume->texture_of(node));
       caster.set_mesh(mesh);
-      mesh.place_nodes(shown.displacement_m, scene.camera);
-      mesh.place_cells(scene.camera);
-      return caster.draw(mesh, scene, 0.5e-3).rgb;
+      mesh.place_nodes(shown.displacement_m, shown_as.camera);
+      mesh.place_cells(shown_as.camera);
+      return caster.draw(mesh, shown_as, 0.5e-3).rgb;
     };
     const std::vector<std::uint8_t> expected = with(1, InstructionSet::kBaseline);
     for (const InstructionSet set :

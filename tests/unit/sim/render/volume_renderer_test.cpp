@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "sim/cutting/vertex_preserving_cut.h"
+#include "sim/render/endoscope.h"
 #include "sim/render/vertex_rotations.h"
 #include "tests/support/ball_mesh.h"
 #include "tests/support/build_paths.h"
@@ -713,6 +714,12 @@ TEST(VolumeRenderer, DrawsTheSameByComputingAsByDrawing) {
   const RichCase rich = rich_case();
   EXPECT_LT(difference(drawn(true, rich.mesh, rich.opened, rich.scene),
                        drawn(false, rich.mesh, rich.opened, rich.scene))
+                .share,
+            0.001);
+  Scene endoscopic = rich.scene;
+  look_through({0.02, 70, {-0.25, 0.05}, {}}, rich.mesh, rich.opened, endoscopic);
+  EXPECT_LT(difference(drawn(true, rich.mesh, rich.opened, endoscopic),
+                       drawn(false, rich.mesh, rich.opened, endoscopic))
                 .share,
             0.001);
   // Sides that are no multiple of a group's, the organ over one corner of the picture. The bytes of the

@@ -21,7 +21,9 @@ namespace {
 
 using test::http_answer;
 using test::ScriptedServer;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 constexpr const char* kReply = "application/timestamp-reply";
@@ -190,6 +192,8 @@ TEST_F(HttpStampSourceTest, NeverShowsThePasswordOfAnAddress) {
   const ScriptedServer server(http_answer("401 Unauthorized", "text/plain", "no"));
   EXPECT_EQ(complaint_about({.url = "http://user:secret@127.0.0.1:" + std::to_string(server.port()) + "/"}),
             "the authority " + server.url() + " answered with HTTP status 401");
+  EXPECT_THAT(complaint_about({.url = server.url() + "/tsr?apikey=secret"}),
+              AllOf(HasSubstr("tsr?***"), Not(HasSubstr("secret"))));
 }
 
 TEST_F(HttpStampSourceTest, UsesAProxyOnlyWhenTold) {

@@ -464,10 +464,17 @@ TEST(Alignment, OfTenMinutesOfTheMostVariousDeformationsMakesADocumentThatIsStil
   shape.told.assign(kMostDeformedNodes, false);
   shape.standard_error_m = shape.largest_m = 0.01234;
   shape.misfit_px = 12.34;
+  Departure departure;
+  departure.why = WhyNoDeparture::kCompared;
+  departure.moment = PlanMoment{9, 123.456, false};
+  departure.beyond_m.assign(kMostDeformedNodes, 0.01234F);
+  departure.told = departure.beyond = 0.123;
+  departure.standard_error_m = departure.largest_m = departure.largest_error_m = 0.01234;
   for (; moment.time_ns <= kLongestDeformedNs; moment.time_ns += kAlignedEveryNs) {
     alignment.moments.push_back(moment);
     alignment.moments.back().time_ns += 1'000'000'000'000'000;
     deformed.moments.push_back(shape);
+    deformed.departures.push_back(departure);
   }
   alignment.surface.nodes.assign(kMostDeformedNodes, {-0.12345, -0.12345, -0.12345});
   alignment.surface.faces.assign(2 * kMostDeformedNodes, {1999, 1998, 1997});

@@ -2,10 +2,14 @@ import { describe, expect, it } from 'vitest';
 import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { kOrganAsked, organBody, organLacks, stretchOf } from '@/compare/organ_asked';
 import { colouredFaces, displaced, viridis } from '@/compare/organ_colours';
+import { departureAt, stepDepartures } from '@/compare/organ_departure';
 import { type OrganLens, shownAt } from '@/compare/organ_lens';
 import { coverFaces, facing, outlineMesh, seenNodes } from '@/compare/organ_outline';
 import { organAt, organStretches, organSummary } from '@/compare/organ_place';
 import { organShapeAt, rigidCounts, whyRigid } from '@/compare/organ_shape';
+import { departureLine } from '@/compare/organ_summary';
+import { departureText } from '@/compare/organ_over';
+import { language } from '@/i18n/i18n';
 
 type Moment = OrganAlignment['moments'][number];
 const kTenth = 100_000_000;
@@ -361,5 +365,97 @@ describe('The shape of the organ in the pictures', () => {
     expect(faces.find(({ face }) => face === 0)?.share).toBeCloseTo(12 / 3 / 20, 12);
     // The third node is not told; it belongs to all faces but the first.
     for (const { face, share } of faces) expect(share === undefined).toBe(face !== 0);
+  });
+});
+
+describe('A departure from the plan', () => {
+  const step = (number: number, name: string, start: number, end: number): ComparedStep => ({
+    step: number,
+    name,
+    planned: { start_s: 0, duration_s: 1 },
+    done: { start_ns: start * kTenth, end_ns: end * kTenth, order: number, pauses: [], pause_before_ns: null },
+  });
+  const compared = (at: number, more: Partial<NonNullable<Moment['departure']>> = {}): Moment => ({
+    ...placed(at),
+    rigid: 'within-error',
+    departure: { step: 1, plan_s: 0.1, beyond: 0, standard_error_mm: 1.5, ...more },
+  });
+  const far = { beyond: 0.2, largest_mm: 14.2, largest_error_mm: 2.1, nodes: 'H4' };
+  const document: OrganAlignment = {
+    ...alignment([
+      compared(0),
+      compared(1),
+      compared(2, { ...far, step: 2 }),
+      { ...placed(3), rigid: 'unfitted' },
+      { ...placed(4), rigid: 'unfitted' },
+      { ...placed(5), rigid: 'endoscope-moved' },
+      { ...placed(6), no_departure: 'no-plan-moment' },
+    ]),
+    surface: { moved_mm: 0, nodes_mm: [-20, 0, -20, 20, 0, -20, 0, 20, 0, 0, 0, 20], faces: [0, 1, 3, 1, 2, 3, 2, 0, 3, 1, 0, 2] },
+    deformed: { pictures: 0, largest_mm: 0, scale_mm: 5, fields: [] },
+    departure: {
+      compared: 3,
+      departed: 1,
+      scale_mm: 20,
+      errors: 2,
+      steps: [
+        { step: 1, pictures: 2, compared: 2, departed: 0 },
+        { step: 2, pictures: 1, compared: 1, departed: 1, largest_mm: 14.2, largest_error_mm: 2.1, at_ns: 2 * kTenth },
+        { step: 3, pictures: 3, compared: 0, departed: 0 },
+      ],
+    },
+  };
+  const steps = [step(1, 'Grasp', 0, 2), step(2, 'Lift', 2, 3), step(3, 'Hold', 3, 6), step(4, 'Inspect', 30, 40), { ...step(5, 'Leave', 0, 1), done: null }];
+
+  it('is read of each node, in sevenths of the scale', () => {
+    // H is 7: the first node 0, the second the last seventh; 4 is 56: the third the last one, the fourth 0.
+    const one = departureAt(document, 2 * kTenth);
+    if (typeof one !== 'object') throw new Error('it was compared');
+    expect([...one.shares]).toEqual([0, 6.5 / 7, 6.5 / 7, 0]);
+    expect(one).toMatchObject({ departed: true, largest_mm: 14.2, largest_error_mm: 2.1 });
+    expect(departureAt(document, kTenth)).toMatchObject({ departed: false, error_mm: 1.5 });
+    // Of the last picture that was looked at, for as long as organAt() says anything.
+    expect(departureAt(document, 2.5 * kTenth)).toEqual(one);
+    expect(departureAt(document, 4 * kTenth)).toBeUndefined();
+    expect(departureAt(document, 6 * kTenth)).toBe('no-plan-moment');
+    expect(departureAt(document, 20 * kTenth)).toBeUndefined();
+    expect(departureAt({ ...document, departure: null }, 2 * kTenth)).toBeUndefined();
+    // A few nodes beyond their error are chance.
+    expect(departureAt({ ...document, moments: [compared(0, { ...far, beyond: 0.04 })] }, 0)).toMatchObject({ departed: false });
+  });
+
+  it('is coloured where it is beyond its error, and grey elsewhere', () => {
+    const mesh = outlineMesh(document.surface);
+    const found = organAt(document, 0);
+    if (!mesh || found?.is !== 'placed') throw new Error('it is placed');
+    const shape = { camera: found.camera, displacement: new Float64Array(12), told: new Uint8Array(4).fill(1), error_mm: 1, largest_mm: 0 };
+    const seen = seenNodes(mesh, found.camera, 60, 640, 480);
+    const shares = (departures: number[]) => colouredFaces(mesh, shape, seen, 1, Float64Array.from(departures)).map((one) => one.share);
+    expect(shares([0.5, 0.5, 0.5, 0.5]).every((one) => Math.abs((one ?? NaN) - 0.5) < 1e-12)).toBe(true);
+    expect(shares([0, 0, 0, 0]).every((one) => one === undefined)).toBe(true);
+    expect(shares([0.5, 0.5, 0.5, 0])).toContain(undefined);
+  });
+
+  it('is summed up step by step: where, by how much, and where nothing can be said', () => {
+    language.value = 'en';
+    const told = stepDepartures(document, steps);
+    expect(told.map(({ step: number, is, why }) => [number, is, why])).toEqual([
+      [1, 'planned', undefined],
+      [2, 'departed', undefined],
+      [3, 'unknown', 'rigid.unfitted'],
+      [4, 'unknown', 'departure.not-looked'],
+    ]);
+    expect(told.map(departureLine)).toEqual([
+      '1. Grasp: as planned, within two standard errors, in 2 pictures.',
+      '2. Lift: departed from the plan by up to 14 mm (standard error 2.1 mm), in 1 of 1 pictures.',
+      '3. Hold: nothing can be said (no deformation explains the picture).',
+      '4. Inspect: nothing can be said (no picture was looked at).',
+    ]);
+    expect(told[1]?.at_ns).toBe(2 * kTenth);
+    expect(stepDepartures(alignment([placed(0)]), steps)).toEqual([]);
+    language.value = 'ja';
+    expect(told.map(departureLine)[1]).toBe('2. Lift：計画から最大 14 mm ずれています（標準誤差 2.1 mm）。1 枚中 1 枚。');
+    language.value = 'en';
+    expect(departureText('no-plan-moment')).toBe('Not compared with the plan: no moment of the plan');
   });
 });

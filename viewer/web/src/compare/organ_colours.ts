@@ -32,27 +32,30 @@ export function displaced(mesh: OutlineMesh, { displacement }: OrganShape): Outl
 
 export interface ColouredFace {
   face: number;
-  /** Of its nodes' mean displacement; nothing where one of them is not told. */
+  /** Of its nodes' mean displacement, or departure from the plan; nothing where one of them is not told, or does not depart. */
   share: number | undefined;
 }
-/** Those that face the camera, the farthest first. */
-export function colouredFaces(mesh: OutlineMesh, shape: OrganShape, seen: Float64Array, scale_mm: number): ColouredFace[] {
+/** Those that face the camera, the farthest first. With departures (shares of the scale) these are what is coloured. */
+export function colouredFaces(mesh: OutlineMesh, shape: OrganShape, seen: Float64Array, scale_mm: number, departures?: Float64Array): ColouredFace[] {
   const turned = facing(mesh, seen);
   const { eye, axes } = shape.camera;
   const depth = new Float64Array(turned.length);
   const faces: ColouredFace[] = [];
   for (let face = 0; face < turned.length; ++face) {
     if (turned[face] === 0) continue;
-    let [size, told] = [0, 1];
+    let [size, told, far, departs] = [0, 1, 0, 1];
     for (let corner = 0; corner < 3; ++corner) {
       const node = mesh.faces[3 * face + corner] as number;
       told &= shape.told[node] ?? 0;
+      far += (departures?.[node] ?? 0) / 3;
+      departs &= (departures?.[node] ?? 0) > 0 ? 1 : 0;
       size += Math.hypot(...[0, 1, 2].map((axis) => shape.displacement[3 * node + axis] ?? 0)) / 3;
       for (let axis = 0; axis < 3; ++axis) {
         (depth[face] as number) -= (axes[6 + axis] as number) * ((mesh.nodes[3 * node + axis] as number) - (eye[axis] as number));
       }
     }
-    faces.push({ face, share: told === 1 ? (1000 * size) / scale_mm : undefined });
+    if (departures) faces.push({ face, share: departs === 1 ? far : undefined });
+    else faces.push({ face, share: told === 1 ? (1000 * size) / scale_mm : undefined });
   }
   return faces.sort((a, b) => (depth[b.face] as number) - (depth[a.face] as number));
 }
@@ -70,13 +73,14 @@ export function drawColours(
   height: number,
   scale_mm: number,
   lens?: OrganLens,
+  departures?: Float64Array,
 ): void {
   const seen = seenNodes(mesh, shape.camera, field_deg, width, height, lens);
   // On a sheet of its own: faces that overlap would be darker, and seams between them lighter.
   const sheet = new OffscreenCanvas(Math.max(1, Math.round(width)), Math.max(1, Math.round(height)));
   const onto = sheet.getContext('2d');
   if (!onto) return;
-  for (const { face, share } of colouredFaces(mesh, shape, seen, scale_mm)) {
+  for (const { face, share } of colouredFaces(mesh, shape, seen, scale_mm, departures)) {
     onto.beginPath();
     for (let corner = 0; corner < 3; ++corner) {
       const node = mesh.faces[3 * face + corner] as number;

@@ -1,4 +1,4 @@
-// Where the endoscope's lens shows in the recorded picture what a camera without distortion sees. Pure; as sim/align/lens.cpp, which has the last word.
+// Where the endoscope's lens shows in the recorded picture what a camera without distortion sees. Pure; as sim/render/lens.cpp, which has the last word.
 import type { OrganAlignment } from '@/api/types';
 
 export type OrganLens = NonNullable<OrganAlignment['lens']>;

@@ -3,6 +3,7 @@ import { useSignal } from '@preact/signals';
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { OrganAlignment } from '@/api/types';
 import { displaced, drawColours } from '@/compare/organ_colours';
+import { departureAt, type OrganDeparture } from '@/compare/organ_departure';
 import { OutlineDrawing, outlineMesh } from '@/compare/organ_outline';
 import { organAt, type OrganPlace, pictureSizeAt } from '@/compare/organ_place';
 import { organShapeAt, type OrganShape, whyRigid } from '@/compare/organ_shape';
@@ -15,8 +16,19 @@ import { prepared } from '@/timeline/colors';
 
 const kLook = { line: '#4df0ff', halo: 'rgb(0 0 0 / 75%)', wide: 2.5 };
 
+/** A mesh's nodes where they are at rest, before that camera: on which a departure of a rigid organ is drawn. */
+const atRest = (camera: OrganShape['camera'], nodes: number, error_mm: number): OrganShape => ({
+  camera,
+  displacement: new Float64Array(3 * nodes),
+  told: new Uint8Array(nodes).fill(1),
+  error_mm,
+  largest_mm: 0,
+});
+
 interface Props {
   alignment: OrganAlignment;
+  /** Whether colours say how far the organ departs from the plan, instead of from rest. */
+  fromPlan: boolean;
   player: PanePlayer;
   playback: Playback;
   /** When the archived frame was taken that lies over the viewing copy. */
@@ -32,11 +44,20 @@ export function shapeText(shape: OrganShape): string {
   return t('organ.deformed', { most: shape.largest_mm.toFixed(0), mm: shape.error_mm.toFixed(1) });
 }
 
-export function OrganOver({ alignment, player, playback, original_ns }: Props) {
+/** What colours say of a picture that was compared with the plan, or why none is. */
+export function departureText(departure: OrganDeparture | string): string {
+  if (typeof departure === 'string') return t('organ.notCompared', { why: word('organ.departure', departure) });
+  return departure.departed
+    ? t('organ.departs', { most: departure.largest_mm.toFixed(0), mm: departure.largest_error_mm.toFixed(1) })
+    : t('organ.asPlanned', { mm: departure.error_mm.toFixed(1) });
+}
+
+export function OrganOver({ alignment, fromPlan, player, playback, original_ns }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const place = useSignal<OrganPlace | undefined>(undefined);
   const shape = useSignal<OrganShape | undefined>(undefined);
   const why = useSignal<string | undefined>(undefined);
+  const departure = useSignal<OrganDeparture | string | undefined>(undefined);
   const drawing = useMemo(() => {
     const mesh = outlineMesh(alignment.surface);
     return mesh && { mesh, outline: new OutlineDrawing(mesh) };
@@ -58,6 +79,8 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         const laid = at_ns === undefined ? undefined : organShapeAt(alignment, at_ns);
         place.value = found;
         shape.value = laid;
+        const departs = !fromPlan || at_ns === undefined ? undefined : departureAt(alignment, at_ns);
+        departure.value = departs;
         why.value = at_ns === undefined || found?.is !== 'placed' ? undefined : whyRigid(alignment, at_ns);
         one.dataset['organ'] = laid ? 'deformed' : (found?.is ?? 'unknown');
         const context = prepared(one, wide, high);
@@ -71,7 +94,15 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
         context.beginPath();
         context.rect(0, 0, inner.width, inner.height);
         context.clip();
-        if (laid) {
+        const placed = laid ?? (found?.is === 'placed' ? atRest(found.camera, drawing.mesh.nodes.length / 3, found.error_mm) : undefined);
+        if (typeof departs === 'object' && placed) {
+          const mesh = displaced(drawing.mesh, placed);
+          new OutlineDrawing(mesh).draw(context, placed.camera, alignment.field_deg, inner.width, inner.height, kLook, alignment.lens);
+          drawColours(context, mesh, placed, alignment.field_deg, inner.width, inner.height, 1, alignment.lens, departs.shares);
+        } else if (laid && fromPlan) {
+          // Nothing can be said of a departure: the outline alone.
+          new OutlineDrawing(displaced(drawing.mesh, laid)).draw(context, laid.camera, alignment.field_deg, inner.width, inner.height, kLook, alignment.lens);
+        } else if (laid) {
           const mesh = displaced(drawing.mesh, laid);
           const top_mm = alignment.deformed?.scale_mm ?? laid.largest_mm;
           new OutlineDrawing(mesh).draw(context, laid.camera, alignment.field_deg, inner.width, inner.height, kLook, alignment.lens);
@@ -86,18 +117,24 @@ export function OrganOver({ alignment, player, playback, original_ns }: Props) {
     return () => {
       playback.followers.delete(follower);
     };
-  }, [alignment, drawing, player, playback, original_ns]);
+  }, [alignment, fromPlan, drawing, player, playback, original_ns]);
   const found = place.value;
   const is = shape.value ? 'placed' : (found?.is ?? 'unknown');
-  const scale_mm = shape.value && drawing && alignment.deformed?.scale_mm;
+  const departs = departure.value;
+  const scale_mm = fromPlan
+    ? typeof departs === 'object' && drawing && found?.is === 'placed' && alignment.departure?.scale_mm
+    : shape.value && drawing && alignment.deformed?.scale_mm;
   // Here, so that they follow the language.
-  const words = shape.value
-    ? shapeText(shape.value)
-    : organText(found) + (why.value === undefined ? '' : ` · ${t('organ.stays', { why: word('organ.rigid', why.value) })}`);
+  const words =
+    departs !== undefined
+      ? departureText(departs)
+      : shape.value
+        ? shapeText(shape.value)
+        : organText(found) + (why.value === undefined ? '' : ` · ${t('organ.stays', { why: word('organ.rigid', why.value) })}`);
   return (
     <div class="organ-over">
       <canvas ref={canvas} aria-hidden="true" />
-      {scale_mm !== undefined && <StressScale most={scale_mm} label={t('organ.scale')} />}
+      {typeof scale_mm === 'number' && <StressScale most={scale_mm} label={t(fromPlan ? 'organ.scalePlan' : 'organ.scale')} />}
       <p class={`organ-state organ-state-${is}`}>{words}</p>
     </div>
   );

@@ -1,6 +1,7 @@
 // What a surgeon reads in a minute of an organ that was found in the pictures by itself: in how many, how well, where not and why, and what the outline leaves out.
-import type { OrganAlignment } from '@/api/types';
+import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { formatDuration, formatTime, kMinute, kSecond } from '@/base/time';
+import { type StepDeparture, stepDepartures } from '@/compare/organ_departure';
 import { rigidCounts } from '@/compare/organ_shape';
 import type { OrganSummary as Summary } from '@/compare/organ_place';
 import type { PlanModel } from '@/compare/plan_model';
@@ -19,11 +20,60 @@ interface Props {
   plan: PlanModel;
   alignment: OrganAlignment;
   summary: Summary;
+  steps: readonly ComparedStep[];
   model: CaseModel;
   playback: Playback;
 }
 
-export function OrganSummary({ plan, alignment, summary, model, playback }: Props) {
+/** A step in a line: that it departed, and by how much; that it did not; or that nothing can be said, and why. */
+export function departureLine(one: StepDeparture): string {
+  const step = `${one.step}. ${one.name}`;
+  if (one.is === 'departed')
+    return t('organ.stepDeparted', { step, most: one.largest_mm.toFixed(0), mm: one.error_mm.toFixed(1), n: one.pictures, all: one.compared });
+  if (one.is === 'planned') return t('organ.stepPlanned', { step, all: one.compared });
+  return t('organ.stepUnknown', { step, why: word('organ', one.why ?? 'departure.unknown') });
+}
+
+function Departures({
+  plan,
+  departures,
+  time,
+  playback,
+}: {
+  plan: PlanModel;
+  departures: StepDeparture[];
+  time: (at_ns: number) => string;
+  playback: Playback;
+}) {
+  return (
+    <>
+      <h4>{t('organ.departures')}</h4>
+      <ul class="organ-lost">
+        {departures.map((one) => (
+          <li key={one.step}>
+            {departureLine(one)}{' '}
+            {one.at_ns !== undefined && (
+              <button type="button" class="link mono" onClick={() => playback.seek(one.at_ns as number)}>
+                {time(one.at_ns)}
+              </button>
+            )}
+          </li>
+        ))}
+      </ul>
+      <label class="plan-choice">
+        <span>{t('organ.colours')}</span>
+        <select value={plan.fromPlan.value ? 'plan' : 'rest'} onChange={(event) => (plan.fromPlan.value = event.currentTarget.value === 'plan')}>
+          <option value="rest">{t('organ.colours.rest')}</option>
+          <option value="plan">{t('organ.colours.plan')}</option>
+        </select>
+      </label>
+      <p class="muted plan-note">{t('organ.departureNote')}</p>
+    </>
+  );
+}
+
+export function OrganSummary({ plan, alignment, summary, steps, model, playback }: Props) {
+  const departures = stepDepartures(alignment, steps);
   const time = (at_ns: number) => formatTime(at_ns - model.whole.start_ns, 1);
   const span = { from: time(alignment.start_ns), to: time(alignment.end_ns) };
   const longest = [...summary.lost].sort((a, b) => b.end_ns - b.start_ns - (a.end_ns - a.start_ns));
@@ -48,6 +98,7 @@ export function OrganSummary({ plan, alignment, summary, model, playback }: Prop
           </ul>
         </>
       )}
+      {departures.length > 0 && <Departures plan={plan} departures={departures} time={time} playback={playback} />}
       {summary.lost.length > 0 && (
         <>
           <p>{t('organ.lostAll', { n: summary.lost.length, time: lasted(summary.lost_ns) })}</p>

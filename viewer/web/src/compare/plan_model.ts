@@ -41,6 +41,8 @@ export class PlanModel {
   readonly share = signal(0.5);
   /** Whether the organ's outline is drawn where it was found. */
   readonly outline = signal(true);
+  /** Whether the colours of an organ that is deformed to fit say how far it departs from the plan, instead of from rest. */
+  readonly fromPlan = signal(false);
   /** Of the comparison that is shown; nothing where the organ was not looked for. */
   readonly organ = computed(() => {
     const alignment = this.shown.value?.document.organ_alignment;

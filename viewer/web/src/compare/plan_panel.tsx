@@ -206,7 +206,7 @@ export function PlanPanel({ plan, model, playback, pause }: { plan: PlanModel; m
           {t('plan.anotherCt', { name: document.ct.files[0]?.name ?? '' })}
         </p>
       )}
-      {organ && <OrganSummary plan={plan} {...organ} model={model} playback={playback} />}
+      {organ && <OrganSummary plan={plan} {...organ} steps={document.steps} model={model} playback={playback} />}
       {shown.player && <PlanViewChoice plan={plan} shown={shown} />}
       {document.registration === null && shown.film === 'replay' && shown.player && plan.view.value !== 'beside' && plan.view.value !== 'none' && (
         <p class="muted plan-note">{t('plan.notRegistered')}</p>

@@ -41,6 +41,10 @@ export const kDeeds: readonly SentencePair[] = [
     '項目 {entry} 以降の、この装置が署名していない内容 {all} バイトのうち {count} バイトを別に保管（sha256 {hash}）',
   ],
   [
+    'set aside what stood in lines from entry {entry} on that this device had signed, and that are no entries any more, sha256 {hash}',
+    '項目 {entry} 以降で、この装置が署名したのち項目でなくなった行の内容を別に保管（sha256 {hash}）',
+  ],
+  [
     'found beside the log what was set aside from entry {entry} on, of which no entry told, sha256 {hash}',
     '項目 {entry} 以降を別に保管したファイルで、どの項目にも記載のないものを確認（sha256 {hash}）',
   ],

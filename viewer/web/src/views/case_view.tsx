@@ -281,7 +281,13 @@ function Loaded({
                   <PlanOver plan={plan} shown={compared} />
                 )}
                 {outlined && player.stream === compared?.document.case.stream && (
-                  <OrganOver alignment={outlined.alignment} player={player} playback={playback} original_ns={frames.shown.value.get(player.stream)?.time_ns} />
+                  <OrganOver
+                    alignment={outlined.alignment}
+                    fromPlan={plan?.fromPlan.value === true}
+                    player={player}
+                    playback={playback}
+                    original_ns={frames.shown.value.get(player.stream)?.time_ns}
+                  />
                 )}
                 {pointing && <RecordedPointers pointing={pointing} player={player} playback={playback} />}
               </Pane>

@@ -1,4 +1,4 @@
-#include "sim/align/lens.h"
+#include "sim/render/lens.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,299 @@
+// Where a recorded operation departs from its plan: pictures are rendered of what the plan does, and of what
+// it does not.
+#include "viewer/compare/departure.h"
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "media/film_writer.h"
+#include "sim/mesh/mesh_writer.h"
+#include "tests/support/ball_mesh.h"
+#include "tests/support/endoscope_scene.h"
+#include "tests/support/nanoseconds.h"
+#include "tests/support/pulled_organ.h"
+#include "tests/support/recorded_case.h"
+#include "tests/support/temporary_folder.h"
+#include "viewer/compare/comparison_document.h"
+#include "viewer/compare/paired_pictures.h"
+
+namespace kiroku::compare {
+namespace {
+
+using test::EndoscopeScene;
+using testing::HasSubstr;
+
+constexpr int kPictures = 10;  // a second
+constexpr std::int64_t kTenthNs = kSecond / kPictures;
+/// The plan waits, presses the left lobe up from below, and holds it.
+constexpr double kWaitsS = 0.4, kPressesS = 0.6, kHoldsS = 0.6;
+constexpr int kCount = 16;
+constexpr double kPressedMm = 14;
+
+class DepartureFromPlan : public testing::Test {
+ protected:
+  DepartureFromPlan() {
+    std::ofstream(folder_ / "liver.msh") << sim::msh_text(mesh_, sim::LengthUnit::kMillimetre);
+    std::vector<std::size_t> held;
+    for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
+      if ((mesh_.nodes[node] - test::Held{}.middle_m).norm() < test::Held{}.radius_m) held.push_back(node);
+    }
+    const sim::Vector3 below_mm = 1000 * below_m({0.045, 0, 0});
+    constexpr double kRadiusMm = 8;
+    const auto at = [&](double up_mm) {
+      return nlohmann::json{below_mm.x(), below_mm.y(), below_mm.z() - kRadiusMm - 1 + up_mm};
+    };
+    nlohmann::json document{
+        {"name", "liver"},
+        {"mesh", "liver.msh"},
+        {"length_unit", "mm"},
+        {"time_step_s", 0.1},
+        {"materials", {{{"region", "all"}, {"young_modulus_pa", 5000}, {"poisson_ratio", 0.4}}}},
+        {"fixed", {{{"nodes", held}}}},
+        {"tools", {{"finger", {{"kind", "finger"}, {"radius", kRadiusMm}}}}}};
+    document["steps"] = {
+        {{"do", "hold"}, {"name", "Wait"}, {"duration_s", kWaitsS}},
+        {{"do", "press"},
+         {"name", "Lift"},
+         {"tool", "finger"},
+         {"path", {{{"at_s", 0}, {"position", at(0)}}, {{"at_s", kPressesS}, {"position", at(kPressedMm)}}}}},
+        {{"do", "hold"}, {"name", "Hold"}, {"duration_s", kHoldsS}}};
+    std::ofstream(folder_ / "plan.json") << document;
+    sim::PlanReading reading = sim::read_plan(folder_ / "plan.json");
+    EXPECT_THAT(reading.errors, testing::IsEmpty());
+    plan_ = *reading.plan;
+    frames_.emplace(plan_);
+  }
+
+  /// The lowest node near that place, seen from the front.
+  [[nodiscard]] sim::Vector3 below_m(const sim::Vector3& near_m) const {
+    sim::Vector3 lowest(0, 0, 1);
+    for (const sim::Vector3& node : surface_.nodes) {
+      if (std::abs(node.x() - near_m.x()) < 0.008 && node.z() < lowest.z()) lowest = node;
+    }
+    return lowest;
+  }
+
+  /// What the organ does in the recording: what is planned, and more where `more_m` says that (3 |V|, how
+  /// much of it comes with the pictures).
+  [[nodiscard]] archive::CaseReader record(const Eigen::VectorXd& more_m = {}, bool planned = true) {
+    EndoscopeScene scene(mesh_);
+    media::FilmWriter writer(folder_ / "seen.mkv",
+                             {EndoscopeScene::kWidth, EndoscopeScene::kHeight, 3, kPictures, 1}, true);
+    for (int i = 0; i < kCount; ++i) {
+      EndoscopeScene::Look look;
+      look.camera = scene.camera(8, -18, 0.16, 5);
+      look.seed = static_cast<std::uint32_t>(i + 1);
+      Eigen::VectorXd gone = Eigen::VectorXd::Zero(3 * static_cast<Eigen::Index>(mesh_.nodes.size()));
+      if (planned) gone += planned_m(i);
+      if (more_m.size() > 0) gone += std::clamp((i - 3) / 6.0, 0.0, 1.0) * more_m;
+      look.displacement_m.assign(gone.data(), gone.data() + gone.size());
+      const sim::Picture picture = scene.picture(look);
+      writer.add({picture.width, picture.height, 3, picture.rgb});
+    }
+    writer.finish();
+    std::ifstream in(folder_ / "seen.mkv", std::ios::binary);
+    const test::RecordedStream film{"endoscope",
+                                    "video",
+                                    "video/x-matroska",
+                                    {to_bytes(std::string{std::istreambuf_iterator<char>(in), {}})},
+                                    {kCount}};
+    return archive::CaseReader::open(test::record_case(folder_ / "archive", {film}, reader_.recipients));
+  }
+
+  /// The plan's own displacement of its mesh in that picture, (3 |V|): its steps are done as fast as planned.
+  [[nodiscard]] Eigen::VectorXd planned_m(int picture) const {
+    const double at_s = double(picture) / kPictures;
+    const std::size_t step = at_s < kWaitsS ? 0 : at_s < kWaitsS + kPressesS ? 1 : 2;
+    return frames_->at(step, at_s).frame.displacement_m;
+  }
+
+  [[nodiscard]] Comparison compared(const archive::CaseReader& recording, std::int64_t done_until_ns) {
+    ByHand by_hand;
+    by_hand.steps.emplace();
+    const std::array<double, 4> at_s{0, kWaitsS, kWaitsS + kPressesS, kWaitsS + kPressesS + kHoldsS};
+    for (std::size_t step = 0; step < 3; ++step) {
+      StepMatch& one = by_hand.steps->emplace_back();
+      one.step = step;
+      one.span = {std::llround(at_s[step] * kSecond),
+                  std::min(done_until_ns, std::llround(at_s[step + 1] * kSecond))};
+    }
+    Comparison comparison = compare(recording, reader_.identities, "endoscope", plan_, by_hand, {});
+    const PlannedShapes planned(comparison.map, *frames_);
+    AlignmentRequest request{{0, 2 * kSecond}, EndoscopeScene::kFieldDeg, {}};
+    request.deformed = true;
+    request.planned = &planned;
+    comparison.alignment = align_organ(recording, reader_.identities, "endoscope", plan_.body, request, {});
+    return comparison;
+  }
+
+  sim::TetMesh mesh_ = test::liver_like_mesh({16, 5, 12});
+  sim::OrganSurface surface_ = sim::organ_surface(mesh_);
+  test::TemporaryFolder folder_;
+  test::Reader reader_ = test::make_reader();
+  sim::Plan plan_;
+  std::optional<sim::PlanFrames> frames_;
+};
+
+TEST_F(DepartureFromPlan, IsWithinTwoStandardErrorsWhereTheOrganDoesWhatIsPlanned) {
+  ASSERT_GT(test::PulledOrgan::farthest(planned_m(kCount - 1)), 0.010) << "the plan must do something";
+  const archive::CaseReader recording = record();
+  const Comparison comparison = compared(recording, 2 * kSecond);
+  const DeformedAlignment& found = *comparison.alignment->deformed;
+  ASSERT_EQ(found.departures.size(), found.moments.size());
+  double told = 0, within = 0;
+  std::size_t compared = 0, deformed = 0;
+  for (std::size_t i = 0; i < found.departures.size(); ++i) {
+    const Departure& one = found.departures[i];
+    ASSERT_TRUE(one.moment) << i;
+    if (!one.compared()) continue;
+    ++compared;
+    if (found.moments[i].deformed()) ++deformed;
+    const double nodes = one.told * double(one.beyond_m.size());
+    told += nodes;
+    within += (1 - one.beyond) * nodes;
+    std::cout << "picture " << i << ": " << 100 * one.beyond << " % beyond two errors of "
+              << 1000 * one.standard_error_m << " mm, up to " << 1000 * one.largest_m << " mm\n";
+  }
+  EXPECT_GE(compared, 8U);
+  EXPECT_GE(deformed, 4U) << "else the plan's own lifting was not measured";
+  EXPECT_GE(within, 0.95 * told);
+  std::cout << 100 * within / told << " % of " << told << " told nodes within two standard errors\n";
+}
+
+TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
+  const test::PulledOrgan organ({16, 5, 12});
+  ASSERT_EQ(organ.mesh().nodes.size(), mesh_.nodes.size());
+  constexpr double kPulledM = 0.015;
+  const sim::Vector3 spot_m = below_m({-0.055, 0, 0});
+  const Eigen::VectorXd more_m = organ.displacement_m(organ.force_n(spot_m, {-0.3, -0.2, -1}, kPulledM));
+  const archive::CaseReader recording = record(more_m);
+  Comparison comparison = compared(recording, 2 * kSecond);
+  const Alignment& alignment = *comparison.alignment;
+  const DeformedAlignment& found = *alignment.deformed;
+  const Departure& last = found.departures.back();
+  ASSERT_TRUE(last.compared()) << name_of(last.why) << ", " << sim::name_of(found.moments.back().why);
+  ASSERT_TRUE(last.departed()) << last.beyond;
+  const auto farthest =
+      static_cast<std::size_t>(std::ranges::max_element(last.beyond_m) - last.beyond_m.begin());
+  const double away_m = (alignment.surface.nodes[farthest] - spot_m).norm();
+  std::cout << "up to " << 1000 * last.largest_m << " mm, standard error " << 1000 * last.largest_error_m
+            << " mm, " << 1000 * away_m << " mm from where it was pulled by 15 mm\n";
+  EXPECT_LT(away_m, 0.025);
+  EXPECT_NEAR(last.largest_m, kPulledM, 3 * last.largest_error_m);
+  // Where the plan presses, the recording does what is planned.
+  for (std::size_t node = 0; node < last.beyond_m.size(); ++node) {
+    if (alignment.surface.nodes[node].x() > 0.05) EXPECT_EQ(last.beyond_m[node], 0) << node;
+  }
+
+  const std::vector<StepDeparture> steps = alignment.step_departures();
+  ASSERT_EQ(steps.size(), 3U);
+  EXPECT_EQ(steps[0].pictures, 4U);
+  EXPECT_EQ(steps[0].departed, 0U);
+  EXPECT_GT(steps[2].departed, 3U);
+
+  // In the document.
+  const auto told = nlohmann::json::parse(comparison_json(comparison, plan_, {}))["organ_alignment"];
+  const auto& all = told["departure"];
+  EXPECT_EQ(all["scale_mm"], found.departure_scale_mm());
+  EXPECT_EQ(all["errors"], 2);
+  EXPECT_EQ(all["steps"][2]["step"], 3);
+  EXPECT_EQ(all["steps"][2]["departed"], steps[2].departed);
+  EXPECT_NEAR(all["steps"][2]["largest_mm"].get<double>(), 1000 * steps[2].largest_m, 0.006);
+  EXPECT_EQ(all["steps"][2]["at_ns"], steps[2].at_ns);
+  EXPECT_FALSE(all["steps"][0].contains("largest_mm"));
+  const auto& written = told["moments"].back()["departure"];
+  EXPECT_EQ(written["step"], 3);
+  EXPECT_NEAR(written["plan_s"].get<double>(), double(kCount - 1) / kPictures, 1e-9);
+  EXPECT_NEAR(written["largest_mm"].get<double>(), 1000 * last.largest_m, 0.006);
+  // Whoever reads the document comes to the same departures, within a seventh of the scale.
+  const std::string text = written["nodes"];
+  ASSERT_EQ(text.size(), (last.beyond_m.size() + 1) / 2);
+  const std::string alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  for (std::size_t node = 0; node < last.beyond_m.size(); ++node) {
+    const std::size_t digit = alphabet.find(text[node / 2]);
+    const double level = double(node % 2 == 0 ? digit / 8 : digit % 8);
+    const double mm = 1000 * last.beyond_m[node], seventh_mm = found.departure_scale_mm() / 7;
+    ASSERT_LE(mm, level * seventh_mm + 1e-6) << node;
+    ASSERT_GE(mm, (level - 1) * seventh_mm) << node;
+  }
+
+  // On the film, and on the page for people.
+  sim::Scene scene;
+  constexpr int kWidth = 320, kHeight = 240;
+  scene.width = kWidth;
+  scene.height = kHeight;
+  scene.background = {0, 0, 0};
+  const sim::Vector3 corner(0.09, 0.04, 0.06);
+  const sim::Volume ct =
+      test::volume_of({90, 40, 60}, 2e-3, -corner, [](const sim::Vector3&) { return 100.0; });
+  sim::PlanPictures pictures(plan_,
+                             std::make_shared<const sim::ShadedVolume>(sim::shade(ct, {-corner, corner})),
+                             sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
+  CompositionForm form;
+  form.width = kWidth;
+  form.height = kHeight;
+  form.arrangement = Arrangement::kOverlay;
+  form.share = 1;
+  form.from_plan = true;
+  PairedPictures paired(recording, reader_.identities, comparison, *frames_, pictures, form, 0, 2 * kSecond);
+  const sim::Picture film = paired.at((kCount - 1) * kTenthNs);
+  const Caption caption = paired.caption_at((kCount - 1) * kTenthNs);
+  EXPECT_THAT(caption.step, HasSubstr("organ departs from the plan by up to "));
+  EXPECT_EQ(caption.displacement_mm, found.departure_scale_mm());
+  EXPECT_EQ(caption.scale_title, "mm from plan");
+  int grey = 0, coloured_left = 0, coloured_right = 0;
+  for (int y = 0; y < film.height; ++y) {
+    for (int x = 0; x < kWidth * 3 / 4; ++x) {  // beside the scale
+      const std::uint8_t* const pixel = film.pixel(x, y);
+      if (pixel[0] == 150 && pixel[1] == 150 && pixel[2] == 150) ++grey;
+      const bool green = pixel[1] > pixel[0] + 30 && pixel[1] > 100;
+      if (green) ++(x < kWidth / 2 ? coloured_left : coloured_right);
+    }
+  }
+  EXPECT_GT(grey, 2000);
+  // The patient's right is on the picture's left.
+  EXPECT_GT(coloured_left, 100);
+  EXPECT_LT(coloured_right, 20);
+  EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
+}
+
+TEST_F(DepartureFromPlan, IsNotToldWhereThePlanHasNoMoment) {
+  const archive::CaseReader recording = record();
+  // The last step was ended early: nothing is planned for the pictures after that.
+  const std::int64_t until_ns = 12 * kTenthNs;
+  const Comparison comparison = compared(recording, until_ns);
+  const auto told = nlohmann::json::parse(comparison_json(comparison, plan_, {}))["organ_alignment"];
+  std::size_t without = 0;
+  for (std::size_t i = 0; i < comparison.alignment->moments.size(); ++i) {
+    const bool in_plan = comparison.alignment->moments[i].time_ns < until_ns;
+    EXPECT_EQ(comparison.alignment->deformed->departures[i].moment.has_value(), in_plan) << i;
+    if (in_plan) continue;
+    EXPECT_FALSE(told["moments"][i].contains("departure"));
+    if (told["moments"][i].contains("deformed")) {
+      EXPECT_EQ(told["moments"][i]["no_departure"], "no-plan-moment");
+      ++without;
+    }
+  }
+  EXPECT_GE(without, 2U);
+}
+
+TEST(TimeMapDuring, HasAMomentOnlyWhileAStepIsDone) {
+  const std::vector<PlannedStep> steps{{"a", 0, 1}, {"b", 1, 1}};
+  StepMatching matching;
+  matching.matches = {{.step = 0, .span = {10, 20}}, {.step = 1, .span = {30, 50}, .pauses = {{35, 40}}}};
+  const TimeMap map(steps, matching);
+  EXPECT_FALSE(map.during(9));
+  EXPECT_EQ(map.during(10)->step, 0U);
+  EXPECT_FALSE(map.during(20)) << "between two steps";
+  EXPECT_FALSE(map.during(29));
+  EXPECT_TRUE(map.during(37)->stands) << "a pause is part of its step";
+  EXPECT_EQ(map.during(37)->step, 1U);
+  EXPECT_FALSE(map.during(50));
+}
+
+}  // namespace
+}  // namespace kiroku::compare
