@@ -45,11 +45,16 @@ struct LateStamping::Case {
   /// Tokens over the end whose entry a crash kept from being written.
   void adopt_tokens(const archive::FileReading& files, const timestamp::TrustStore* trust, Result& result) {
     const archive::CaseFolder folder = archive::CaseFolder::open(writer->folder(), files);
-    for (const archive::TokenName& name : archive::found_tokens(writer->folder(), files)) {
-      if (name.size <= *close || name.size > writer->size() ||
-          entered.contains({name.size, name.authority})) {
-        continue;
-      }
+    std::vector<archive::TokenName> found = archive::found_tokens(writer->folder(), files);
+    std::erase_if(found, [&](const archive::TokenName& name) {
+      return name.size <= *close || name.size > writer->size() ||
+             entered.contains({name.size, name.authority});
+    });
+    std::size_t left = 0;
+    for (const archive::TokenName& name :
+         archive::tokens_to_judge(std::move(found), writer->folder(), files, left)) {
+      // Another form of one that was taken just now.
+      if (entered.contains({name.size, name.authority})) continue;
       const std::optional<archive::TokenEntry> facts = archive::token_in_folder(folder, name, trust);
       if (!facts) continue;
       writer->adopt_token(name, *facts, now());

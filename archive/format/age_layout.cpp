@@ -45,14 +45,15 @@ bool is_age_header(std::string_view text) {
          });
 }
 
-bool has_age_form(const crypto::ByteSource& file) {
+AgeForm age_form(const crypto::ByteSource& file) {
   const std::optional<Bytes> header = age_header_text(file);
   if (!header || !is_age_header(text_of(*header)) || file.size() <= header->size() + kAgeNonceBytes) {
-    return false;
+    return AgeForm::kNone;
   }
-  const std::uint64_t last =
-      (file.size() - header->size() - kAgeNonceBytes) % (kAgeChunkBytes + kAgeTagBytes);
-  return last == 0 || last > kAgeTagBytes;
+  const std::uint64_t payload = file.size() - header->size() - kAgeNonceBytes;
+  const std::uint64_t last = payload % (kAgeChunkBytes + kAgeTagBytes);
+  if (last == 0 || last > kAgeTagBytes) return AgeForm::kHolding;
+  return payload == kAgeTagBytes ? AgeForm::kEmpty : AgeForm::kBegun;
 }
 
 }  // namespace kiroku::archive

@@ -28,9 +28,15 @@ std::optional<std::uint64_t> age_header_bytes(const crypto::ByteSource& file);
 /// Whether a text that age_header_text() gave is a header as anybody can see it: a stanza follows the first
 /// line, and the last line has a MAC.
 bool is_age_header(std::string_view text);
-/// Whether a file has the form of one that holds something: a header, and behind its nonce chunks, the last
-/// of which holds something. What is in them, or whether anybody can open them, nobody sees. Throws
-/// kiroku::IoError.
-bool has_age_form(const crypto::ByteSource& file);
+/// How much a file has of the form of an age file, as anybody sees without a key. What is in it, or whether
+/// anybody can open it, nobody sees.
+enum class AgeForm {
+  kNone,
+  kBegun,   // a header, its nonce, and bytes behind them: of a file that was cut off, perhaps
+  kEmpty,   // sealed to its end, with nothing in it
+  kHolding  // sealed to its end: behind the nonce chunks, the last of which holds something
+};
+/// Throws kiroku::IoError.
+AgeForm age_form(const crypto::ByteSource& file);
 
 }  // namespace kiroku::archive

@@ -308,7 +308,7 @@ class Recovery {
   void adopt_segments(StreamStanding& stream, const Moment& at, std::vector<CaseEntryBody>& entries,
                       std::vector<std::string>& cut) {
     std::vector<FoundSegment> all = found_segments(files_, folder_, stream.info, stream.next_index);
-    leave_what_is_too_large(stream, all, cut);
+    leave_what_no_recorder_leaves(stream, all, cut);
     const std::uint64_t end = end_of_contents(all);
     for (const FoundSegment& found : all) {
       const std::string name = found.path.filename().string();
@@ -346,28 +346,51 @@ class Recovery {
   }
 
   /// The start waits for what is read here, so that is bounded: a recorder that dies leaves a few seconds of
-  /// each stream, and whoever writes to the disk a file as long as they like, which may be a hole and take no
-  /// room. From the first file on that is too large the stream's are neither entered nor removed.
-  void leave_what_is_too_large(const StreamStanding& stream, std::vector<FoundSegment>& all,
-                               std::vector<std::string>& cut) {
-    for (auto found = all.begin(); found != all.end(); ++found) {
-      std::error_code error;
-      const std::uint64_t bytes = fs::file_size(found->path, error);
-      const bool one_is = bytes > kMaximumSealedBytes;
-      if (!error && !one_is && bytes <= left_to_read_) {
-        left_to_read_ -= bytes;
+  /// each stream, and whoever writes to the disk as many files as they like, as long as they like, which may
+  /// be holes and take no room. Nor does a recorder give its final name to what it did not seal. From the
+  /// first file on that is of none the stream's are neither entered nor removed, and all of their time is a
+  /// gap.
+  void leave_what_no_recorder_leaves(const StreamStanding& stream, std::vector<FoundSegment>& all,
+                                     std::vector<std::string>& cut) {
+    const std::size_t most = stream.info.timing == "arrival" ? kMostFoundSegments : kMostFoundOfFilms;
+    for (auto found = all.begin(); found != all.end();) {
+      const bool is_one_too_many = found - all.begin() >= static_cast<std::ptrdiff_t>(most);
+      const std::string why = is_one_too_many
+                                  ? "more files lie there without an entry than a recorder that dies leaves"
+                                  : why_left(stream, *found);
+      if (why.empty()) {
+        ++found;
         continue;
       }
-      const std::string why =
-          error    ? "it cannot be examined: " + error.message()
-          : one_is ? "it has " + count_of(bytes, "byte", "bytes") + ", and a segment at most 1 GiB"
-                   : "more lies there without an entry than a recorder that dies leaves";
-      cut.push_back(stream.info.name + "/" + found->path.filename().string() +
-                    " and what follows it, left as they are: " + why);
+      const std::string name = stream.info.name + "/" + found->path.filename().string();
       result_.problem = found->path.string() + " is left as it is: " + why;
+      const auto next = std::next(found);
+      // Where a part lies beside it, that is the recorder's.
+      if (!is_one_too_many && next != all.end() && next->index == found->index) {
+        cut.push_back(name + ", left as it is: " + why);
+        found = all.erase(found);
+        continue;
+      }
+      cut.push_back(name + " and what follows it, left as they are: " + why);
       all.erase(found, all.end());
       return;
     }
+  }
+
+  /// "" where it may be the recorder's.
+  std::string why_left(const StreamStanding& stream, const FoundSegment& found) {
+    std::error_code error;
+    const std::uint64_t bytes = fs::file_size(found.path, error);
+    if (error) return "it cannot be examined: " + error.message();
+    if (bytes > kMaximumSealedBytes) {
+      return "it has " + count_of(bytes, "byte", "bytes") + ", and a segment at most 1 GiB";
+    }
+    if (found.complete && !may_be_found_complete(files_.open_to_read(found.path), stream.info)) {
+      return "it has the name of a segment that was sealed to its end, and is no sealed file";
+    }
+    if (bytes > left_to_read_) return "more lies there without an entry than a recorder that dies leaves";
+    left_to_read_ -= bytes;
+    return "";
   }
 
   /// One more than the last index with something sealed in its file. What lies before it is entered even if
@@ -426,10 +449,19 @@ class Recovery {
 
   void adopt_tokens() {
     const CaseFolder folder = CaseFolder::open(folder_, files_);
-    for (const TokenName& name : found_tokens(folder_, files_)) {
-      if (standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size()) {
-        continue;
-      }
+    std::vector<TokenName> found = found_tokens(folder_, files_);
+    std::erase_if(found, [&](const TokenName& name) {
+      return standing_.tokens.contains({name.size, name.authority}) || name.size > writer_->size();
+    });
+    std::size_t left = 0;
+    found = tokens_to_judge(std::move(found), folder_, files_, left);
+    if (left > 0) {
+      result_.problem = count_of(left, "token is", "tokens are") +
+                        " left as they are: more lie there without an entry than a recorder that dies leaves";
+    }
+    for (const TokenName& name : found) {
+      // Another form of one that was taken just now.
+      if (standing_.tokens.contains({name.size, name.authority})) continue;
       const std::optional<TokenEntry> facts = token_in_folder(folder, name, options_.trust);
       if (!facts) {
         result_.problem = token_path(name.size, name.authority, name.form) +

@@ -1,5 +1,6 @@
 #include "archive/verify/consent_rules.h"
 
+#include "archive/format/age_layout.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/consent_layout.h"
 #include "archive/format/line_reader.h"
@@ -182,6 +183,11 @@ void ConsentRules::check_file(const std::string& path, std::uint64_t entry) {
   try {
     if (const auto why = why_another(*opening.file, hash_of_consent_path(path).value())) {
       findings_->add("file-hash-differs", {path, entry}, path + " " + *why);
+    } else if (age_form(*opening.file) != AgeForm::kHolding) {
+      findings_->add("consent-not-sealed", {path, entry},
+                     path + ", which " + at_entry(entry) +
+                         " names, is no sealed (age) file with anything in it: anybody can read what it has "
+                         "of the person, or nobody");
     }
   } catch (const IoError& error) {
     findings_->add("file-unreadable", {path, entry}, error.what());

@@ -140,8 +140,8 @@ void FileChecker::check_one(const FileJob& job) {
     if (!hashed) {
       return;
     }
-    if (job.segment && hashed->fits) {
-      count_held(job);
+    if (hashed->fits) {
+      if (job.segment) count_held(job);
       judge_form(job, *opening.file);
     }
     if (job.segment && options_->identities != nullptr) {
@@ -224,11 +224,32 @@ std::optional<FileChecker::Hashed> FileChecker::hash_file(const FileJob& job, co
 
 // Whoever holds no key sees a hash that fits, and believes that something can be opened.
 void FileChecker::judge_form(const FileJob& job, const ReadableFile& file) {
+  const Place place{job.expected.file, job.entry};
+  if (!job.segment) {
+    if (age_form(file) != AgeForm::kHolding) {
+      findings_->add("subject-not-sealed", place,
+                     job.expected.file +
+                         " is no sealed (age) file with anything in it: what it has of the "
+                         "patient anybody can read, or nobody");
+    }
+    return;
+  }
   const SegmentEntry& segment = *job.segment;
-  if (segment.complete && segment.counted && segment.frames > 0 && !has_age_form(file)) {
-    findings_->add("segment-not-sealed", {job.expected.file, job.entry},
-                   job.expected.file + " is no sealed (age) file with anything in it, and its entry states " +
-                       digits(segment.frames) + " frames or samples: no key can open it");
+  const auto told = [&](const std::string& why) {
+    findings_->add("segment-not-sealed", place, job.expected.file + " is no sealed (age) file " + why);
+  };
+  if (segment.complete && !segment.counted) {
+    if (!may_be_found_complete(file, *job.stream)) told("as one is that recovery can have found complete");
+  } else if (segment.counted && segment.frames > 0) {
+    // Whoever counted what is in one that was cut off saw it begin.
+    const AgeForm form = age_form(file);
+    if (form != AgeForm::kHolding && (segment.complete || form == AgeForm::kNone)) {
+      told("with anything in it, and its entry states " + digits(segment.frames) +
+           " frames or samples: no key can open it");
+    }
+  } else if (segment.complete) {
+    const AgeForm form = age_form(file);
+    if (form != AgeForm::kHolding && form != AgeForm::kEmpty) told("that anybody sealed: no key can open it");
   }
 }
 

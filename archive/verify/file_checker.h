@@ -113,7 +113,7 @@ class FileChecker {
   void report_changed(const FileJob& job, std::uint64_t offset);
   void report_rekeyed_unopened(const FileJob& job);
   void count_held(const FileJob& job);
-  /// Of a segment that is said to hold something: whether its file has the form of what holds something.
+  /// Whether a file that is said to be sealed has the form of what is, with as much in it as is said.
   void judge_form(const FileJob& job, const ReadableFile& file);
   bool new_header_fits(const Hashed& hashed) const;
   void report_progress(std::uint64_t more);

@@ -181,7 +181,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-name-differs", Severity::kTampered, "a segment's file is not named by its stream and index"},
     {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
     {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
-    {"segment-hole", Severity::kTampered, "time between two segments of a stream that no gap accounts for"},
+    {"segment-hole", Severity::kTampered,
+     "time between two segments of a stream that no gap accounts for, in one piece or in many seams"},
     {"stream-for-nobody", Severity::kUnproven,
      "open names no age recipient of a stream: whatever is in it, nobody is said to be able to open it"},
     {"no-stream", Severity::kUnproven,
@@ -204,8 +205,18 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a segment of a stream that is recorded as it comes, or one that recovery found, lasts more than 11 s, "
      "which no recorder writes"},
     {"segment-not-sealed", Severity::kUnproven,
-     "a complete segment that is said to hold frames or samples is no age file with anything in it: no key "
-     "can open it"},
+     "a segment that is said to be complete, or to hold frames or samples, is no age file with as much in "
+     "it: "
+     "no key can open it"},
+    {"segments-found-many", Severity::kUnproven,
+     "recovery is said to have found more than 64 segments of a stream that is recorded as it comes, more "
+     "than "
+     "a recorder that dies leaves"},
+    {"subject-not-sealed", Severity::kUnproven,
+     "what a case has of the patient is no age file with anything in it: anybody can read it, or nobody"},
+    {"segments-empty", Severity::kUnproven,
+     "segments of pictures hold no frame for more than 5 s, one after the other, or no frame in all that is "
+     "there, and no gap says why"},
     {"segment-cut-unexplained", Severity::kTampered,
      "an incomplete segment without recovered, gap or close between it and its neighbours"},
     {"segment-uncounted-unexplained", Severity::kTampered,
@@ -368,6 +379,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "the log says that a case was used for a purpose to which no consent stood"},
     {"consent-file-missing", Severity::kGap,
      "a sealed statement of consent, or a form, is not there: it was removed, or this is a copy without"},
+    {"consent-not-sealed", Severity::kUnproven,
+     "a statement of consent, or a form, is no age file with anything in it: anybody can read it, or nobody"},
     {"consent-not-entered", Severity::kGap,
      "a sealed statement of consent, or a form, that no entry names: the machine stopped before it was "
      "entered, or its entry was removed"},

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <fcntl.h>
+#include <set>
 #include <string>
 #include <tuple>
 #include <unistd.h>
@@ -117,6 +118,23 @@ std::vector<TokenName> found_tokens(const fs::path& case_folder, const FileReadi
   return found;
 }
 
+std::vector<TokenName> tokens_to_judge(std::vector<TokenName> found, const fs::path& case_folder,
+                                       const FileReading& files, std::size_t& left) {
+  left = 0;
+  if (found.size() <= kMostFoundTokens) return found;
+  std::set<std::uint64_t> sizes;
+  for (const std::string& name : files.names_in(case_folder / kCheckpointsFolder)) {
+    if (const auto size = size_of_note_name(name)) sizes.insert(*size);
+  }
+  left = found.size();
+  std::erase_if(found, [&](const TokenName& name) { return !sizes.contains(name.size); });
+  if (found.size() > kMostFoundTokens) {
+    found.erase(found.begin(), found.end() - static_cast<std::ptrdiff_t>(kMostFoundTokens));
+  }
+  left -= found.size();
+  return found;
+}
+
 std::optional<evidence::StampJudging> judging_of(TokenForm form, ByteView file, ByteView note,
                                                  std::string& explanation) {
   if (form == TokenForm::kShared) return evidence::judging_shared(file, note, explanation);
@@ -161,6 +179,11 @@ PartContents look_into(const FileReading& files, const fs::path& part) {
     contents.holds_sealed_bytes = end > kMaximumAgeHeaderBytes || !is_begun_header(file, end);
   }
   return contents;
+}
+
+bool may_be_found_complete(const crypto::ByteSource& file, const StreamInfo& stream) {
+  const AgeForm form = age_form(file);
+  return form == AgeForm::kHolding || (form == AgeForm::kEmpty && stream.media == kLinesMedia);
 }
 
 bool was_found_cut_off(const SegmentEntry& segment) { return !segment.complete && !segment.counted; }

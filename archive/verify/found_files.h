@@ -2,6 +2,7 @@
 // special files are never among it. Functions; thread-safe for different cases.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -17,6 +18,13 @@ namespace kiroku::archive {
 
 class FileSystem;
 
+/// Of so many segment files of a stream that no entry names recovery takes notice. A recorder holds 16 sealed
+/// ones that wait for the disk, and those whose entry is being written. A film that is read as fast as it
+/// goes leaves more.
+inline constexpr std::size_t kMostFoundSegments = 64, kMostFoundOfFilms = 256;
+/// So many tokens that no entry names are judged of a case, the newest ones.
+inline constexpr std::size_t kMostFoundTokens = 64;
+
 struct FoundSegment {
   std::uint64_t index = 0;
   bool complete = false;  // it has its final name, so it was sealed to its end and durable
@@ -28,6 +36,10 @@ struct FoundSegment {
 /// Throws kiroku::IoError.
 std::vector<FoundSegment> found_segments(const FileReading& files, const std::filesystem::path& case_folder,
                                          const StreamInfo& stream, std::uint64_t first_index);
+/// Of token files that no entry names those that are looked into: where there are more than kMostFoundTokens,
+/// the newest so many of checkpoints that are there. `left` counts the others. Throws kiroku::IoError.
+std::vector<TokenName> tokens_to_judge(std::vector<TokenName> found, const std::filesystem::path& case_folder,
+                                       const FileReading& files, std::size_t& left);
 /// All token files, by checkpoint, then authority, then form. Throws kiroku::IoError.
 std::vector<TokenName> found_tokens(const std::filesystem::path& case_folder,
                                     const FileReading& files = real_reading());
@@ -50,6 +62,10 @@ struct PartContents {
 };
 /// Throws kiroku::IoError, kiroku::Error where the file cannot be read to its end.
 PartContents look_into(const FileReading& files, const std::filesystem::path& part);
+/// Whether a file has the form of a segment of the stream that was sealed to its end, when nobody counted
+/// what is in it: of pictures there is something, and of lines there may have been none. Throws
+/// kiroku::IoError.
+bool may_be_found_complete(const crypto::ByteSource& file, const StreamInfo& stream);
 /// Whether the entry is of a segment that was cut off and that recovery found: nobody knew what was in it
 /// when it was entered, so what does not open of it was lost before.
 bool was_found_cut_off(const SegmentEntry& segment);

@@ -9,6 +9,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
 #include "archive/format/segment_media.h"
+#include "archive/verify/found_files.h"
 #include "base/printable.h"
 #include "base/saturated_sum.h"
 
@@ -115,6 +116,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   report_.dropped = saturated_sum(report_.dropped, segment.dropped);
   report_.bytes = saturated_sum(report_.bytes, segment.file.bytes);
   report_.span.end_ns = std::max(report_.span.end_ns, segment.span.end_ns);
+  count_empty(segment, entry);
   count_filling(segment, entry);
   if (segment.dropped > 0 && !first_dropped_entry_) {
     first_dropped_entry_ = entry;
@@ -275,6 +277,125 @@ void StreamRules::count_filling(const SegmentEntry& segment, std::uint64_t entry
   }
 }
 
+void StreamRules::count_empty(const SegmentEntry& segment, std::uint64_t entry) {
+  const bool is_empty = of_pictures_ && segment.counted && segment.frames == 0;
+  found_ += segment.counted ? 0U : 1U;
+  taken_.push_back({segment.span, entry, is_empty});
+  if (is_empty && is_empty_now_) {
+    Emptiness& row = empty_.back();
+    row.span.end_ns = std::max(row.span.end_ns, segment.span.end_ns);
+    ++row.segments;
+  } else if (is_empty) {
+    empty_.push_back({segment.span, entry, segment.index, 1});
+  }
+  is_empty_now_ = is_empty;
+}
+
+StreamRules::TimeInGaps::TimeInGaps(std::vector<Span> gaps) {
+  std::ranges::sort(gaps, {}, &Span::start_ns);
+  for (const Span& gap : gaps) {
+    if (gaps_.empty() || gap.start_ns > gaps_.back().end_ns) {
+      gaps_.push_back(gap);
+    } else {
+      gaps_.back().end_ns = std::max(gaps_.back().end_ns, gap.end_ns);
+    }
+  }
+  std::int64_t sum_ns = 0;
+  for (const Span& gap : gaps_) {
+    before_.push_back(sum_ns);
+    sum_ns += gap.end_ns - gap.start_ns;
+  }
+}
+
+std::int64_t StreamRules::TimeInGaps::until(std::int64_t time_ns) const {
+  const auto after = std::ranges::upper_bound(gaps_, time_ns, {}, &Span::start_ns);
+  if (after == gaps_.begin()) return 0;
+  const Span& last = *std::prev(after);
+  return before_[static_cast<std::size_t>(std::distance(gaps_.begin(), after)) - 1] +
+         std::min(time_ns, last.end_ns) - last.start_ns;
+}
+
+std::int64_t StreamRules::TimeInGaps::within(const Span& span) const {
+  return std::max<std::int64_t>(0, until(span.end_ns) - until(span.start_ns));
+}
+
+// Each segment for itself may be as short as one likes, so they are put together: a minute of segments of a
+// second that hold nothing is a minute that is not there.
+void StreamRules::check_empty() {
+  const bool nothing_else = report_.frames == 0 && found_ == 0;
+  const std::int64_t most_ns = nothing_else ? kSeamToleranceNs : kLongestUntoldBlindnessNs;
+  std::uint64_t segments = 0;
+  std::int64_t all_ns = 0;
+  std::int64_t longest_ns = 0;
+  const Emptiness* longest = nullptr;
+  for (const Emptiness& each : empty_) {
+    const std::int64_t lacking_ns = each.span.end_ns - each.span.start_ns - in_gaps_.within(each.span);
+    if (lacking_ns <= most_ns) continue;
+    segments += each.segments;
+    all_ns = lacking_ns > INT64_MAX - all_ns ? INT64_MAX : all_ns + lacking_ns;
+    if (longest == nullptr || lacking_ns > longest_ns) {
+      longest = &each;
+      longest_ns = lacking_ns;
+    }
+  }
+  if (longest == nullptr) return;
+  told_empty_ = true;
+  findings_->add("segments-empty", {std::string(kLedgerFile), longest->entry},
+                 digits(segments) + " segments of " + report_.info.name + " hold no frame, together for " +
+                     in_seconds(all_ns) + " s that no gap states, most of it from " + text_of(longest->span) +
+                     ", from segment " + digits(longest->index) + " on: there is no film of that time");
+}
+
+// Each seam for itself is what a container rounds: an hour of them is an hour.
+void StreamRules::check_seams(std::optional<std::int64_t> lines_begin_ns) {
+  std::vector<Taken> all = taken_;
+  for (const Span& gap : in_gaps_.gaps()) all.push_back({gap});
+  std::ranges::stable_sort(all, {}, [](const Taken& each) { return each.span.start_ns; });
+  constexpr std::int64_t kForgivenIn = 1'000;
+  std::optional<std::int64_t> until_ns;
+  std::int64_t first_ns = 0;
+  std::int64_t lacking_ns = 0;
+  for (const Taken& each : all) {
+    const std::int64_t seam_ns = until_ns ? each.span.start_ns - *until_ns : 0;
+    const bool is_shown = !lines_begin_ns || each.span.start_ns > *lines_begin_ns + kSeamToleranceNs;
+    if (is_shown && seam_ns > 0 && seam_ns <= kSeamToleranceNs) {
+      if (lacking_ns == 0) first_ns = *until_ns;
+      lacking_ns += seam_ns;
+    }
+    if (lacking_ns > kMostInSeamsNs) {
+      findings_->add("segment-hole",
+                     {std::string(kLedgerFile), each.entry > 0 ? std::optional(each.entry) : std::nullopt},
+                     report_.info.name + " has seams from " + text_of({first_ns, each.span.start_ns}) +
+                         " that add up to " + in_seconds(lacking_ns) +
+                         " s, more than rounding leaves, and no gap says why");
+      return;
+    }
+    const std::int64_t more_ns = each.span.end_ns - std::max(until_ns.value_or(0), each.span.start_ns);
+    if (more_ns > 0) lacking_ns = std::max<std::int64_t>(0, lacking_ns - more_ns / kForgivenIn);
+    until_ns = std::max(until_ns.value_or(0), each.span.end_ns);
+  }
+}
+
+void StreamRules::check_stated_pictures(const Span& asked) const {
+  std::int64_t empty_ns = 0;
+  std::optional<std::uint64_t> first_entry;
+  for (const Taken& each : taken_) {
+    const Span& span = each.span;
+    const bool meets =
+        span.start_ns < asked.end_ns && std::max(span.end_ns, span.start_ns + 1) > asked.start_ns;
+    if (meets && !each.is_empty) return;
+    if (!meets) continue;
+    const std::int64_t length_ns =
+        std::min(span.end_ns, asked.end_ns) - std::max(span.start_ns, asked.start_ns);
+    empty_ns = std::min(asked.end_ns - asked.start_ns, empty_ns + std::max<std::int64_t>(0, length_ns));
+    if (!first_entry) first_entry = each.entry;
+  }
+  if (told_empty_ || !first_entry || empty_ns - in_gaps_.within(asked) <= kSeamToleranceNs) return;
+  findings_->add("segments-empty", {std::string(kLedgerFile), first_entry},
+                 "the segments of " + report_.info.name + " hold no frame from " + text_of(asked) +
+                     ", and no gap says why: there is no film of that time");
+}
+
 void StreamRules::check_fillings() {
   const bool counted = of_pictures_ ? !fillings_.empty() : !of_marks_ && report_.segments > 0;
   if (counted && report_.frames == 0) {
@@ -303,18 +424,35 @@ void StreamRules::check_fillings() {
   };
   std::uint64_t sparse = 0;
   double all_lacking = 0;
+  bool one_is = false;  // for itself, not only with its neighbours
   const Filling* emptiest = nullptr;
-  for (const Filling& each : fillings_) {
-    if (lacking(each) <= usual || each.rate() > kMostOfUsual * usual) {
-      continue;  // less than a second's pictures
+  // Segments that lack pictures one after the other count together: each may be as short as one likes.
+  for (auto first = fillings_.begin(); first != fillings_.end();) {
+    auto end = first;
+    double row_lacking = 0;
+    while (end != fillings_.end() && end->rate() <= kMostOfUsual * usual &&
+           (end == first ||
+            end->start_ns - std::prev(end)->start_ns - std::prev(end)->duration_ns <= kSeamToleranceNs)) {
+      row_lacking += lacking(*end++);
     }
-    ++sparse;
-    all_lacking += lacking(each);
-    if (emptiest == nullptr || lacking(each) > lacking(*emptiest)) {
-      emptiest = &each;
+    if (end == first) {
+      ++first;
+      continue;
+    }
+    for (; first != end; ++first) {
+      if (row_lacking <= usual) continue;  // less than a second's pictures
+      ++sparse;
+      all_lacking += lacking(*first);
+      one_is = one_is || lacking(*first) > usual;
+      if (emptiest == nullptr || lacking(*first) > lacking(*emptiest)) emptiest = &*first;
     }
   }
-  if (emptiest != nullptr) {
+  const double all_frames = double(report_.frames) + double(report_.dropped);
+  const double all_seconds = std::accumulate(
+      fillings_.begin(), fillings_.end(), 0.0,
+      [](double sum, const Filling& each) { return sum + double(each.duration_ns) / kNsPerSecond; });
+  const bool all_are = all_frames < kMostOfUsual * all_seconds && all_seconds - all_frames > 1;
+  if (emptiest != nullptr && (one_is || !all_are)) {
     findings_->add("segments-sparse", {std::string(kLedgerFile), emptiest->entry},
                    digits(sparse) + " of the segments of " + report_.info.name +
                        " hold fewer frames than is usual, together about " +
@@ -324,11 +462,7 @@ void StreamRules::check_fillings() {
                        " s. Its source sent less, or what it sent did not arrive");
     return;
   }
-  const double all_frames = double(report_.frames) + double(report_.dropped);
-  const double all_seconds = std::accumulate(
-      fillings_.begin(), fillings_.end(), 0.0,
-      [](double sum, const Filling& each) { return sum + double(each.duration_ns) / kNsPerSecond; });
-  if (all_frames < kMostOfUsual * all_seconds && all_seconds - all_frames > 1) {
+  if (all_are) {
     findings_->add("segments-sparse", {std::string(kLedgerFile)},
                    "the segments of " + report_.info.name + " hold " + digits(report_.frames) +
                        " frames in " + digits(static_cast<std::uint64_t>(all_seconds)) +
@@ -417,6 +551,14 @@ void StreamRules::check_gaps_end(const Span& recorded) {
 }
 
 void StreamRules::finish(std::optional<Span> recorded, std::optional<std::int64_t> lines_begin_ns) {
+  if (found_ > kMostFoundSegments && info_->timing == "arrival" && !of_marks_) {
+    findings_->add("segments-found-many", {std::string(kLedgerFile)},
+                   "recovery is said to have found " + digits(found_) + " segments of " + report_.info.name +
+                       ", and a recorder that dies leaves no more than " + digits(kMostFoundSegments));
+  }
+  in_gaps_ = TimeInGaps(gaps_);
+  check_empty();
+  check_seams(lines_begin_ns);
   join_gaps();
   if (recorded && whole_case_) check_ends(*recorded);
   if (recorded) check_gaps_end(*recorded);
@@ -494,6 +636,7 @@ void StreamRules::check_stated_time(const Span& stated, const LinesShown& lines)
   if (of_marks_ || asked.end_ns <= asked.start_ns || asked.end_ns - asked.start_ns <= kSeamToleranceNs) {
     return;
   }
+  if (of_pictures_) check_stated_pictures(asked);
   const bool from_first = from_open_ || first_index_ == 0U;
   const Place place{std::string(kExcerptLinesFile)};
   const std::string& name = report_.info.name;

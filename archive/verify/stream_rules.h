@@ -10,7 +10,11 @@
 //   excerpt, in all of the time that it states.
 // - No gap ends later than both the case and the stream's last segment: that time has not come.
 // - No segment with pictures lies wholly in a gap, and none is erased that was never entered.
-// - A segment without counts is one that recovery found: a `recovered` stands before it.
+// - A segment without counts is one that recovery found: a `recovered` stands before it. A recorder leaves
+// few.
+// - Segments of pictures hold some: without any, one after the other, they are no more than a silence that no
+//   recorder states as a gap, and no more of them than gaps account for.
+// - Seams add up to little.
 // - An incomplete segment is explained by `recovered`, `close` or a `gap` of its stream between the segments
 //   around it; one that recovery found, by that.
 #pragma once
@@ -30,6 +34,11 @@ namespace kiroku::archive {
 
 /// A container's time base can round to milliseconds (Matroska); no picture or sample fits in less.
 inline constexpr std::int64_t kSeamToleranceNs = 1'000'000;
+/// Seams of segments and gaps add up to no more, less a thousandth of the time that those take: what rounds
+/// has segments of a second or more.
+inline constexpr std::int64_t kMostInSeamsNs = 100'000'000;
+/// A recorder states it as a gap where pictures do not come for longer.
+inline constexpr std::int64_t kLongestUntoldBlindnessNs = 5'000'000'000;
 /// A recorder states as a gap what lacks for more than 1 s at a case's beginning, and at the moment at which
 /// it stops; then it has the rest of its pictures and its last files to write before `close`.
 inline constexpr std::int64_t kLateBeginToleranceNs = 2'000'000'000;
@@ -115,6 +124,26 @@ class StreamRules {
     [[nodiscard]] double rate() const { return static_cast<double>(frames) * 1e9 / double(duration_ns); }
   };
   void count_filling(const SegmentEntry& segment, std::uint64_t entry);
+  void count_empty(const SegmentEntry& segment, std::uint64_t entry);
+  /// How much of the stream's gaps lies in a time: not joined, so that none is longer than it is stated.
+  class TimeInGaps {
+   public:
+    TimeInGaps() = default;
+    explicit TimeInGaps(std::vector<Span> gaps);
+    [[nodiscard]] const std::vector<Span>& gaps() const { return gaps_; }
+    [[nodiscard]] std::int64_t within(const Span& span) const;
+
+   private:
+    [[nodiscard]] std::int64_t until(std::int64_t time_ns) const;
+    std::vector<Span> gaps_;  // in order, none meets another
+    std::vector<std::int64_t> before_;
+  };
+  /// Demands a gap where segments in a row hold no picture; before join_gaps().
+  void check_empty();
+  /// Demands that seams add up to little; before join_gaps().
+  void check_seams(std::optional<std::int64_t> lines_begin_ns);
+  /// Of an excerpt's time: whether nothing but segments without pictures lies in it.
+  void check_stated_pictures(const Span& asked) const;
   /// Demands a gap where a stream has nothing at the case's beginning or end.
   void check_ends(const Span& recorded);
   /// Of a stream that was read from a file: tells where, in `asked`, it is shorter than `recorded`.
@@ -150,6 +179,20 @@ class StreamRules {
   std::optional<StatedGap> latest_gap_;  // of pictures or of sound
   std::vector<Hole> holes_;
   std::vector<Filling> fillings_;
+  struct Taken {
+    Span span;
+    std::uint64_t entry = 0;
+    bool is_empty = false;  // of pictures, counted, without any
+  };
+  std::vector<Taken> taken_;  // all segments
+  struct Emptiness {
+    Span span;
+    std::uint64_t entry = 0, index = 0, segments = 0;
+  };
+  std::vector<Emptiness> empty_;  // segments in a row without a picture
+  bool is_empty_now_ = false, told_empty_ = false;
+  std::uint64_t found_ = 0;  // segments that nobody counted
+  TimeInGaps in_gaps_;
   std::optional<Span> silence_, longest_silence_;  // of samples: segments in a row without one
   IndexRanges erased_;
   struct Cut {

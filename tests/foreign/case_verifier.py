@@ -14,12 +14,14 @@ import schema
 import stamp
 import store_statements
 import strict_json
+from age_form import form_of, header_length, is_header
 from clock_rules import SECOND, ClockRules, Timed, first_zero_ns
 from log_verifier import LogRead
 from stamp import nanoseconds
 from verifier import (LARGEST_CERTIFICATES, LARGEST_LINE, LARGEST_NOTE, Folder, Heads, Judgement, Ledger, Unread, has_hole, newer, number_of, outside_notes, parse_entry, read_lines, read_small,
                       sha256_of, size_of_note, token_of_path)
 
+MOST_IN_SEAMS, LONGEST_BLINDNESS, MOST_FOUND = 100_000_000, 5 * SECOND, 64
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
@@ -27,7 +29,6 @@ EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl"
 CONTAINERS = {"mpeg2": "ts", "uncompressed": "mkv", "lossless": "mkv"}
 FORMS = ([("video", "video/mp2t", "mpeg2")] + [("video", "video/x-matroska", profile) for profile in ("uncompressed", "lossless")]
          + [(kind, "application/jsonl", "jsonl") for kind in ("vitals", "events")])
-CHUNK, TAG, NONCE = 65536, 16, 16   # of age
 AFTERMATH = ("token", "token-missed", "erased")
 CARRIES_ON = re.compile(r"operator; carries on case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}), ([1-9][0-9]*) entries, root ([0-9a-f]{64})")
 ANNOUNCES = re.compile(r"recovered; to be carried on as case ([0-9]{8}T[0-9]{6}Z-[0-9a-f]{8})")
@@ -43,6 +44,8 @@ class Stream:
         self.first, self.end, self.begin = None, None, 0
         self.segments = self.frames = self.dropped = self.bytes = 0
         self.holes, self.gaps, self.fillings, self.with_pictures, self.erased = [], [], [], [], []
+        self.taken, self.empty = [], []    # (start, end, whether it holds no picture); such ones in a row
+        self.told_empty, self.found = False, 0
         self.silence = None
         self.longest_silence = self.latest_gap = 0
         self.entered = set()
@@ -105,6 +108,13 @@ class Stream:
         self.frames += frames
         self.dropped += segment.get("dropped", 0)
         self.bytes += segment["bytes"]
+        self.found += not counted
+        empty = self.of_pictures and counted and frames == 0
+        if empty and self.taken and self.taken[-1][2]:
+            self.empty[-1][1] = max(self.empty[-1][1], end)
+        elif empty:
+            self.empty.append([begin, end])
+        self.taken.append((begin, end, empty))
         self._fill(segment, frames, counted, end - begin)
         if not named or (segment["complete"], index) in self.entered:
             return False
@@ -113,7 +123,7 @@ class Stream:
 
     def _fill(self, segment, frames, counted, duration):
         if self.of_pictures and segment["complete"] and counted and duration > 0:
-            self.fillings.append((frames + segment["dropped"], duration))
+            self.fillings.append((frames + segment["dropped"], duration, segment["start_ns"]))
             if frames > 0 and duration > SEAM:
                 self.with_pictures.append((segment["start_ns"], segment["end_ns"]))
         if (not counted or not self.of_marks and self.info["timing"] == "arrival") and duration > LONGEST_SEGMENT:
@@ -163,7 +173,44 @@ class Stream:
         begin = max([begin] + [gap[1] for gap in before[-1:]])
         return (begin, end) if end - begin > SEAM else None
 
+    def in_gaps(self, begin, end):
+        """How much of a time gaps take, as they are stated."""
+        total, until = 0, begin
+        for start, stop in sorted(self.gaps):
+            total += max(0, min(stop, end) - max(start, until))
+            until = max(until, min(stop, end))
+        return total
+
+    def _check_empty(self):
+        most = SEAM if self.frames == 0 and not self.found else LONGEST_BLINDNESS
+        self.told_empty = any(end - begin - self.in_gaps(begin, end) > most for begin, end in self.empty)
+        if self.told_empty:
+            self.report("segments-empty", self.info["name"])
+
+    def _check_seams(self, lines_begin):
+        lacking, until = 0, None
+        for begin, end in sorted([taken[:2] for taken in self.taken] + self.gaps, key=lambda span: span[0]):
+            if until is not None and 0 < begin - until <= SEAM and (lines_begin is None or begin > lines_begin + SEAM):
+                lacking += begin - until
+            if lacking > MOST_IN_SEAMS:
+                self.report("segment-hole", self.info["name"])
+                return
+            lacking = max(0, lacking - max(0, end - max(until or 0, begin)) // 1000)
+            until = max(until or 0, end)
+
+    def _check_stated_pictures(self, begin, end):
+        here = [taken for taken in self.taken if taken[0] < end and max(taken[1], taken[0] + 1) > begin]
+        if self.told_empty or not here or not all(empty for _, _, empty in here):
+            return
+        length = min(end - begin, sum(max(0, min(stop, end) - max(start, begin)) for start, stop, _ in here))
+        if length - self.in_gaps(begin, end) > SEAM:
+            self.report("segments-empty", self.info["name"])
+
     def finish(self, recorded, lines_begin):
+        if self.found > MOST_FOUND and self.info["timing"] == "arrival" and not self.of_marks:
+            self.report("segments-found-many", self.info["name"])
+        self._check_empty()
+        self._check_seams(lines_begin)
         if recorded and self.whole_case and not self.of_marks:
             self._check_ends(*recorded)
         if recorded and self.latest_gap - max(recorded[1], self.end or 0) > GAP_BEYOND_END:
@@ -205,12 +252,17 @@ class Stream:
         if self.longest_silence > LONGEST_SILENCE:
             self.report("monitor-silent", name)
         if self.fillings:
-            rates = sorted(frames * SECOND / duration for frames, duration in self.fillings)
+            rates = sorted(frames * SECOND / duration for frames, duration, _ in self.fillings)
             usual = max(rates[len(rates) // 2], 1.0)
-            if any(usual * duration / SECOND - frames > usual and frames * SECOND / duration <= 0.75 * usual for frames, duration in self.fillings):
-                self.report("segments-sparse", name)
-                return
-            frames, seconds = self.frames + self.dropped, sum(duration for _, duration in self.fillings) / SECOND
+            lacking, until = 0, None
+            for frames, duration, start in self.fillings:
+                few = frames * SECOND / duration <= 0.75 * usual
+                lacking = (lacking if until is not None and start - until <= SEAM else 0) + usual * duration / SECOND - frames if few else 0
+                until = start + duration if few else None
+                if few and lacking > usual:
+                    self.report("segments-sparse", name)
+                    return
+            frames, seconds = self.frames + self.dropped, sum(duration for _, duration, _ in self.fillings) / SECOND
             if frames < 0.75 * seconds and seconds - frames > 1:
                 self.report("segments-sparse", name)
 
@@ -227,6 +279,8 @@ class Stream:
         begin, end = max(begin, recorded_from), end if closed_ns is None else min(end, closed_ns)
         if self.of_marks or end - begin <= SEAM:
             return
+        if self.of_pictures:
+            self._check_stated_pictures(begin, end)
         from_first = self.from_open or self.first == 0
 
         def lacks(left, tolerance):
@@ -610,7 +664,11 @@ class Entries:
         if digest != expected["sha256"]:
             self.report("file-hash-differs", name)
             return
-        if stream is not None and expected["complete"] and expected.get("frames", expected.get("samples", 0)) > 0 and not holds_something(path, status.st_size):
+        form = form_of(path, status.st_size)
+        if stream is None:
+            if form != "holding":
+                self.report("subject-not-sealed", name)
+        elif form not in forms_of(expected, stream):
             self.report("segment-not-sealed", name)
         if is_rekeyed:
             self.report("rekeyed-not-opened", name)
@@ -646,27 +704,12 @@ class Entries:
         return path in ("checkpoints", "tokens", "segments", "authorities") or path.removeprefix("segments/") in self.streams
 
 
-def header_length(path):
-    """Bytes of an age header: up to the end of the line that begins with `--- `."""
-    with open(path, "rb") as file:
-        found = re.match(HEADER, file.read(65536))
-    return found.end() if found else None
-
-
-def is_header(data):
-    return len(data) <= 65536 and bool(re.fullmatch(HEADER, data))
-
-
-HEADER = rb"age-encryption\.org/v1\n-> [^\n]*\n(?:(?!--- )[^\n]*\n)*--- [A-Za-z0-9+/]{43}\n"
-
-
-def holds_something(path, size):
-    """Whether a file has the form of an age file with something in it, as anybody sees without a key."""
-    header = header_length(path)
-    if header is None or size <= header + NONCE:
-        return False
-    last = (size - header - NONCE) % (CHUNK + TAG)
-    return last == 0 or last > TAG
+def forms_of(segment, stream):
+    """Those that the file of a segment may have, by its entry."""
+    counted, count = "time_base" in segment, segment.get("frames", segment.get("samples", 0))
+    if segment["complete"]:
+        return ("holding",) if count > 0 or not counted and stream.of_pictures else ("holding", "empty")
+    return ("holding", "empty", "begun") if count > 0 else ("holding", "empty", "begun", "none")
 
 
 @functools.lru_cache(maxsize=None)

@@ -172,6 +172,25 @@ class Exchange(unittest.TestCase):
         self.ask_the_scripts(usual, doubted | unsealed | forged | whole | parts,
                              dict.fromkeys(doubted | unsealed, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 0) | dict.fromkeys(parts, 4))
 
+    def test_the_scripts_with_stock_tools_find_film_that_is_not_there(self):
+        blind = dict.fromkeys(("a_minute_of_sealed_nothings_of_a_second", "more_than_five_seconds_of_sealed_nothings", "a_minute_of_sealed_nothings_with_gaps_of_no_length",
+                               "a_camera_that_holds_nothing", "empty_parts_without_a_frame", "excerpt_of_a_minute_without_film", "excerpt_of_two_seconds_without_film"), "holds no picture")
+        unsealed = dict.fromkeys(("a_minute_of_empty_files_of_a_second", "empty_files_that_are_said_to_be_found", "texts_that_are_said_to_be_found",
+                                  "sealed_nothings_that_are_said_to_be_found_of_a_camera", "empty_parts_with_as_many_frames_as_there_should_be",
+                                  "headers_alone_with_as_many_frames_as_there_should_be", "empty_subject", "subject_in_the_clear", "subject_that_is_a_sealed_nothing"),
+                                 "is no sealed file with anything in it")
+        many = {"more_parts_than_a_recorder_that_dies_leaves": "found 65 segments of endoscope"}
+        forged = dict.fromkeys(("seams_that_add_up", "gaps_of_no_length_that_are_joined_over_a_hole"), "has seams until")
+        whole = {"a_minute_of_sealed_nothings_in_a_gap": "INTACT WITH GAPS", "sealed_nothings_that_were_found_of_a_monitor": "INTACT WITH GAPS",
+                 "parts_that_a_power_cut_left_empty": "INTACT WITH GAPS", "parts_of_which_a_power_cut_left_a_block_and_zeros": "INTACT WITH GAPS",
+                 "parts_of_which_some_was_written": "INTACT WITH GAPS",
+                 **dict.fromkeys(("five_seconds_of_sealed_nothings", "three_seconds_of_one_picture_each", "seams_that_are_few", "subject_that_is_sealed"), "INTACT")}
+        parts = {"excerpt_of_seconds_without_film_between_others": "INTACT EXCERPT"}
+        usual = {"more_than_five_seconds_of_sealed_nothings", "excerpt_of_two_seconds_without_film", "empty_files_that_are_said_to_be_found", "subject_in_the_clear",
+                 "seams_that_add_up", "parts_that_a_power_cut_left_empty", "five_seconds_of_sealed_nothings"}
+        self.ask_the_scripts(usual, blind | unsealed | many | forged | whole | parts,
+                             dict.fromkeys(blind | unsealed | many, 2) | dict.fromkeys(forged, 1) | dict.fromkeys(whole, 0) | dict.fromkeys(parts, 4))
+
     def test_the_scripts_with_stock_tools_take_an_embedded_authority_for_the_recorder_s_own(self):
         folder = self.scratch / "embedded"
         by_name = stamp.Authority(folder / "by-name", "embedded", root_name="Kiroku embedded time-stamping CA")

@@ -1261,6 +1261,230 @@ def excerpt_of_empty_files_in_place_of_films(world):
     return excerpt_of(world, in_place_of_films(world, lambda sealed: b""), 6 * SECOND, 9 * SECOND, 0)
 
 
+def without_film(world, seconds, data=b"", count=0, length=SECOND, apart=0):
+    """A camera of whose film so many seconds from 10 s on are segments of that length and distance, with that in their files."""
+    case = world.begin()
+    world.record(case, 0, 2)
+    case.checkpoint()
+    case.token(world.outside, 10_100 * MS, gen_ns=10_090 * MS)
+    at, end, i = 10 * SECOND, 10 * SECOND + int(seconds * SECOND), 2
+    while at + apart + length <= end:
+        case.segment("endoscope", i, at + apart, at + apart + length, data, count, mono_ns=max(at + apart + length, 10_100 * MS) + 20 * MS)
+        at, i = at + apart + length, i + 1
+    for _ in range(2):
+        case.segment("endoscope", i, end, end + 5 * SECOND, world.seal("endoscope 0", b"endoscope 0\n"), 125)
+        end, i = end + 5 * SECOND, i + 1
+    for i in range(2, end // (5 * SECOND)):
+        case.segment("vitals", i, 5 * i * SECOND, 5 * (i + 1) * SECOND, world.seal("vitals 0", b"vitals 0\n"), 5, mono_ns=end + 20 * MS)
+    return world.end(case, end + 40 * MS)
+
+
+def sealed_nothing(world):
+    if "nothing" not in world.sealed:
+        world.sealed["nothing"] = age.seal(b"", [world.reader.public])
+    return world.sealed["nothing"]
+
+
+@reaches("segments-empty", "segment-not-sealed")
+def a_minute_of_empty_files_of_a_second(world):
+    return world.write(without_film(world, 60))
+
+
+@reaches("segments-empty")
+def a_minute_of_sealed_nothings_of_a_second(world):
+    return world.write(without_film(world, 60, sealed_nothing(world)), never=["segment-not-sealed"])
+
+
+@reaches("segments-empty")
+def more_than_five_seconds_of_sealed_nothings(world):
+    return world.write(without_film(world, 5.5, sealed_nothing(world), length=500 * MS))
+
+
+@reaches("segments-sparse")
+def five_seconds_of_sealed_nothings(world):
+    """As long as a recorder waits for a picture."""
+    return world.write(without_film(world, 5, sealed_nothing(world)), never=["segments-empty", "segment-not-sealed"])
+
+
+@reaches("gap")
+def a_minute_of_sealed_nothings_in_a_gap(world):
+    case = without_film(world, 60, sealed_nothing(world))
+    case.steps.insert(case.steps.index(case.find("close")), Entry("gap", 80_030 * MS, {"stream": "endoscope", "start_ns": 10 * SECOND, "end_ns": 70 * SECOND, "cause": "signal-lost"}))
+    return world.write(case, never=["segments-empty", "segment-hole"])
+
+
+@reaches("segments-empty", "gap")
+def a_minute_of_sealed_nothings_with_gaps_of_no_length(world):
+    case = without_film(world, 60, sealed_nothing(world))
+    for second in range(10, 70):
+        case.steps.insert(case.steps.index(case.find("close")), Entry("gap", 80_030 * MS, {"stream": "endoscope", "start_ns": second * SECOND, "end_ns": second * SECOND, "cause": "overload"}))
+    return world.write(case)
+
+
+@reaches("segments-empty")
+def a_camera_that_holds_nothing(world):
+    """For less than 5 s, and all of it."""
+    case = world.begin()
+    for i in range(3):
+        case.segment("endoscope", i, i * SECOND, (i + 1) * SECOND, sealed_nothing(world), 0)
+    case.segment("vitals", 0, 0, 3 * SECOND, world.seal("vitals 0", b"vitals 0\n"), 3, mono_ns=3_030 * MS)
+    return world.write(world.end(case, 3_040 * MS))
+
+
+@reaches("segments-sparse")
+def three_seconds_of_one_picture_each(world):
+    """No single segment lacks more than a second's."""
+    return world.write(without_film(world, 3, world.seal("endoscope 0", b"endoscope 0\n"), 1), never=["segments-empty"])
+
+
+@reaches("segments-empty")
+def excerpt_of_a_minute_without_film(world):
+    return excerpt_of(world, without_film(world, 60, sealed_nothing(world)), 20 * SECOND, 60 * SECOND, 1, streams=("endoscope",))
+
+
+@reaches("segments-empty")
+def excerpt_of_two_seconds_without_film(world):
+    """No longer than a silence may be, and there is nothing else."""
+    return excerpt_of(world, without_film(world, 4, sealed_nothing(world)), 11 * SECOND, 13 * SECOND, 1, streams=("endoscope",))
+
+
+@reaches("segments-sparse")
+def excerpt_of_seconds_without_film_between_others(world):
+    return excerpt_of(world, without_film(world, 4, sealed_nothing(world)), 8 * SECOND, 16 * SECOND, 0, streams=("endoscope",), never=["segments-empty"])
+
+
+@reaches("segment-hole")
+def seams_that_add_up(world):
+    """Segments of no length with a picture each, a millisecond apart."""
+    return world.write(without_film(world, 0.2, world.seal("endoscope 0", b"endoscope 0\n"), 1, length=0, apart=MS))
+
+
+@reaches()
+def seams_that_are_few(world):
+    return world.write(without_film(world, 0.09, world.seal("endoscope 0", b"endoscope 0\n"), 1, length=0, apart=MS), never=["segment-hole", "segment-overlap"])
+
+
+@reaches("segment-hole", "gap")
+def gaps_of_no_length_that_are_joined_over_a_hole(world):
+    case = without_film(world, 0.2)
+    for ms in range(10_000, 10_201):
+        case.steps.insert(case.steps.index(case.find("close")), Entry("gap", 20_230 * MS, {"stream": "endoscope", "start_ns": ms * MS, "end_ns": ms * MS, "cause": "overload"}))
+    return world.write(case)
+
+
+def said_to_be_found(world, data, complete=True, names=("endoscope", "vitals"), segments=9):
+    """Files of 10 s each of which a recovery is said to know no more than that they are there."""
+    case, at = world.begin(), (10 * segments + 10) * SECOND
+    case.add("recovered", at, boot_id=w.BOOT_ID, after="power-loss", truncated="")
+    for name in ("endoscope", "vitals"):
+        for i in range(segments):
+            there = data if name in names else world.seal(f"{name} 0", f"{name} 0\n".encode())
+            entry = case.segment(name, i, 10 * i * SECOND, 10 * (i + 1) * SECOND, there, 0, mono_ns=at, complete=complete)
+            for key in ("first_pts", "time_base", "frames", "samples", "dropped"):
+                entry.fields.pop(key, None)
+        case.add("gap", at, stream=name, start_ns=10 * segments * SECOND, end_ns=at, cause="interrupted")
+    return world.end(case, at + 100 * MS)
+
+
+@reaches("segments-found-many", "recovered")
+def more_parts_than_a_recorder_that_dies_leaves(world):
+    return world.write(said_to_be_found(world, b"", complete=False, names=("endoscope",), segments=65), never=["segment-not-sealed"])
+
+
+@reaches("segment-incomplete", "recovered")
+def as_many_parts_as_a_recorder_that_dies_leaves(world):
+    return world.write(said_to_be_found(world, b"", complete=False, names=("endoscope",), segments=64), never=["segments-found-many"])
+
+
+@reaches("segment-not-sealed", "recovered")
+def empty_files_that_are_said_to_be_found(world):
+    return world.write(said_to_be_found(world, b""))
+
+
+@reaches("segment-not-sealed", "recovered")
+def texts_that_are_said_to_be_found(world):
+    return world.write(said_to_be_found(world, b"hello\n"))
+
+
+@reaches("segment-not-sealed", "recovered")
+def sealed_nothings_that_are_said_to_be_found_of_a_camera(world):
+    return world.write(said_to_be_found(world, sealed_nothing(world)))
+
+
+@reaches("segment-uncounted", "recovered")
+def sealed_nothings_that_were_found_of_a_monitor(world):
+    """It may have said nothing."""
+    return world.write(said_to_be_found(world, sealed_nothing(world), names=("vitals",)), never=["segment-not-sealed", "segments-empty"])
+
+
+@reaches("segment-incomplete", "recovered")
+def parts_that_a_power_cut_left_empty(world):
+    return world.write(said_to_be_found(world, b"", complete=False), never=["segment-not-sealed", "segments-empty", "segment-hole"])
+
+
+@reaches("segment-incomplete", "recovered")
+def parts_of_which_a_power_cut_left_a_block_and_zeros(world):
+    header = _header_of(world.seal("endoscope 0", b"endoscope 0\n"))
+    return world.write(said_to_be_found(world, header + bytes(16) + bytes(4096 - 16 - len(header)), complete=False), never=["segment-not-sealed", "segments-empty"])
+
+
+def counted_parts(world, data, count):
+    """A minute of segments that were cut off, each with a gap of no length."""
+    case = world.begin()
+    for i in range(12):
+        for name, its in (("endoscope", 125 * count), ("vitals", 5 * count)):
+            case.segment(name, i, 5 * i * SECOND, 5 * (i + 1) * SECOND, data, its, complete=False)
+            case.add("gap", 5 * (i + 1) * SECOND + 20 * MS, stream=name, start_ns=5 * (i + 1) * SECOND, end_ns=5 * (i + 1) * SECOND, cause="overload")
+    return world.end(case, 60 * SECOND + 40 * MS)
+
+
+@reaches("segment-not-sealed", "segment-incomplete", "gap")
+def empty_parts_with_as_many_frames_as_there_should_be(world):
+    return world.write(counted_parts(world, b"", 1))
+
+
+@reaches("segment-not-sealed", "segment-incomplete", "gap")
+def headers_alone_with_as_many_frames_as_there_should_be(world):
+    return world.write(counted_parts(world, _header_of(world.seal("endoscope 0", b"endoscope 0\n")) + bytes(16), 1))
+
+
+@reaches("segments-empty", "segment-incomplete", "gap")
+def empty_parts_without_a_frame(world):
+    return world.write(counted_parts(world, b"", 0), never=["segment-not-sealed"])
+
+
+@reaches("segment-incomplete", "gap")
+def parts_of_which_some_was_written(world):
+    sealed = world.seal("endoscope 0", b"endoscope 0\n")
+    return world.write(counted_parts(world, sealed[:len(_header_of(sealed)) + 17], 1), never=["segment-not-sealed", "segments-empty"])
+
+
+def with_subject(world, data, **given):
+    case = world.sound()
+    case.steps[0].fields["subject"] = case.file("subject.json.age", data)
+    return world.write(case, **given)
+
+
+@reaches("subject-not-sealed")
+def empty_subject(world):
+    return with_subject(world, b"")
+
+
+@reaches("subject-not-sealed")
+def subject_in_the_clear(world):
+    return with_subject(world, b'{"patient":"Taro Yamada"}')
+
+
+@reaches("subject-not-sealed")
+def subject_that_is_a_sealed_nothing(world):
+    return with_subject(world, sealed_nothing(world))
+
+
+@reaches()
+def subject_that_is_sealed(world):
+    return with_subject(world, world.seal("subject", b'{"patient":"Taro Yamada"}'), never=["subject-not-sealed"])
+
+
 @reaches("file-hash-differs")
 def rekeyed_from_an_empty_file(world):
     def change(document, files):
@@ -2514,6 +2738,30 @@ def statement_of_a_consent_altered(world):
         digest = consented(world, log, written)
         world.beside[f"log/consents/{digest}.age"] += b"x"
     return with_consents(world, change)
+
+
+def consented_by(world, data, judge=None):
+    """A statement of consent whose file holds that."""
+    def change(log, written):
+        digest = hashlib.sha256(data).hexdigest()
+        world.beside[f"log/consents/{digest}.age"] = data
+        log.signed("consent-given", 90 * SECOND, case=written.case.id, purposes=["teaching"], statement=digest, who="anna")
+    return with_consents(world, change, judge)
+
+
+@reaches("consent-not-sealed")
+def statement_of_a_consent_in_the_clear(world):
+    return consented_by(world, b'{"person":"Hana Mori, patient"}')
+
+
+@reaches("consent-not-sealed")
+def case_beside_a_statement_of_a_consent_in_the_clear(world):
+    return consented_by(world, b'{"person":"Hana Mori, patient"}', with_log)
+
+
+@reaches("consent-not-sealed")
+def empty_statement_of_a_consent(world):
+    return consented_by(world, b"")
 
 
 @reaches("consent-not-entered")

@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 
+import age_form
 import note
 import tpm_quote
 from verifier import Folder, Judgement, Ledger, first_line, has_hole, kept_outside, outside_notes, severities, size_of_note
@@ -148,6 +149,8 @@ class Consents:
         status = where.stat()
         if status.st_size > LARGEST_CONSENT or has_hole(where, status) or hashlib.sha256(where.read_bytes()).hexdigest() != CONSENT_FILE.fullmatch(path)[1]:
             report("file-hash-differs", path)
+        elif age_form.form_of(where, status.st_size) != "holding":
+            report("consent-not-sealed", path)
 
 
 class LogRead:

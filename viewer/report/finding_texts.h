@@ -195,7 +195,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segment-name-differs", Check::kStreams, "区間ファイルの名前が、系統と番号に合わない。"},
     {"segment-out-of-order", Check::kStreams, "区間の番号が、その系統の次の番号でない。"},
     {"segment-overlap", Check::kStreams, "区間が、前の区間の終わりより前に始まっている。"},
-    {"segment-hole", Check::kStreams, "同じ系統の区間の間に、欠落の記載のない空白がある。"},
+    {"segment-hole", Check::kStreams,
+     "同じ系統の区間の間に、欠落の記載のない空白がある（一つの空白、または多くの継ぎ目の合計）。"},
     {"stream-for-nobody", Check::kContents,
      "開始項目に、系統を開ける者（age の受取人）が一人も記載されていない。"},
     {"no-stream", Check::kStreams,
@@ -217,8 +218,17 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "届くままに記録される系統の区間、または復旧で見つかった区間が 11 秒を超える。記録装置はこのような区間を"
      "書かない。"},
     {"segment-not-sealed", Check::kContents,
-     "フレームまたは値があると記載された区間のファイルが、中身のある封印（age）ファイルでない。どの鍵でも開け"
-     "ない。"},
+     "完全であると、またはフレームか値があると記載された区間のファイルが、それだけの中身のある封印（age）ファ"
+     "イル"
+     "でない。どの鍵でも開けない。"},
+    {"segments-found-many", Check::kStreams,
+     "到着時に記録される系統で、復旧が 64 を超える区間を見つけたと記載されている。停止した記録装置はそれほど"
+     "残さない。"},
+    {"subject-not-sealed", Check::kContents,
+     "患者情報のファイルが、中身のある封印（age）ファイルでない。誰でも読めるか、誰も読めない。"},
+    {"segments-empty", Check::kStreams,
+     "映像の区間に、5 "
+     "秒を超えて続けてフレームが一つもないか、ある区間の全体に一つもなく、欠落の記載もない。"},
     {"segment-cut-unexplained", Check::kStreams, "途中で断たれた区間があり、その理由の記載がない。"},
     {"segment-uncounted-unexplained", Check::kStreams,
      "区間のフレーム数の記載がなく、その前に復旧の記載もない。"},
@@ -307,6 +317,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"access-without-consent", Check::kLog, "装置ログによれば、有効な同意のない目的のために症例が使われた。"},
     {"consent-file-missing", Check::kLog,
      "封印された同意の記載または書面がない。取り除かれたか、それを含まない写しである。"},
+    {"consent-not-sealed", Check::kLog,
+     "同意の記載または書面が、中身のある封印（age）ファイルでない。誰でも読めるか、誰も読めない。"},
     {"consent-not-entered", Check::kLog,
      "どの項目にも記されていない、封印された同意の記載または書面がある。"},
     {"log-of-another-device", Check::kLog,

@@ -89,8 +89,12 @@ void ReportMaker::add_case() {
   // Of an excerpt the lines tell neither how many marks the case has nor what of the patient is at hand.
   if (!facts.excerpt) add_fact(table, words("case.marks"), std::to_string(facts.marks));
   if (facts.opening && !facts.excerpt) {
+    const bool sealed =
+        std::ranges::find(found_.findings, "subject-not-sealed", &Finding::code) == found_.findings.end();
     add_fact(table, words("case.subject"),
-             facts.opening->subject ? words("case.subject.yes") : words("case.subject.no"));
+             !facts.opening->subject ? words("case.subject.no")
+             : sealed                ? words("case.subject.yes")
+                                     : words("case.subject.not-sealed"));
   }
   add(std::move(table));
 }

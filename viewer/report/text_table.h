@@ -430,6 +430,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"case.subject", "Patient data", "患者情報"},
     {"case.subject.yes", "sealed in the case; not opened for this report",
      "症例内に封緘（本書では開いていません）"},
+    {"case.subject.not-sealed", "said to be sealed in the case, and its file is no sealed one",
+     "症例内に封緘と記載されているが、そのファイルは封緘されたものではない"},
     {"case.subject.no", "none in the case", "症例内になし"},
     {"reason.operator", "the operator", "操作者"},
     {"reason.duration", "the time that was set", "設定時間の経過"},

@@ -524,6 +524,125 @@ TEST_F(RecoveryTest, TakesUpNoMoreThanARecorderThatDiesLeaves) {
   EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
 }
 
+// Whoever can write to the disk between a crash and the next start: what the recorder signs as film is film
+// by its form, and the time of what is not is lost and stated.
+TEST_F(RecoveryTest, EntersNothingAsCompleteThatNobodySealed) {
+  for (const std::string& planted : {std::string(), std::string("no film"), std::string(200'000, '\0')}) {
+    archive_.clear();
+    log_.reset();
+    fs::path folder;
+    {
+      SampleCase sample(archive_);
+      sample.record();
+      folder = sample.folder();
+      sample.writer().begin_segment(0, 3)->write(Bytes(200'000, std::byte{7}));
+    }
+    fs::remove(folder / "segments/endoscope/00000003.ts.age.part");
+    for (const char* name : {"00000003", "00000004", "00000005"}) {
+      std::ofstream(folder / "segments/endoscope" / (std::string(name) + ".ts.age")) << planted;
+    }
+    archive_.now_ns = 60 * kSecond;
+    const auto results = recover();
+    ASSERT_EQ(results.size(), 1U);
+    EXPECT_EQ(results[0].outcome, CaseRecovery::Outcome::kRecovered);
+    EXPECT_EQ(results[0].segments, 0U);
+    EXPECT_THAT(results[0].problem,
+                HasSubstr("00000003.ts.age is left as it is: it has the name of a segment"));
+    EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000003.ts.age and what follows it, left"));
+    EXPECT_TRUE(fs::exists(folder / "segments/endoscope/00000005.ts.age"));
+    std::vector<Span> gaps;
+    for (const CaseEntry& entry : entries_of(folder)) {
+      const auto* gap = std::get_if<GapEntry>(&entry.body);
+      if (gap != nullptr && gap->stream == "endoscope") gaps.push_back(gap->span);
+    }
+    ASSERT_EQ(gaps.size(), 1U);
+    EXPECT_EQ(gaps[0].start_ns, 6 * kSecond);
+    EXPECT_EQ(gaps[0].end_ns, 60 * kSecond);
+    EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
+    EXPECT_THAT(recover(), IsEmpty());
+  }
+}
+
+TEST_F(RecoveryTest, TakesUpThePartBesideWhatSomebodyPutThere) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    sample.writer().begin_segment(0, 3)->write(Bytes(200'000, std::byte{7}));
+  }
+  std::ofstream(folder / "segments/endoscope/00000003.ts.age") << "no film";
+  const auto results = recover();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].segments, 1U);
+  EXPECT_EQ(results[0].incomplete, 1U);
+  EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000003.ts.age, left as it is"));
+  EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000003.ts.age.part, of which"));
+  EXPECT_TRUE(fs::exists(folder / "segments/endoscope/00000003.ts.age"));
+}
+
+// A monitor may have said nothing, and then its segment is sealed, and empty.
+TEST_F(RecoveryTest, EntersWhatWasSealedWithNothingInItOfAMonitor) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    for (const std::size_t stream : {0U, 1U}) {
+      const auto segment = sample.writer().begin_segment(stream, stream == 0 ? 3 : 1);
+      segment->seal();
+      segment->commit();
+    }
+  }
+  const auto results = recover();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].segments, 1U);
+  EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000003.ts.age and what follows it, left"));
+  EXPECT_THAT(results[0].truncated, Not(HasSubstr("vitals/00000001.jsonl.age")));
+  EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
+}
+
+TEST_F(RecoveryTest, TakesUpNoMoreFilesThanARecorderHolds) {
+  fs::path folder;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+  }
+  const fs::path films = folder / "segments/endoscope";
+  for (std::uint64_t index = 3; index < 103; ++index) {
+    fs::copy_file(films / "00000002.ts.age", folder / segment_path("endoscope", index, "ts"));
+  }
+  archive_.now_ns = 1'000 * kSecond;
+  const auto results = recover();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].segments, kMostFoundSegments);
+  EXPECT_THAT(results[0].problem, HasSubstr("00000067.ts.age is left as it is: more files lie there"));
+  EXPECT_THAT(results[0].truncated, HasSubstr("endoscope/00000067.ts.age and what follows it, left"));
+  EXPECT_TRUE(fs::exists(films / "00000102.ts.age"));
+  EXPECT_EQ(verify(folder).verdict, Verdict::kIntactWithGaps);
+  EXPECT_THAT(recover(), IsEmpty());
+}
+
+TEST_F(RecoveryTest, JudgesNoMoreTokensThanARecorderLeaves) {
+  fs::path folder;
+  StoredCheckpoint over;
+  {
+    SampleCase sample(archive_);
+    sample.record();
+    folder = sample.folder();
+    over = sample.writer().checkpoint(archive_.now());
+    real_file_system().write_durably(folder / token_path(over.size, "embedded"), archive_.stamp(over.note));
+  }
+  for (int i = 0; i < 100; ++i) {
+    std::ofstream(folder / token_path(1, "planted-" + std::to_string(i))) << "<html>";
+  }
+  const auto results = recover();
+  ASSERT_EQ(results.size(), 1U);
+  EXPECT_EQ(results[0].tokens, 1U) << "the newest are looked at";
+  EXPECT_TRUE(results[0].stamped);
+}
+
 TEST_F(RecoveryTest, LeavesATokenAsideThatIsNone) {
   fs::path folder;
   {

@@ -331,6 +331,31 @@ TEST(StreamRules, DemandsOfTheTimeOfAnExcerptWhatACaseMustHave) {
   EXPECT_THAT(codes_of_part({{20, 30}}, 3, {}, {25, 31}, true, false, file), ElementsAre("stream-shorter"));
 }
 
+// No longer than a silence may be, and nothing else lies in the excerpt.
+TEST(StreamRules, DemandsAPictureInTheTimeOfAnExcerpt) {
+  const auto codes = [](Span stated) {
+    FindingList findings;
+    StreamRules rules(room(), false, findings);
+    for (std::uint64_t i = 10; i < 18; ++i) {
+      const auto at = static_cast<std::int64_t>(i) * kSecond;
+      SegmentEntry entry = segment(i, {at, at + kSecond});
+      entry.frames = i >= 12 && i < 16 ? 0 : 1;
+      rules.take(entry, i);
+    }
+    rules.finish(std::nullopt, 10 * kSecond);
+    rules.check_stated_time(stated, {10 * kSecond, 0, std::nullopt, std::nullopt});
+    std::vector<std::string> found;
+    for (const Finding& each : findings.take()) {
+      if (each.code != "segments-sparse") found.push_back(each.code);
+    }
+    return found;
+  };
+  EXPECT_THAT(codes({13 * kSecond, 15 * kSecond}), testing::ElementsAre("segments-empty"));
+  EXPECT_THAT(codes({12 * kSecond, 16 * kSecond}), testing::ElementsAre("segments-empty"));
+  EXPECT_THAT(codes({11 * kSecond, 15 * kSecond}), testing::IsEmpty()) << "a second's pictures are there";
+  EXPECT_THAT(codes({13 * kSecond, 17 * kSecond}), testing::IsEmpty());
+}
+
 TEST(StreamRules, TellsOfAGapThatLastsBeyondTheCasesEnd) {
   using testing::ElementsAre;
   using testing::IsEmpty;
@@ -623,6 +648,114 @@ std::vector<std::string> codes_in(FindingList& findings) {
   std::vector<std::string> codes;
   for (const Finding& each : findings.take()) codes.push_back(each.code);
   return codes;
+}
+
+/// What is said of pictures in [0, 10) seconds, behind which come segments of that length without one until
+/// `end_ns`, each so far behind the one before it, and then again pictures; with these gaps.
+std::vector<std::string> codes_of_blind(std::int64_t length_ns, std::int64_t end_ns,
+                                        const std::vector<Span>& gaps = {}, std::int64_t apart_ns = 0,
+                                        bool complete = true) {
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  std::uint64_t index = 0;
+  const auto take = [&](Span span, std::uint64_t frames, bool is_whole) {
+    SegmentEntry entry = segment(index++, span);
+    entry.frames = frames;
+    entry.complete = is_whole;
+    if (!is_whole) entry.file.file += ".part";
+    rules.take(entry, index);
+    if (!is_whole) rules.take_interruption();
+  };
+  for (std::int64_t at = 0; at < 10; ++at) take({at * kSecond, (at + 1) * kSecond}, 25, true);
+  for (std::int64_t at = 10 * kSecond; at < end_ns; at += length_ns + apart_ns) {
+    take({at + apart_ns, at + apart_ns + length_ns}, 0, complete);
+  }
+  for (int i = 0; i < 10; ++i) take({end_ns + i * kSecond, end_ns + (i + 1) * kSecond}, 25, true);
+  for (const Span& gap : gaps) rules.take(GapEntry{"room", gap, GapCause::kOverload}, 1);
+  rules.finish();
+  std::vector<std::string> codes;
+  for (const Finding& each : findings.take()) {
+    const bool is_other = each.code == "gap" || each.code == "segments-sparse" ||
+                          each.code == "segment-incomplete" || each.code == "segment-within-gap";
+    if (!is_other) codes.push_back(each.code);
+  }
+  return codes;
+}
+
+// Whoever holds the device key could else state an hour of nothing, a second at a time.
+TEST(StreamRules, SegmentsWithoutAPictureAddUp) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  const auto are_empty = ElementsAre("segments-empty");
+  EXPECT_THAT(codes_of_blind(kSecond, 16 * kSecond), are_empty);
+  EXPECT_THAT(codes_of_blind(kSecond, 15 * kSecond), IsEmpty()) << "a recorder waits for so long";
+  EXPECT_THAT(codes_of_blind(10 * kMs, 16 * kSecond), are_empty);
+  EXPECT_THAT(codes_of_blind(kSecond, 16 * kSecond, {}, 0, false), are_empty) << "cut off";
+  EXPECT_THAT(codes_of_blind(kSecond, 16 * kSecond, {{10 * kSecond, 16 * kSecond}}), IsEmpty());
+  EXPECT_THAT(codes_of_blind(kSecond, 17 * kSecond, {{10 * kSecond, 11 * kSecond}}), are_empty);
+  EXPECT_THAT(codes_of_blind(kSecond, 17 * kSecond, {{10 * kSecond, 12 * kSecond}}), IsEmpty());
+  std::vector<Span> gaps;
+  for (std::int64_t at = 10'000; at < 16'000; ++at) gaps.push_back({at * kMs, at * kMs});
+  EXPECT_THAT(codes_of_blind(kSecond, 16 * kSecond, gaps), are_empty) << "gaps of no length";
+}
+
+TEST(StreamRules, SegmentsThatLackPicturesOneAfterTheOtherCountTogether) {
+  for (const std::uint64_t few : {1U, 2U}) {
+    FindingList findings;
+    StreamRules rules(room(), true, findings);
+    for (std::uint64_t i = 0; i < 10; ++i) {
+      const auto at = static_cast<std::int64_t>(i) * kSecond;
+      SegmentEntry entry = segment(i, {at, at + kSecond});
+      entry.frames = i >= 4 && i < 4 + few ? 5 : 25;
+      rules.take(entry, i);
+    }
+    const std::vector<std::string> texts = sparse_of(rules, findings);
+    if (few == 1) {
+      EXPECT_THAT(texts, testing::IsEmpty()) << "no more than a second's";
+    } else {
+      EXPECT_THAT(texts, testing::ElementsAre(
+                             testing::AllOf(testing::HasSubstr("2 of the segments of room hold fewer frames"),
+                                            testing::HasSubstr("about 40 fewer"))));
+    }
+  }
+}
+
+TEST(StreamRules, SeamsAddUp) {
+  const auto is_hole = testing::ElementsAre("segment-hole");
+  EXPECT_THAT(codes_of_blind(0, 10 * kSecond + 90 * kMs, {}, kMs), testing::IsEmpty());
+  EXPECT_THAT(codes_of_blind(0, 10 * kSecond + 120 * kMs, {}, kMs), is_hole);
+  std::vector<Span> gaps;
+  for (std::int64_t at = 10'000; at < 10'200; ++at) gaps.push_back({at * kMs, at * kMs});
+  EXPECT_THAT(codes_of_blind(0, 10 * kSecond + 200 * kMs, gaps, 200 * kMs), is_hole)
+      << "of gaps of no length";
+  gaps = {{10 * kSecond, 10 * kSecond + 200 * kMs}};
+  EXPECT_THAT(codes_of_blind(0, 10 * kSecond + 200 * kMs, gaps, kMs), testing::IsEmpty()) << "in a gap";
+  // What rounds to a millisecond has segments of a second or more, as many as it likes.
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::uint64_t i = 0; i < 1'000; ++i) {
+    const auto at = static_cast<std::int64_t>(i) * (kSecond + kMs);
+    rules.take(segment(i, {at, at + kSecond}), i);
+  }
+  rules.finish();
+  EXPECT_THAT(holes_of(findings), testing::IsEmpty());
+}
+
+// All gaps for each of them would be a million million steps.
+TEST(StreamRules, AMillionTimesWithoutAPictureAreJudgedByTheirGapsAtOnce) {
+  constexpr std::int64_t kTimes = 300'000;
+  FindingList findings;
+  StreamRules rules(room(), true, findings);
+  for (std::int64_t i = 0; i < kTimes; ++i) {
+    SegmentEntry entry = segment(static_cast<std::uint64_t>(i), {0, kTimes * kSecond});
+    entry.frames = i % 2 == 0 ? 0 : 1;
+    rules.take(entry, 1);
+    rules.take(GapEntry{"room", {i * kSecond, i * kSecond + kMs}, GapCause::kOverload}, 2);
+  }
+  rules.finish();
+  std::uint64_t told = 0;
+  for (const Finding& each : findings.take()) told += each.code == "segments-empty" ? 1U : 0U;
+  EXPECT_EQ(told, 1U);
 }
 
 TEST(StreamRules, ASegmentIsNamedByTheProfileThatItStates) {

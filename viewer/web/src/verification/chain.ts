@@ -50,6 +50,7 @@ const kByCode: Record<string, LinkName> = {
   'sound-gap': 'segments',
   'gap-beyond-end': 'segments',
   'monitor-silent': 'segments',
+  'subject-not-sealed': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
   'folder-of-another-case': 'segments',
